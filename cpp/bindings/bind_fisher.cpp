@@ -1,0 +1,82 @@
+#include "arrays.hpp"
+#include "bindings.hpp"
+#include "fisherpoint/fisher.hpp"
+
+namespace fisherpoint::bindings {
+namespace {
+
+Matrix to_matrix(const Input& array, py::ssize_t rows, const char* name) {
+  check_shape(array, {rows, rows}, name);
+  return MatrixView(array.data(), rows, rows);
+}
+
+py::array_t<double> to_array(const Matrix& matrix) {
+  auto result = empty({matrix.rows(), matrix.cols()});
+  std::copy_n(matrix.data(), matrix.size(), result.mutable_data());
+  return result;
+}
+
+void check_points(const FisherAccumulator& f, const Input& s, const Input& c) {
+  check_shape(s, {-1, f.outputs(), f.parameters()}, "dy_dtheta");
+  check_shape(c, {s.shape(0), f.outputs(), f.outputs()}, "predictive_covariance");
+}
+
+py::array_t<double> changed(const FisherAccumulator& f, int sign, const Input& s, const Input& c, const Input& given, bool pooled,
+                            double ridge) {
+  check_points(f, s, c);
+  auto result = empty({s.shape(0)});
+  f.log_det_changed(sign, static_cast<std::size_t>(s.shape(0)), s.data(), c.data(), {to_matrix(given, f.outputs(), "given"), pooled},
+                    ridge, result.mutable_data());
+  return result;
+}
+
+}  // namespace
+
+void bind_fisher(py::module_& m) {
+  using namespace py::literals;
+  m.def(
+      "log_det", [](const Input& a) { return log_det(to_matrix(a, a.ndim() == 2 ? a.shape(0) : -1, "matrix")); }, "matrix"_a,
+      "log det by Cholesky; -inf where the matrix is not positive definite.");
+
+  py::class_<FisherAccumulator>(m, "FisherAccumulator", "Fisher matrix (7) of a set of points, for any output covariance.")
+      .def(py::init<int, int>(), "outputs"_a, "parameters"_a)
+      .def("__len__", &FisherAccumulator::count)
+      .def(
+          "add",
+          [](FisherAccumulator& f, const Input& s, const Input& c) {
+            check_points(f, s, c);
+            for (py::ssize_t k = 0; k < s.shape(0); ++k) f.add(s.data(k, 0, 0), c.data(k, 0, 0));
+          },
+          "dy_dtheta"_a, "predictive_covariance"_a, "Add points: (K, n_y, p) and (K, n_y, n_y).")
+      .def(
+          "remove",
+          [](FisherAccumulator& f, const Input& s, const Input& c) {
+            check_points(f, s, c);
+            for (py::ssize_t k = 0; k < s.shape(0); ++k) f.remove(s.data(k, 0, 0), c.data(k, 0, 0));
+          },
+          "dy_dtheta"_a, "predictive_covariance"_a, "Remove points that were added.")
+      .def(
+          "output_covariance",
+          [](const FisherAccumulator& f, const Input& given, bool pooled) {
+            return to_array(f.output_covariance({to_matrix(given, f.outputs(), "given"), pooled}));
+          },
+          "given"_a, "pooled"_a, "D = given, plus the mean predictive covariance (17) where pooled.")
+      .def(
+          "fisher",
+          [](const FisherAccumulator& f, const Input& d) { return to_array(f.fisher(to_matrix(d, f.outputs(), "output_covariance"))); },
+          "output_covariance"_a, "F (p, p) by (7).")
+      .def(
+          "log_det_with",
+          [](const FisherAccumulator& f, const Input& s, const Input& c, const Input& given, bool pooled, double ridge) {
+            return changed(f, +1, s, c, given, pooled, ridge);
+          },
+          "dy_dtheta"_a, "predictive_covariance"_a, "given"_a, "pooled"_a, "ridge"_a = 0.0, "log det F with each of the points added alone.")
+      .def(
+          "log_det_without",
+          [](const FisherAccumulator& f, const Input& s, const Input& c, const Input& given, bool pooled, double ridge) {
+            return changed(f, -1, s, c, given, pooled, ridge);
+          },
+          "dy_dtheta"_a, "predictive_covariance"_a, "given"_a, "pooled"_a, "ridge"_a = 0.0, "log det F with each of the points removed alone.");
+}
+
+}  // namespace fisherpoint::bindings

@@ -1,0 +1,13 @@
+// One function per concept; module.cpp calls them.
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+namespace fisherpoint::bindings {
+
+void bind_models(pybind11::module_& m);
+void bind_prior_grid(pybind11::module_& m);
+void bind_fisher(pybind11::module_& m);
+void bind_instruction_sets(pybind11::module_& m);
+
+}  // namespace fisherpoint::bindings

@@ -1,0 +1,110 @@
+// The kernels of one instruction set as a Python module: checks shapes, releases the interpreter lock, computes. Each instruction set is
+// a shared object of its own, because inline functions compiled for two of them and linked together would be merged, and the
+// baseline would run instructions that the machine may lack.
+#include <pybind11/stl.h>
+
+#include "arrays.hpp"
+#include "fisherpoint/hydraulic_cylinder.hpp"
+#include "fisherpoint/predictive_covariance.hpp"
+#include "fisherpoint/sensitivities.hpp"
+#include "fisherpoint/simulate.hpp"
+
+namespace fisherpoint::bindings {
+namespace {
+
+// Runs without the interpreter lock; a pending signal's exception (Ctrl-C) is raised once the work has stopped.
+void run(int threads, const std::function<void(const Workers&)>& work) {
+  try {
+    const py::gil_scoped_release unlocked;
+    work(Workers(threads, [] {
+      const py::gil_scoped_acquire locked;
+      return PyErr_CheckSignals() != 0;
+    }));
+  } catch (const Interrupted&) {
+    throw py::error_already_set();
+  }
+}
+
+template <Model M>
+Points checked_points(const Input& x0, const Input& u, const Input& dt) {
+  const py::ssize_t count = dt.ndim() == 1 ? dt.shape(0) : -1;
+  check_shape(dt, {-1}, "dt");
+  check_shape(x0, {count, sizes<M>::states}, "x0");
+  check_shape(u, {count, sizes<M>::inputs}, "u");
+  return {static_cast<std::size_t>(count), x0.data(), u.data(), dt.data()};
+}
+
+template <Model M>
+Parameters checked_parameters(const Input& theta, py::ssize_t count) {
+  if (theta.ndim() == 2) check_shape(theta, {count, sizes<M>::parameters}, "theta");
+  if (theta.ndim() != 2) check_shape(theta, {sizes<M>::parameters}, "theta");
+  return {theta.data(), theta.ndim() == 2};
+}
+
+template <Model M>
+void bind_model(py::module_& m) {
+  using namespace py::literals;
+  constexpr py::ssize_t n_x = sizes<M>::states, n_y = sizes<M>::outputs, p = sizes<M>::parameters;
+
+  m.def(
+      "simulate",
+      [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& theta, double rtol, bool cross_kinks,
+         int threads) {
+        const Points points = checked_points<M>(x0, u, dt);
+        const auto count = static_cast<py::ssize_t>(points.count);
+        const Parameters parameters = checked_parameters<M>(theta, count);
+        auto x = empty({count, n_x}), y = empty({count, n_y});
+        py::array_t<std::int32_t> status(count);
+        const Trajectories out{x.mutable_data(), y.mutable_data(), reinterpret_cast<Status*>(status.mutable_data()), nullptr};
+        run(threads, [&](const Workers& workers) {
+          simulate(model, points, parameters, {.relative = rtol, .cross_kinks = cross_kinks}, workers, out);
+        });
+        return py::make_tuple(x, y, status);
+      },
+      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "threads"_a);
+
+  m.def(
+      "sensitivities",
+      [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& theta, double rtol, bool cross_kinks,
+         int threads) {
+        const Points points = checked_points<M>(x0, u, dt);
+        const auto count = static_cast<py::ssize_t>(points.count);
+        const Parameters parameters = checked_parameters<M>(theta, count);
+        auto x = empty({count, n_x}), y = empty({count, n_y}), dx = empty({count, n_x, p}), dy = empty({count, n_y, p});
+        py::array_t<std::int32_t> status(count);
+        const SensitiveTrajectories out{x.mutable_data(), y.mutable_data(), dx.mutable_data(), dy.mutable_data(),
+                                        reinterpret_cast<Status*>(status.mutable_data())};
+        run(threads, [&](const Workers& workers) {
+          sensitivities(model, points, parameters, {.relative = rtol, .cross_kinks = cross_kinks}, workers, out);
+        });
+        return py::make_tuple(x, y, dx, dy, status);
+      },
+      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "threads"_a);
+
+  m.def(
+      "predictive_covariance",
+      [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& nominal, const PriorGrid& grid, double rtol,
+         bool cross_kinks, int threads) {
+        const Points points = checked_points<M>(x0, u, dt);
+        const auto count = static_cast<py::ssize_t>(points.count);
+        check_shape(nominal, {p}, "theta");
+        if (grid.parameters() != p) throw py::value_error("prior grid: expected " + std::to_string(p) + " axes, given " + std::to_string(grid.parameters()));
+        auto covariance = empty({count, n_y, n_y});
+        py::array_t<std::int32_t> status(count);
+        const PredictiveCovariances out{covariance.mutable_data(), reinterpret_cast<Status*>(status.mutable_data())};
+        run(threads, [&](const Workers& workers) {
+          predictive_covariance(model, points, nominal.data(), grid, {.relative = rtol, .cross_kinks = cross_kinks}, workers, out);
+        });
+        return py::make_tuple(covariance, status);
+      },
+      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "grid"_a, "rtol"_a, "cross_kinks"_a, "threads"_a);
+}
+
+}  // namespace
+}  // namespace fisherpoint::bindings
+
+PYBIND11_MODULE(FISHERPOINT_MODULE, m) {
+  pybind11::module_::import("fisherpoint._core");  // registers the types that the kernels take
+  m.attr("lanes") = fisherpoint::native_lanes;
+  fisherpoint::bindings::bind_model<fisherpoint::HydraulicCylinder>(m);
+}

@@ -1,0 +1,280 @@
+// The stepping loop: one for every number type and every equation.
+//
+// Each lane has its own time, step and status, so a trajectory's result does not depend on what shares its pack. A step is
+// tried with the sides of all surfaces held (model.hpp). It is taken if its embedded error is within the tolerance and if
+// every surface stays on its side all along the step's quartic interpolant (quartic.hpp). Otherwise
+//   a kink whose sign changed    the step is tried again so as to end on the kink; there the side is turned;
+//   a jump or a domain limit     ends the trajectory with its status;
+//   no change of sign, no proof  half the step is tried.
+#pragma once
+
+#include <array>
+#include <limits>
+
+#include "dormand_prince.hpp"
+#include "pack.hpp"
+#include "quartic.hpp"
+#include "status.hpp"
+#include "unroll.hpp"
+
+namespace fisherpoint {
+
+struct Tolerance {
+  double relative = 1e-6;    // of x(dt), in units of the states' scales
+  int max_attempts = 20000;  // tried steps of one trajectory
+  bool cross_kinks = true;   // false: a kink ends the trajectory as met_kink
+};
+
+// The local error of a step is held this far below the requested tolerance, so that the global error meets it.
+inline constexpr double local_share = 0.7;
+
+template <class P>
+struct Outcome {
+  std::array<Status, lanes_of<P>::width> status{};
+  P first_step{0.0};  // the first step that was taken: a good start for a similar trajectory
+  int attempts = 0;   // of the slowest lane
+};
+
+template <class Equation>
+class Integrator {
+  using Method = DormandPrince;
+  using P = typename Equation::Number;
+  using Lanes = lanes_of<P>;
+  using Mask = typename Lanes::mask;
+  using State = typename Equation::State;
+  using Surfaces = typename Equation::Surfaces;
+  static constexpr int jumps = Equation::jumps, switching = Equation::switching, surfaces = Equation::surfaces;
+  static constexpr double infinity = std::numeric_limits<double>::infinity();
+
+ public:
+  Integrator(const Equation& equation, const Tolerance& tolerance)
+      : f_(equation),
+        tolerance_(tolerance),
+        weight_(1.0 / (local_share * tolerance.relative * local_share * tolerance.relative)) {}
+
+  // Integrates y over `duration`; a lane of duration 0 rests. On return y is the end state or, where the status is not ok, the
+  // last state that was reached. Where `first_step` is 0 the integrator chooses it.
+  Outcome<P> run(State& y, const P& duration, const P& first_step) {
+    begin(y, duration, first_step);
+    while (any(running_)) {
+      if (++outcome_.attempts > tolerance_.max_attempts) {
+        stop(running_, Status::step_limit);
+        break;
+      }
+      attempt(y, duration);
+      control(y, duration);
+    }
+    return outcome_;
+  }
+
+ private:
+  [[gnu::flatten, gnu::noinline]] void begin(const State& y, const P& duration, const P& first_step) {
+    outcome_ = {};
+    running_ = duration > P(0.0);
+    time_ = P(0.0);
+    cap_ = P(infinity);
+    rejected_ = Lanes::none();
+    value_ = f_.surface_values(y);
+    // A start on a kink belongs to the side that it moves to; the sign of its rate needs some side first.
+    for_each_index<switching>([&](auto m) { side_[m] = select(value_[m] < P(0.0), P(-1.0), P(1.0)); });
+    f_.derivative(y, side_, stage_[0]);
+    rate_ = f_.surface_rates(y, stage_[0]);
+    Mask outside = Lanes::none(), on_jump = Lanes::none();
+    for_each_index<surfaces>([&](auto m) {
+      if constexpr (m < switching) {
+        const Mask on_it = !((value_[m] < P(0.0)) | (value_[m] > P(0.0)));
+        if constexpr (m < jumps)
+          on_jump = on_jump | on_it;
+        else
+          side_[m] = select(on_it & (rate_[m] < P(0.0)), P(-1.0), side_[m]);
+      } else {
+        outside = outside | !(value_[m] > P(0.0));
+      }
+    });
+    stop(running_ & outside, Status::left_domain);
+    stop(running_ & on_jump, Status::met_jump);
+    step_size_ = min(select(first_step > P(0.0), first_step, starting_step(y)), duration);
+  }
+
+  // The starting step of Hairer, Norsett, Wanner, section II.4, from the states alone.
+  P starting_step(const State& y) {
+    const P size = squared_weight() * f_.squared_size(y), slope = squared_weight() * f_.squared_size(stage_[0]);
+    const P probe = 0.01 * sqrt(size / (slope + 1e-300));
+    State ahead = y, change;
+    for_each_index<Equation::states>([&](auto i) { ahead[i] += probe * stage_[0][i]; });
+    f_.derivative(ahead, side_, change);
+    for_each_index<Equation::states>([&](auto i) { change[i] -= stage_[0][i]; });
+    const P bend = squared_weight() * f_.squared_size(change) / (probe * probe + 1e-300);
+    const P step = rough_inverse_tenth_root(1e4 * max(slope, bend) * max(slope, bend) + 1e-300);
+    return select(step > P(0.0), min(100.0 * probe, step), probe);
+  }
+
+  P squared_weight() const { return P(weight_); }
+
+  // Tries one step of every running lane: the stages, the end, its error, and the surfaces at the middle and the end.
+  [[gnu::flatten, gnu::noinline]] void attempt(const State& y, const P& duration) {
+    const P remaining = duration - time_, wanted = min(step_size_, cap_);
+    ends_ = remaining <= wanted * (1.0 + 1e-9);
+    step_ = select(running_, select(ends_, remaining, wanted), P(0.0));
+    for_each_index<Method::stages - 1>([&](auto previous) {
+      constexpr int s = previous + 1;
+      for_each_index<Equation::size>([&](auto i) {
+        P sum = Method::a[s][0] * stage_[0][i];
+        for_each_index<s - 1>([&](auto r) {
+          if constexpr (Method::a[s][r + 1] != 0) sum += Method::a[s][r + 1] * stage_[r + 1][i];
+        });
+        end_[i] = y[i] + step_ * sum;
+      });
+      f_.derivative(end_, side_, stage_[s]);
+    });
+    const auto combined = [&](const std::array<double, Method::stages>& weights, int i) {
+      P sum = weights[0] * stage_[0][i];
+      for_each_index<Method::stages - 2>([&](auto r) { sum += weights[r + 2] * stage_[r + 2][i]; });
+      return step_ * sum;
+    };
+    State error;
+    for_each_index<Equation::size>([&](auto i) { error[i] = combined(Method::error, i); });
+    squared_error_ = squared_weight() * f_.squared_error(end_, error);
+
+    std::array<P, Equation::states> middle;
+    for_each_index<Equation::states>([&](auto i) {
+      middle[i] = 0.5 * (y[i] + end_[i]) + 0.125 * step_ * (stage_[0][i] - stage_[6][i]) + combined(Method::bow, i);
+    });
+    const Surfaces middle_value = f_.surface_values(middle);
+    end_value_ = f_.surface_values(end_);
+    end_rate_ = f_.surface_rates(end_, stage_[6]);
+    for_each_index<surfaces>([&](auto m) {
+      P side(1.0);
+      if constexpr (m < switching) side = side_[m];
+      along_[m] = Quartic<P>::through(side * value_[m], side * step_ * rate_[m], side * middle_value[m], side * end_value_[m],
+                                      side * step_ * end_rate_[m]);
+    });
+  }
+
+  // Decides about the tried step, takes it where it is good, and chooses the next one.
+  [[gnu::flatten, gnu::noinline]] void control(State& y, const P& duration) {
+    const P zero(0.0);
+    const Mask good = running_ & (squared_error_ <= P(1.0));  // false where the error is NaN
+
+    std::array<Mask, switching> landed{};
+    Mask to_kink = Lanes::none(), stopped = Lanes::none(), unsure = Lanes::none(), lands = Lanes::none();
+    P next_cap(infinity);
+    for_each_index<surfaces>([&](auto m) {
+      constexpr bool kink = m >= jumps && m < switching;
+      const Quartic<P>& h = along_[m];
+      Mask crossed = good & !(h.b4 > zero);
+      if constexpr (kink) {
+        const P slope = 4.0 * (h.b4 - h.b3);  // of the whole step
+        landed[m] = good & (abs(h.b4) <= -tolerance_.relative * slope);
+        lands = lands | landed[m];
+        crossed = crossed & !landed[m];
+        to_kink = to_kink | crossed;
+        if (any(crossed)) next_cap = select(crossed, min(next_cap, h.zero() * step_), next_cap);
+      } else {
+        stopped = stopped | crossed;
+      }
+      unsure = unsure | (good & !crossed & !(h.least_inside() > zero));
+    });
+    if (!tolerance_.cross_kinks && any(to_kink | lands)) {
+      stop((to_kink | lands) & !stopped, Status::met_kink);
+      to_kink = lands = Lanes::none();
+    }
+    stopped = stopped & !to_kink;  // what lies past a kink is seen from the kink
+    if (any(stopped)) stop_crossed(stopped);
+    unsure = unsure & !to_kink;
+    next_cap = select(unsure, 0.5 * step_, next_cap);
+
+    const Mask taken = good & running_ & !to_kink & !unsure;
+    const Mask bad = running_ & !good;
+    if (any(running_ & !taken)) stop_stuck(running_ & !taken & (step_ <= 1e-13 * duration));
+
+    // Step control: error per step, order 5, never twice up and down in a row.
+    const P wish = 0.9 * rough_inverse_tenth_root(squared_error_ + 1e-20);
+    const P factor = min(max(select(squared_error_ < P(1e100), wish, zero), P(0.2)), select(rejected_, P(1.0), P(5.0)));
+    const P grown = factor * step_;
+    step_size_ = select(bad, min(grown, 0.9 * step_), select(taken, select(step_ < step_size_, max(grown, step_size_), grown), step_size_));
+    rejected_ = (bad | (rejected_ & !taken)) & running_;
+    cap_ = select(taken, P(infinity), select(bad, cap_, next_cap));
+    outcome_.first_step = select(taken & (time_ <= zero), step_, outcome_.first_step);
+
+    time_ = select(taken, time_ + step_, time_);
+    for_each_index<Equation::size>([&](auto i) {
+      y[i] = select(taken, end_[i], y[i]);
+      stage_[0][i] = select(taken, stage_[6][i], stage_[0][i]);
+    });
+    for_each_index<surfaces>([&](auto m) {
+      value_[m] = select(taken, end_value_[m], value_[m]);
+      rate_[m] = select(taken, end_rate_[m], rate_[m]);
+    });
+    running_ = running_ & !(taken & ends_);
+    if (any(lands & taken & running_))
+      for_each_index<switching>([&](auto m) { side_[m] = select(landed[m] & taken, -side_[m], side_[m]); }),
+          restart(y, lands & taken & running_);
+  }
+
+  // Stage 1 anew where a side was turned; the other lanes keep theirs to the last bit.
+  [[gnu::noinline]] void restart(const State& y, const Mask& turned) {
+    State fresh;
+    f_.derivative(y, side_, fresh);
+    for_each_index<Equation::size>([&](auto i) { stage_[0][i] = select(turned, fresh[i], stage_[0][i]); });
+    const Surfaces rate = f_.surface_rates(y, stage_[0]);
+    for_each_index<surfaces>([&](auto m) { rate_[m] = select(turned, rate[m], rate_[m]); });
+  }
+
+  void stop(const Mask& lanes, Status status) {
+    if (!any(lanes)) return;
+    for (int lane = 0; lane < Lanes::width; ++lane)
+      if (Lanes::get(lanes, lane)) outcome_.status[lane] = status;
+    running_ = running_ & !lanes;
+  }
+
+  // A jump or a limit was crossed; where both, the one whose secant falls through zero first.
+  [[gnu::noinline]] void stop_crossed(const Mask& lanes) {
+    P first(infinity);
+    Mask by_jump = Lanes::none();
+    for_each_index<surfaces>([&](auto m) {
+      if constexpr (m < jumps || m >= switching) {
+        const P at = along_[m].b0 / (along_[m].b0 - along_[m].b4);
+        const Mask earlier = !(along_[m].b4 > P(0.0)) & (at < first);
+        first = select(earlier, at, first);
+        by_jump = m < jumps ? by_jump | earlier : by_jump & !earlier;
+      }
+    });
+    stop(lanes & by_jump, Status::met_jump);
+    stop(lanes & !by_jump, Status::left_domain);
+  }
+
+  // No step is small enough. Steps shrink to nothing in front of a limit, past which the stages are NaN; the straight line
+  // from here then soon leaves the domain.
+  [[gnu::noinline]] void stop_stuck(const Mask& lanes) {
+    if (!any(lanes)) return;
+    Mask before_limit = Lanes::none();
+    for_each_index<surfaces>([&](auto m) {
+      if constexpr (m >= switching) before_limit = before_limit | (value_[m] + 1e4 * step_ * rate_[m] <= P(0.0));
+    });
+    const Mask finite = squared_error_ < P(infinity);
+    stop(lanes & before_limit, Status::left_domain);
+    stop(lanes & finite & running_, Status::step_limit);
+    stop(lanes & running_, Status::not_finite);
+  }
+
+  const Equation& f_;
+  Tolerance tolerance_;
+  double weight_;
+  Outcome<P> outcome_;
+
+  // Where the lanes are.
+  Mask running_, rejected_;     // rejected: the last try failed its error test
+  P time_, step_size_, cap_;    // cap: a limit for the next try alone
+  typename Equation::Side side_;
+  Surfaces value_, rate_;       // of the surfaces at the start of the step, rates per second
+
+  // The step that is tried.
+  Mask ends_;                   // it reaches the end of the trajectory
+  P step_, squared_error_;
+  State stage_[Method::stages], end_;
+  Surfaces end_value_, end_rate_;
+  std::array<Quartic<P>, surfaces> along_;
+};
+
+}  // namespace fisherpoint

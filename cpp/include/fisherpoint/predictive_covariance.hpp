@@ -1,0 +1,156 @@
+// Predictive covariances of experiment points over a prior grid, (14)-(16) with the weights divided by their sum: lanes = grid
+// nodes of one point, streamed.
+#pragma once
+
+#include <atomic>
+#include <limits>
+#include <memory>
+#include <vector>
+
+#include "integrate.hpp"
+#include "points.hpp"
+#include "prior_grid.hpp"
+#include "sensitivity.hpp"
+#include "simulate.hpp"
+#include "state_equation.hpp"
+#include "workers.hpp"
+
+namespace fisherpoint {
+
+struct PredictiveCovariances {
+  double* covariance;  // (count, n_y, n_y); zero where the status is not ok
+  Status* status;      // (count,): the nominal trajectory's, then that of the first node that is not ok
+};
+
+// Weighted sum of products of the deviations y - y~, upper triangle, and the sum of the weights.
+template <int n_y, class T>
+struct DeviationSum {
+  static constexpr int products = n_y * (n_y + 1) / 2;
+  std::array<T, products> product{};
+  T weight{};
+
+  void add(const std::array<T, n_y>& deviation, const T& w) {
+    int at = 0;
+    for (int i = 0; i < n_y; ++i) {
+      const T weighted = w * deviation[i];
+      for (int j = i; j < n_y; ++j) product[at++] += weighted * deviation[j];
+    }
+    weight += w;
+  }
+  void add(const DeviationSum& other) {
+    for (int i = 0; i < products; ++i) product[i] += other.product[i];
+    weight += other.weight;
+  }
+};
+
+template <int n_y, class P>
+DeviationSum<n_y, double> sum_lanes(const DeviationSum<n_y, P>& packed) {
+  DeviationSum<n_y, double> sum;
+  for (int lane = 0; lane < lanes_of<P>::width; ++lane) {
+    for (int i = 0; i < packed.products; ++i) sum.product[i] += lanes_of<P>::get(packed.product[i], lane);
+    sum.weight += lanes_of<P>::get(packed.weight, lane);
+  }
+  return sum;
+}
+
+// What one chunk of the grid adds to the covariance of one point.
+template <int n_y>
+struct Chunk {
+  DeviationSum<n_y, double> sum;
+  Status status = Status::ok;  // of the first node that is not ok
+};
+
+template <class P, Model M>
+Chunk<sizes<M>::outputs> sum_over_nodes(const M& model, const double* x0, const double* u, double dt, const double* nominal_y,
+                                        double first_step, const PriorGrid& grid, std::size_t begin, std::size_t end,
+                                        const Tolerance& tolerance) {
+  constexpr int width = lanes_of<P>::width, n_y = sizes<M>::outputs;
+  typename StateEquation<M, P>::State start, x;
+  typename StateEquation<M, P>::Input input;
+  typename StateEquation<M, P>::Theta theta;
+  for (int lane = 0; lane < width; ++lane) set_lane(start, lane, x0), set_lane(input, lane, u);
+
+  Chunk<n_y> chunk;
+  DeviationSum<n_y, P> sum;
+  sum.product.fill(P(0.0));
+  sum.weight = P(0.0);
+  PriorGrid::Cursor node(grid, begin);
+  for (std::size_t first = begin; first < end; first += width) {
+    P weight(0.0), duration(0.0);
+    for (int lane = 0; lane < width; ++lane) {
+      set_lane(theta, lane, node.theta());
+      if (first + lane >= end) continue;  // the lanes behind the last node rest with weight zero
+      lanes_of<P>::set(weight, lane, node.probability());
+      lanes_of<P>::set(duration, lane, dt);
+      if (first + lane + 1 < end) node.advance();
+    }
+    const StateEquation<M, P> equation(model, theta, input);
+    x = start;
+    const auto outcome = Integrator(equation, tolerance).run(x, duration, P(first_step));
+    for (const Status status : outcome.status)
+      if (status != Status::ok) {
+        chunk.status = status;
+        return chunk;
+      }
+    auto deviation = to_array<P>(model.output(x, input, theta));
+    for_each_index<n_y>([&](auto i) {
+      if constexpr (VariationalEquation<M, P>::template output_depends<i>())
+        deviation[i] -= P(nominal_y[i]);
+      else
+        deviation[i] = P(0.0);  // not even by the rounding of other steps
+    });
+    sum.add(deviation, weight);
+  }
+  chunk.sum = sum_lanes<n_y>(sum);
+  return chunk;
+}
+
+template <class P, Model M>
+void predictive_covariance_packs(const M& model, const Points& points, const double* nominal_theta, const PriorGrid& grid,
+                                 const Tolerance& tolerance, const Workers& workers, const PredictiveCovariances& out) {
+  constexpr int n_x = sizes<M>::states, n_u = sizes<M>::inputs, n_y = sizes<M>::outputs;
+  std::vector<double> x(points.count * n_x), y(points.count * n_y), first_step(points.count);
+  simulate_packs<P>(model, points, {nominal_theta, false}, tolerance, workers, {x.data(), y.data(), out.status, first_step.data()});
+
+  // The chunks depend on the grid alone, so that the sums do not depend on the threads; few of them, so that memory does not
+  // grow with the grid.
+  const std::size_t nodes = std::max<std::size_t>(1024, (grid.size() / 256 + 63) / 64 * 64);
+  const std::size_t chunks = (grid.size() + nodes - 1) / nodes;
+  const std::size_t block = std::max<std::size_t>(1, 4096 / chunks);  // points at a time
+  for (std::size_t from = 0; from < points.count; from += block) {
+    const std::size_t count = std::min(block, points.count - from);
+    std::vector<Chunk<n_y>> part(count * chunks);
+    std::vector<std::atomic<std::size_t>> failed(count);  // first chunk that failed: later ones need not be done
+    for (auto& chunk : failed) chunk = chunks;
+    workers.for_each(count * chunks, [&](std::size_t item) {
+      const std::size_t k = from + item / chunks, c = item % chunks;
+      std::atomic<std::size_t>& first_failed = failed[k - from];
+      if (out.status[k] != Status::ok || c > first_failed.load(std::memory_order_relaxed)) return;
+      part[item] = sum_over_nodes<P>(model, points.x0 + k * n_x, points.u + k * n_u, points.dt[k], &y[k * n_y], first_step[k],
+                                     grid, c * nodes, std::min(grid.size(), (c + 1) * nodes), tolerance);
+      if (part[item].status == Status::ok) return;
+      std::size_t known = first_failed.load();
+      while (c < known && !first_failed.compare_exchange_weak(known, c)) {
+      }
+    });
+    for (std::size_t k = from; k < from + count; ++k) {
+      double* covariance = out.covariance + k * n_y * n_y;
+      std::fill_n(covariance, n_y * n_y, 0.0);
+      if (const std::size_t c = failed[k - from]; out.status[k] == Status::ok && c < chunks)
+        out.status[k] = part[(k - from) * chunks + c].status;
+      if (out.status[k] != Status::ok) continue;
+      DeviationSum<n_y, double> sum;
+      for (std::size_t c = 0; c < chunks; ++c) sum.add(part[(k - from) * chunks + c].sum);
+      int at = 0;
+      for (int i = 0; i < n_y; ++i)
+        for (int j = i; j < n_y; ++j) covariance[i * n_y + j] = covariance[j * n_y + i] = sum.product[at++] / sum.weight;
+    }
+  }
+}
+
+// Compiled once per model and instruction set (cpp/src/predictive_covariance.cpp).
+template <Model M>
+void predictive_covariance(const M& model, const Points& points, const double* nominal_theta, const PriorGrid& grid,
+                           const Tolerance& tolerance, const Workers& workers, const PredictiveCovariances& out);
+
+}  // namespace fisherpoint

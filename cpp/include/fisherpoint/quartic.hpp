@@ -1,0 +1,42 @@
+// A function along a step as the quartic through both ends, both slopes and the middle, in Bernstein form: the curve lies in the
+// hull of the coefficients, so coefficients of one sign prove that there is no zero.
+#pragma once
+
+#include "pack.hpp"
+
+namespace fisherpoint {
+
+template <class P>
+struct Quartic {
+  P b0, b1, b2, b3, b4;
+
+  // Slopes are per whole step.
+  static Quartic through(const P& start, const P& start_slope, const P& middle, const P& end, const P& end_slope) {
+    const P b1 = start + 0.25 * start_slope, b3 = end - 0.25 * end_slope;
+    return {start, b1, (1.0 / 6.0) * (16.0 * middle - start - 4.0 * (b1 + b3) - end), b3, end};
+  }
+
+  P least_inside() const { return min(min(b1, b2), b3); }
+
+  // Where it falls through zero, as a share of the step, for a quartic that starts positive and ends negative: Newton's method,
+  // kept within the bracket by bisection.
+  P zero() const {
+    P low(0.0), high(1.0);
+    P s = max(P(0.0), b0) / (max(P(0.0), b0) - min(b4, P(-1e-300)));
+    for (int i = 0; i < 8; ++i) {
+      const P r = 1.0 - s;
+      const P c0 = r * b0 + s * b1, c1 = r * b1 + s * b2, c2 = r * b2 + s * b3, c3 = r * b3 + s * b4;
+      const P d0 = r * c0 + s * c1, d1 = r * c1 + s * c2, d2 = r * c2 + s * c3;
+      const P e0 = r * d0 + s * d1, e1 = r * d1 + s * d2;
+      const P value = r * e0 + s * e1, slope = 4.0 * (e1 - e0);
+      const auto above = value > P(0.0);
+      low = select(above, s, low);
+      high = select(above, high, s);
+      const P newton = s - value / slope;
+      s = select((newton >= low) & (newton <= high), newton, 0.5 * (low + high));
+    }
+    return s;
+  }
+};
+
+}  // namespace fisherpoint

@@ -1,0 +1,17 @@
+// Loops over compile-time indices, for what differs in type from one index to the next or must stay in registers.
+#pragma once
+
+#include <type_traits>
+#include <utility>
+
+namespace fisherpoint {
+
+// f(0), f(1), ... f(n - 1), each index an integral_constant.
+template <int n, class F>
+void for_each_index(F&& f) {
+  [&]<int... i>(std::integer_sequence<int, i...>) {
+    (f(std::integral_constant<int, i>{}), ...);
+  }(std::make_integer_sequence<int, n>{});
+}
+
+}  // namespace fisherpoint

@@ -1,0 +1,16 @@
+#include "fisherpoint/predictive_covariance.hpp"
+
+#include "fisherpoint/hydraulic_cylinder.hpp"
+
+namespace fisherpoint {
+
+template <Model M>
+void predictive_covariance(const M& model, const Points& points, const double* nominal_theta, const PriorGrid& grid,
+                           const Tolerance& tolerance, const Workers& workers, const PredictiveCovariances& out) {
+  predictive_covariance_packs<Pack<2 * native_lanes>>(model, points, nominal_theta, grid, tolerance, workers, out);
+}
+
+template void predictive_covariance(const HydraulicCylinder&, const Points&, const double*, const PriorGrid&,
+                                    const Tolerance&, const Workers&, const PredictiveCovariances&);
+
+}  // namespace fisherpoint

@@ -1,0 +1,16 @@
+#include "fisherpoint/sensitivities.hpp"
+
+#include "fisherpoint/hydraulic_cylinder.hpp"
+
+namespace fisherpoint {
+
+template <Model M>
+void sensitivities(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
+                   const Workers& workers, const SensitiveTrajectories& out) {
+  sensitivity_packs<Pack<native_lanes>>(model, points, parameters, tolerance, workers, out);
+}
+
+template void sensitivities(const HydraulicCylinder&, const Points&, const Parameters&, const Tolerance&, const Workers&,
+                            const SensitiveTrajectories&);
+
+}  // namespace fisherpoint

@@ -1,0 +1,16 @@
+#include "fisherpoint/simulate.hpp"
+
+#include "fisherpoint/hydraulic_cylinder.hpp"
+
+namespace fisherpoint {
+
+template <Model M>
+void simulate(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
+              const Workers& workers, const Trajectories& out) {
+  simulate_packs<Pack<2 * native_lanes>>(model, points, parameters, tolerance, workers, out);
+}
+
+template void simulate(const HydraulicCylinder&, const Points&, const Parameters&, const Tolerance&, const Workers&,
+                       const Trajectories&);
+
+}  // namespace fisherpoint

@@ -1,0 +1,55 @@
+"""Which short experiments to run so that the parameters of a nonlinear state space model come out as precise as possible."""
+
+from .constraints import Constraint
+from .design import Design, ExchangeSettings, TraceRecord
+from .efficiency import Efficiency
+from .evaluation import Evaluation, evaluate_design, evaluate_under_noise
+from .exchange import Progress, exchange
+from .experiments import Experiments
+from .kernels import available_isas, isa
+from .models import HydraulicCylinder
+from .prior import GaussianPrior
+from .problem import DesignProblem
+from .quantity import Quantity
+from .region import ExperimentRegion
+from .rules import TensorGrid
+from .trajectories import (
+    PredictiveCovariance,
+    Sensitivities,
+    Status,
+    Trajectories,
+    predictive_covariance,
+    sensitivities,
+    simulate,
+)
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Constraint",
+    "Design",
+    "DesignProblem",
+    "Efficiency",
+    "Evaluation",
+    "ExchangeSettings",
+    "ExperimentRegion",
+    "Experiments",
+    "GaussianPrior",
+    "HydraulicCylinder",
+    "PredictiveCovariance",
+    "Progress",
+    "Quantity",
+    "Sensitivities",
+    "Status",
+    "TensorGrid",
+    "TraceRecord",
+    "Trajectories",
+    "available_isas",
+    "evaluate_design",
+    "evaluate_under_noise",
+    "exchange",
+    "isa",
+    "predictive_covariance",
+    "sensitivities",
+    "simulate",
+]

@@ -1,0 +1,124 @@
+"""Candidates: drawn uniformly in the region's box, then filtered by constraints and by how their trajectories end."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from .experiments import Experiments
+from .information import PointInformation, point_sensitivities, with_covariance
+from .problem import DesignProblem
+from .quantity import IntArray
+from .trajectories import Status, on_surface
+
+MAX_DRAWN_PER_CANDIDATE = 2000
+"""Draws after which a region counts as one in which nothing survives."""
+
+
+class CandidateSource:
+    """Draws valid candidates and counts what was rejected and why.
+
+    Parameters
+    ----------
+    problem : DesignProblem
+        With a region.
+    rng : numpy.random.Generator
+    grid : bool
+        Whether every candidate is tried on the whole grid and gets its predictive covariance; otherwise only the nominal trajectory is,
+        and `confirm` tries the grid for those that matter.
+    threads : int or None
+
+    Raises
+    ------
+    ValueError
+        Where the problem has no region.
+    """
+
+    def __init__(self, problem: DesignProblem, rng: np.random.Generator, grid: bool, threads: int | None) -> None:
+        if problem.region is None:
+            raise ValueError("region: expected an ExperimentRegion to draw candidates from, given None")
+        self._problem, self._region, self._rng, self._grid, self._threads = problem, problem.region, rng, grid, threads
+        self._spare: PointInformation | None = None
+        self.drawn = 0
+        self.rejected: Counter[str] = Counter()
+
+    @property
+    def accepted(self) -> int:
+        return self.drawn - self.rejected.total()
+
+    def draw(self, count: int) -> PointInformation:
+        """Return `count` valid candidates.
+
+        Raises
+        ------
+        ValueError
+            Where hardly any point of the region survives; the reasons are listed.
+        """
+        found = [] if self._spare is None else [self._spare]
+        have, tried = sum(map(len, found)), 0
+        while have < count:
+            if tried >= max(MAX_DRAWN_PER_CANDIDATE, MAX_DRAWN_PER_CANDIDATE // 20 * count):
+                raise ValueError(
+                    f"region: expected points that survive, given {have} of {tried} drawn "
+                    f"({', '.join(f'{reason} {n}' for reason, n in self.rejected.most_common())}): widen or move the region"
+                )
+            share = max(self.accepted / self.drawn, 0.05) if self.drawn else 0.7
+            batch = max(8, round((count - have) / share))
+            tried += batch
+            survivors = self._survivors(self._region.draw(self._problem.model, batch, self._rng))
+            if survivors is not None:
+                found.append(survivors)
+                have += len(survivors)
+        joined = PointInformation.join(found)
+        self._spare = joined[count:] if have > count else None
+        return joined[:count]
+
+    def confirm(self, chosen: PointInformation) -> np.ndarray:
+        """Try candidates on the whole grid; return which are valid, and count the others as rejected."""
+        if self._grid:
+            return np.ones(len(chosen), dtype=bool)
+        _, status = with_covariance(self._problem, chosen, self._threads)
+        self._reject(status)
+        return np.asarray(status == Status.ok)
+
+    def draw_confirmed(self, count: int) -> PointInformation:
+        """Return `count` candidates that are valid on the whole grid."""
+        found: list[PointInformation] = []
+        tried = 0
+        while (have := sum(map(len, found))) < count:
+            if tried >= MAX_DRAWN_PER_CANDIDATE + 20 * count:
+                raise ValueError(f"region: expected points that survive on the prior grid, given {have} of {tried} tried: widen or move it")
+            batch = self.draw(count - have)
+            tried += len(batch)
+            found.append(batch[self.confirm(batch)])
+        return PointInformation.join(found)
+
+    def _survivors(self, points: Experiments) -> PointInformation | None:
+        problem = self._problem
+        self.drawn += len(points)
+        satisfied = self._region.satisfied(problem.model, points)
+        self._count("constraint", int((~satisfied).sum()))
+        points = points[satisfied]
+        keep = np.ones(len(points), dtype=bool)
+        for surface, rows in on_surface(problem.model, points, problem.theta).items():
+            self._count(f"starts on {surface} = 0", int(keep[rows].sum()))
+            keep[rows] = False
+        points = points[keep]
+        if not len(points):
+            return None
+        information, status = point_sensitivities(problem, points, self._threads)
+        information = information[self._reject(status)]
+        if self._grid and len(information):
+            information, status = with_covariance(problem, information, self._threads)
+            information = information[self._reject(status)]
+        return information if len(information) else None
+
+    def _reject(self, status: IntArray) -> np.ndarray:
+        for value in np.unique(status[status != Status.ok]):
+            self._count(Status(value).name, int((status == value).sum()))
+        return np.asarray(status == Status.ok)
+
+    def _count(self, reason: str, n: int) -> None:
+        if n:
+            self.rejected[reason] += n

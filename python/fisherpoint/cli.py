@@ -1,0 +1,264 @@
+"""The command line: ``fisherpoint design | evaluate | simulate | info``."""
+
+from __future__ import annotations
+
+import io
+import os
+import platform
+import sys
+from collections.abc import Callable, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+
+import fisherpoint as fp
+
+try:
+    import typer
+    from rich.console import Console, RenderableType
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+    from rich.text import Text
+
+    from .config import Config, ConfigError, load_config
+    from .report import design_report, evaluation_report, simulation_report, to_text
+    from .results import Evaluated, evaluate_points, parameter_frame, simulation_frame
+except ModuleNotFoundError as missing:
+    if (missing.name or "").startswith("fisherpoint"):
+        raise
+    print(f"fisherpoint: the command line needs {missing.name}: pip install 'fisherpoint[all]'", file=sys.stderr)
+    raise SystemExit(2) from None
+
+MISUSE, INTERRUPTED = 2, 130
+
+app = typer.Typer(
+    help="Which short experiments to run so that the parameters of a nonlinear state space model come out precise.",
+    epilog="Example: fisherpoint design examples/cylinder.toml -o run/",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+File = Annotated[Path, typer.Argument(metavar="FILE.toml", help="Model, prior, sensor noise and region.")]
+Points = Annotated[Path, typer.Argument(metavar="POINTS.csv", help="Points, with the columns of a design.csv.")]
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        print(f"fisherpoint {fp.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _main(
+    show_version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    """Which short experiments to run so that the parameters of a nonlinear state space model come out precise."""
+
+
+@app.command(epilog="Example: fisherpoint design examples/cylinder.toml -o run/")
+def design(
+    file: File,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Where design and report go.")],
+    threads: Annotated[int | None, typer.Option(min=1, metavar="N", help="Threads; the result is the same.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Instead of the file's.")] = None,
+    max_iterations: Annotated[int | None, typer.Option(min=1, metavar="N", help="Instead of the file's.")] = None,
+    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no pictures.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar, no report on the terminal.")] = False,
+) -> int:
+    """Find the experiment points that determine the parameters best.
+
+    Writes design.csv, design.json, report.txt and pictures. Ctrl-C stops early and keeps the best design so far.
+    """
+    config = load_config(file)
+    if config.region is None:
+        raise config.error("region", "missing; expected a table with bounds of every state, every input and dt")
+    problem, settings = config.problem(), config.exchange_settings()
+    for name, value in (("seed", seed), ("max_iterations", max_iterations)):
+        if value is not None:
+            settings[name] = value
+    # What can fail for a trivial reason fails before the work, not after it.
+    save_pictures = None if no_plots else _picture_writer(output)
+    _make_directory(output)
+
+    found = _exchange(problem, settings, threads, show=not quiet)
+    found.save(output)
+    report = design_report(found)
+    (output / "report.txt").write_text(to_text(report), encoding="utf-8")
+    if not quiet:
+        _show(report)
+    written = ["design.csv", "design.json", "report.txt"]
+    if save_pictures is not None:
+        written += [path.name for path in save_pictures(found)]
+    if not quiet:
+        print()
+        _show(Text(f"Written to {output}: {', '.join(written)}"))
+    return INTERRUPTED if found.stop_reason == "interrupted" else 0
+
+
+@app.command(epilog="Example: fisherpoint evaluate examples/cylinder.toml run/design.csv")
+def evaluate(
+    file: File,
+    points: Points,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Where report, table and pictures go.")
+    ] = None,
+) -> int:
+    """Tell what given experiment points are worth: standard errors, correlation, what they do not determine."""
+    config = load_config(file)
+    problem = config.problem()
+    save_pictures = _picture_writer(output) if output else None
+    if output:
+        _make_directory(output)
+    evaluated = evaluate_points(problem, _read_points(points, config))
+    report = evaluation_report(evaluated)
+    _show(report)
+    if output and save_pictures:
+        (output / "report.txt").write_text(to_text(report), encoding="utf-8")
+        judged = evaluated.under_noise or evaluated.evaluation
+        parameter_frame(problem, judged).to_csv(output / "parameters.csv")
+        save_pictures(evaluated)
+    return 0
+
+
+@app.command(epilog="Example: fisherpoint simulate examples/cylinder.toml run/design.csv -o outputs.csv")
+def simulate(
+    file: File,
+    points: Points,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE.csv", help="Where points, outputs and statuses go.")
+    ] = None,
+) -> int:
+    """Simulate given experiment points at the prior mean: the outputs after dt, and what went wrong where."""
+    config = load_config(file)
+    model, prior = config.build_model(), config.build_prior()
+    experiments = _read_points(points, config)
+    theta = np.array([prior.mean[quantity.name] for quantity in model.parameters])
+    done = fp.simulate(model, experiments, theta)
+    _show(simulation_report(model, experiments, done.y, done.status))
+    if output:
+        simulation_frame(model, experiments, done.y, done.status).to_csv(output, index=False)
+    return 0
+
+
+@app.command(epilog="Example: fisherpoint info")
+def info() -> int:
+    """Show versions and the instruction set in use."""
+    print(f"fisherpoint      {fp.__version__}")
+    print(f"instruction set  {fp.isa()} (available: {', '.join(fp.available_isas())})")
+    print(f"processors       {os.cpu_count()}")
+    print(f"Python           {platform.python_version()} on {platform.system()} {platform.machine()}")
+    for package in ("numpy", "scipy", "pydantic", "typer", "rich", "pandas", "matplotlib"):
+        try:
+            print(f"{package:<15}  {version(package)}")
+        except PackageNotFoundError:
+            print(f"{package:<15}  not installed")
+    return 0
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point: run a command and exit with its code, with one line on standard error where it fails."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # a terminal that cannot show a line of a table shows a mark
+    sys.exit(_run(arguments or ["--help"]))
+
+
+def _run(arguments: list[str]) -> int:
+    try:
+        return app(arguments, prog_name="fisherpoint", standalone_mode=False) or 0
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except typer.TyperException as error:
+        return _fail(f"{error.format_message().rstrip('.')}; try fisherpoint --help")
+    except ConfigError as error:
+        return _fail(str(error))
+    except BrokenPipeError:
+        # The reader of a pipe has left; without this Python complains when it flushes at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except OSError as error:
+        return _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error))
+    except (ValueError, TypeError) as error:
+        return _fail(str(error))
+
+
+def _fail(message: str) -> int:
+    print(f"fisherpoint: {' '.join(message.split())}", file=sys.stderr)
+    return MISUSE
+
+
+def _show(report: RenderableType) -> None:
+    """Print on standard output: in the terminal's width and colours, or as plain text where it is piped."""
+    if sys.stdout.isatty():
+        Console(highlight=False).print(report)
+    else:
+        print(to_text(report), end="", flush=True)
+
+
+def _make_directory(path: Path) -> None:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError):
+        raise ConfigError(f"--output: expected a directory, given {path}, which is or lies under a file") from None
+
+
+def _read_points(path: Path, config: Config) -> fp.Experiments:
+    try:
+        return fp.Experiments.from_csv(path, config.build_model())
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: expected a CSV file of points, found no such file") from None
+    except (ValueError, TypeError) as error:
+        message = str(error)
+        raise ConfigError(message if str(path) in message else f"{path}: {message}") from error
+
+
+def _picture_writer(directory: Path) -> Callable[[Evaluated], list[Path]]:
+    """The function that draws all pictures; importing it here keeps matplotlib out of commands without pictures."""
+    from .plots import save_all
+
+    return lambda evaluated: save_all(evaluated, directory)
+
+
+def _exchange(problem: fp.DesignProblem, settings: dict[str, Any], threads: int | None, show: bool) -> fp.Design:
+    """Run the exchange under a progress bar on standard error."""
+    console = Console(stderr=True)
+    bar = Progress(
+        TextColumn("iteration"),
+        MofNCompleteColumn(),
+        BarColumn(bar_width=20),
+        TextColumn("{task.fields[state]}"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not (show and console.is_terminal),
+    )
+    with bar:
+        task = bar.add_task("design", total=None, state="drawing the first points")
+
+        def progress(now: fp.Progress) -> None:
+            rate = now.drawn / now.seconds if now.seconds > 0 else 0.0
+            rejected = now.rejected / now.drawn if now.drawn else 0.0
+            state = (
+                f"log det {now.log_det:.3f}, {now.exchanges} exchanges, "
+                f"{rate:.0f} candidates/s, {rejected:.0%} rejected"
+            )
+            if now.iteration == now.max_iterations:
+                state = "comparing with the noise-only optimum and random designs"
+            bar.update(task, completed=now.iteration, total=now.max_iterations, state=state)
+
+        return fp.exchange(problem, **settings, threads=threads, progress=progress)
+
+
+if __name__ == "__main__":
+    main()

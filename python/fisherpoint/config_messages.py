@@ -1,0 +1,102 @@
+"""How a mistake in a configuration file is put into one line: the key, what was expected there, what was given."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping
+from difflib import get_close_matches
+from typing import NoReturn
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails, PydanticCustomError
+
+KeysOf = Callable[[tuple[str, ...]], Iterable[str]]
+"""From the place of a table to the keys that it may have."""
+
+
+class ConfigError(ValueError):
+    """A configuration file that cannot be used; the message is one line that names the file and the key."""
+
+
+# What a pydantic error type says in the words of a TOML file.
+_EXPECTED = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "string_type": "text in quotes",
+    "list_type": "a list",
+    "dict_type": "a table",
+    "model_type": "a table",
+    "finite_number": "a finite number",
+    "greater_than": "a number > {gt:g}",
+    "greater_than_equal": "a number >= {ge:g}",
+    "literal_error": "{expected}",
+    "too_short": "at least {min_length} entries",
+    "expected": "{message}",
+}
+
+_MISSING = {
+    "model": 'a table with name = "hydraulic_cylinder"',
+    "model.name": '"hydraulic_cylinder"',
+    "prior": "a table with an entry for each parameter",
+}
+
+
+def describe(error: ValidationError, keys_of: KeysOf) -> str:
+    """The first problem of `error` as one line, and how many more there are."""
+    problems = error.errors(include_url=False)
+    # A union reports one problem per member, at its own key or below it: these count once.
+    places = {_place(problem) for problem in problems}
+    more = sum(not any(other[:-1] == place for other in places) for place in places) - 1
+    line = " ".join(_describe(problems[0], keys_of).split())
+    return line + (f" (and {more} more)" if more > 0 else "")
+
+
+def _describe(problem: ErrorDetails, keys_of: KeysOf) -> str:
+    kind, place, context = problem["type"], _place(problem), problem.get("ctx", {})
+    key = ".".join(place)
+    if kind == "key":
+        return str(context["text"])
+    if kind == "missing":
+        return f"{key}: missing; expected {_MISSING.get(key, 'a value')}"
+    if kind == "extra_forbidden":
+        return unknown_key(".".join(place[:-1]), place[-1], keys_of(place[:-1]))
+    expected = _EXPECTED.get(kind, "{message}").format(message=problem["msg"], **context).replace("'", '"')
+    if key.startswith("rule.levels") and kind in ("int_type", "dict_type"):
+        expected = "a whole number, or one for each parameter by name"
+    return f"{key}: expected {expected}, given {toml(problem['input'])}"
+
+
+def _place(problem: ErrorDetails) -> tuple[str, ...]:
+    """Where a problem is, without the names that pydantic adds for the members of a union."""
+    parts = [part for part in problem["loc"] if isinstance(part, str)]
+    return tuple(part for part in parts if part != "int" and not part.startswith(("dict[", "constrained-")))
+
+
+def fail(text: str) -> NoReturn:
+    """Report `text`, which names its key, from inside a pydantic validator."""
+    raise PydanticCustomError("key", "{text}", {"text": text})
+
+
+def unknown_key(table: str, name: str, expected: Iterable[str]) -> str:
+    """A key that its table does not have, the keys that it has, and the closest of them."""
+    return f"unknown key {f'{table}.{name}' if table else name}; expected one of {listed(expected, name)}"
+
+
+def listed(expected: Iterable[str], given: str | None = None) -> str:
+    """The expected names, and the closest to the given one."""
+    expected = list(expected)
+    close = get_close_matches(given, expected, n=1) if given else []
+    return ", ".join(expected) + (f' (did you mean "{close[0]}"?)' if close else "")
+
+
+def toml(value: object) -> str:
+    """A value as it would stand in a TOML file, cut to a readable length."""
+    if isinstance(value, Mapping):
+        text = "{" + ", ".join(f"{key} = {toml(entry)}" for key, entry in value.items()) + "}"
+    elif isinstance(value, list | tuple):
+        text = "[" + ", ".join(map(toml, value)) + "]"
+    elif isinstance(value, str | bool):
+        text = json.dumps(value, ensure_ascii=False)
+    else:
+        text = str(value)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,276 @@
+"""A design as the search returns it, and as a directory of files from which it can be repeated."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import tempfile
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from .efficiency import Efficiency
+from .evaluation import Evaluation
+from .experiments import Experiments
+from .kernels import isa
+from .models import MODELS
+from .prior import GaussianPrior
+from .problem import DesignProblem
+from .region import ExperimentRegion
+from .rules import TensorGrid
+
+FORMAT = "fisherpoint design"
+FORMAT_VERSION = 1
+
+
+@dataclass(frozen=True)
+class ExchangeSettings:
+    """The arguments of `exchange` that decide its result."""
+
+    n_experiments: int
+    n_candidates: int
+    max_iterations: int
+    seed: int
+    patience: int | None
+    time_limit: float | None
+    max_redraws: int
+    references: bool
+
+
+@dataclass(frozen=True)
+class TraceRecord:
+    """One iteration: log det F after it, whether a point was exchanged, candidates drawn so far, seconds so far."""
+
+    iteration: int
+    log_det: float
+    exchanged: bool
+    drawn: int
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """The points that `exchange` found, with everything needed to judge and to repeat them.
+
+    Attributes
+    ----------
+    points : Experiments
+    evaluation : Evaluation
+        Under the problem's output covariance.
+    under_noise : Evaluation or None
+        Under the sensor noise alone; None where it is not known.
+    efficiency : Efficiency or None
+        Against the references; None where they were not asked for.
+    trace : tuple of TraceRecord
+        The first is the random start; log_det never falls.
+    rejected : mapping of reason to int
+        Candidates that are no points; drawn = accepted + their sum.
+    drawn, accepted : int
+    stop_reason : {"max_iterations", "patience", "time_limit", "interrupted"}
+    seconds : float
+    settings : ExchangeSettings
+    problem : DesignProblem
+    """
+
+    problem: DesignProblem
+    settings: ExchangeSettings
+    points: Experiments
+    evaluation: Evaluation
+    under_noise: Evaluation | None
+    efficiency: Efficiency | None
+    trace: tuple[TraceRecord, ...]
+    rejected: Mapping[str, int]
+    drawn: int
+    accepted: int
+    stop_reason: str
+    seconds: float
+
+    @property
+    def distinct_points(self) -> int:
+        """Number of different points; a design may repeat one."""
+        return len(np.unique(self.points.table, axis=0))
+
+    def save(self, directory: str | Path) -> None:
+        """Write design.csv and design.json into `directory`, which is made where needed; each appears whole or not at all."""
+        directory = Path(directory)
+        directory.mkdir(parents=True, exist_ok=True)
+        _write_whole(directory / "design.json", json.dumps(_to_json(self), indent=1, allow_nan=False) + "\n")
+        with tempfile.TemporaryDirectory(dir=directory) as scratch:
+            self.points.to_csv(Path(scratch) / "design.csv", self.problem.model)
+            os.replace(Path(scratch) / "design.csv", directory / "design.csv")
+
+    @classmethod
+    def load(cls, directory: str | Path) -> Design:
+        """Read a design that `save` wrote.
+
+        Raises
+        ------
+        OSError
+            Where design.json cannot be read.
+        ValueError
+            Where it is truncated, or not a design of this format.
+        """
+        path = Path(directory) / "design.json"
+        try:
+            data = json.loads(path.read_text())
+        except (json.JSONDecodeError, UnicodeDecodeError) as error:
+            raise ValueError(f"{path}: expected a whole JSON file, given one that ends or breaks at: {error}") from error
+        if not isinstance(data, dict) or data.get("format") != FORMAT:
+            raise ValueError(f"{path}: expected a file of format {FORMAT!r}, given another")
+        if data.get("format_version") != FORMAT_VERSION:
+            raise ValueError(f"{path}: expected format version {FORMAT_VERSION}, given {data.get('format_version')}")
+        try:
+            return _from_json(data)
+        except (KeyError, TypeError, AttributeError, IndexError) as error:
+            raise ValueError(f"{path}: expected a complete design, given one without or with a wrong {error}") from error
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from error
+
+
+def _write_whole(path: Path, text: str) -> None:
+    with tempfile.NamedTemporaryFile("w", dir=path.parent, suffix=".part", delete=False) as file:
+        file.write(text)
+    os.chmod(file.name, 0o644)
+    os.replace(file.name, path)
+
+
+def _versions() -> dict[str, str]:
+    try:
+        own = version("fisherpoint")
+    except PackageNotFoundError:
+        own = "unknown"
+    return {"fisherpoint": own, "numpy": np.__version__, "python": platform.python_version(), "isa": isa()}
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _log_det(value: float | None) -> float:
+    return -np.inf if value is None else float(value)
+
+
+def _problem_to_json(problem: DesignProblem) -> dict[str, Any]:
+    region = problem.region
+    if region is not None and not all(isinstance(c, str) for c in region.constraints):
+        region_data: Any = "constraints that are functions cannot be saved"
+    else:
+        region_data = region and {
+            "bounds": {name: list(pair) for name, pair in region.bounds.items()},
+            "constraints": list(region.constraints),
+        }
+    levels = problem.rule.levels
+    return {
+        "model": {"name": problem.model.name, "constants": dict(problem.model.constants)},
+        "prior": {"mean": dict(problem.prior.mean), "std": dict(problem.prior.std)},
+        "region": region_data,
+        "noise_std": None if problem.noise_std is None else dict(problem.noise_std),
+        "rule": {"levels": dict(levels) if isinstance(levels, Mapping) else levels, "span": problem.rule.span},
+        "output_covariance": problem.output_covariance,
+        "parameters": list(problem.estimated),
+        "kinks": problem.kinks,
+        "rtol": problem.rtol,
+    }
+
+
+def _problem_from_json(data: dict[str, Any]) -> DesignProblem:
+    if data["model"]["name"] not in MODELS:
+        raise ValueError(f"model: expected one of {', '.join(MODELS)}, given {data['model']['name']!r}")
+    region = data["region"]
+    return DesignProblem(
+        MODELS[data["model"]["name"]](**data["model"]["constants"]),
+        GaussianPrior(data["prior"]["mean"], data["prior"]["std"]),
+        ExperimentRegion(region["bounds"], region["constraints"]) if isinstance(region, dict) else None,
+        noise_std=data["noise_std"],
+        rule=TensorGrid(data["rule"]["levels"], data["rule"]["span"]),
+        output_covariance=data["output_covariance"],
+        parameters=data["parameters"],
+        kinks=data["kinks"],
+        rtol=data["rtol"],
+    )
+
+
+def _evaluation_to_json(evaluation: Evaluation | None) -> dict[str, Any] | None:
+    if evaluation is None:
+        return None
+    data: dict[str, Any] = {}
+    for field in fields(evaluation):
+        value = getattr(evaluation, field.name)
+        if isinstance(value, np.ndarray):
+            value = value.tolist()
+        elif isinstance(value, Mapping):
+            value = dict(value)
+        elif field.name == "null_directions":
+            value = [dict(direction) for direction in value]
+        data[field.name] = _number(value) if field.name == "log_det" else value
+    return data
+
+
+def _evaluation_from_json(data: dict[str, Any] | None) -> Evaluation | None:
+    if data is None:
+        return None
+    values = {field.name: data[field.name] for field in fields(Evaluation)}
+    for name in ("parameters", "outputs", "outputs_left_out"):
+        values[name] = tuple(values[name])
+    for name in ("fisher", "output_covariance", "covariance", "correlation"):
+        values[name] = None if values[name] is None else np.array(values[name], dtype=np.float64)
+    for name in ("standard_errors", "rse", "prior_std"):
+        values[name] = None if values[name] is None else MappingProxyType(dict(values[name]))
+    values["null_directions"] = tuple(MappingProxyType(dict(direction)) for direction in values["null_directions"])
+    values["log_det"] = _log_det(values["log_det"])
+    return Evaluation(**values)
+
+
+def _to_json(design: Design) -> dict[str, Any]:
+    efficiency = design.efficiency and {
+        name: _number(value) if isinstance(value, float) else value for name, value in asdict(design.efficiency).items()
+    }
+    return {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        "versions": _versions(),
+        "problem": _problem_to_json(design.problem),
+        "settings": asdict(design.settings),
+        "points": {
+            "columns": list(design.points.columns or ()),
+            "x0": design.points.x0.tolist(),
+            "u": design.points.u.tolist(),
+            "dt": design.points.dt.tolist(),
+        },
+        "evaluation": _evaluation_to_json(design.evaluation),
+        "under_noise": _evaluation_to_json(design.under_noise),
+        "efficiency": efficiency,
+        "trace": [{**asdict(record), "log_det": _number(record.log_det)} for record in design.trace],
+        "rejected": dict(design.rejected),
+        "drawn": design.drawn,
+        "accepted": design.accepted,
+        "stop_reason": design.stop_reason,
+        "seconds": design.seconds,
+    }
+
+
+def _from_json(data: dict[str, Any]) -> Design:
+    points = data["points"]
+    evaluation = _evaluation_from_json(data["evaluation"])
+    if evaluation is None:
+        raise KeyError("evaluation")
+    return Design(
+        problem=_problem_from_json(data["problem"]),
+        settings=ExchangeSettings(**data["settings"]),
+        points=Experiments(points["x0"], points["u"], points["dt"], tuple(points["columns"]) or None),
+        evaluation=evaluation,
+        under_noise=_evaluation_from_json(data["under_noise"]),
+        efficiency=None if data["efficiency"] is None else Efficiency(**data["efficiency"]),
+        trace=tuple(TraceRecord(**{**record, "log_det": _log_det(record["log_det"])}) for record in data["trace"]),
+        rejected=MappingProxyType(dict(data["rejected"])),
+        drawn=data["drawn"],
+        accepted=data["accepted"],
+        stop_reason=data["stop_reason"],
+        seconds=data["seconds"],
+    )

@@ -1,0 +1,162 @@
+"""What a design is worth: Fisher matrix (7), its determinant, and the standard errors that follow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from . import _core
+from .experiments import Experiments
+from .information import PointInformation, point_information
+from .output_covariance import Criterion, criterion, needs_grid
+from .problem import DesignProblem
+from .quantity import Array, names_of
+
+RANK_TOLERANCE = 1e-9
+"""Singular values of the whitened, column-scaled sensitivities below this share of the largest count as zero."""
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """The information in a design.
+
+    Attributes
+    ----------
+    parameters : tuple of str
+        Estimated parameters, in the order of every array below.
+    log_det : float
+        log det of `fisher`, by Cholesky; -inf where it is singular.
+    fisher : ndarray, (p, p)
+        (7) with its factor 2/L, for parameters divided by their prior standard deviations.
+    output_covariance_kind : str
+    output_covariance : ndarray, (n, n), or (K, n, n) for "pointwise"
+        D over `outputs`, in squared output units.
+    outputs, outputs_left_out : tuple of str
+        Outputs that take part; those that carry neither variance nor sensitivity do not.
+    covariance : ndarray, (p, p), or None
+        Cramer-Rao bound (sum_k S_k^T D^-1 S_k)^-1 in SI units; None where F is singular.
+    standard_errors, rse : mapping of parameter name to float, or None
+        Square roots of its diagonal, SI units, and their shares of the |prior mean|.
+    correlation : ndarray, (p, p), or None
+    rank : int
+    null_directions : tuple of mappings of parameter name to float
+        Combinations of standardised parameters that the design says nothing about.
+    prior_std : mapping of parameter name to float
+    """
+
+    parameters: tuple[str, ...]
+    log_det: float
+    fisher: Array
+    output_covariance_kind: str
+    output_covariance: Array
+    outputs: tuple[str, ...]
+    outputs_left_out: tuple[str, ...]
+    covariance: Array | None
+    standard_errors: Mapping[str, float] | None
+    rse: Mapping[str, float] | None
+    correlation: Array | None
+    rank: int
+    null_directions: tuple[Mapping[str, float], ...]
+    prior_std: Mapping[str, float]
+
+    @property
+    def weak_parameters(self) -> tuple[str, ...]:
+        """Parameters whose standard error stays above half their prior standard deviation."""
+        if self.standard_errors is None:
+            return self.parameters
+        return tuple(name for name in self.parameters if self.standard_errors[name] > 0.5 * self.prior_std[name])
+
+
+def evaluate_design(problem: DesignProblem, points: Experiments, threads: int | None = None) -> Evaluation:
+    """Evaluate any design, also one with fewer points than parameters.
+
+    Parameters
+    ----------
+    problem : DesignProblem
+        Its region may be None.
+    points : Experiments
+        At least one point. The prior grid is run where D needs it ("pooled" and "pointwise").
+    threads : int, optional
+
+    Returns
+    -------
+    Evaluation
+        Where F is singular: its rank and null directions, and no standard errors.
+
+    Raises
+    ------
+    ValueError
+        Where a point is none (its trajectory is not ok, or it starts on a switching surface), or D is singular.
+    """
+    if not len(points):
+        raise ValueError("points: expected at least one point, given none")
+    information = point_information(problem, points, needs_grid(str(problem.output_covariance)), threads)
+    return evaluate_information(problem, information, criterion(problem, information, threads))
+
+
+def evaluate_under_noise(problem: DesignProblem, points: Experiments, threads: int | None = None) -> Evaluation | None:
+    """Evaluate a design with D = R, whatever the problem's D is; None where the sensor noise is not known."""
+    if problem.noise_std is None:
+        return None
+    return evaluate_design(problem.replace(output_covariance="noise"), points, threads)
+
+
+def evaluate_information(problem: DesignProblem, information: PointInformation, d: Criterion) -> Evaluation:
+    """Evaluate points whose information is known."""
+    names, std = problem.estimated, problem.std
+    prepared = d.prepare(information)
+    accumulator = d.accumulate(prepared)
+    covariance_of_outputs = accumulator.output_covariance(d.given, d.pooled)
+    fisher = accumulator.fisher(covariance_of_outputs)
+    log_det = _core.log_det(fisher)
+
+    white = np.linalg.solve(np.linalg.cholesky(covariance_of_outputs), prepared.sensitivity).reshape(-1, len(names))
+    length = np.linalg.norm(white, axis=0)
+    _, singular_values, directions = np.linalg.svd(white / np.where(length > 0, length, 1.0), full_matrices=True)
+    rank = int((singular_values > RANK_TOLERANCE * max(singular_values.max(), 1e-300)).sum())
+    null = tuple(_null_direction(v, length, names) for v in directions[rank:])
+
+    covariance = correlation = standard_errors = rse = None
+    if rank == len(names) and np.isfinite(log_det):
+        # (sum S^T D^-1 S)^-1 = V s^-2 V^T of the column-scaled sensitivities, without forming or inverting their square.
+        half = directions.T / singular_values / length[:, None]
+        standardised = half @ half.T
+        errors = np.sqrt(np.diag(standardised))
+        correlation = standardised / np.outer(errors, errors)
+        covariance = standardised * np.outer(std, std)
+        standard_errors = MappingProxyType(dict(zip(names, (errors * std).tolist(), strict=True)))
+        rse = MappingProxyType({name: standard_errors[name] / abs(problem.prior.mean[name]) for name in names if problem.prior.mean[name]})
+    else:
+        log_det = -np.inf
+
+    if d.kind == "pointwise":
+        covariance_of_outputs = d.noise + information.of_outputs(d.used).covariance
+    outputs = names_of(problem.model.outputs)
+    return Evaluation(
+        parameters=names,
+        log_det=float(log_det),
+        fisher=fisher,
+        output_covariance_kind=d.kind,
+        output_covariance=covariance_of_outputs,
+        outputs=tuple(name for name, taken in zip(outputs, d.used, strict=True) if taken),
+        outputs_left_out=tuple(name for name, taken in zip(outputs, d.used, strict=True) if not taken),
+        covariance=covariance,
+        standard_errors=standard_errors,
+        rse=rse,
+        correlation=correlation,
+        rank=rank,
+        null_directions=null,
+        prior_std=MappingProxyType(dict(zip(names, std.tolist(), strict=True))),
+    )
+
+
+def _null_direction(v: Array, length: Array, names: tuple[str, ...]) -> Mapping[str, float]:
+    direction = v / np.where(length > 0, length, 1.0)
+    if (length == 0).any() and np.abs(v[length == 0]).max() > 1e-6:
+        direction = np.where(length == 0, v, 0.0)  # a parameter without any influence is a direction of its own
+    direction = direction / np.abs(direction).max()
+    direction *= np.sign(direction[np.argmax(np.abs(direction))])
+    return MappingProxyType({name: float(c) for name, c in zip(names, direction, strict=True) if abs(c) > 1e-6})

@@ -1,0 +1,259 @@
+"""The exchange algorithm, Algorithm 1.
+
+Lines 11 and 13 print "arg min"; the reading is that the candidate with the largest Phi enters, and the point whose removal leaves the
+largest Phi leaves. That may be the candidate itself, so Phi never falls.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from . import _core
+from .candidates import CandidateSource
+from .design import Design, ExchangeSettings, TraceRecord
+from .efficiency import Efficiency, efficiency_of, random_designs
+from .evaluation import Evaluation, evaluate_information
+from .information import PointInformation
+from .output_covariance import Criterion, criterion, needs_grid
+from .problem import DesignProblem
+from .quantity import as_float, check_positive_int
+from .trajectories import resolve_threads
+
+RIDGE = 1e-9
+"""Share of the prior's information that is added to F as long as a design is singular, so that singular designs can be told apart."""
+
+
+class Progress(NamedTuple):
+    """What the search reports after each iteration."""
+
+    iteration: int
+    max_iterations: int
+    log_det: float
+    exchanges: int
+    drawn: int
+    rejected: int
+    seconds: float
+
+
+def exchange(
+    problem: DesignProblem,
+    n_experiments: int = 12,
+    n_candidates: int = 50,
+    max_iterations: int = 200,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    *,
+    patience: int | None = None,
+    time_limit: float | None = None,
+    max_redraws: int = 1,
+    references: bool = True,
+) -> Design:
+    """Find the design with the largest det F by exchanging points for random candidates, Algorithm 1.
+
+    Parameters
+    ----------
+    problem : DesignProblem
+        With a region.
+    n_experiments, n_candidates : int
+        L points, M candidates per draw.
+    max_iterations : int
+    seed : int
+        The same seed gives the same design, for any number of threads.
+    threads : int, optional
+        Default: every core.
+    progress : callable, optional
+        Called with a `Progress` once per iteration.
+    patience : int, optional
+        Stop after so many iterations in a row without an exchange.
+    time_limit : float, optional
+        Stop after so many seconds.
+    max_redraws : int
+        How often candidates are drawn again where none improves Phi (lines 6 to 12); then the best of them is tried all the same.
+    references : bool
+        Also find what the design is compared with (`Efficiency`).
+
+    Returns
+    -------
+    Design
+        Ctrl-C during the search returns the best design so far, with stop_reason "interrupted".
+
+    Raises
+    ------
+    ValueError
+        For misuse, a region in which hardly a point survives, or a singular output covariance.
+    """
+    settings = ExchangeSettings(
+        check_positive_int(n_experiments, "n_experiments"),
+        check_positive_int(n_candidates, "n_candidates"),
+        check_positive_int(max_iterations, "max_iterations", 0),
+        check_positive_int(seed, "seed", 0),
+        None if patience is None else check_positive_int(patience, "patience"),
+        None if time_limit is None else as_float(time_limit, "time_limit"),
+        check_positive_int(max_redraws, "max_redraws", 0),
+        bool(references),
+    )
+    threads = resolve_threads(threads)
+    search = _Search(problem, settings, threads)
+    stop_reason = search.run(progress)
+    efficiency = None
+    under_noise = search.under_noise()
+    if settings.references and stop_reason != "interrupted":
+        try:
+            efficiency = _references(search, under_noise)
+        except KeyboardInterrupt:
+            stop_reason = "interrupted"
+    return search.design(stop_reason, under_noise, efficiency)
+
+
+@dataclass
+class _Search:
+    """The state of one run of Algorithm 1."""
+
+    problem: DesignProblem
+    settings: ExchangeSettings
+    threads: int
+    trace: list[TraceRecord] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._started = time.perf_counter()
+        grid = needs_grid(str(self.problem.output_covariance))
+        self.source = CandidateSource(self.problem, np.random.default_rng(self.settings.seed), grid, self.threads)
+        self.current = self.source.draw_confirmed(self.settings.n_experiments)
+        # Which outputs carry nothing is seen from more points than the design's.
+        self.criterion: Criterion = criterion(self.problem, self.current, self.threads)
+        self._prepared = self.criterion.prepare(self.current)
+        self.log_det = self._log_det(self._prepared, 0.0)
+        self._record(0, False)
+
+    def run(self, progress: Callable[[Progress], None] | None) -> str:
+        settings, exchanges, idle = self.settings, 0, 0
+        try:
+            for iteration in range(1, settings.max_iterations + 1):
+                exchanged = self._iterate()
+                exchanges += exchanged
+                idle = 0 if exchanged else idle + 1
+                self._record(iteration, exchanged)
+                if progress is not None:
+                    progress(
+                        Progress(
+                            iteration,
+                            settings.max_iterations,
+                            self.log_det,
+                            exchanges,
+                            self.source.drawn,
+                            self.source.rejected.total(),
+                            self.seconds,
+                        )
+                    )
+                if settings.patience is not None and idle >= settings.patience:
+                    return "patience"
+                if settings.time_limit is not None and self.seconds >= settings.time_limit:
+                    return "time_limit"
+        except KeyboardInterrupt:
+            return "interrupted"
+        return "max_iterations"
+
+    @property
+    def seconds(self) -> float:
+        return time.perf_counter() - self._started
+
+    def _record(self, iteration: int, exchanged: bool) -> None:
+        self.trace.append(TraceRecord(iteration, self.log_det, bool(exchanged), self.source.drawn, self.seconds))
+
+    def _log_det(self, prepared: PointInformation, ridge: float) -> float:
+        accumulator = self.criterion.accumulate(prepared)
+        d = accumulator.output_covariance(self.criterion.given, self.criterion.pooled)
+        fisher = accumulator.fisher(d)
+        return _core.log_det(fisher + ridge * np.eye(len(fisher)))
+
+    def _iterate(self) -> bool:
+        """Lines 6 to 14: draw candidates until one improves Phi, let the best enter and the least useful point leave."""
+        ridge = 0.0 if np.isfinite(self.log_det) else RIDGE
+        phi = self._log_det(self._prepared, ridge)
+        accumulator = self.criterion.accumulate(self._prepared)
+        given, pooled = self.criterion.given, self.criterion.pooled
+        best_phi, entering = -np.inf, None
+        for _ in range(1 + self.settings.max_redraws):
+            candidates = self.source.draw(self.settings.n_candidates)
+            prepared = self.criterion.prepare(candidates)
+            phis = accumulator.log_det_with(prepared.sensitivity, prepared.covariance, given, pooled, ridge)
+            for m in np.argsort(-phis, kind="stable"):
+                if not phis[m] > best_phi:
+                    break
+                exchanged = self._without_least(candidates[[m]], ridge)
+                # A candidate that would leave at once need not be tried on the grid.
+                if exchanged is None or self.source.confirm(candidates[[m]]).all():
+                    best_phi, entering = phis[m], exchanged
+                    break
+            if best_phi > phi:
+                break
+        if entering is None:
+            return False
+        prepared = self.criterion.prepare(entering)
+        if not self._log_det(prepared, ridge) > phi:  # the same to rounding
+            return False
+        self.current, self._prepared = entering, prepared
+        self.log_det = self._log_det(prepared, 0.0)
+        return True
+
+    def _without_least(self, candidate: PointInformation, ridge: float) -> PointInformation | None:
+        """The design with the candidate in the place of the point that is missed least; None where that is the candidate."""
+        joined = PointInformation.join([self.current, candidate])
+        prepared = self.criterion.prepare(joined)
+        accumulator = self.criterion.accumulate(prepared)
+        phis = accumulator.log_det_without(
+            prepared.sensitivity, prepared.covariance, self.criterion.given, self.criterion.pooled, ridge
+        )
+        leaving = int(np.argmax(phis))
+        last = len(joined) - 1
+        if leaving == last or not phis[leaving] > phis[last]:
+            return None
+        rows = np.arange(last)
+        rows[leaving] = last
+        return joined[rows]
+
+    def under_noise(self) -> Evaluation | None:
+        if self.problem.noise_std is None:
+            return None
+        return evaluate_information(self.problem, self.current, criterion(self.problem, self.current, self.threads, "noise"))
+
+    def design(self, stop_reason: str, under_noise: Evaluation | None, efficiency: Efficiency | None) -> Design:
+        return Design(
+            problem=self.problem,
+            settings=self.settings,
+            points=self.current.points,
+            evaluation=evaluate_information(self.problem, self.current, self.criterion),
+            under_noise=under_noise,
+            efficiency=efficiency,
+            trace=tuple(self.trace),
+            rejected=MappingProxyType(dict(self.source.rejected)),
+            drawn=self.source.drawn,
+            accepted=self.source.accepted,
+            stop_reason=stop_reason,
+            seconds=self.seconds,
+        )
+
+
+def _references(search: _Search, under_noise: Evaluation | None) -> Efficiency:
+    """Find the noise-only optimum with the same settings and another seed, and the median random design."""
+    if under_noise is None:
+        return efficiency_of(search.problem, search.criterion, search.log_det, None, None, None)
+    problem = search.problem.replace(output_covariance="noise")
+    settings = search.settings
+    other = ExchangeSettings(
+        settings.n_experiments, settings.n_candidates, settings.max_iterations, settings.seed + 1, None, None, 0, False
+    )
+    reference = _Search(problem, other, search.threads)
+    if reference.run(None) == "interrupted":
+        raise KeyboardInterrupt
+    random = random_designs(problem, settings.n_experiments, settings.seed, search.threads)
+    return efficiency_of(
+        search.problem, search.criterion, search.log_det, under_noise.log_det, reference.log_det, float(np.median(random))
+    )

@@ -1,0 +1,133 @@
+"""Experiment points E = {x0, u, dt}, eq. (2): start in x0, hold input u, sample the output after dt."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .models import HydraulicCylinder
+from .quantity import Array, as_floats, names_of
+
+
+class Experiments:
+    """A sequence of K experiment points.
+
+    Parameters
+    ----------
+    x0 : array_like, (K, n_x)
+        Start states, SI units.
+    u : array_like, (K, n_u)
+        Inputs, held constant; (K,) is taken for a single input.
+    dt : array_like, (K,)
+        Durations, s.
+    columns : tuple of str, optional
+        Names of the states and inputs, for files; the model's, where the points come from one.
+
+    Raises
+    ------
+    ValueError
+        For wrong shapes, numbers that are not finite, or a duration that is not positive.
+    """
+
+    def __init__(self, x0: ArrayLike, u: ArrayLike, dt: ArrayLike, columns: tuple[str, ...] | None = None) -> None:
+        self.x0, self.u, self.dt = as_floats(x0, "x0"), as_floats(u, "u"), as_floats(dt, "dt")
+        if self.x0.ndim != 2:
+            raise ValueError(f"x0: expected shape (K, n_x), given {self.x0.shape}")
+        count = len(self.x0)
+        if self.u.ndim == 1 and len(self.u) == count:
+            self.u = self.u.reshape(count, 1)
+        if self.u.ndim != 2 or len(self.u) != count:
+            raise ValueError(f"u: expected shape ({count}, n_u), given {self.u.shape}")
+        if self.dt.shape != (count,):
+            raise ValueError(f"dt: expected shape ({count},), given {self.dt.shape}")
+        if not (self.dt > 0).all():
+            row = int(np.argmin(self.dt))
+            raise ValueError(f"dt: expected positive durations in s, given {self.dt[row]:g} for point {row}")
+        if columns is not None and len(columns) != self.x0.shape[1] + self.u.shape[1]:
+            raise ValueError(f"columns: expected {self.x0.shape[1] + self.u.shape[1]} names, given {len(columns)}")
+        self.columns = columns
+        for array in (self.x0, self.u, self.dt):
+            array.flags.writeable = False
+
+    def __len__(self) -> int:
+        return len(self.dt)
+
+    def __getitem__(self, index: int | slice | ArrayLike) -> Experiments:
+        rows = [int(index)] if isinstance(index, int | np.integer) else index
+        if isinstance(rows, list) and not -len(self) <= rows[0] < len(self):
+            raise IndexError(f"points: expected an index below {len(self)}, given {index}")
+        return Experiments(self.x0[rows], self.u[rows], self.dt[rows], self.columns)
+
+    def __iter__(self) -> Iterator[Experiments]:
+        return (self[k] for k in range(len(self)))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Experiments) and all(
+            np.array_equal(a, b) for a, b in zip((self.x0, self.u, self.dt), (other.x0, other.u, other.dt), strict=True)
+        )
+
+    __hash__ = None  # type: ignore[assignment]  # arrays
+
+    def __repr__(self) -> str:
+        return f"Experiments({len(self)} points, {self.x0.shape[1]} states, {self.u.shape[1]} inputs)"
+
+    @property
+    def table(self) -> Array:
+        """All numbers, one row per point: x0, u, dt; shape (K, n_x + n_u + 1)."""
+        return np.column_stack([self.x0, self.u, self.dt])
+
+    def to_csv(self, path: str | Path, model: HydraulicCylinder | None = None) -> None:
+        """Write one row per point under a header of the state and input names and dt; every digit is kept."""
+        columns = _columns(model) if model is not None else self.columns
+        if columns is None:
+            columns = (*(f"x0_{i}" for i in range(self.x0.shape[1])), *(f"u_{i}" for i in range(self.u.shape[1])))
+        with Path(path).open("w", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow([*columns, "dt"])
+            writer.writerows([[repr(float(value)) for value in row] for row in self.table])
+
+    @classmethod
+    def from_csv(cls, path: str | Path, model: HydraulicCylinder) -> Experiments:
+        """Read points of `model`; columns are found by name (or by place where written without a model).
+
+        Raises
+        ------
+        OSError
+            Where the file cannot be read.
+        ValueError
+            Where a column is missing or unknown, or an entry is no number; the message names row and column.
+        """
+        names = (*_columns(model), "dt")
+        try:
+            with Path(path).open(newline="") as file:
+                header, *rows = [row for row in csv.reader(file) if row] or [[]]
+        except UnicodeDecodeError as error:
+            raise ValueError(f"{path}: expected a CSV text file, given bytes that are no text") from error
+        header = [name.strip() for name in header]
+        n_x = len(model.states)
+        places = (*(f"x0_{i}" for i in range(n_x)), *(f"u_{i}" for i in range(len(model.inputs))), "dt")
+        expected = places if header and header[0] in places else names
+        missing = [name for name in expected if name not in header]
+        unknown = [name for name in header if name not in expected]
+        if missing or unknown or len(set(header)) != len(header):
+            raise ValueError(f"{path}: expected the columns {', '.join(names)}; given {', '.join(header) or 'none'}")
+        if not rows:
+            raise ValueError(f"{path}: expected at least one row of points, given none")
+        table = np.empty((len(rows), len(expected)))
+        for k, row in enumerate(rows):
+            if len(row) != len(header):
+                raise ValueError(f"{path}: row {k + 1}: expected {len(header)} entries, given {len(row)}")
+            for j, name in enumerate(expected):
+                try:
+                    table[k, j] = float(row[header.index(name)])
+                except ValueError as error:
+                    raise ValueError(f"{path}: row {k + 1}, column {name}: expected a number, given {row[header.index(name)]!r}") from error
+        return cls(table[:, :n_x], table[:, n_x:-1], table[:, -1], _columns(model))
+
+
+def _columns(model: HydraulicCylinder) -> tuple[str, ...]:
+    return (*names_of(model.states), *names_of(model.inputs))

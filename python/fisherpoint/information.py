@@ -1,0 +1,79 @@
+"""What the core computes of points, in the form that the Fisher matrix takes it: standardised sensitivities and predictive covariances."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .experiments import Experiments
+from .problem import DesignProblem
+from .quantity import Array, IntArray
+from .trajectories import Status, predictive_covariance, sensitivities
+
+
+@dataclass(frozen=True, eq=False)
+class PointInformation:
+    """K points with dy/dtheta times the prior std, (K, n_y, p), and predictive covariances, (K, n_y, n_y)."""
+
+    points: Experiments
+    sensitivity: Array
+    covariance: Array
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __getitem__(self, rows: slice | Sequence[int] | NDArray[np.bool_] | NDArray[np.intp]) -> PointInformation:
+        return PointInformation(self.points[rows], self.sensitivity[rows], self.covariance[rows])
+
+    def of_outputs(self, used: NDArray[np.bool_]) -> PointInformation:
+        return PointInformation(self.points, self.sensitivity[:, used], self.covariance[:, used][:, :, used])
+
+    @staticmethod
+    def join(parts: Sequence[PointInformation]) -> PointInformation:
+        points = Experiments(
+            np.concatenate([part.points.x0 for part in parts]),
+            np.concatenate([part.points.u for part in parts]),
+            np.concatenate([part.points.dt for part in parts]),
+            parts[0].points.columns,
+        )
+        return PointInformation(
+            points, np.concatenate([part.sensitivity for part in parts]), np.concatenate([part.covariance for part in parts])
+        )
+
+
+def point_sensitivities(problem: DesignProblem, points: Experiments, threads: int | None) -> tuple[PointInformation, IntArray]:
+    """Standardised sensitivities at the prior mean, and statuses; the predictive covariances are left at zero."""
+    result = sensitivities(problem.model, points, problem.theta, problem.rtol, threads, problem.kinks)
+    scaled = np.ascontiguousarray(result.dy_dtheta[:, :, problem.estimated_columns] * problem.std)
+    n_y = scaled.shape[1]
+    return PointInformation(points, scaled, np.zeros((len(points), n_y, n_y))), result.status
+
+
+def with_covariance(problem: DesignProblem, given: PointInformation, threads: int | None) -> tuple[PointInformation, IntArray]:
+    """The same points with their predictive covariances, and the statuses over the whole grid."""
+    result = predictive_covariance(
+        problem.model, given.points, problem.prior, problem.rule, problem.rtol, threads, problem.kinks, problem.estimated
+    )
+    return PointInformation(given.points, given.sensitivity, result.covariance), result.status
+
+
+def point_information(problem: DesignProblem, points: Experiments, grid: bool, threads: int | None) -> PointInformation:
+    """Information of given points; every one must be an experiment point.
+
+    Raises
+    ------
+    ValueError
+        Where a trajectory, nominal or (with `grid`) over the prior, is not ok; the message names the points and reasons.
+    """
+    information, status = point_sensitivities(problem, points, threads)
+    if grid and not status.any():
+        information, status = with_covariance(problem, information, threads)
+    bad = np.flatnonzero(status)
+    if len(bad):
+        first = Status(status[bad[0]])
+        listed = ", ".join(f"{k} ({Status(status[k]).name})" for k in bad[:5])
+        raise ValueError(f"points: expected trajectories that are ok, given {listed}{' ...' if len(bad) > 5 else ''}. {first.advice}")
+    return information

@@ -1,0 +1,49 @@
+"""Chooses the compiled kernels for this machine, once, at import.
+
+The kernels exist once per instruction-set level, each a module of its own (``_kernels_v2``, ``_kernels_v3``, ``_kernels_v4`` on
+x86-64, ``_kernels_generic`` elsewhere). The best level that the machine has is taken; the environment variable ``FISHERPOINT_ISA``
+overrides the choice.
+"""
+
+from __future__ import annotations
+
+import os
+from importlib import import_module
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
+
+from . import _core
+
+if TYPE_CHECKING:
+    from . import _kernels as kernels
+
+
+def _module(level: str) -> str:
+    return f"{__package__}._kernels_{level}"
+
+
+def available_isas() -> tuple[str, ...]:
+    """Return the instruction-set levels that this machine has and that are installed, the best last."""
+    return tuple(level for level in _core.supported_isas() if find_spec(_module(level)))
+
+
+def _choose() -> str:
+    available = available_isas()
+    if not available:
+        raise ImportError(f"expected kernels for one of {_core.supported_isas()}, given none: install fisherpoint anew")
+    wanted = os.environ.get("FISHERPOINT_ISA")
+    if wanted is None:
+        return available[-1]
+    if wanted not in available:
+        raise ImportError(f"FISHERPOINT_ISA: expected one of {', '.join(available)}, given {wanted!r}")
+    return wanted
+
+
+_ISA = _choose()
+if not TYPE_CHECKING:
+    kernels = import_module(_module(_ISA))
+
+
+def isa() -> str:
+    """Return the instruction-set level in use."""
+    return _ISA

@@ -1,0 +1,38 @@
+"""How all pictures look: colours, fonts, and units that are easy to read."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+import fisherpoint as fp
+
+PRIOR, CRITERION, NOISE, TEXT = "#8c8c8c", "#d55e00", "#0072b2", "#333333"
+STYLE: dict[Any, Any] = {
+    "font.size": 9.0,
+    "axes.titlesize": 10.0,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": TEXT,
+    "axes.labelcolor": TEXT,
+    "xtick.color": TEXT,
+    "ytick.color": TEXT,
+    "text.color": TEXT,
+    "axes.grid": True,
+    "grid.color": "#e6e6e6",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+}
+
+
+def scale(quantity: fp.Quantity, values: ArrayLike) -> tuple[float, str]:
+    """Factor and unit that make the values easy to read: MPa for 2e7 Pa, ms for 0.01 s."""
+    largest = float(np.nanmax(np.abs(np.asarray(values)), initial=0.0))
+    for factor, prefix in ((1e-6, "M"), (1e-3, "k"), (1.0, ""), (1e3, "m"), (1e6, "µ")):
+        if quantity.unit in ("m", "s", "Pa", "N", "V", "A", "W") and largest * factor >= 0.1:
+            return factor, prefix + quantity.unit
+    return 1.0, quantity.unit

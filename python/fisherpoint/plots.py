@@ -1,0 +1,179 @@
+"""Pictures of a design. Every ``plot_...`` returns a :class:`matplotlib.figure.Figure` that belongs to no window."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator, NullFormatter, PercentFormatter
+
+import fisherpoint as fp
+
+from .plot_style import CRITERION, NOISE, PRIOR, STYLE, TEXT
+from .plots_points import plot_points, plot_trajectories
+from .report import result
+from .results import Evaluated
+
+__all__ = [
+    "plot_correlation",
+    "plot_criterion",
+    "plot_points",
+    "plot_standard_errors",
+    "plot_trajectories",
+    "save_all",
+]
+
+
+def plot_criterion(design: fp.Design) -> Figure:
+    """log det F over the iterations of the exchange, with the references where they are of the same D."""
+    iteration = np.array([record.iteration for record in design.trace])
+    log_det = np.array([record.log_det for record in design.trace])
+    exchanged = np.array([record.exchanged for record in design.trace], dtype=bool)
+    log_det = np.where(np.isfinite(log_det), log_det, np.nan)
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(7.0, 4.0), layout="constrained")
+        axes = figure.subplots()
+        kind = design.evaluation.output_covariance_kind
+        color = NOISE if kind == "noise" else CRITERION
+        axes.step(iteration, log_det, where="post", color=color, linewidth=1.6)
+        label = f"exchange ({int(exchanged.sum())})"
+        axes.plot(iteration[exchanged], log_det[exchanged], ".", color=color, markersize=6, label=label)
+        if design.efficiency is not None:
+            _reference(axes, design.efficiency.bound, "closed bound", "-.")
+            if kind == "noise":
+                _reference(axes, design.efficiency.noise_optimum, "noise-only optimum found", "--")
+                _reference(axes, design.efficiency.random_median, "median random design", ":")
+        axes.set_xlabel("iteration")
+        axes.set_ylabel("log det F, parameters in prior std")
+        axes.set_title(f'Criterion, output covariance "{kind}"')
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        axes.legend(loc="lower right", frameon=True, framealpha=0.95, edgecolor="none")
+    return figure
+
+
+def plot_standard_errors(design: Evaluated) -> Figure:
+    """Predicted standard errors next to the prior's, as a share of the prior std on a logarithmic axis."""
+    evaluation, under_noise = design.evaluation, design.under_noise
+    kind = evaluation.output_covariance_kind
+    series: list[tuple[fp.Evaluation, str, str]] = []
+    if under_noise is not None:
+        series.append((under_noise, "under the sensor noise", NOISE))
+    if under_noise is None or kind != "noise":
+        series.append((evaluation, f"under {_criterion_d(evaluation)}", CRITERION))
+    names = evaluation.parameters
+    units = {quantity.name: quantity.unit for quantity in design.problem.model.parameters}
+    rows = np.arange(len(names))
+
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(8.0, 1.7 + 0.4 * len(names)), layout="constrained")
+        axes = figure.subplots()
+        axes.axvline(1.0, color=PRIOR, linewidth=1.5, label="prior")
+        axes.axvline(0.5, color=PRIOR, linewidth=1.0, linestyle=":", label="half the prior")
+        for position, (values, label, color) in enumerate(series):
+            if values.standard_errors is None:
+                axes.plot([], [], "o", color=color, label=f"{label}: F is singular")
+                continue
+            share = np.array([values.standard_errors[name] / values.prior_std[name] for name in names])
+            offset = 0.22 * (position - 0.5 * (len(series) - 1))
+            axes.hlines(rows + offset, np.minimum(share, 1.0), np.maximum(share, 1.0), color=color, alpha=0.4)
+            axes.plot(share, rows + offset, "o", color=color, markersize=6, label=label)
+        axes.set_xscale("log")
+        axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=None))
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.set_xlim(left=min(axes.get_xlim()[0], 0.08))  # a decade at least, so that there are two labels
+        axes.set_yticks(rows, names)
+        axes.set_ylim(len(names) - 0.5, -0.5)
+        axes.set_xlabel("standard error, share of the prior std")
+        axes.grid(axis="y", visible=False)
+        # What the first series means in units, beside the axis.
+        shown = series[0][0]
+        for row, name in zip(rows, names, strict=True):
+            prior = f"{result(float(shown.prior_std[name]))} {units[name]}"
+            error = "" if shown.standard_errors is None else f"{result(float(shown.standard_errors[name]))} of "
+            axes.annotate(
+                error + prior,
+                (1.0, float(row)),
+                xycoords=("axes fraction", "data"),
+                xytext=(8, 0),
+                textcoords="offset points",
+                va="center",
+                color=series[0][2],
+            )
+        figure.legend(
+            loc="outside upper left", ncols=2, title="Prior against predicted standard errors", alignment="left"
+        )
+    return figure
+
+
+def plot_correlation(design: Evaluated) -> Figure:
+    """Correlation of the estimates, under the sensor noise where it is known."""
+    shown = design.under_noise or design.evaluation
+    names, count = shown.parameters, len(shown.parameters)
+    where = "the sensor noise" if design.under_noise is not None else _criterion_d(shown)
+    with mpl.rc_context({**STYLE, "axes.grid": False}):
+        size = (6.0, 1.5) if shown.correlation is None else (2.2 + 0.52 * count, 1.6 + 0.5 * count)
+        figure = Figure(figsize=size, layout="constrained")
+        axes = figure.subplots()
+        axes.set_title(f"Correlation of the estimates under {where}")
+        if shown.correlation is None:
+            text = f"F is singular: rank {shown.rank} of {count}"
+            axes.text(0.5, 0.5, text, ha="center", va="center", transform=axes.transAxes)
+            axes.set_axis_off()
+            return figure
+        correlation = np.asarray(shown.correlation)
+        image = axes.imshow(correlation, cmap="RdBu_r", vmin=-1, vmax=1)
+        for i in range(count):
+            for j in range(count):
+                color = "white" if abs(correlation[i, j]) > 0.6 else TEXT
+                text = "1" if i == j else f"{correlation[i, j]:.2f}".replace("-0.00", "0.00")
+                axes.text(j, i, text, ha="center", va="center", color=color, fontsize=8)
+        axes.set_xticks(range(count), names, rotation=45, ha="right", rotation_mode="anchor")
+        axes.set_yticks(range(count), names)
+        axes.tick_params(length=0)
+        axes.spines[:].set_visible(False)
+        figure.colorbar(image, ax=axes, shrink=0.8, label="correlation")
+    return figure
+
+
+def save_all(design: Evaluated, directory: str | Path) -> list[Path]:
+    """Write every picture of `design` as PNG.
+
+    Parameters
+    ----------
+    design
+        A design, or evaluated points; these have no criterion over iterations.
+    directory
+        An existing directory.
+
+    Returns
+    -------
+    list of Path
+        The files.
+    """
+    plots: dict[str, Callable[[Any], Figure]] = {
+        "points": plot_points,
+        "standard_errors": plot_standard_errors,
+        "correlation": plot_correlation,
+        "trajectories": plot_trajectories,
+    }
+    if isinstance(design, fp.Design):
+        plots = {"criterion": plot_criterion, **plots}
+    paths = []
+    for name, plot in plots.items():
+        paths.append(Path(directory) / f"{name}.png")
+        plot(design).savefig(paths[-1], dpi=150)
+    return paths
+
+
+def _criterion_d(evaluation: fp.Evaluation) -> str:
+    return f'the D of the criterion ("{evaluation.output_covariance_kind}")'
+
+
+def _reference(axes: Axes, value: float | None, label: str, style: str) -> None:
+    if value is not None and np.isfinite(value):
+        axes.axhline(value, color=PRIOR, linestyle=style, linewidth=1.2, label=f"{label}, {value:.2f}")

@@ -1,0 +1,132 @@
+"""A design problem: the model, what is known beforehand, where points may lie, and how the outputs are weighed."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from .models import HydraulicCylinder
+from .prior import GaussianPrior
+from .quantity import Array, as_float, check_names, in_order, names_of
+from .region import ExperimentRegion
+from .rules import TensorGrid
+from .trajectories import check_kinks
+
+OUTPUT_COVARIANCES = ("noise", "region", "pooled", "pointwise")
+
+
+@dataclass(frozen=True, eq=False)
+class DesignProblem:
+    """Everything that a design depends on, but for the search's settings.
+
+    Parameters
+    ----------
+    model : HydraulicCylinder
+    prior : GaussianPrior
+        One mean and standard deviation for every parameter of the model.
+    region : ExperimentRegion or None
+        None is enough to evaluate given points.
+    noise_std : mapping of output name to float, optional
+        Standard deviations of the sensor noise, SI units; R of (17) is their squares.
+    rule : TensorGrid
+        How expectations over the prior are taken.
+    output_covariance : {"noise", "region", "pooled", "pointwise"}, optional
+        D of (7): R alone; R plus the mean predictive covariance over a fixed sample of the region; R plus that over the design's points,
+        (17); or R plus each point's own. Default: "noise" where `noise_std` is given, else "region".
+    parameters : sequence of str, optional
+        Names of the parameters to estimate; the others are known to be at their mean. Default: all.
+    kinks : {"cross", "exclude"}
+        Whether points that cross a kink are allowed; "exclude" is the strict reading of (21).
+    rtol : float
+        Tolerance of the trajectories.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For anything that does not fit together, naming the quantity.
+    """
+
+    model: HydraulicCylinder
+    prior: GaussianPrior
+    region: ExperimentRegion | None
+    noise_std: Mapping[str, float] | None = None
+    rule: TensorGrid = dataclasses.field(default_factory=TensorGrid)
+    output_covariance: str | None = None
+    parameters: Sequence[str] | None = None
+    kinks: str = "cross"
+    rtol: float = 1e-6
+
+    def __post_init__(self) -> None:
+        for name, kind in (("model", HydraulicCylinder), ("prior", GaussianPrior), ("rule", TensorGrid)):
+            if not isinstance(getattr(self, name), kind):
+                raise TypeError(f"{name}: expected a {kind.__name__}, given {type(getattr(self, name)).__name__}")
+        if self.region is not None and not isinstance(self.region, ExperimentRegion):
+            raise TypeError(f"region: expected an ExperimentRegion or None, given {type(self.region).__name__}")
+        everything = names_of(self.model.parameters)
+        check_names(self.prior.names, everything, "prior")
+        self.model.theta(self.prior.mean)
+        self.rule.levels_of(self.prior)
+        check_kinks(self.kinks)
+        if not 1e-13 <= as_float(self.rtol, "rtol") <= 0.1:
+            raise ValueError(f"rtol: expected a tolerance between 1e-13 and 0.1, given {self.rtol:g}")
+        if self.region is not None:
+            self.region.check(self.model)
+        set_field = object.__setattr__
+        if self.noise_std is not None:
+            stds = in_order(self.noise_std, names_of(self.model.outputs), "noise_std")
+            for name, value in zip(names_of(self.model.outputs), stds, strict=True):
+                if not value > 0:
+                    raise ValueError(f"noise_std[{name!r}]: expected a positive standard deviation, given {value:g}")
+            set_field(self, "noise_std", MappingProxyType(dict(zip(names_of(self.model.outputs), map(float, stds), strict=True))))
+        chosen = everything if self.parameters is None else self.parameters
+        if isinstance(chosen, str):
+            raise TypeError(f"parameters: expected a sequence of names, given the string {chosen!r}")
+        for unknown in (name for name in chosen if name not in everything):
+            raise ValueError(f"parameters: expected names of {', '.join(everything)}; given unknown {unknown!r}")
+        if not chosen:
+            raise ValueError("parameters: expected at least one name, given none")
+        set_field(self, "parameters", tuple(name for name in everything if name in chosen))
+        default = "noise" if self.noise_std is not None else "region"
+        set_field(self, "output_covariance", default if self.output_covariance is None else self.output_covariance)
+        if self.output_covariance not in OUTPUT_COVARIANCES:
+            raise ValueError(f"output_covariance: expected one of {', '.join(OUTPUT_COVARIANCES)}; given {self.output_covariance!r}")
+        if self.output_covariance == "noise" and self.noise_std is None:
+            raise ValueError("noise_std: expected the sensor noise for output_covariance='noise', given none")
+        if self.output_covariance == "region" and self.region is None:
+            raise ValueError("region: expected a region for output_covariance='region', given None")
+
+    def replace(self, **changes: Any) -> DesignProblem:
+        """Return a copy with some arguments changed."""
+        return dataclasses.replace(self, **changes)
+
+    @property
+    def estimated(self) -> tuple[str, ...]:
+        """Names of the parameters to estimate, in the model's order."""
+        return tuple(self.parameters or ())
+
+    @property
+    def theta(self) -> Array:
+        """Prior mean in the model's order, (p,)."""
+        return np.array([self.prior.mean[name] for name in names_of(self.model.parameters)])
+
+    @property
+    def std(self) -> Array:
+        """Prior standard deviations of the estimated parameters, (p,)."""
+        return np.array([self.prior.std[name] for name in self.estimated])
+
+    @property
+    def estimated_columns(self) -> list[int]:
+        """Places of the estimated parameters among the model's."""
+        return [names_of(self.model.parameters).index(name) for name in self.estimated]
+
+    @property
+    def noise_covariance(self) -> Array:
+        """R of (17), (n_y, n_y); zero where the noise is not known."""
+        if self.noise_std is None:
+            return np.zeros((len(self.model.outputs), len(self.model.outputs)))
+        return np.diag(np.square(list(self.noise_std.values())))

@@ -1,0 +1,77 @@
+"""Named physical quantities, and checks of what a user hands in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A state, input, output, parameter or constant: its name, SI unit and description."""
+
+    name: str
+    unit: str
+    description: str
+
+
+def names_of(quantities: Iterable[Quantity]) -> tuple[str, ...]:
+    return tuple(quantity.name for quantity in quantities)
+
+
+def as_floats(values: ArrayLike, name: str) -> Array:
+    """Return `values` as a float array; raise where they are no numbers or not finite."""
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name}: expected numbers, given {values!r:.80}") from error
+    if not np.isfinite(array).all():
+        where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise ValueError(f"{name}: expected finite numbers, given {array[where]} at index {where}")
+    return array
+
+
+def as_float(value: Any, name: str) -> float:
+    """Return `value` as a finite float."""
+    array = as_floats(value, name)
+    if array.ndim != 0:
+        raise ValueError(f"{name}: expected one number, given shape {array.shape}")
+    return float(array)
+
+
+def as_floats_of_shape(values: ArrayLike, shape: tuple[int, ...], name: str) -> Array:
+    array = as_floats(values, name)
+    if array.shape != shape:
+        raise ValueError(f"{name}: expected shape {shape}, given {array.shape}")
+    return array
+
+
+def check_names(given: Iterable[str], expected: Iterable[str], name: str) -> None:
+    """Raise unless `given` has exactly the `expected` names."""
+    given, expected = list(given), list(expected)
+    for unknown in (n for n in given if n not in expected):
+        raise ValueError(f"{name}: expected the names {', '.join(expected)}; given unknown {unknown!r}")
+    for missing in (n for n in expected if n not in given):
+        raise ValueError(f"{name}: expected a value for {missing!r}, given none")
+
+
+def in_order(mapping: Mapping[str, Any], expected: Iterable[str], name: str) -> Array:
+    """Return the values of `mapping` in the order of the `expected` names."""
+    if not isinstance(mapping, Mapping):
+        raise TypeError(f"{name}: expected a mapping of names to numbers, given {type(mapping).__name__}")
+    expected = list(expected)
+    check_names(mapping, expected, name)
+    return np.array([as_float(mapping[n], f"{name}[{n!r}]") for n in expected])
+
+
+def check_positive_int(value: Any, name: str, least: int = 1) -> int:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+        raise ValueError(f"{name}: expected a whole number of at least {least}, given {value!r}")
+    return int(value)

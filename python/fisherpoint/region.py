@@ -1,0 +1,91 @@
+"""Where experiment points may lie."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .constraints import Constraint, parse_constraint
+from .experiments import Experiments
+from .models import HydraulicCylinder
+from .quantity import Array, as_floats, check_names, names_of
+
+
+class ExperimentRegion:
+    """A box in start state, input and duration, cut by constraints.
+
+    Parameters
+    ----------
+    bounds : mapping of name to (lower, upper)
+        One pair for every state, every input and ``"dt"``, SI units; equal bounds fix the value.
+    constraints : sequence of str or callable
+        Each a comparison such as ``"p_A + p_B < 2.5e7"``, or a function that takes a mapping of name to array (K,) and returns a
+        boolean array (K,). A point must satisfy all.
+
+    Raises
+    ------
+    ValueError
+        Where bounds are not finite or upside down, or a duration may be zero or less.
+    """
+
+    def __init__(self, bounds: Mapping[str, Sequence[float]], constraints: Iterable[Constraint] = ()) -> None:
+        checked: dict[str, tuple[float, float]] = {}
+        for name, pair in bounds.items():
+            array = as_floats(pair, f"region[{name!r}]")
+            if array.shape != (2,):
+                raise ValueError(f"region[{name!r}]: expected a pair (lower, upper), given {pair!r}")
+            lower, upper = float(array[0]), float(array[1])
+            if lower > upper:
+                raise ValueError(f"region[{name!r}]: expected lower <= upper, given ({lower:g}, {upper:g})")
+            checked[name] = (lower, upper)
+        if "dt" in checked and not checked["dt"][0] > 0:
+            raise ValueError(f"region['dt']: expected positive durations in s, given the lower bound {checked['dt'][0]:g}")
+        if isinstance(constraints, str) or callable(constraints):
+            constraints = (constraints,)
+        self.bounds: Mapping[str, tuple[float, float]] = MappingProxyType(checked)
+        self.constraints: tuple[Constraint, ...] = tuple(constraints)
+        self._holds: list[Callable[[Mapping[str, Array]], NDArray[np.bool_]]] = [
+            parse_constraint(c, checked) if isinstance(c, str) else c for c in self.constraints
+        ]
+
+    def check(self, model: HydraulicCylinder) -> None:
+        """Raise unless the region bounds exactly what a point of `model` consists of, and some point may be one."""
+        check_names(self.bounds, (*names_of(model.states), *names_of(model.inputs), "dt"), "region")
+        for surface in (*model.jumps, *model.kinks):
+            if self.bounds.get(surface) == (0.0, 0.0):
+                raise ValueError(f"region[{surface!r}]: expected bounds off the switching surface {surface} = 0, given (0, 0)")
+
+    def draw(self, model: HydraulicCylinder, count: int, rng: np.random.Generator) -> Experiments:
+        """Draw `count` points uniformly from the box; the constraints are not looked at."""
+        states, inputs = names_of(model.states), names_of(model.inputs)
+        order = (*states, *inputs, "dt")
+        lower, upper = np.array([self.bounds[name] for name in order]).T
+        table = np.clip(lower + (upper - lower) * rng.random((count, len(order))), lower, upper)
+        n_x = len(states)
+        return Experiments(table[:, :n_x], table[:, n_x:-1], table[:, -1], (*states, *inputs))
+
+    def satisfied(self, model: HydraulicCylinder, points: Experiments) -> NDArray[np.bool_]:
+        """Return which points satisfy all constraints, (K,)."""
+        columns = dict(zip((*names_of(model.states), *names_of(model.inputs), "dt"), points.table.T, strict=True))
+        result = np.ones(len(points), dtype=bool)
+        for constraint, holds in zip(self.constraints, self._holds, strict=True):
+            mask = np.asarray(holds(MappingProxyType(columns)))
+            if mask.shape != result.shape or mask.dtype != np.bool_:
+                raise ValueError(f"constraint {constraint!r}: expected a boolean array of shape {result.shape}, given {mask.dtype} {mask.shape}")
+            result &= mask
+        return result
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ExperimentRegion) and (self.bounds, self.constraints) == (other.bounds, other.constraints)
+
+    def __hash__(self) -> int:
+        return hash((tuple(self.bounds.items()), self.constraints))
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (ExperimentRegion, (dict(self.bounds), self.constraints))
+
+    def __repr__(self) -> str:
+        return f"ExperimentRegion({dict(self.bounds)!r}, constraints={list(self.constraints)!r})"

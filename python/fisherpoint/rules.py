@@ -1,0 +1,70 @@
+"""How expectations over the prior are taken: rules that turn a prior into weighted nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from math import prod
+from types import MappingProxyType
+
+from . import _core
+from .prior import GaussianPrior
+from .quantity import Array, as_float, check_names, check_positive_int
+
+
+@dataclass(frozen=True)
+class TensorGrid:
+    """Equidistant cells per parameter, eq. (13).
+
+    Each parameter takes `levels` values from mean - span std to mean + span std, each with the probability of its cell, a difference
+    of the normal distribution function; a node's weight is the product. One level is the mean, with weight 1.
+
+    Parameters
+    ----------
+    levels : int or mapping of parameter name to int
+    span : float
+        Half-width of the grid in prior standard deviations.
+    """
+
+    levels: int | Mapping[str, int] = 3
+    span: float = 1.5
+
+    def __post_init__(self) -> None:
+        if isinstance(self.levels, Mapping):
+            checked = {name: check_positive_int(n, f"levels[{name!r}]") for name, n in self.levels.items()}
+            object.__setattr__(self, "levels", MappingProxyType(checked))
+        else:
+            object.__setattr__(self, "levels", check_positive_int(self.levels, "levels"))
+        span = as_float(self.span, "span")
+        if not span > 0:
+            raise ValueError(f"span: expected a positive number of standard deviations, given {span:g}")
+        object.__setattr__(self, "span", span)
+
+    def levels_of(self, prior: GaussianPrior) -> dict[str, int]:
+        """Return the number of levels of each parameter of the prior."""
+        if isinstance(self.levels, Mapping):
+            check_names(self.levels, prior.names, "levels")
+            return {name: self.levels[name] for name in prior.names}
+        return dict.fromkeys(prior.names, self.levels)
+
+    def size(self, prior: GaussianPrior) -> int:
+        """Return the number of nodes R."""
+        return prod(self.levels_of(prior).values())
+
+    def nodes(self, prior: GaussianPrior) -> tuple[Array, Array]:
+        """Return the nodes theta (R, p) and the cell probabilities (R,); the last parameter runs fastest.
+
+        The predictive covariance does not need them: it walks over the grid without storing it.
+        """
+        return self.grid(prior).nodes()
+
+    def grid(self, prior: GaussianPrior, varied: Iterable[str] | None = None) -> _core.PriorGrid:
+        """Return the grid as the core walks over it; parameters that are not `varied` stay at the mean."""
+        varied = prior.names if varied is None else tuple(varied)
+        levels = self.levels_of(prior)
+        return _core.PriorGrid(
+            [
+                _core.cells(prior.mean[name], prior.std[name], levels[name] if name in varied else 1, self.span)
+                for name in prior.names
+            ]
+        )

@@ -1,0 +1,215 @@
+"""Trajectories, sensitivities and predictive covariances of experiment points, computed by the core."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .experiments import Experiments
+from .kernels import kernels
+from .models import HydraulicCylinder
+from .prior import GaussianPrior
+from .quantity import Array, IntArray, as_float, check_names, check_positive_int, names_of
+from .rules import TensorGrid
+
+
+class Status(IntEnum):
+    """How a trajectory ended."""
+
+    ok = 0
+    met_jump = 1
+    left_domain = 2
+    step_limit = 3
+    not_finite = 4
+    met_kink = 5
+
+    @property
+    def advice(self) -> str:
+        """What it means and what helps, in one sentence."""
+        return _ADVICE[self]
+
+
+_ADVICE = {
+    Status.ok: "The trajectory reached its end.",
+    Status.met_jump: "The right-hand side jumps on the way (the velocity changes its sign): start faster or sample earlier.",
+    Status.left_domain: "The trajectory left the model's domain (a pressure reached tank or supply): start further inside or sample earlier.",
+    Status.step_limit: "The tolerance asks for more or smaller steps than allowed: loosen rtol or sample earlier.",
+    Status.not_finite: "The right-hand side overflowed inside the domain: check the constants and parameters.",
+    Status.met_kink: "The trajectory crosses a kink (the valve passes its centre), which kinks='exclude' forbids.",
+}
+
+
+class Trajectories(NamedTuple):
+    """States x (K, n_x) and outputs y (K, n_y) after dt, and status (K,) as `Status` values.
+
+    Where the status is not ok, x and y are those of the last state that was reached.
+    """
+
+    x: Array
+    y: Array
+    status: IntArray
+
+
+class Sensitivities(NamedTuple):
+    """As `Trajectories`, with dx_dtheta (K, n_x, p) and dy_dtheta (K, n_y, p) per SI unit of each parameter."""
+
+    x: Array
+    y: Array
+    dx_dtheta: Array
+    dy_dtheta: Array
+    status: IntArray
+
+
+class PredictiveCovariance(NamedTuple):
+    """Predictive covariances (K, n_y, n_y) in squared output units, zero where the status (K,) is not ok."""
+
+    covariance: Array
+    status: IntArray
+
+
+def simulate(
+    model: HydraulicCylinder,
+    points: Experiments,
+    theta: Mapping[str, float] | ArrayLike,
+    rtol: float = 1e-6,
+    threads: int | None = None,
+    kinks: str = "cross",
+) -> Trajectories:
+    """Simulate experiment points, (14) and (15).
+
+    Parameters
+    ----------
+    model : HydraulicCylinder
+    points : Experiments
+        K points.
+    theta : mapping by name, or array_like (p,) or (K, p)
+        Parameters in SI units, one set for all points or one each.
+    rtol : float
+        Tolerance of x(dt), in units of the states' natural scales (0.5 m, 1 m/s, 1e7 Pa, 1).
+    threads : int, optional
+        Number of threads; the default is every core. The result does not depend on it.
+    kinks : {"cross", "exclude"}
+        Whether a kink is crossed by ending a step on it, or ends the trajectory as `Status.met_kink`.
+
+    Returns
+    -------
+    Trajectories
+
+    Raises
+    ------
+    ValueError
+        For misuse, and for a point that starts on a switching surface, which is named.
+    """
+    theta = model.theta(theta)
+    arguments = _checked(model, points, theta, rtol, threads, kinks)
+    return Trajectories(*kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *arguments))
+
+
+def sensitivities(
+    model: HydraulicCylinder,
+    points: Experiments,
+    theta: Mapping[str, float] | ArrayLike,
+    rtol: float = 1e-6,
+    threads: int | None = None,
+    kinks: str = "cross",
+) -> Sensitivities:
+    """Simulate experiment points with the sensitivities of states and outputs, (8) and (9).
+
+    Arguments and errors are those of `simulate`. The sensitivities take part in the error control, each column by its own size.
+    """
+    theta = model.theta(theta)
+    arguments = _checked(model, points, theta, rtol, threads, kinks)
+    return Sensitivities(*kernels.sensitivities(model.core, points.x0, points.u, points.dt, theta, *arguments))
+
+
+def predictive_covariance(
+    model: HydraulicCylinder,
+    points: Experiments,
+    prior: GaussianPrior,
+    rule: TensorGrid,
+    rtol: float = 1e-6,
+    threads: int | None = None,
+    kinks: str = "cross",
+    parameters: tuple[str, ...] | None = None,
+) -> PredictiveCovariance:
+    """Spread of the outputs over the prior, (14)-(16), around the output at the prior mean.
+
+    The nodes are worked through without storing them: memory does not grow with their number.
+
+    Parameters
+    ----------
+    model, points, rtol, threads, kinks
+        As in `simulate`.
+    prior : GaussianPrior
+    rule : TensorGrid
+    parameters : tuple of str, optional
+        Parameters that vary; the others stay at their mean. Default: all.
+
+    Returns
+    -------
+    PredictiveCovariance
+        A point of which any trajectory, nominal or on the grid, is not ok carries the status of the first such one.
+
+    Raises
+    ------
+    ValueError
+        As `simulate`.
+    """
+    names = names_of(model.parameters)
+    check_names(prior.names, names, "prior")
+    theta = model.theta({name: prior.mean[name] for name in names})
+    ordered = GaussianPrior({n: prior.mean[n] for n in names}, {n: prior.std[n] for n in names})
+    grid = rule.grid(ordered, parameters)
+    arguments = _checked(model, points, theta, rtol, threads, kinks)
+    return PredictiveCovariance(
+        *kernels.predictive_covariance(model.core, points.x0, points.u, points.dt, theta, grid, *arguments)
+    )
+
+
+def resolve_threads(threads: int | None) -> int:
+    """Return the number of threads: as given, or the cores that this process may use."""
+    if threads is None:
+        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return check_positive_int(threads, "threads")
+
+
+def _checked(
+    model: HydraulicCylinder, points: Experiments, theta: Array, rtol: float, threads: int | None, kinks: str
+) -> tuple[float, bool, int]:
+    n_x, n_u = len(model.states), len(model.inputs)
+    if points.x0.shape[1] != n_x:
+        raise ValueError(f"x0: expected shape (K, {n_x}), given {points.x0.shape}")
+    if points.u.shape[1] != n_u:
+        raise ValueError(f"u: expected shape (K, {n_u}), given {points.u.shape}")
+    if theta.ndim == 2 and len(theta) != len(points):
+        raise ValueError(f"theta: expected {len(points)} rows, one for each point, given {len(theta)}")
+    if not 1e-13 <= as_float(rtol, "rtol") <= 0.1:
+        raise ValueError(f"rtol: expected a tolerance between 1e-13 and 0.1, given {rtol:g}")
+    refuse_starts_on_surfaces(model, points, theta)
+    return float(rtol), check_kinks(kinks), resolve_threads(threads)
+
+
+def check_kinks(kinks: str) -> bool:
+    if kinks not in ("cross", "exclude"):
+        raise ValueError(f"kinks: expected 'cross' or 'exclude', given {kinks!r}")
+    return kinks == "cross"
+
+
+def on_surface(model: HydraulicCylinder, points: Experiments, theta: Array) -> dict[str, Array]:
+    """Return for each switching surface the indices of the points that start on it."""
+    values = model.switching(points.x0, points.u, theta) if len(points) else np.empty((0, len(model.jumps + model.kinks)))
+    surfaces = (*model.jumps, *model.kinks)
+    return {name: np.flatnonzero(values[:, m] == 0) for m, name in enumerate(surfaces) if (values[:, m] == 0).any()}
+
+
+def refuse_starts_on_surfaces(model: HydraulicCylinder, points: Experiments, theta: Array) -> None:
+    for surface, rows in on_surface(model, points, theta).items():
+        raise ValueError(
+            f"points: expected starts off the switching surface {surface} = 0, where the model is not differentiable; "
+            f"given {surface} = 0 in point {', '.join(str(int(k)) for k in rows[:5])}{' ...' if len(rows) > 5 else ''}"
+        )

@@ -1,0 +1,55 @@
+"""What several test files share: the reference values, the default cylinder's cases, and random points of a region."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fisherpoint as fp
+from oracle import Floats
+
+REGION = {
+    "q": (0.03, 0.27),
+    "v": (-0.25, 0.25),
+    "p_A": (2e6, 19e6),
+    "p_B": (2e6, 19e6),
+    "x_v": (-0.8, 0.8),
+    "u": (-1.0, 1.0),
+    "dt": (1e-3, 1e-2),
+}
+
+
+@pytest.fixture(scope="session")
+def reference() -> Any:
+    """Values of an independent program for the 50/36 mm cylinder."""
+    return json.loads((Path(__file__).parent / "data" / "cylinder.json").read_text())
+
+
+@pytest.fixture(scope="session")
+def workload() -> dict[str, Floats]:
+    """The performance workload with reference outputs, where the folder of reference values lies beside the project."""
+    path = Path(__file__).resolve().parents[3] / "shared" / "reference" / "workload.npz"
+    if not path.exists():
+        pytest.skip("shared/reference/workload.npz is not beside the project")
+    with np.load(path) as arrays:
+        return {name: arrays[name] for name in arrays}
+
+
+def experiments(cases: list[dict[str, Any]]) -> fp.Experiments:
+    """Experiments from the points of a reference file."""
+    return fp.Experiments(
+        [case["x0"] for case in cases], [[case["u"]] for case in cases], [case["dt"] for case in cases]
+    )
+
+
+def random_points(
+    rng: np.random.Generator, count: int, bounds: dict[str, tuple[float, float]] = REGION
+) -> fp.Experiments:
+    """Points drawn uniformly in the box of the bounds; some of them meet v = 0 or leave the domain."""
+    low, high = np.array(list(bounds.values())).T
+    drawn = rng.uniform(low, high, (count, len(bounds)))
+    return fp.Experiments(drawn[:, :5], drawn[:, 5:6], drawn[:, 6])

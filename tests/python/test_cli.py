@@ -1,0 +1,185 @@
+"""The command line: what it prints and writes, its exit codes, one line where it fails."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+
+import fisherpoint as fp
+from fisherpoint import cli
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+
+class Result:
+    """What a command left behind."""
+
+    def __init__(self, code: int, out: str, err: str) -> None:
+        self.code, self.out, self.err = code, out, err
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Any:
+    """Run a command in this process."""
+
+    def call(*arguments: object) -> Result:
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as caught:
+            cli.main([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        return Result(int(caught.value.code or 0), captured.out, captured.err)
+
+    return call
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """The paper's example with settings that take a second."""
+    text = (EXAMPLES / "paper.toml").read_text()
+    for old, new in (
+        ("levels = 3", "levels = 2"),
+        ("n_candidates = 50", "n_candidates = 5"),
+        ("max_iterations = 200", "max_iterations = 4"),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    path = tmp_path / "quick.toml"
+    path.write_text(text)
+    return path
+
+
+PICTURES = {"criterion.png", "points.png", "standard_errors.png", "correlation.png", "trajectories.png"}
+
+
+def names(directory: Path) -> set[str]:
+    return {path.name for path in directory.iterdir()}
+
+
+@pytest.mark.parametrize("command", ["design", "evaluate", "simulate", "info"])
+def test_help_has_an_example(run: Any, command: str) -> None:
+    result = run(command, "--help")
+    assert result.code == 0
+    assert f"Example: fisherpoint {command}" in result.out
+
+
+def test_help_without_a_command_version_and_info(run: Any) -> None:
+    assert "design" in run().out
+    assert run("--version").out == f"fisherpoint {fp.__version__}\n"
+    result = run("info")
+    assert result.code == 0
+    assert fp.isa() in result.out
+    assert fp.__version__ in result.out
+
+
+def test_design_prints_and_writes_its_result(run: Any, file: Path, tmp_path: Path) -> None:
+    result = run("design", file, "-o", tmp_path / "run")
+    assert (result.code, result.err) == (0, "")
+    assert names(tmp_path / "run") == {"design.csv", "design.json", "report.txt"} | PICTURES
+    report = (tmp_path / "run" / "report.txt").read_text(encoding="utf-8")
+    assert result.out.startswith(report)
+    assert "\x1b" not in result.out
+    assert max(map(len, report.splitlines())) <= 100
+    assert len(fp.Design.load(tmp_path / "run").points) == 12
+
+
+def test_options_override_the_file(run: Any, file: Path, tmp_path: Path) -> None:
+    options = ["--no-plots", "--quiet", "--seed", 3, "--max-iterations", 2]
+    for threads in (1, 2):
+        result = run("design", file, "-o", tmp_path / str(threads), "--threads", threads, *options)
+        assert (result.code, result.out, result.err) == (0, "", "")
+        assert names(tmp_path / str(threads)) == {"design.csv", "design.json", "report.txt"}
+    assert (tmp_path / "1" / "design.csv").read_bytes() == (tmp_path / "2" / "design.csv").read_bytes()
+    settings = fp.Design.load(tmp_path / "1").settings
+    assert (settings.seed, settings.max_iterations) == (3, 2)
+
+
+def test_an_interrupted_design_is_saved_and_reported(
+    run: Any, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    exchange = fp.exchange
+
+    def interrupted(*arguments: Any, progress: Any, **settings: Any) -> fp.Design:
+        def stop(now: fp.Progress) -> None:
+            progress(now)
+            if now.iteration == 2:
+                raise KeyboardInterrupt
+
+        return exchange(*arguments, progress=stop, **settings)
+
+    monkeypatch.setattr(fp, "exchange", interrupted)
+    result = run("design", file, "-o", tmp_path / "run", "--no-plots")
+    assert (result.code, result.err) == (130, "")
+    assert "interrupted" in result.out
+    assert fp.Design.load(tmp_path / "run").stop_reason == "interrupted"
+
+
+def test_evaluate(run: Any, file: Path, tmp_path: Path) -> None:
+    run("design", file, "-o", tmp_path / "run", "--quiet", "--no-plots")
+    points = tmp_path / "run" / "design.csv"
+    result = run("evaluate", file, points, "-o", tmp_path / "evaluated")
+    assert (result.code, result.err) == (0, "")
+    assert "under the sensor noise" in result.out
+    assert names(tmp_path / "evaluated") == {"report.txt", "parameters.csv"} | PICTURES - {"criterion.png"}
+    table = pd.read_csv(tmp_path / "evaluated" / "parameters.csv", index_col="parameter")
+    under_noise = fp.Design.load(tmp_path / "run").under_noise
+    assert table.standard_error.to_dict() == pytest.approx(dict(under_noise.standard_errors), rel=1e-9)
+
+    two = tmp_path / "two.csv"
+    two.write_text("\n".join(points.read_text().splitlines()[:3]) + "\n")
+    result = run("evaluate", file, two)
+    assert result.code == 0
+    assert "singular" in result.out
+
+
+def test_simulate(run: Any, file: Path, tmp_path: Path) -> None:
+    points = tmp_path / "points.csv"
+    points.write_text("q,v,p_A,p_B,x_v,u,dt\n0.15,0.1,8e6,8e6,0.5,-0.5,0.002\n0.15,0.001,2e6,18e6,0.5,-0.5,0.005\n")
+    result = run("simulate", file, points, "-o", tmp_path / "outputs.csv")
+    assert (result.code, result.err) == (0, "")
+    assert fp.Status.met_jump.advice.split()[0] in result.out
+    table = pd.read_csv(tmp_path / "outputs.csv")
+    assert list(table.columns)[7:] == ["y_q", "y_p_A", "y_p_B", "y_x_v", "status"]
+    assert list(table.status) == ["ok", "met_jump"]
+    assert table.y_q[0] > 0.15
+
+
+def test_misuse_exits_2_with_one_line(run: Any, file: Path, tmp_path: Path) -> None:
+    csv = tmp_path / "points.csv"
+    csv.write_text("a,b\n1,2\n")
+    wrong = tmp_path / "wrong.toml"
+    wrong.write_text(file.read_text().replace("[0.03, 0.27]", "[0.3, 0.1]"))
+    no_region = tmp_path / "no_region.toml"
+    text = file.read_text()
+    no_region.write_text(text[: text.index("\n[region]")] + text[text.index("\n[rule]") :])
+    for arguments, expected in (
+        (["desing"], "design"),
+        (["design", "--foo"], "--foo"),
+        (["design", file], "--output"),
+        (["design", file, "-o", tmp_path / "run", "--threads", 0], "--threads"),
+        (["design", tmp_path / "none.toml", "-o", tmp_path / "run"], "none.toml"),
+        (["design", wrong, "-o", tmp_path / "run"], "region.q.bounds"),
+        (["design", no_region, "-o", tmp_path / "run"], "region: missing"),
+        (["design", file, "-o", csv], "--output: expected a directory"),
+        (["evaluate", file, tmp_path / "none.csv"], "none.csv"),
+        (["evaluate", file, csv], "points.csv"),
+        (["simulate", file, csv], "points.csv"),
+    ):
+        result = run(*arguments)
+        assert result.code == 2
+        assert result.out == ""
+        assert expected in result.err
+        assert result.err.count("\n") == 1
+        assert result.err.startswith("fisherpoint: ")
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_missing_extra_is_named() -> None:
+    code = "import sys; sys.modules['typer'] = None; import fisherpoint.cli"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr == "fisherpoint: the command line needs typer: pip install 'fisherpoint[all]'\n"

@@ -1,0 +1,217 @@
+"""The TOML file: the examples, what a file means, and one line for every mistake."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import fisherpoint as fp
+
+config = pytest.importorskip("fisherpoint.config", reason="needs the extras", exc_type=ImportError)
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+TEXT = (EXAMPLES / "cylinder.toml").read_text()
+
+# What is written in place of what, and the line that follows the file's name.
+MISTAKES = {
+    "unit": ('unit = "N" }', 'unit = "kN" }', 'prior.a_tau.unit: expected "N", given "kN"'),
+    "unit of a constant": ('unit = "m2" }', 'unit = "mm2" }', 'model.constants.A_A.unit: expected "m2", given "mm2"'),
+    "bounds": (
+        "[0.03, 0.27]",
+        "[0.3, 0.1]",
+        "region.q.bounds: expected [lower, upper] with lower <= upper, given [0.3, 0.1]",
+    ),
+    "one bound": (
+        "x_v = [-1.0, 1.0]",
+        "x_v = [1.0]",
+        "region.x_v.bounds: expected [lower, upper] with lower <= upper, given [1.0]",
+    ),
+    "no pair": (
+        "x_v = [-1.0, 1.0]",
+        "x_v = 1.0",
+        'region.x_v: expected a pair [lower, upper] or {bounds = [lower, upper], unit = "..."}, given 1.0',
+    ),
+    "unknown state": (
+        "q   = { bounds",
+        "qq  = { bounds",
+        'unknown key region.qq; expected one of q, v, p_A, p_B, x_v, u, dt, constraints (did you mean "q"?)',
+    ),
+    "missing state": ("x_v = [-1.0, 1.0]", "", "region.x_v: missing; expected [lower, upper]"),
+    "missing parameter": (
+        "a_tau = {",
+        "# a_tau = {",
+        "prior.a_tau: missing; expected {mean = ..., std = ... or relative_std = ...} in N",
+    ),
+    "missing mean": ("mean = 400.0,", "", "prior.a_tau.mean: missing; expected a value"),
+    "text": ("mean = 400.0,", 'mean = "400",', 'prior.a_tau.mean: expected a number, given "400"'),
+    "nan": ("mean = 400.0,", "mean = nan,", "prior.a_tau.mean: expected a finite number, given nan"),
+    "both std": (
+        "relative_std = 0.30, unit",
+        "relative_std = 0.3, std = 3, unit",
+        "prior.a_tau: expected exactly one of std and relative_std, "
+        'given {mean = 400.0, relative_std = 0.3, std = 3, unit = "N"}',
+    ),
+    "negative std": ("relative_std = 0.30", "std = -1.0", "prior.a_tau.std: expected a number > 0, given -1.0"),
+    "unknown key of a parameter": (
+        "relative_std = 0.30",
+        "relativ_std = 0.30",
+        "unknown key prior.a_tau.relativ_std; expected one of mean, std, relative_std, unit "
+        '(did you mean "relative_std"?)',
+    ),
+    "missing noise": ("x_v = 1e-3", "", "noise_std.x_v: missing; expected a number > 0"),
+    "no noise": ("x_v = 1e-3", "x_v = 0", "noise_std.x_v.value: expected a number > 0, given 0"),
+    "unknown constant": (
+        "A_A   =",
+        "A_C   =",
+        'unknown key model.constants.A_C; expected one of A_A, A_B, q_min, q_max, p_s, T_1, k_u (did you mean "A_B"?)',
+    ),
+    "model": (
+        'name = "hydraulic_cylinder"',
+        'name = "tank"',
+        'model.name: expected one of hydraulic_cylinder, given "tank"',
+    ),
+    "levels": ("levels = 3", "levels = 0", "rule.levels: expected a number >= 1, given 0"),
+    "levels by name": (
+        "levels = 3",
+        "levels = { a_ta = 1 }",
+        "unknown key rule.levels.a_ta; expected one of a_tau, b_tau, m_q, E_oil, p_t, B_v, c_L, V_0A, V_0B "
+        '(did you mean "a_tau"?)',
+    ),
+    "missing level": (
+        "levels = 3",
+        "levels = { a_tau = 3 }",
+        "rule.levels.b_tau: missing; expected a whole number, 1 to keep the parameter at its mean",
+    ),
+    "kind of levels": (
+        "levels = 3",
+        'levels = "many"',
+        'rule.levels: expected a whole number, or one for each parameter by name, given "many"',
+    ),
+    "seed": ("seed = 0 ", "seed = -1 ", "design.seed: expected a number >= 0, given -1"),
+    "covariance": (
+        "seed = 0 ",
+        'output_covariance = "noisy" ',
+        'design.output_covariance: expected "noise", "region", "pooled" or "pointwise", given "noisy"',
+    ),
+    "parameters": (
+        "seed = 0 ",
+        'parameters = ["a_tau", "mq"] ',
+        "design.parameters: expected names out of a_tau, b_tau, m_q, E_oil, p_t, B_v, c_L, V_0A, V_0B "
+        '(did you mean "m_q"?), given "mq"',
+    ),
+    "table": (
+        "[design]",
+        "[desing]",
+        'unknown key desing; expected one of model, prior, noise_std, region, rule, design (did you mean "design"?)',
+    ),
+}
+
+
+def write(path: Path, text: str) -> Path:
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def without(table: str) -> str:
+    """The example without one of its tables."""
+    start = TEXT.index(f"\n[{table}]")
+    return TEXT[:start] + TEXT[TEXT.index("\n[", start + 1) :]
+
+
+def line_of(path: Path) -> str:
+    with pytest.raises(config.ConfigError) as caught:
+        config.load_config(path).problem()
+    line = str(caught.value)
+    assert "\n" not in line
+    assert line.startswith(f"{path}: ")
+    return line.removeprefix(f"{path}: ")
+
+
+def test_examples_describe_the_default_cylinder() -> None:
+    model = fp.HydraulicCylinder()
+    for name, covariance in (("paper.toml", "pooled"), ("cylinder.toml", "noise")):
+        example = config.load_config(EXAMPLES / name)
+        problem = example.problem()
+        assert dict(problem.model.constants) == dict(model.constants)
+        assert dict(problem.prior.mean) == dict(model.nominal)
+        assert problem.prior.std["c_L"] == pytest.approx(0.30 * 2.5e-9)
+        assert dict(problem.noise_std) == {"q": 5e-6, "p_A": 2e4, "p_B": 2e4, "x_v": 1e-3}
+        assert tuple(problem.region.bounds["dt"]) == (1e-3, 1e-2)
+        assert problem.output_covariance == covariance
+        assert problem.rule.size(problem.prior) == 3**9
+        assert example.exchange_settings() == {
+            "n_experiments": 12,
+            "n_candidates": 50,
+            "max_iterations": 200,
+            "seed": 0,
+        }
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_gets_one_line(tmp_path: Path, mistake: str) -> None:
+    old, new, expected = MISTAKES[mistake]
+    assert old in TEXT
+    assert line_of(write(tmp_path / "run.toml", TEXT.replace(old, new, 1))) == expected
+
+
+def test_further_mistakes_are_counted(tmp_path: Path) -> None:
+    text = TEXT.replace("seed = 0 ", "sead = 0 ").replace("span = 1.5", "span = 0.0")
+    assert line_of(write(tmp_path / "run.toml", text)) == "rule.span: expected a number > 0, given 0.0 (and 1 more)"
+
+
+def test_files_that_are_no_configuration(tmp_path: Path) -> None:
+    assert line_of(tmp_path / "none.toml") == "expected a TOML file, found no such file"
+    assert line_of(tmp_path) == "expected a TOML file, given a directory"
+    assert line_of(write(tmp_path / "broken.toml", "[model\n")).startswith("not valid TOML: ")
+    (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe")
+    assert line_of(tmp_path / "bytes.toml") == "expected a TOML file in UTF-8, given other bytes"
+    assert line_of(write(tmp_path / "empty.toml", "")).startswith("model: missing; expected a table")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "table"),
+    [
+        ("value = 21e6", "value = 0.1e6", ""),
+        ('# constraints = ["p_A + p_B < 30e6"]', 'constraints = ["p_A + p_C < 30e6"]', "region: "),
+    ],
+)
+def test_what_the_library_refuses_names_the_file(tmp_path: Path, old: str, new: str, table: str) -> None:
+    assert old in TEXT
+    assert table in line_of(write(tmp_path / "run.toml", TEXT.replace(old, new, 1)))
+
+
+def test_noise_is_needed_for_the_noise_covariance(tmp_path: Path) -> None:
+    text = without("noise_std").replace("seed = 0 ", 'output_covariance = "noise" ')
+    expected = 'design.output_covariance: expected a table [noise_std] with "noise", given none'
+    assert line_of(write(tmp_path / "run.toml", text)) == expected
+
+
+def test_without_noise_the_region_covariance_is_the_default(tmp_path: Path) -> None:
+    problem = config.load_config(write(tmp_path / "run.toml", without("noise_std"))).problem()
+    assert problem.noise_std is None
+    assert problem.output_covariance == "region"
+
+
+def test_without_a_region_the_problem_can_be_evaluated(tmp_path: Path) -> None:
+    problem = config.load_config(write(tmp_path / "run.toml", without("region"))).problem()
+    assert problem.region is None
+
+
+def test_short_and_long_forms_mean_the_same(tmp_path: Path) -> None:
+    levels = ", ".join(
+        f"{quantity.name} = {2 if quantity.name == 'c_L' else 1}" for quantity in fp.HydraulicCylinder().parameters
+    )
+    text = (
+        TEXT.replace('relative_std = 0.30, unit = "N"', "std = 120.0")
+        .replace('{ bounds = [0.03, 0.27], unit = "m" }', "[0.03, 0.27]")
+        .replace('{ value = 21e6, unit = "Pa" }', "21e6")
+        .replace("levels = 3", f"levels = {{ {levels} }}")
+        .replace("x_v = [-1.0, 1.0]", 'x_v = { bounds = [0.5, 0.5], unit = "1" }')
+    )
+    problem = config.load_config(write(tmp_path / "run.toml", text)).problem()
+    assert problem.prior.std["a_tau"] == pytest.approx(120.0)
+    assert tuple(problem.region.bounds["q"]) == (0.03, 0.27)
+    assert tuple(problem.region.bounds["x_v"]) == (0.5, 0.5)
+    assert problem.model.constants["p_s"] == 21e6
+    assert problem.rule.size(problem.prior) == 2

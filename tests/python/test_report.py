@@ -1,0 +1,217 @@
+"""Reports and pictures: what must be said, in which cases, and that every picture can be drawn."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import fisherpoint as fp
+from fisherpoint import plots, report
+from fisherpoint.results import evaluate_points, parameter_frame, simulation_frame
+
+NOISE_STD = {"q": 5e-6, "p_A": 2e4, "p_B": 2e4, "x_v": 1e-3}
+RELATIVE_STD = dict(a_tau=0.3, b_tau=0.2, m_q=0.05, E_oil=0.2, p_t=0.2, B_v=0.1, c_L=0.3, V_0A=0.1, V_0B=0.1)
+BOUNDS = dict(
+    q=(0.03, 0.27), v=(-0.25, 0.25), p_A=(2e6, 19e6), p_B=(2e6, 19e6), x_v=(-1, 1), u=(-1, 1), dt=(1e-3, 1e-2)
+)
+
+
+def problem(noise_std: dict[str, float] | None, output_covariance: str | None = None) -> fp.DesignProblem:
+    model = fp.HydraulicCylinder()
+    prior = fp.GaussianPrior(mean=model.nominal, relative_std=RELATIVE_STD)
+    rule = fp.TensorGrid(levels={name: 2 if name in ("E_oil", "B_v") else 1 for name in prior.names})
+    region = fp.ExperimentRegion(BOUNDS)
+    return fp.DesignProblem(model, prior, region, noise_std, rule=rule, output_covariance=output_covariance)
+
+
+@pytest.fixture(scope="module")
+def design() -> fp.Design:
+    """A quick design by the paper's criterion, the noise known."""
+    return fp.exchange(problem(NOISE_STD, "pooled"), n_candidates=5, max_iterations=4)
+
+
+def with_changes(design: fp.Design, **changes: Any) -> Any:
+    """A design in which some attributes have other values."""
+    fields = (
+        "problem points evaluation under_noise trace rejected drawn accepted stop_reason distinct_points "
+        "seconds settings efficiency"
+    )
+    return SimpleNamespace(**{name: getattr(design, name) for name in fields.split()} | changes)
+
+
+def efficiency(**values: Any) -> Any:
+    names = "under_noise noise_optimum random_median vs_optimum vs_random below_random bound vs_bound"
+    return SimpleNamespace(**dict.fromkeys(names.split(), None) | values)
+
+
+def words(text: str) -> str:
+    """The text in one line, as tables break lines where they need to."""
+    return " ".join(text.split())
+
+
+def test_design_report_says_all_that_matters(design: fp.Design) -> None:
+    text = report.to_text(report.design_report(design))
+    for part in (
+        "Points: start in this state",
+        "m3/(s sqrt(Pa))",
+        "under the sensor noise (D = R)",
+        'under the D of the criterion ("pooled")',
+        "rank designs, they do not promise",
+        "R + mean predictive covariance of the points, (17)",
+        "of the noise-only optimum found",
+        "of the median random design",
+        "all iterations done",
+        "distinct points",
+        "Rejected candidates",
+    ):
+        assert part in words(text), part
+    for reason, count in design.rejected.items():
+        assert f"{reason} {count}" in words(text)
+    assert max(map(len, text.splitlines())) <= report.WIDTH
+
+
+def test_a_design_below_random_is_warned_of(design: fp.Design) -> None:
+    for below in (True, False):
+        changed = with_changes(
+            design,
+            efficiency=efficiency(
+                under_noise=1.0, noise_optimum=9.0, random_median=2.0, vs_optimum=0.4, vs_random=0.9, below_random=below
+            ),
+        )
+        text = words(report.to_text(report.design_report(changed)))
+        assert ("worse than the median random design" in text) is below
+        assert "90.0 %" in text
+
+
+@pytest.mark.parametrize(
+    ("reason", "settings", "expected"),
+    [
+        ("patience", {"patience": 7}, "no exchange for 7 iterations"),
+        ("time_limit", {"time_limit": 2.5}, "the time limit of 2.5 s"),
+        ("interrupted", {}, "interrupted"),
+    ],
+)
+def test_the_stop_reason_is_a_sentence(design: fp.Design, reason: str, settings: dict[str, Any], expected: str) -> None:
+    given = dict.fromkeys(["patience", "time_limit"]) | settings
+    changed = with_changes(
+        design, stop_reason=reason, settings=SimpleNamespace(seed=0, n_candidates=5, max_iterations=4, **given)
+    )
+    assert expected in words(report.to_text(report.design_report(changed)))
+
+
+def test_under_the_noise_there_is_one_table(design: fp.Design) -> None:
+    evaluated = evaluate_points(problem(NOISE_STD), design.points)
+    assert evaluated.under_noise is evaluated.evaluation
+    text = report.to_text(report.evaluation_report(evaluated))
+    assert text.count("prior std   standard error") == 1
+    assert "promise" not in text
+
+
+def test_without_noise_nothing_is_promised_and_left_out_outputs_are_named(design: fp.Design) -> None:
+    evaluated = evaluate_points(problem(None), design.points)
+    text = words(report.to_text(report.evaluation_report(evaluated)))
+    assert evaluated.under_noise is None
+    assert "Give [noise_std]" in text
+    assert "x_v: no noise is given and no parameter" in text
+
+
+def test_singular_designs_name_what_they_do_not_determine(design: fp.Design, tmp_path: Path) -> None:
+    evaluated = evaluate_points(problem(NOISE_STD), design.points[:1])
+    text = words(report.to_text(report.evaluation_report(evaluated)))
+    assert f"{evaluated.evaluation.rank} of 9: singular" in text
+    assert text.count("not determined") == len(evaluated.evaluation.null_directions)
+    assert parameter_frame(evaluated.problem, evaluated.evaluation).standard_error.isna().all()
+    assert len(plots.save_all(evaluated, tmp_path)) == 4
+
+
+def test_weak_parameters_are_those_above_half_the_prior(design: fp.Design) -> None:
+    evaluated = evaluate_points(problem(NOISE_STD, "pooled"), design.points)
+    assert evaluated.under_noise is not None
+    frame = parameter_frame(evaluated.problem, evaluated.under_noise)
+    weak = tuple(frame.index[frame.of_prior > 0.5])
+    assert evaluated.under_noise.weak_parameters == weak
+    text = words(report.to_text(report.evaluation_report(evaluated)))
+    assert ("stays above half the prior std" in text) == bool(weak)
+
+
+def test_simulation_report_counts_statuses() -> None:
+    model = fp.HydraulicCylinder()
+    points = fp.Experiments(
+        [
+            [
+                0.15,
+                0.1,
+                8e6,
+                8e6,
+                0.5,
+            ]
+        ]
+        * 50,
+        [[-0.5]] * 50,
+        np.full(50, 2e-3),
+    )
+    theta = np.array(list(model.nominal.values()))
+    done = fp.simulate(model, points, theta)
+    status = np.array(done.status)
+    status[3] = fp.Status.left_domain
+    text = words(report.to_text(report.simulation_report(model, points, done.y, status)))
+    assert "ok 49" in text
+    assert "left_domain 1" in text
+    assert "... and 10 more" in text
+    frame = simulation_frame(model, points, done.y, status)
+    assert list(frame.status[:4]) == ["ok", "ok", "ok", "left_domain"]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (report.number(1.2e9), "1.2e9"),
+        (report.number(-2.5e-10), "-2.5e-10"),
+        (report.number(float("nan")), "-"),
+        (report.result(2e-10), "2.00e-10"),
+        (report.result(150.0), "150"),
+        (report.percent(0.0123), "1.23 %"),
+        (report.percent(1.0), "100 %"),
+        (report.percent(12.34), "12.3 times"),
+    ],
+)
+def test_numbers(text: str, expected: str) -> None:
+    assert text == expected
+
+
+def test_columns_line_up() -> None:
+    assert report.column_text([0.5, -0.0312, float("nan")]) == ["0.5000", "-0.0312", "-"]
+    assert report.column_text([2e6, 1.9e7]) == ["2.000e6", "1.900e7"]
+    assert report.column_text([0.0, 0.0]) == ["0", "0"]
+
+
+def test_every_picture_is_a_figure_of_its_own(design: fp.Design, tmp_path: Path) -> None:
+    for plot in (
+        plots.plot_criterion,
+        plots.plot_points,
+        plots.plot_standard_errors,
+        plots.plot_correlation,
+        plots.plot_trajectories,
+    ):
+        assert isinstance(plot(design), Figure)
+    paths = plots.save_all(design, tmp_path)
+    assert [path.name for path in paths] == [
+        "criterion.png",
+        "points.png",
+        "standard_errors.png",
+        "correlation.png",
+        "trajectories.png",
+    ]
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in paths)
+
+
+def test_pictures_do_not_need_pyplot() -> None:
+    code = "import sys, fisherpoint.plots; sys.exit('matplotlib.pyplot' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
