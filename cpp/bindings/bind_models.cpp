@@ -11,16 +11,16 @@
 namespace fisherpoint::bindings {
 namespace {
 
-py::tuple quantities(const auto& list) {
-  py::tuple result(list.size());
-  for (std::size_t i = 0; i < list.size(); ++i)
-    result[i] = py::make_tuple(std::string(list[i].name), std::string(list[i].unit), std::string(list[i].description), list[i].scale);
+py::list quantities(const auto& all) {
+  py::list result;
+  for (const Quantity& q : all)
+    result.append(py::make_tuple(std::string(q.name), std::string(q.unit), std::string(q.description), q.scale));
   return result;
 }
 
-py::tuple names(const auto& surfaces) {
-  py::tuple result(surfaces.size());
-  for (std::size_t i = 0; i < surfaces.size(); ++i) result[i] = std::string(surfaces[i].name);
+py::list names(const auto& surfaces) {
+  py::list result;
+  for (const Surface& surface : surfaces) result.append(std::string(surface.name));
   return result;
 }
 

@@ -17,12 +17,14 @@ void bind_prior_grid(py::module_& m) {
       "mean"_a, "std"_a, "levels"_a, "span"_a, "Values and cell probabilities (13) of one parameter.");
 
   py::class_<PriorGrid>(m, "PriorGrid", "Tensor product of axes; the last runs fastest.")
-      .def(py::init([](const std::vector<std::pair<std::vector<double>, std::vector<double>>>& axes) {
+      .def(py::init([](const std::vector<std::pair<Input, Input>>& axes) {
              std::vector<Axis> checked;
              for (const auto& [values, probabilities] : axes) {
-               if (values.empty() || values.size() != probabilities.size())
-                 throw py::value_error("axis: expected as many values as probabilities, at least one");
-               checked.push_back({values, probabilities});
+               check_shape(values, {-1}, "axis values");
+               check_shape(probabilities, {values.shape(0)}, "axis probabilities");
+               if (values.shape(0) == 0) throw py::value_error("axis values: expected at least one, given none");
+               checked.push_back({{values.data(), values.data() + values.size()},
+                                  {probabilities.data(), probabilities.data() + probabilities.size()}});
              }
              return PriorGrid(std::move(checked));
            }),

@@ -105,6 +105,5 @@ void bind_model(py::module_& m) {
 
 PYBIND11_MODULE(FISHERPOINT_MODULE, m) {
   pybind11::module_::import("fisherpoint._core");  // registers the types that the kernels take
-  m.attr("lanes") = fisherpoint::native_lanes;
   fisherpoint::bindings::bind_model<fisherpoint::HydraulicCylinder>(m);
 }

@@ -25,7 +25,8 @@ class CandidateSource:
         With a region.
     rng : numpy.random.Generator
     grid : bool
-        Whether every candidate is tried on the whole grid and gets its predictive covariance; otherwise only the nominal trajectory is,
+        Whether every candidate is tried on the whole grid and gets its predictive covariance; otherwise only the nominal
+        trajectory is,
         and `confirm` tries the grid for those that matter.
     threads : int or None
 
@@ -88,7 +89,9 @@ class CandidateSource:
         tried = 0
         while (have := sum(map(len, found))) < count:
             if tried >= MAX_DRAWN_PER_CANDIDATE + 20 * count:
-                raise ValueError(f"region: expected points that survive on the prior grid, given {have} of {tried} tried: widen or move it")
+                raise ValueError(
+                    f"region: expected points that survive on the prior grid, given {have} of {tried} tried: widen or move it"
+                )
             batch = self.draw(count - have)
             tried += len(batch)
             found.append(batch[self.confirm(batch)])

@@ -58,9 +58,7 @@ def _version(asked: bool) -> None:
 
 @app.callback()
 def _main(
-    show_version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
-    ] = False,
+    show_version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")] = False,
 ) -> None:
     """Which short experiments to run so that the parameters of a nonlinear state space model come out precise."""
 
@@ -249,10 +247,7 @@ def _exchange(problem: fp.DesignProblem, settings: dict[str, Any], threads: int 
         def progress(now: fp.Progress) -> None:
             rate = now.drawn / now.seconds if now.seconds > 0 else 0.0
             rejected = now.rejected / now.drawn if now.drawn else 0.0
-            state = (
-                f"log det {now.log_det:.3f}, {now.exchanges} exchanges, "
-                f"{rate:.0f} candidates/s, {rejected:.0%} rejected"
-            )
+            state = f"log det {now.log_det:.3f}, {now.exchanges} exchanges, {rate:.0f} candidates/s, {rejected:.0%} rejected"
             if now.iteration == now.max_iterations:
                 state = "comparing with the noise-only optimum and random designs"
             bar.update(task, completed=now.iteration, total=now.max_iterations, state=state)

@@ -18,10 +18,9 @@ from pydantic_core import PydanticCustomError
 import fisherpoint as fp
 
 from .config_messages import ConfigError, describe, fail, listed, toml, unknown_key
+from .models import MODELS
 
 __all__ = ["Config", "ConfigError", "load_config"]
-
-MODELS = {"hydraulic_cylinder": fp.HydraulicCylinder}
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]

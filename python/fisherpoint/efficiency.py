@@ -1,7 +1,10 @@
 """What a design is worth beside others: the best under the sensor noise, random ones, and the bound of the pooled form.
 
-The criterion's own value says little. To first order (7), (16) and (17) without noise give tr(Sigma_theta F) = 2 n_y for every design, so
-that log det(Sigma_theta F) <= p log(2 n_y / p), whatever the points are; what counts is the information under the sensor noise.
+The criterion's own value says little. To first order (7), (16) and (17) without noise give tr(Sigma_theta F) = 2 n_y for
+every design, so
+that log det(Sigma_theta F) <= p log(2 n_y / p), whatever the points are; what counts is the information under the sensor
+noise. Here
+Sigma_theta is the covariance that the rule's nodes have, which is not quite the prior's.
 """
 
 from __future__ import annotations
@@ -36,7 +39,9 @@ class Efficiency:
     below_random : bool
         Whether the design is worse than the median random design.
     bound, vs_bound : float or None
-        The closed bound p log(2 n_y / p) where D is "pooled" without noise, and the D-efficiency against it; to first order.
+        The closed bound where D is "pooled" without noise and every estimated parameter varies over the nodes, and the
+        D-efficiency against
+        it; to first order in the spread of the outputs, so that a design can exceed it a little.
     """
 
     under_noise: float | None
@@ -66,7 +71,11 @@ def efficiency_of(
 ) -> Efficiency:
     """Collect the comparison of a design whose log dets under its criterion and under the noise are given."""
     p, n_y = len(problem.estimated), int(d.used.sum())
-    bound = p * float(np.log(2 * n_y / p)) if d.kind == "pooled" and problem.noise_std is None else None
+    variances = problem.rule.variances(problem.prior)
+    shares = np.array([variances[name] for name in problem.estimated])
+    bound = None
+    if d.kind == "pooled" and problem.noise_std is None and (shares > 0).all():
+        bound = float(p * np.log(2 * n_y / p) - np.log(shares).sum())
     if under_noise is not None and noise_optimum is not None:
         noise_optimum = max(noise_optimum, under_noise)
     vs_random = d_efficiency(under_noise, random_median, p)

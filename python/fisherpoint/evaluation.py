@@ -128,7 +128,9 @@ def evaluate_information(problem: DesignProblem, information: PointInformation, 
         correlation = standardised / np.outer(errors, errors)
         covariance = standardised * np.outer(std, std)
         standard_errors = MappingProxyType(dict(zip(names, (errors * std).tolist(), strict=True)))
-        rse = MappingProxyType({name: standard_errors[name] / abs(problem.prior.mean[name]) for name in names if problem.prior.mean[name]})
+        rse = MappingProxyType(
+            {name: standard_errors[name] / abs(problem.prior.mean[name]) for name in names if problem.prior.mean[name]}
+        )
     else:
         log_det = -np.inf
 

@@ -1,6 +1,7 @@
 """The exchange algorithm, Algorithm 1.
 
-Lines 11 and 13 print "arg min"; the reading is that the candidate with the largest Phi enters, and the point whose removal leaves the
+Lines 11 and 13 print "arg min"; the reading is that the candidate with the largest Phi enters, and the point whose removal
+leaves the
 largest Phi leaves. That may be the candidate itself, so Phi never falls.
 """
 
@@ -26,7 +27,8 @@ from .quantity import as_float, check_positive_int
 from .trajectories import resolve_threads
 
 RIDGE = 1e-9
-"""Share of the prior's information that is added to F as long as a design is singular, so that singular designs can be told apart."""
+"""Share of the prior's information that is added to F as long as a design is singular, so that singular designs can be told
+apart."""
 
 
 class Progress(NamedTuple):

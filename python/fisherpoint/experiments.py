@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .models import HydraulicCylinder
 from .quantity import Array, as_floats, names_of
@@ -56,10 +57,10 @@ class Experiments:
     def __len__(self) -> int:
         return len(self.dt)
 
-    def __getitem__(self, index: int | slice | ArrayLike) -> Experiments:
-        rows = [int(index)] if isinstance(index, int | np.integer) else index
-        if isinstance(rows, list) and not -len(self) <= rows[0] < len(self):
+    def __getitem__(self, index: int | slice | Sequence[int] | NDArray[Any]) -> Experiments:
+        if isinstance(index, int | np.integer) and not -len(self) <= index < len(self):
             raise IndexError(f"points: expected an index below {len(self)}, given {index}")
+        rows = np.arange(len(self))[np.asarray(index) if isinstance(index, list | tuple) else index].reshape(-1)
         return Experiments(self.x0[rows], self.u[rows], self.dt[rows], self.columns)
 
     def __iter__(self) -> Iterator[Experiments]:
@@ -125,7 +126,9 @@ class Experiments:
                 try:
                     table[k, j] = float(row[header.index(name)])
                 except ValueError as error:
-                    raise ValueError(f"{path}: row {k + 1}, column {name}: expected a number, given {row[header.index(name)]!r}") from error
+                    raise ValueError(
+                        f"{path}: row {k + 1}, column {name}: expected a number, given {row[header.index(name)]!r}"
+                    ) from error
         return cls(table[:, :n_x], table[:, n_x:-1], table[:, -1], _columns(model))
 
 

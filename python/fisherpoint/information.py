@@ -1,4 +1,4 @@
-"""What the core computes of points, in the form that the Fisher matrix takes it: standardised sensitivities and predictive covariances."""
+"""Points as the Fisher matrix takes them: standardised sensitivities and predictive covariances."""
 
 from __future__ import annotations
 
@@ -75,5 +75,7 @@ def point_information(problem: DesignProblem, points: Experiments, grid: bool, t
     if len(bad):
         first = Status(status[bad[0]])
         listed = ", ".join(f"{k} ({Status(status[k]).name})" for k in bad[:5])
-        raise ValueError(f"points: expected trajectories that are ok, given {listed}{' ...' if len(bad) > 5 else ''}. {first.advice}")
+        raise ValueError(
+            f"points: expected trajectories that are ok, given {listed}{' ...' if len(bad) > 5 else ''}. {first.advice}"
+        )
     return information

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from . import _core
 
 if TYPE_CHECKING:
-    from . import _kernels as kernels
+    from . import _kernels as kernels  # the stub that all levels share
 
 
 def _module(level: str) -> str:
@@ -38,6 +38,8 @@ def _choose() -> str:
         raise ImportError(f"FISHERPOINT_ISA: expected one of {', '.join(available)}, given {wanted!r}")
     return wanted
 
+
+__all__ = ["available_isas", "isa", "kernels"]
 
 _ISA = _choose()
 if not TYPE_CHECKING:

@@ -24,7 +24,8 @@ _region_means: WeakKeyDictionary[DesignProblem, Array] = WeakKeyDictionary()
 class Criterion:
     """log det F as a function of points, for one form of D.
 
-    D = `given`, plus the mean predictive covariance of the points where `pooled`. For "pointwise" every point is whitened with its own D
+    D = `given`, plus the mean predictive covariance of the points where `pooled`. For "pointwise" every point is whitened
+    with its own D
     when it is prepared, and `given` is the identity.
     """
 
@@ -50,7 +51,8 @@ class Criterion:
 
     def output_covariance(self, prepared: PointInformation) -> Array:
         """D (n, n) of the accumulator; the identity for "pointwise"."""
-        return self.accumulate(prepared).output_covariance(self.given, self.pooled)
+        d: Array = self.accumulate(prepared).output_covariance(self.given, self.pooled)
+        return d
 
 
 def needs_grid(kind: str) -> bool:
@@ -101,7 +103,9 @@ def check_regular(d: Array, names: list[str], kind: str) -> None:
     scale = np.sqrt(np.maximum(np.diag(d), 0))
     flat = [name for name, s in zip(names, scale, strict=True) if not s > 0]
     if flat:
-        raise ValueError(f"output_covariance {kind!r}: expected a regular D, given no variance of {', '.join(flat)}: give noise_std")
+        raise ValueError(
+            f"output_covariance {kind!r}: expected a regular D, given no variance of {', '.join(flat)}: give noise_std"
+        )
     values, vectors = np.linalg.eigh(d / np.outer(scale, scale))
     if not values[0] > 1e-12:
         involved = [name for name, v in zip(names, vectors[:, 0], strict=True) if abs(v) > 0.1]

@@ -104,9 +104,7 @@ def plot_standard_errors(design: Evaluated) -> Figure:
                 va="center",
                 color=series[0][2],
             )
-        figure.legend(
-            loc="outside upper left", ncols=2, title="Prior against predicted standard errors", alignment="left"
-        )
+        figure.legend(loc="outside upper left", ncols=2, title="Prior against predicted standard errors", alignment="left")
     return figure
 
 

@@ -87,9 +87,7 @@ def plot_trajectories(design: Evaluated, max_points: int = 24, max_nodes: int = 
             factor, unit = scale(output, nominal[:, :, j])
             for k, axes in enumerate(grid[:, j]):
                 time = 1e3 * points.dt[k] * fractions
-                band = axes.fill_between(
-                    time, factor * low[k, :, j], factor * high[k, :, j], color=NOISE, alpha=0.3, linewidth=0
-                )
+                band = axes.fill_between(time, factor * low[k, :, j], factor * high[k, :, j], color=NOISE, alpha=0.3, linewidth=0)
                 (line,) = axes.plot(time, factor * nominal[k, :, j], color=NOISE, linewidth=1.3)
                 handles = [line, band]
                 labels = ["at the prior mean", "5 to 95 % over the prior"]
@@ -168,10 +166,7 @@ def _number_points(axes: Axes, x: Floats, y: Floats) -> None:
         half = np.array([2.4 * len(text), 4.0])  # width and height of the text
         others = np.array([other for other in occupied if not np.allclose(other, here)]).reshape(-1, 2)
         offsets = (half + 5.5) * around
-        gaps = [
-            np.min(np.hypot(*np.maximum(np.abs(here + offset - others) - half, 0.0).T), initial=12.0)
-            for offset in offsets
-        ]
+        gaps = [np.min(np.hypot(*np.maximum(np.abs(here + offset - others) - half, 0.0).T), initial=12.0) for offset in offsets]
         offset = offsets[int(np.argmax(gaps))]
         occupied.append(here + offset)
         label = axes.annotate(text, start, offset, textcoords="offset points", ha="center", va="center", zorder=4)
@@ -207,9 +202,7 @@ def _mean(design: Evaluated) -> Floats:
     return np.array([prior.mean[quantity.name] for quantity in design.problem.model.parameters])
 
 
-def _trajectories(
-    problem: fp.DesignProblem, points: fp.Experiments, fractions: Floats, theta: Floats
-) -> tuple[Floats, Floats]:
+def _trajectories(problem: fp.DesignProblem, points: fp.Experiments, fractions: Floats, theta: Floats) -> tuple[Floats, Floats]:
     """States (K, N, T, n_x) and outputs (K, N, T, n_y) of every point for N theta at T fractions of dt, in one call.
 
     A trajectory that does not reach a fraction is NaN from there on.

@@ -45,7 +45,9 @@ class GaussianPrior:
             value = as_float(spread[name], f"{label}[{name!r}]")
             stds[name] = value if std is not None else value * abs(means[name])
             if not stds[name] > 0:
-                raise ValueError(f"{label}[{name!r}]: expected a positive standard deviation, given {value:g} (mean {means[name]:g})")
+                raise ValueError(
+                    f"{label}[{name!r}]: expected a positive standard deviation, given {value:g} (mean {means[name]:g})"
+                )
         self._mean, self._std = MappingProxyType(means), MappingProxyType(stds)
 
     @property

@@ -36,7 +36,8 @@ class DesignProblem:
     rule : TensorGrid
         How expectations over the prior are taken.
     output_covariance : {"noise", "region", "pooled", "pointwise"}, optional
-        D of (7): R alone; R plus the mean predictive covariance over a fixed sample of the region; R plus that over the design's points,
+        D of (7): R alone; R plus the mean predictive covariance over a fixed sample of the region; R plus that over the
+        design's points,
         (17); or R plus each point's own. Default: "noise" where `noise_std` is given, else "region".
     parameters : sequence of str, optional
         Names of the parameters to estimate; the others are known to be at their mean. Default: all.
@@ -94,7 +95,9 @@ class DesignProblem:
         default = "noise" if self.noise_std is not None else "region"
         set_field(self, "output_covariance", default if self.output_covariance is None else self.output_covariance)
         if self.output_covariance not in OUTPUT_COVARIANCES:
-            raise ValueError(f"output_covariance: expected one of {', '.join(OUTPUT_COVARIANCES)}; given {self.output_covariance!r}")
+            raise ValueError(
+                f"output_covariance: expected one of {', '.join(OUTPUT_COVARIANCES)}; given {self.output_covariance!r}"
+            )
         if self.output_covariance == "noise" and self.noise_std is None:
             raise ValueError("noise_std: expected the sensor noise for output_covariance='noise', given none")
         if self.output_covariance == "region" and self.region is None:

@@ -74,7 +74,9 @@ class ExperimentRegion:
         for constraint, holds in zip(self.constraints, self._holds, strict=True):
             mask = np.asarray(holds(MappingProxyType(columns)))
             if mask.shape != result.shape or mask.dtype != np.bool_:
-                raise ValueError(f"constraint {constraint!r}: expected a boolean array of shape {result.shape}, given {mask.dtype} {mask.shape}")
+                raise ValueError(
+                    f"constraint {constraint!r}: expected a boolean array of shape {result.shape}, given {mask.dtype} {mask.shape}"
+                )
             result &= mask
         return result
 

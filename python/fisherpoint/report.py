@@ -42,9 +42,7 @@ def evaluation_report(evaluated: Evaluated) -> Group:
     return Group(*parts, *_warnings(evaluated, None))
 
 
-def simulation_report(
-    model: fp.HydraulicCylinder, points: fp.Experiments, y: NDArray[Any], status: NDArray[Any]
-) -> Group:
+def simulation_report(model: fp.HydraulicCylinder, points: fp.Experiments, y: NDArray[Any], status: NDArray[Any]) -> Group:
     """The report of `fisherpoint simulate`: the outputs at dt and how the trajectories ended, with advice."""
     table = _table(f"Outputs after dt at the prior mean, {len(points)} points", ["#"])
     columns = [(quantity, y[:, i]) for i, quantity in enumerate(model.outputs)]

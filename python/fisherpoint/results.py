@@ -43,9 +43,7 @@ def evaluate_points(problem: fp.DesignProblem, points: fp.Experiments, threads: 
     return EvaluatedPoints(problem, points, evaluation, fp.evaluate_under_noise(problem, points, threads=threads))
 
 
-def simulation_frame(
-    model: fp.HydraulicCylinder, points: fp.Experiments, y: NDArray[Any], status: NDArray[Any]
-) -> pd.DataFrame:
+def simulation_frame(model: fp.HydraulicCylinder, points: fp.Experiments, y: NDArray[Any], status: NDArray[Any]) -> pd.DataFrame:
     """The points with their outputs at dt (``y_...``) and the names of their statuses, one row per point."""
     names = [*(quantity.name for quantity in (*model.states, *model.inputs)), "dt"]
     frame = pd.DataFrame(np.column_stack([points.x0, points.u, points.dt]), columns=names)

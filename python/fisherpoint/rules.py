@@ -16,7 +16,8 @@ from .quantity import Array, as_float, check_names, check_positive_int
 class TensorGrid:
     """Equidistant cells per parameter, eq. (13).
 
-    Each parameter takes `levels` values from mean - span std to mean + span std, each with the probability of its cell, a difference
+    Each parameter takes `levels` values from mean - span std to mean + span std, each with the probability of its cell, a
+    difference
     of the normal distribution function; a node's weight is the product. One level is the mean, with weight 1.
 
     Parameters
@@ -50,6 +51,14 @@ class TensorGrid:
     def size(self, prior: GaussianPrior) -> int:
         """Return the number of nodes R."""
         return prod(self.levels_of(prior).values())
+
+    def variances(self, prior: GaussianPrior) -> dict[str, float]:
+        """Return what the grid makes of each parameter's variance, as a share of the prior's; 0 for a single level."""
+        shares = {}
+        for name, levels in self.levels_of(prior).items():
+            z, probability = _core.cells(0.0, 1.0, levels, self.span)
+            shares[name] = float(probability @ z**2 / probability.sum())
+        return shares
 
     def nodes(self, prior: GaussianPrior) -> tuple[Array, Array]:
         """Return the nodes theta (R, p) and the cell probabilities (R,); the last parameter runs fastest.

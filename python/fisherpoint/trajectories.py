@@ -8,7 +8,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .experiments import Experiments
 from .kernels import kernels
@@ -37,7 +37,7 @@ class Status(IntEnum):
 _ADVICE = {
     Status.ok: "The trajectory reached its end.",
     Status.met_jump: "The right-hand side jumps on the way (the velocity changes its sign): start faster or sample earlier.",
-    Status.left_domain: "The trajectory left the model's domain (a pressure reached tank or supply): start further inside or sample earlier.",
+    Status.left_domain: "A pressure reached tank or supply, past which the model has no value: start further inside or sample earlier.",
     Status.step_limit: "The tolerance asks for more or smaller steps than allowed: loosen rtol or sample earlier.",
     Status.not_finite: "The right-hand side overflowed inside the domain: check the constants and parameters.",
     Status.met_kink: "The trajectory crosses a kink (the valve passes its centre), which kinks='exclude' forbids.",
@@ -166,9 +166,7 @@ def predictive_covariance(
     ordered = GaussianPrior({n: prior.mean[n] for n in names}, {n: prior.std[n] for n in names})
     grid = rule.grid(ordered, parameters)
     arguments = _checked(model, points, theta, rtol, threads, kinks)
-    return PredictiveCovariance(
-        *kernels.predictive_covariance(model.core, points.x0, points.u, points.dt, theta, grid, *arguments)
-    )
+    return PredictiveCovariance(*kernels.predictive_covariance(model.core, points.x0, points.u, points.dt, theta, grid, *arguments))
 
 
 def resolve_threads(threads: int | None) -> int:
@@ -200,7 +198,7 @@ def check_kinks(kinks: str) -> bool:
     return kinks == "cross"
 
 
-def on_surface(model: HydraulicCylinder, points: Experiments, theta: Array) -> dict[str, Array]:
+def on_surface(model: HydraulicCylinder, points: Experiments, theta: Array) -> dict[str, NDArray[np.intp]]:
     """Return for each switching surface the indices of the points that start on it."""
     values = model.switching(points.x0, points.u, theta) if len(points) else np.empty((0, len(model.jumps + model.kinks)))
     surfaces = (*model.jumps, *model.kinks)

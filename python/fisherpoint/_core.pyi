@@ -1,0 +1,186 @@
+"""
+What the core does once, whatever the instruction set: models, prior grid, Fisher accumulator.
+"""
+
+from __future__ import annotations
+import collections.abc
+import numpy
+import numpy.typing
+import typing
+
+__all__: list[str] = ["FisherAccumulator", "HydraulicCylinder", "PriorGrid", "cells", "log_det", "supported_isas"]
+
+class HydraulicCylinder:
+    domain: typing.ClassVar[list[typing.Any]] = ["p_A - p_t", "p_s - p_A", "p_B - p_t", "p_s - p_B", "V_A", "V_B"]
+    inputs: typing.ClassVar[list[typing.Any]] = [("u", "1", "valve control value", 1.0)]
+    jumps: typing.ClassVar[list[typing.Any]] = ["v"]
+    kinks: typing.ClassVar[list[typing.Any]] = ["x_v"]
+    name: typing.ClassVar[str] = "hydraulic_cylinder"
+    outputs: typing.ClassVar[list[typing.Any]] = [
+        ("q", "m", "piston position", 0.5),
+        ("p_A", "Pa", "pressure in chamber A", 10000000.0),
+        ("p_B", "Pa", "pressure in chamber B", 10000000.0),
+        ("x_v", "1", "valve spool position", 1.0),
+    ]
+    parameters: typing.ClassVar[list[typing.Any]] = [
+        ("a_tau", "N", "Coulomb friction", 1.0),
+        ("b_tau", "N s/m", "viscous friction", 1.0),
+        ("m_q", "kg", "moved mass", 1.0),
+        ("E_oil", "Pa", "bulk modulus of the oil", 1.0),
+        ("p_t", "Pa", "tank pressure", 1.0),
+        ("B_v", "m3/(s sqrt(Pa))", "valve flow coefficient, c_d sqrt(2/rho)", 1.0),
+        ("c_L", "m3/(s sqrt(Pa))", "leakage coefficient", 1.0),
+        ("V_0A", "m3", "dead volume of chamber A", 1.0),
+        ("V_0B", "m3", "dead volume of chamber B", 1.0),
+    ]
+    states: typing.ClassVar[list[typing.Any]] = [
+        ("q", "m", "piston position", 0.5),
+        ("v", "m/s", "piston velocity", 1.0),
+        ("p_A", "Pa", "pressure in chamber A", 10000000.0),
+        ("p_B", "Pa", "pressure in chamber B", 10000000.0),
+        ("x_v", "1", "valve spool position", 1.0),
+    ]
+    def __init__(
+        self,
+        *,
+        A_A: typing.SupportsFloat | typing.SupportsIndex = 0.0019635,
+        A_B: typing.SupportsFloat | typing.SupportsIndex = 0.00094562,
+        q_min: typing.SupportsFloat | typing.SupportsIndex = 0.0,
+        q_max: typing.SupportsFloat | typing.SupportsIndex = 0.3,
+        p_s: typing.SupportsFloat | typing.SupportsIndex = 21000000.0,
+        T_1: typing.SupportsFloat | typing.SupportsIndex = 0.0022,
+        k_u: typing.SupportsFloat | typing.SupportsIndex = -1.0,
+    ) -> None: ...
+    def limits(
+        self,
+        x: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    ) -> numpy.typing.NDArray[numpy.float64]: ...
+    def output(
+        self,
+        x: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    ) -> numpy.typing.NDArray[numpy.float64]: ...
+    def rhs(
+        self,
+        x: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    ) -> numpy.typing.NDArray[numpy.float64]: ...
+    def switching(
+        self,
+        x: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    ) -> numpy.typing.NDArray[numpy.float64]: ...
+    @property
+    def A_A(self) -> float: ...
+    @property
+    def A_B(self) -> float: ...
+    @property
+    def T_1(self) -> float: ...
+    @property
+    def k_u(self) -> float: ...
+    @property
+    def p_s(self) -> float: ...
+    @property
+    def q_max(self) -> float: ...
+    @property
+    def q_min(self) -> float: ...
+
+class PriorGrid:
+    """
+    Tensor product of axes; the last runs fastest.
+    """
+    def __init__(
+        self,
+        axes: collections.abc.Sequence[
+            tuple[
+                typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+                typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+            ]
+        ],
+    ) -> None: ...
+    def __len__(self) -> int: ...
+    def nodes(self) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]: ...
+
+class FisherAccumulator:
+    """
+    Fisher matrix (7) of a set of points, for any output covariance.
+    """
+    def __init__(
+        self, outputs: typing.SupportsInt | typing.SupportsIndex, parameters: typing.SupportsInt | typing.SupportsIndex
+    ) -> None: ...
+    def __len__(self) -> int: ...
+    def add(
+        self,
+        dy_dtheta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        predictive_covariance: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    ) -> None:
+        """
+        Add points: (K, n_y, p) and (K, n_y, n_y).
+        """
+    def fisher(
+        self, output_covariance: typing.Annotated[numpy.typing.ArrayLike, numpy.float64]
+    ) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        F (p, p) by (7).
+        """
+    def log_det_with(
+        self,
+        dy_dtheta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        predictive_covariance: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        given: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        pooled: bool,
+        ridge: typing.SupportsFloat | typing.SupportsIndex = 0.0,
+    ) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        log det F with each of the points added alone.
+        """
+    def log_det_without(
+        self,
+        dy_dtheta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        predictive_covariance: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        given: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        pooled: bool,
+        ridge: typing.SupportsFloat | typing.SupportsIndex = 0.0,
+    ) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        log det F with each of the points removed alone.
+        """
+    def output_covariance(
+        self, given: typing.Annotated[numpy.typing.ArrayLike, numpy.float64], pooled: bool
+    ) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        D = given, plus the mean predictive covariance (17) where pooled.
+        """
+    def remove(
+        self,
+        dy_dtheta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        predictive_covariance: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    ) -> None:
+        """
+        Remove points that were added.
+        """
+
+def cells(
+    mean: typing.SupportsFloat | typing.SupportsIndex,
+    std: typing.SupportsFloat | typing.SupportsIndex,
+    levels: typing.SupportsInt | typing.SupportsIndex,
+    span: typing.SupportsFloat | typing.SupportsIndex,
+) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]:
+    """
+    Values and cell probabilities (13) of one parameter.
+    """
+
+def log_det(matrix: typing.Annotated[numpy.typing.ArrayLike, numpy.float64]) -> float:
+    """
+    log det by Cholesky; -inf where the matrix is not positive definite.
+    """
+
+def supported_isas() -> list[str]:
+    """
+    Instruction-set levels that this machine has, the best last.
+    """

@@ -1,0 +1,47 @@
+from __future__ import annotations
+import fisherpoint._core
+import numpy
+import numpy.typing
+import typing
+
+__all__: list[str] = ["predictive_covariance", "sensitivities", "simulate"]
+
+def predictive_covariance(
+    model: fisherpoint._core.HydraulicCylinder,
+    x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    dt: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    grid: fisherpoint._core.PriorGrid,
+    rtol: typing.SupportsFloat | typing.SupportsIndex,
+    cross_kinks: bool,
+    threads: typing.SupportsInt | typing.SupportsIndex,
+) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int32]]: ...
+def sensitivities(
+    model: fisherpoint._core.HydraulicCylinder,
+    x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    dt: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    rtol: typing.SupportsFloat | typing.SupportsIndex,
+    cross_kinks: bool,
+    threads: typing.SupportsInt | typing.SupportsIndex,
+) -> tuple[
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.int32],
+]: ...
+def simulate(
+    model: fisherpoint._core.HydraulicCylinder,
+    x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    dt: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    rtol: typing.SupportsFloat | typing.SupportsIndex,
+    cross_kinks: bool,
+    threads: typing.SupportsInt | typing.SupportsIndex,
+) -> tuple[
+    numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int32]
+]: ...
