@@ -1,0 +1,96 @@
+// Small models with known answers, and a plain double-precision route to every trajectory.
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <string_view>
+#include <tuple>
+
+#include "fisherpoint/hydraulic_cylinder.hpp"
+#include "fisherpoint/integrate.hpp"
+#include "fisherpoint/model.hpp"
+#include "fisherpoint/sensitivity.hpp"
+#include "fisherpoint/state_equation.hpp"
+
+namespace fisherpoint::testing {
+
+// x'' = -w^2 x: x = a cos(w t) + b sin(w t) / w.
+struct Oscillator {
+  static constexpr std::string_view name = "oscillator";
+  static constexpr std::array states = {Quantity{"x", "1", "", 1.0}, Quantity{"v", "1", "", 1.0}};
+  static constexpr std::array inputs = {Quantity{"u", "1", "", 1.0}};
+  static constexpr std::array outputs = {states[0]};
+  static constexpr std::array parameters = {Quantity{"w", "1", "", 1.0}};
+  static constexpr std::array<Surface, 0> jumps = {}, kinks = {}, domain = {};
+  auto dynamics(const auto& theta) const {
+    const auto& [w] = theta;
+    const auto square = w * w;
+    return [=](const auto& x, const auto&, const auto&) { return std::tuple{std::get<1>(x), -(square * std::get<0>(x))}; };
+  }
+  auto output(const auto& x, const auto&, const auto&) const { return std::tuple{std::get<0>(x)}; }
+  auto switching(const auto&, const auto&, const auto&) const { return std::tuple{}; }
+  auto limits(const auto&, const auto&, const auto&) const { return std::tuple{}; }
+};
+
+// A ball thrown up: s' = v, v' = -g. Its height h = s - `floor` is a surface of the chosen kind.
+//   as a jump or a limit: the ball grazes or passes it (twice, when thrown from below);
+//   as a kink: v' = -g - k max(s - floor, 0), a spring above it.
+enum class Kind { jump, kink, limit };
+template <Kind kind>
+struct Ball {
+  double floor = 0.0;
+  static constexpr std::string_view name = "ball";
+  static constexpr std::array states = {Quantity{"s", "m", "", 1.0}, Quantity{"v", "m/s", "", 1.0}};
+  static constexpr std::array inputs = {Quantity{"u", "1", "", 1.0}};
+  static constexpr std::array outputs = {states[0]};
+  static constexpr std::array parameters = {Quantity{"g", "m/s2", "", 1.0}, Quantity{"k", "1/s2", "", 1.0}};
+  static constexpr std::array<Surface, kind == Kind::jump> jumps = {};
+  static constexpr std::array<Surface, kind == Kind::kink> kinks = {};
+  static constexpr std::array<Surface, kind == Kind::limit> domain = {};
+  auto dynamics(const auto& theta) const {
+    const auto& [g, k] = theta;
+    return [=, *this](const auto& x, const auto&, const auto& side) {
+      const auto& [s, v] = x;
+      if constexpr (kind == Kind::kink) {
+        const auto& [above] = side;
+        return std::tuple{v, -g - k * ((s - floor) * heaviside(above))};
+      } else {
+        return std::tuple{v, -g - k * (0.0 * v)};
+      }
+    };
+  }
+  auto output(const auto& x, const auto&, const auto&) const { return std::tuple{std::get<0>(x)}; }
+  auto switching(const auto& x, const auto&, const auto&) const {
+    if constexpr (kind == Kind::limit)
+      return std::tuple{};
+    else
+      return std::tuple{std::get<0>(x) - floor};
+  }
+  auto limits(const auto& x, const auto&, const auto&) const {
+    if constexpr (kind == Kind::limit)
+      return std::tuple{std::get<0>(x) - floor};
+    else
+      return std::tuple{};
+  }
+};
+
+inline constexpr std::array<double, 9> cylinder_theta = {400, 1500, 150, 1.2e9, 0.5e6, 1.782e-7, 2.5e-9, 5e-5, 4e-5};
+
+// One trajectory on number type P; every lane carries the same point.
+template <template <class, class> class Equation, class P, class M, std::size_t n_x, std::size_t n_u, std::size_t p>
+auto run(const M& model, const std::array<double, n_x>& x0, const std::array<double, n_u>& u, double dt,
+         const std::array<double, p>& theta, Tolerance tolerance = {}) {
+  using E = Equation<M, P>;
+  typename E::Theta packed_theta;
+  typename E::Input packed_u;
+  typename E::State state;
+  state.fill(P(0.0));
+  for (std::size_t i = 0; i < p; ++i) packed_theta[i] = P(theta[i]);
+  for (std::size_t i = 0; i < n_u; ++i) packed_u[i] = P(u[i]);
+  for (std::size_t i = 0; i < n_x; ++i) state[i] = P(x0[i]);
+  const E equation(model, packed_theta, packed_u);
+  const auto outcome = Integrator(equation, tolerance).run(state, P(dt), P(0.0));
+  return std::pair{state, outcome};
+}
+
+}  // namespace fisherpoint::testing

@@ -1,0 +1,68 @@
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "fisherpoint/pack.hpp"
+
+using namespace fisherpoint;
+constexpr int W = 2 * native_lanes;
+using P = Pack<W>;
+
+static P ramp(double first, double step) {
+  P r;
+  for (int i = 0; i < W; ++i) r.set(i, first + step * i);
+  return r;
+}
+
+TEST_CASE("arithmetic is that of the lanes") {
+  const P a = ramp(1.5, 0.25), b = ramp(-3.0, 0.75) + 0.1;
+  for (int i = 0; i < W; ++i) {
+    CHECK((a + b)[i] == a[i] + b[i]);
+    CHECK((a - b)[i] == a[i] - b[i]);
+    CHECK((a * b)[i] == a[i] * b[i]);
+    CHECK((a / b)[i] == a[i] / b[i]);
+    CHECK((-a)[i] == -a[i]);
+    CHECK(sqrt(a)[i] == std::sqrt(a[i]));
+    CHECK(abs(b)[i] == std::abs(b[i]));
+    CHECK(min(a, b)[i] == std::min(a[i], b[i]));
+    CHECK(max(a, b)[i] == std::max(a[i], b[i]));
+    CHECK((2.0 * a)[i] == 2.0 * a[i]);
+  }
+}
+
+TEST_CASE("masks select lane by lane, and NaN compares false") {
+  P a = ramp(0.0, 1.0);
+  a.set(1, std::numeric_limits<double>::quiet_NaN());
+  const auto small = a <= P(1.5);
+  CHECK(small[0]);
+  CHECK_FALSE(small[1]);
+  CHECK_FALSE((!small)[0]);
+  CHECK((!small)[1]);
+  CHECK(any(small));
+  CHECK_FALSE(any(small & !small));
+  CHECK_FALSE(any(Mask<W>::none()));
+  const P chosen = select(small, P(1.0), P(2.0));
+  CHECK(chosen[0] == 1.0);
+  CHECK(chosen[1] == 2.0);
+  for (int lane = 0; lane < W; ++lane) {
+    auto one = Mask<W>::none();
+    one.set(lane, true);
+    CHECK(any(one));
+  }
+}
+
+TEST_CASE("the tenth root is good enough for step control, and the same in pack and double") {
+  for (double a = 1e-20; a < 1e12; a *= 1.37) {
+    const double root = rough_inverse_tenth_root(a);
+    CHECK(root * std::pow(a, 0.1) == doctest::Approx(1.0).epsilon(0.006));
+    CHECK(rough_inverse_tenth_root(P(a))[W - 1] == doctest::Approx(root).epsilon(1e-14));
+  }
+}
+
+TEST_CASE("load and store keep the order of lanes") {
+  double from[W], to[W];
+  for (int i = 0; i < W; ++i) from[i] = i * i;
+  P::load(from).store(to);
+  for (int i = 0; i < W; ++i) CHECK(to[i] == from[i]);
+}

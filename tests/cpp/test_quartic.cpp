@@ -1,0 +1,30 @@
+#include <doctest/doctest.h>
+
+#include <cmath>
+
+#include "fisherpoint/quartic.hpp"
+
+using namespace fisherpoint;
+
+static Quartic<double> of(auto&& f, auto&& slope) { return Quartic<double>::through(f(0.0), slope(0.0), f(0.5), f(1.0), slope(1.0)); }
+
+TEST_CASE("a quartic is reproduced, and its zero found") {
+  const auto f = [](double s) { return (0.37 - s) * (1 + s * s) * (2 - s); };
+  const auto slope = [&](double s) { return (f(s + 1e-6) - f(s - 1e-6)) / 2e-6; };
+  CHECK(of(f, slope).zero() == doctest::Approx(0.37).epsilon(1e-9));
+}
+
+TEST_CASE("positive coefficients prove that there is no zero; a dip below zero between positive ends is never missed") {
+  for (double depth = -0.2; depth < 0.2; depth += 0.003) {
+    const auto f = [&](double s) { return 4 * (s - 0.45) * (s - 0.45) - depth; };
+    const auto slope = [&](double s) { return 8 * (s - 0.45); };
+    const auto q = of(f, slope);
+    if (depth >= 0) CHECK_FALSE(q.least_inside() > 0);
+  }
+  CHECK(of([](double) { return 1.0; }, [](double) { return 0.0; }).least_inside() == doctest::Approx(1.0));
+}
+
+TEST_CASE("a start on the surface has its zero there") {
+  const auto q = of([](double s) { return -s; }, [](double) { return -1.0; });
+  CHECK(q.zero() == doctest::Approx(0.0));
+}
