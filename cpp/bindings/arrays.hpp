@@ -24,7 +24,8 @@ inline void check_shape(const Input& array, const std::vector<py::ssize_t>& expe
   const std::vector<py::ssize_t> given(array.shape(), array.shape() + array.ndim());
   bool same = given.size() == expected.size();
   for (std::size_t i = 0; same && i < given.size(); ++i) same = expected[i] < 0 || given[i] == expected[i];
-  if (!same) throw py::value_error(std::string(name) + ": expected shape " + shape_text(expected) + ", given " + shape_text(given));
+  if (!same)
+    throw py::value_error(std::string(name) + ": expected shape " + shape_text(expected) + ", given " + shape_text(given));
 }
 
 inline py::array_t<double> empty(std::initializer_list<py::ssize_t> shape) {

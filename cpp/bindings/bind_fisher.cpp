@@ -21,12 +21,12 @@ void check_points(const FisherAccumulator& f, const Input& s, const Input& c) {
   check_shape(c, {s.shape(0), f.outputs(), f.outputs()}, "predictive_covariance");
 }
 
-py::array_t<double> changed(const FisherAccumulator& f, int sign, const Input& s, const Input& c, const Input& given, bool pooled,
-                            double ridge) {
+py::array_t<double> changed(const FisherAccumulator& f, int sign, const Input& s, const Input& c, const Input& given,
+                            bool pooled, double ridge) {
   check_points(f, s, c);
   auto result = empty({s.shape(0)});
-  f.log_det_changed(sign, static_cast<std::size_t>(s.shape(0)), s.data(), c.data(), {to_matrix(given, f.outputs(), "given"), pooled},
-                    ridge, result.mutable_data());
+  f.log_det_changed(sign, static_cast<std::size_t>(s.shape(0)), s.data(), c.data(),
+                    {to_matrix(given, f.outputs(), "given"), pooled}, ridge, result.mutable_data());
   return result;
 }
 
@@ -63,20 +63,24 @@ void bind_fisher(py::module_& m) {
           "given"_a, "pooled"_a, "D = given, plus the mean predictive covariance (17) where pooled.")
       .def(
           "fisher",
-          [](const FisherAccumulator& f, const Input& d) { return to_array(f.fisher(to_matrix(d, f.outputs(), "output_covariance"))); },
+          [](const FisherAccumulator& f, const Input& d) {
+            return to_array(f.fisher(to_matrix(d, f.outputs(), "output_covariance")));
+          },
           "output_covariance"_a, "F (p, p) by (7).")
       .def(
           "log_det_with",
           [](const FisherAccumulator& f, const Input& s, const Input& c, const Input& given, bool pooled, double ridge) {
             return changed(f, +1, s, c, given, pooled, ridge);
           },
-          "dy_dtheta"_a, "predictive_covariance"_a, "given"_a, "pooled"_a, "ridge"_a = 0.0, "log det F with each of the points added alone.")
+          "dy_dtheta"_a, "predictive_covariance"_a, "given"_a, "pooled"_a, "ridge"_a = 0.0,
+          "log det F with each of the points added alone.")
       .def(
           "log_det_without",
           [](const FisherAccumulator& f, const Input& s, const Input& c, const Input& given, bool pooled, double ridge) {
             return changed(f, -1, s, c, given, pooled, ridge);
           },
-          "dy_dtheta"_a, "predictive_covariance"_a, "given"_a, "pooled"_a, "ridge"_a = 0.0, "log det F with each of the points removed alone.");
+          "dy_dtheta"_a, "predictive_covariance"_a, "given"_a, "pooled"_a, "ridge"_a = 0.0,
+          "log det F with each of the points removed alone.");
 }
 
 }  // namespace fisherpoint::bindings

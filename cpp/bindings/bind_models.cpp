@@ -40,8 +40,9 @@ py::array_t<double> map_rows(const Input& x, const Input& u, const Input& theta,
   check_shape(theta, {count, sizes<M>::parameters}, "theta");
   auto result = empty({count, static_cast<py::ssize_t>(width)});
   for (py::ssize_t k = 0; k < count; ++k) {
-    const auto values = to_array<double>(function(row<double, sizes<M>::states>(x.data(k, 0)), row<double, sizes<M>::inputs>(u.data(k, 0)),
-                                                  row<double, sizes<M>::parameters>(theta.data(k, 0))));
+    const auto values =
+        to_array<double>(function(row<double, sizes<M>::states>(x.data(k, 0)), row<double, sizes<M>::inputs>(u.data(k, 0)),
+                                  row<double, sizes<M>::parameters>(theta.data(k, 0))));
     std::copy(values.begin(), values.end(), result.mutable_data(k, 0));
   }
   return result;

@@ -1,6 +1,6 @@
-// The kernels of one instruction set as a Python module: checks shapes, releases the interpreter lock, computes. Each instruction set is
-// a shared object of its own, because inline functions compiled for two of them and linked together would be merged, and the
-// baseline would run instructions that the machine may lack.
+// The kernels of one instruction set as a Python module: checks shapes, releases the interpreter lock, computes. Each
+// instruction set is a shared object of its own, because inline functions compiled for two of them and linked together would be
+// merged, and the baseline would run instructions that the machine may lack.
 #include <pybind11/stl.h>
 
 #include "arrays.hpp"
@@ -83,17 +83,20 @@ void bind_model(py::module_& m) {
 
   m.def(
       "predictive_covariance",
-      [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& nominal, const PriorGrid& grid, double rtol,
-         bool cross_kinks, int threads) {
+      [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& nominal, const PriorGrid& grid,
+         double rtol, bool cross_kinks, int threads) {
         const Points points = checked_points<M>(x0, u, dt);
         const auto count = static_cast<py::ssize_t>(points.count);
         check_shape(nominal, {p}, "theta");
-        if (grid.parameters() != p) throw py::value_error("prior grid: expected " + std::to_string(p) + " axes, given " + std::to_string(grid.parameters()));
+        if (grid.parameters() != p)
+          throw py::value_error("prior grid: expected " + std::to_string(p) + " axes, given " +
+                                std::to_string(grid.parameters()));
         auto covariance = empty({count, n_y, n_y});
         py::array_t<std::int32_t> status(count);
         const PredictiveCovariances out{covariance.mutable_data(), reinterpret_cast<Status*>(status.mutable_data())};
         run(threads, [&](const Workers& workers) {
-          predictive_covariance(model, points, nominal.data(), grid, {.relative = rtol, .cross_kinks = cross_kinks}, workers, out);
+          predictive_covariance(model, points, nominal.data(), grid, {.relative = rtol, .cross_kinks = cross_kinks}, workers,
+                                out);
         });
         return py::make_tuple(covariance, status);
       },

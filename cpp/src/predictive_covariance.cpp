@@ -10,7 +10,7 @@ void predictive_covariance(const M& model, const Points& points, const double* n
   predictive_covariance_packs<Pack<2 * native_lanes>>(model, points, nominal_theta, grid, tolerance, workers, out);
 }
 
-template void predictive_covariance(const HydraulicCylinder&, const Points&, const double*, const PriorGrid&,
-                                    const Tolerance&, const Workers&, const PredictiveCovariances&);
+template void predictive_covariance(const HydraulicCylinder&, const Points&, const double*, const PriorGrid&, const Tolerance&,
+                                    const Workers&, const PredictiveCovariances&);
 
 }  // namespace fisherpoint

@@ -88,19 +88,26 @@ def design(
     save_pictures = None if no_plots else _picture_writer(output)
     _make_directory(output)
 
-    found = _exchange(problem, settings, threads, show=not quiet)
+    try:
+        found = _exchange(problem, settings, threads, show=not quiet)
+    except KeyboardInterrupt:
+        _complain("interrupted before there was a design; nothing is saved")
+        return INTERRUPTED
     found.save(output)
     report = design_report(found)
     (output / "report.txt").write_text(to_text(report), encoding="utf-8")
     if not quiet:
         _show(report)
     written = ["design.csv", "design.json", "report.txt"]
-    if save_pictures is not None:
+    interrupted = found.stop_reason == "interrupted"
+    if save_pictures is not None and not interrupted:  # who interrupts wants an end
         written += [path.name for path in save_pictures(found)]
     if not quiet:
         print()
         _show(Text(f"Written to {output}: {', '.join(written)}"))
-    return INTERRUPTED if found.stop_reason == "interrupted" else 0
+        if interrupted:
+            _show(Text(f"For pictures: fisherpoint evaluate {file} {output / 'design.csv'} -o {output}"))
+    return INTERRUPTED if interrupted else 0
 
 
 @app.command(epilog="Example: fisherpoint evaluate examples/cylinder.toml run/design.csv")
@@ -178,6 +185,8 @@ def _run(arguments: list[str]) -> int:
         return INTERRUPTED
     except typer.TyperException as error:
         return _fail(f"{error.format_message().rstrip('.')}; try fisherpoint --help")
+    except ModuleNotFoundError as error:  # matplotlib is imported where it is needed
+        return _fail(f"{error.name} is missing: pip install 'fisherpoint[all]', or design with --no-plots")
     except ConfigError as error:
         return _fail(str(error))
     except BrokenPipeError:
@@ -191,8 +200,12 @@ def _run(arguments: list[str]) -> int:
 
 
 def _fail(message: str) -> int:
-    print(f"fisherpoint: {' '.join(message.split())}", file=sys.stderr)
+    _complain(message)
     return MISUSE
+
+
+def _complain(message: str) -> None:
+    print(f"fisherpoint: {' '.join(message.split())}", file=sys.stderr)
 
 
 def _show(report: RenderableType) -> None:

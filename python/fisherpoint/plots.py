@@ -52,7 +52,7 @@ def plot_criterion(design: fp.Design) -> Figure:
         axes.set_ylabel("log det F, parameters in prior std")
         axes.set_title(f'Criterion, output covariance "{kind}"')
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        axes.legend(loc="lower right", frameon=True, framealpha=0.95, edgecolor="none")
+        axes.legend(loc="center right", frameon=True, framealpha=0.95, edgecolor="none")
     return figure
 
 

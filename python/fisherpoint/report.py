@@ -83,6 +83,8 @@ def percent(share: float) -> str:
     """A share in percent with three significant digits; what is far above all, as a factor."""
     if share >= 9.995:
         return f"{result(share)} times"
+    if 0 < share < 1e-4:
+        return "< 0.01 %"
     return "-" if math.isnan(share) else f"{result(100 * share)} %"
 
 
@@ -94,7 +96,9 @@ def column_text(values: Iterable[float], digits: int = 4) -> list[str]:
         texts = [_short_exponent(f"{value:.{digits - 1}e}") for value in values]
     else:
         decimals = max(0, digits - 1 - math.floor(math.log10(largest))) if largest else 0
-        texts = [f"{value:.{decimals}f}" for value in values]
+        # What would look like zero is written out.
+        small = 10.0 ** (1 - decimals)
+        texts = [f"{value:.{decimals}f}" if not 0 < abs(value) < small else result(value, 2) for value in values]
     return ["-" if math.isnan(value) else text for value, text in zip(values, texts, strict=True)]
 
 

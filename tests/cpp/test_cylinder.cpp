@@ -43,7 +43,8 @@ TEST_CASE("a batch gives every point its own answer: ragged ends, resting and fa
     std::vector<double> x(5 * count), y(4 * count), sx(5 * count), sy(4 * count), dx(45 * count), dy(36 * count);
     std::vector<Status> status(count), s_status(count);
     simulate(m, points, {cylinder_theta.data(), false}, {}, Workers(2), {x.data(), y.data(), status.data(), nullptr});
-    sensitivities(m, points, {cylinder_theta.data(), false}, {}, Workers(2), {sx.data(), sy.data(), dx.data(), dy.data(), s_status.data()});
+    sensitivities(m, points, {cylinder_theta.data(), false}, {}, Workers(2),
+                  {sx.data(), sy.data(), dx.data(), dy.data(), s_status.data()});
     for (std::size_t k = 0; k < count; ++k) {
       std::array<double, 5> start;
       std::copy_n(&x0[5 * k], 5, start.begin());

@@ -6,7 +6,9 @@
 
 using namespace fisherpoint;
 
-static Quartic<double> of(auto&& f, auto&& slope) { return Quartic<double>::through(f(0.0), slope(0.0), f(0.5), f(1.0), slope(1.0)); }
+static Quartic<double> of(auto&& f, auto&& slope) {
+  return Quartic<double>::through(f(0.0), slope(0.0), f(0.5), f(1.0), slope(1.0));
+}
 
 TEST_CASE("a quartic is reproduced, and its zero found") {
   const auto f = [](double s) { return (0.37 - s) * (1 + s * s) * (2 - s); };

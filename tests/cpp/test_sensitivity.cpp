@@ -9,7 +9,8 @@ using namespace fisherpoint::testing;
 
 TEST_CASE("the oscillator's sensitivity is the closed form's") {
   const double w = 1.7, t = 3.0;
-  const auto [y, outcome] = run<VariationalEquation, double>(Oscillator{}, std::array{1.0, 0.0}, std::array{0.0}, t, std::array{w}, {1e-10});
+  const auto [y, outcome] =
+      run<VariationalEquation, double>(Oscillator{}, std::array{1.0, 0.0}, std::array{0.0}, t, std::array{w}, {1e-10});
   CHECK(outcome.status[0] == Status::ok);
   CHECK(VariationalEquation<Oscillator, double>::entry<0, 0>(y) == doctest::Approx(-t * std::sin(w * t)).epsilon(1e-9));
 }

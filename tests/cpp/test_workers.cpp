@@ -36,6 +36,7 @@ TEST_CASE("an interrupt stops the work within a moment") {
   std::atomic<int> asked = 0;
   const Workers workers(2, [&] { return ++asked >= 2; });
   const auto started = std::chrono::steady_clock::now();
-  CHECK_THROWS_AS(workers.for_each(1 << 20, [](std::size_t) { std::this_thread::sleep_for(std::chrono::milliseconds(1)); }), Interrupted);
+  CHECK_THROWS_AS(workers.for_each(1 << 20, [](std::size_t) { std::this_thread::sleep_for(std::chrono::milliseconds(1)); }),
+                  Interrupted);
   CHECK(std::chrono::steady_clock::now() - started < std::chrono::seconds(5));
 }

@@ -98,9 +98,7 @@ def test_options_override_the_file(run: Any, file: Path, tmp_path: Path) -> None
     assert (settings.seed, settings.max_iterations) == (3, 2)
 
 
-def test_an_interrupted_design_is_saved_and_reported(
-    run: Any, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupted_design_is_saved_and_reported(run: Any, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     exchange = fp.exchange
 
     def interrupted(*arguments: Any, progress: Any, **settings: Any) -> fp.Design:
@@ -112,10 +110,21 @@ def test_an_interrupted_design_is_saved_and_reported(
         return exchange(*arguments, progress=stop, **settings)
 
     monkeypatch.setattr(fp, "exchange", interrupted)
-    result = run("design", file, "-o", tmp_path / "run", "--no-plots")
+    result = run("design", file, "-o", tmp_path / "run")
     assert (result.code, result.err) == (130, "")
     assert "interrupted" in result.out
+    assert names(tmp_path / "run") == {"design.csv", "design.json", "report.txt"}
     assert fp.Design.load(tmp_path / "run").stop_reason == "interrupted"
+
+
+def test_interrupted_before_there_is_a_design(run: Any, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*arguments: Any, **settings: Any) -> fp.Design:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(fp, "exchange", interrupted)
+    result = run("design", file, "-o", tmp_path / "run")
+    assert (result.code, result.out) == (130, "")
+    assert result.err == "fisherpoint: interrupted before there was a design; nothing is saved\n"
 
 
 def test_evaluate(run: Any, file: Path, tmp_path: Path) -> None:

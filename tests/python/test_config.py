@@ -49,15 +49,13 @@ MISTAKES = {
     "both std": (
         "relative_std = 0.30, unit",
         "relative_std = 0.3, std = 3, unit",
-        "prior.a_tau: expected exactly one of std and relative_std, "
-        'given {mean = 400.0, relative_std = 0.3, std = 3, unit = "N"}',
+        'prior.a_tau: expected exactly one of std and relative_std, given {mean = 400.0, relative_std = 0.3, std = 3, unit = "N"}',
     ),
     "negative std": ("relative_std = 0.30", "std = -1.0", "prior.a_tau.std: expected a number > 0, given -1.0"),
     "unknown key of a parameter": (
         "relative_std = 0.30",
         "relativ_std = 0.30",
-        "unknown key prior.a_tau.relativ_std; expected one of mean, std, relative_std, unit "
-        '(did you mean "relative_std"?)',
+        'unknown key prior.a_tau.relativ_std; expected one of mean, std, relative_std, unit (did you mean "relative_std"?)',
     ),
     "missing noise": ("x_v = 1e-3", "", "noise_std.x_v: missing; expected a number > 0"),
     "no noise": ("x_v = 1e-3", "x_v = 0", "noise_std.x_v.value: expected a number > 0, given 0"),
@@ -75,8 +73,7 @@ MISTAKES = {
     "levels by name": (
         "levels = 3",
         "levels = { a_ta = 1 }",
-        "unknown key rule.levels.a_ta; expected one of a_tau, b_tau, m_q, E_oil, p_t, B_v, c_L, V_0A, V_0B "
-        '(did you mean "a_tau"?)',
+        'unknown key rule.levels.a_ta; expected one of a_tau, b_tau, m_q, E_oil, p_t, B_v, c_L, V_0A, V_0B (did you mean "a_tau"?)',
     ),
     "missing level": (
         "levels = 3",
@@ -199,9 +196,7 @@ def test_without_a_region_the_problem_can_be_evaluated(tmp_path: Path) -> None:
 
 
 def test_short_and_long_forms_mean_the_same(tmp_path: Path) -> None:
-    levels = ", ".join(
-        f"{quantity.name} = {2 if quantity.name == 'c_L' else 1}" for quantity in fp.HydraulicCylinder().parameters
-    )
+    levels = ", ".join(f"{quantity.name} = {2 if quantity.name == 'c_L' else 1}" for quantity in fp.HydraulicCylinder().parameters)
     text = (
         TEXT.replace('relative_std = 0.30, unit = "N"', "std = 120.0")
         .replace('{ bounds = [0.03, 0.27], unit = "m" }', "[0.03, 0.27]")

@@ -18,9 +18,7 @@ from fisherpoint.results import evaluate_points, parameter_frame, simulation_fra
 
 NOISE_STD = {"q": 5e-6, "p_A": 2e4, "p_B": 2e4, "x_v": 1e-3}
 RELATIVE_STD = dict(a_tau=0.3, b_tau=0.2, m_q=0.05, E_oil=0.2, p_t=0.2, B_v=0.1, c_L=0.3, V_0A=0.1, V_0B=0.1)
-BOUNDS = dict(
-    q=(0.03, 0.27), v=(-0.25, 0.25), p_A=(2e6, 19e6), p_B=(2e6, 19e6), x_v=(-1, 1), u=(-1, 1), dt=(1e-3, 1e-2)
-)
+BOUNDS = dict(q=(0.03, 0.27), v=(-0.25, 0.25), p_A=(2e6, 19e6), p_B=(2e6, 19e6), x_v=(-1, 1), u=(-1, 1), dt=(1e-3, 1e-2))
 
 
 def problem(noise_std: dict[str, float] | None, output_covariance: str | None = None) -> fp.DesignProblem:
@@ -100,9 +98,7 @@ def test_a_design_below_random_is_warned_of(design: fp.Design) -> None:
 )
 def test_the_stop_reason_is_a_sentence(design: fp.Design, reason: str, settings: dict[str, Any], expected: str) -> None:
     given = dict.fromkeys(["patience", "time_limit"]) | settings
-    changed = with_changes(
-        design, stop_reason=reason, settings=SimpleNamespace(seed=0, n_candidates=5, max_iterations=4, **given)
-    )
+    changed = with_changes(design, stop_reason=reason, settings=SimpleNamespace(seed=0, n_candidates=5, max_iterations=4, **given))
     assert expected in words(report.to_text(report.design_report(changed)))
 
 
@@ -179,6 +175,7 @@ def test_simulation_report_counts_statuses() -> None:
         (report.result(150.0), "150"),
         (report.percent(0.0123), "1.23 %"),
         (report.percent(1.0), "100 %"),
+        (report.percent(2e-5), "< 0.01 %"),
         (report.percent(12.34), "12.3 times"),
     ],
 )
@@ -190,6 +187,7 @@ def test_columns_line_up() -> None:
     assert report.column_text([0.5, -0.0312, float("nan")]) == ["0.5000", "-0.0312", "-"]
     assert report.column_text([2e6, 1.9e7]) == ["2.000e6", "1.900e7"]
     assert report.column_text([0.0, 0.0]) == ["0", "0"]
+    assert report.column_text([0.25, 0.0, 0.00004]) == ["0.2500", "0.0000", "4.0e-5"]
 
 
 def test_every_picture_is_a_figure_of_its_own(design: fp.Design, tmp_path: Path) -> None:

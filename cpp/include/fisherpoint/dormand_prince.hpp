@@ -21,12 +21,13 @@ struct DormandPrince {
       {35.0 / 384, 0, 500.0 / 1113, 125.0 / 192, -2187.0 / 6784, 11.0 / 84},  // b of the fifth-order solution
   }};
   // Fifth-order minus fourth-order weights.
-  static constexpr std::array<double, 7> error = {71.0 / 57600,        0,           -71.0 / 16695, 71.0 / 1920,
+  static constexpr std::array<double, 7> error = {71.0 / 57600,      0,          -71.0 / 16695, 71.0 / 1920,
                                                   -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
   // x(t + step/2) = (x0 + x1)/2 + step (k1 - k7)/8 + step sum(bow k): the cubic through both ends, and what a quartic adds.
-  static constexpr std::array<double, 7> bow = {
-      -12715105075.0 / 11282082432 / 16, 0, 87487479700.0 / 32700410799 / 16, -10690763975.0 / 1880347072 / 16,
-      701980252875.0 / 199316789632 / 16, -1453857185.0 / 822651844 / 16, 69997945.0 / 29380423 / 16};
+  static constexpr std::array<double, 7> bow = {-12715105075.0 / 11282082432 / 16,  0,
+                                                87487479700.0 / 32700410799 / 16,   -10690763975.0 / 1880347072 / 16,
+                                                701980252875.0 / 199316789632 / 16, -1453857185.0 / 822651844 / 16,
+                                                69997945.0 / 29380423 / 16};
 };
 
 namespace detail {

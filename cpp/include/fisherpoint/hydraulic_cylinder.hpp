@@ -20,13 +20,14 @@ struct HydraulicCylinder {
 
   static constexpr std::string_view name = "hydraulic_cylinder";
   static constexpr std::array states = {
-      Quantity{"q", "m", "piston position", 0.5},        Quantity{"v", "m/s", "piston velocity", 1.0},
+      Quantity{"q", "m", "piston position", 0.5},          Quantity{"v", "m/s", "piston velocity", 1.0},
       Quantity{"p_A", "Pa", "pressure in chamber A", 1e7}, Quantity{"p_B", "Pa", "pressure in chamber B", 1e7},
       Quantity{"x_v", "1", "valve spool position", 1.0},
   };
   static constexpr std::array inputs = {Quantity{"u", "1", "valve control value", 1.0}};
   static constexpr std::array outputs = {states[0], states[2], states[3], states[4]};
-  static constexpr std::array parameters = {  // in (20)'s order
+  static constexpr std::array parameters = {
+      // in (20)'s order
       Quantity{"a_tau", "N", "Coulomb friction"},
       Quantity{"b_tau", "N s/m", "viscous friction"},
       Quantity{"m_q", "kg", "moved mass"},
@@ -54,7 +55,7 @@ struct HydraulicCylinder {
       const auto s_A = sqrt(p_s - p_A), t_A = sqrt(p_A - p_t);                            // supply to A, A to tank
       const auto s_B = sqrt(p_s - p_B), t_B = sqrt(p_B - p_t);
 
-      const auto tau_f = a_tau * motion + b_tau * v;          // (19c)
+      const auto tau_f = a_tau * motion + b_tau * v;           // (19c)
       const auto Q_A = B_v * (opening * s_A - closing * t_A);  // (19d)
       const auto Q_B = B_v * (closing * s_B - opening * t_B);  // (19e)
       const auto Q_LA = c_L * (s_A - t_A);                     // (19f)
@@ -63,10 +64,8 @@ struct HydraulicCylinder {
       const auto V_B = A_B * (q_max - q) + V_0B;               // (19i)
 
       return std::tuple{v,  // (19a)
-                        per_mass * (A_A * p_A - A_B * p_B - tau_f),
-                        E_oil / V_A * (Q_A + Q_LA - v * A_A),
-                        E_oil / V_B * (Q_B + Q_LB + v * A_B),
-                        (k_u * u - x_v) * (1.0 / T_1)};
+                        per_mass * (A_A * p_A - A_B * p_B - tau_f), E_oil / V_A * (Q_A + Q_LA - v * A_A),
+                        E_oil / V_B * (Q_B + Q_LB + v * A_B), (k_u * u - x_v) * (1.0 / T_1)};
     };
   }
 

@@ -192,7 +192,8 @@ class Integrator {
     const P wish = 0.9 * rough_inverse_tenth_root(squared_error_ + 1e-20);
     const P factor = min(max(select(squared_error_ < P(1e100), wish, zero), P(0.2)), select(rejected_, P(1.0), P(5.0)));
     const P grown = factor * step_;
-    step_size_ = select(bad, min(grown, 0.9 * step_), select(taken, select(step_ < step_size_, max(grown, step_size_), grown), step_size_));
+    step_size_ = select(bad, min(grown, 0.9 * step_),
+                        select(taken, select(step_ < step_size_, max(grown, step_size_), grown), step_size_));
     rejected_ = (bad | (rejected_ & !taken)) & running_;
     cap_ = select(taken, P(infinity), select(bad, cap_, next_cap));
     outcome_.first_step = select(taken & (time_ <= zero), step_, outcome_.first_step);
@@ -264,13 +265,13 @@ class Integrator {
   Outcome<P> outcome_;
 
   // Where the lanes are.
-  Mask running_, rejected_;     // rejected: the last try failed its error test
-  P time_, step_size_, cap_;    // cap: a limit for the next try alone
+  Mask running_, rejected_;   // rejected: the last try failed its error test
+  P time_, step_size_, cap_;  // cap: a limit for the next try alone
   typename Equation::Side side_;
-  Surfaces value_, rate_;       // of the surfaces at the start of the step, rates per second
+  Surfaces value_, rate_;  // of the surfaces at the start of the step, rates per second
 
   // The step that is tried.
-  Mask ends_;                   // it reaches the end of the trajectory
+  Mask ends_;  // it reaches the end of the trajectory
   P step_, squared_error_;
   State stage_[Method::stages], end_;
   Surfaces end_value_, end_rate_;

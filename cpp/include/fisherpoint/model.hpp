@@ -82,12 +82,13 @@ auto to_array(const Tuple& values) {
 
 // The functions that a model must have, tried on plain numbers.
 template <class M>
-concept Model = requires(const M model, const std::array<double, sizes<M>::states> x, const std::array<double, sizes<M>::inputs> u,
-                         const std::array<double, sizes<M>::parameters> theta, const std::array<double, sizes<M>::switching> side) {
-  requires std::tuple_size_v<decltype(model.dynamics(theta)(x, u, side))> == std::size_t{sizes<M>::states};
-  requires std::tuple_size_v<decltype(model.output(x, u, theta))> == std::size_t{sizes<M>::outputs};
-  requires std::tuple_size_v<decltype(model.switching(x, u, theta))> == std::size_t{sizes<M>::switching};
-  requires std::tuple_size_v<decltype(model.limits(x, u, theta))> == std::size_t{sizes<M>::limits};
-};
+concept Model =
+    requires(const M model, const std::array<double, sizes<M>::states> x, const std::array<double, sizes<M>::inputs> u,
+             const std::array<double, sizes<M>::parameters> theta, const std::array<double, sizes<M>::switching> side) {
+      requires std::tuple_size_v<decltype(model.dynamics(theta)(x, u, side))> == std::size_t{sizes<M>::states};
+      requires std::tuple_size_v<decltype(model.output(x, u, theta))> == std::size_t{sizes<M>::outputs};
+      requires std::tuple_size_v<decltype(model.switching(x, u, theta))> == std::size_t{sizes<M>::switching};
+      requires std::tuple_size_v<decltype(model.limits(x, u, theta))> == std::size_t{sizes<M>::limits};
+    };
 
 }  // namespace fisherpoint

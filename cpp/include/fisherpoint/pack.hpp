@@ -156,8 +156,8 @@ struct Pack {
   friend Pack min(const Pack& a, const Pack& b) { return select(a < b, a, b); }
   friend Pack max(const Pack& a, const Pack& b) { return select(a > b, a, b); }
 
-  // a^(-1/10) to within 1 % for a in [1e-20, 1e12]: all that step control asks of a root. One Newton step on the power of two that the
-  // exponent's bits give; one tenth is summed from shifts because no baseline vector set divides integers.
+  // a^(-1/10) to within 1 % for a in [1e-20, 1e12]: all that step control asks of a root. One Newton step on the power of two
+  // that the exponent's bits give; one tenth is summed from shifts because no baseline vector set divides integers.
   friend Pack rough_inverse_tenth_root(const Pack& a) {
     Pack r;
     for (int k = 0; k < parts; ++k) {

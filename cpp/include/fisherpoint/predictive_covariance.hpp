@@ -110,7 +110,8 @@ void predictive_covariance_packs(const M& model, const Points& points, const dou
                                  const Tolerance& tolerance, const Workers& workers, const PredictiveCovariances& out) {
   constexpr int n_x = sizes<M>::states, n_u = sizes<M>::inputs, n_y = sizes<M>::outputs;
   std::vector<double> x(points.count * n_x), y(points.count * n_y), first_step(points.count);
-  simulate_packs<P>(model, points, {nominal_theta, false}, tolerance, workers, {x.data(), y.data(), out.status, first_step.data()});
+  simulate_packs<P>(model, points, {nominal_theta, false}, tolerance, workers,
+                    {x.data(), y.data(), out.status, first_step.data()});
 
   // The chunks depend on the grid alone, so that the sums do not depend on the threads; few of them, so that memory does not
   // grow with the grid.

@@ -1,5 +1,5 @@
-// The prior on a tensor grid (11)-(13): each axis holds the values of one parameter and the probabilities of its cells. Nodes are
-// numbered with the last parameter running fastest and made one after the other, never stored: R may be millions.
+// The prior on a tensor grid (11)-(13): each axis holds the values of one parameter and the probabilities of its cells. Nodes
+// are numbered with the last parameter running fastest and made one after the other, never stored: R may be millions.
 #pragma once
 
 #include <cmath>
@@ -10,8 +10,8 @@
 
 namespace fisherpoint {
 
-// Probability of a standard normal variable in (a, b): erfc on the side of the mean where it is small, so that cells far out keep
-// their digits. (12) is read with a negative exponent.
+// Probability of a standard normal variable in (a, b): erfc on the side of the mean where it is small, so that cells far out
+// keep their digits. (12) is read with a negative exponent.
 inline double normal_probability(double a, double b) {
   const double s = 1.0 / std::numbers::sqrt2;
   if (a > 0) return 0.5 * (std::erfc(a * s) - std::erfc(b * s));

@@ -1,5 +1,5 @@
-// A function along a step as the quartic through both ends, both slopes and the middle, in Bernstein form: the curve lies in the
-// hull of the coefficients, so coefficients of one sign prove that there is no zero.
+// A function along a step as the quartic through both ends, both slopes and the middle, in Bernstein form: the curve lies in
+// the hull of the coefficients, so coefficients of one sign prove that there is no zero.
 #pragma once
 
 #include "pack.hpp"

@@ -54,9 +54,8 @@ void sensitivity_packs(const M& model, const Points& points, const Parameters& p
     std::array<P, n_x> x;
     std::copy_n(state.begin(), n_x, x.begin());
     std::array<P, n_x * p> dx;
-    for_each_index<n_x>([&](auto i) {
-      for_each_index<p>([&](auto j) { dx[i * p + j] = Equation::template entry<i, j>(state); });
-    });
+    for_each_index<n_x>(
+        [&](auto i) { for_each_index<p>([&](auto j) { dx[i * p + j] = Equation::template entry<i, j>(state); }); });
     const auto y = to_array<P>(model.output(x, pack.u, pack.theta));
     const auto dy = output_sensitivity<M, P>(model, state, pack.u, pack.theta);
     for (int lane = 0; lane < pack.used; ++lane) {

@@ -1,7 +1,8 @@
 // The variational equation (9): x' = f together with S' = f_x S + f_theta for S = dx/dtheta, S(0) = 0.
 //
 // One evaluation of f on duals gives f, f_x and f_theta without their zeros, so the product's pattern is known at compile
-// time. Entries of S that stay zero for every trajectory (dx_v/dtheta of the cylinder) are found from the masks and not integrated.
+// time. Entries of S that stay zero for every trajectory (dx_v/dtheta of the cylinder) are found from the masks and not
+// integrated.
 #pragma once
 
 #include <array>
@@ -74,9 +75,9 @@ class VariationalEquation {
   // Whether output i depends on any parameter, by the types alone; one that does not has exactly no predictive variance.
   template <int i>
   static constexpr bool output_depends() {
-    using Outputs = decltype(std::declval<const M&>().output(as_variables<0, states_, P>(std::declval<std::array<P, states_>>()),
-                                                             std::declval<Input>(),
-                                                             as_variables<states_, parameters_, P>(std::declval<Theta>())));
+    using Outputs = decltype(std::declval<const M&>().output(
+        as_variables<0, states_, P>(std::declval<std::array<P, states_>>()), std::declval<Input>(),
+        as_variables<states_, parameters_, P>(std::declval<Theta>())));
     constexpr Variables reads_in_g = variables_of<std::tuple_element_t<i, Outputs>>;
     if (reads_in_g >> states_) return true;
     for (int k = 0; k < states_; ++k)

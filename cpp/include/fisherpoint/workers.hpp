@@ -20,7 +20,8 @@ struct Interrupted : std::exception {
 class Workers {
  public:
   // `interrupted` is asked about ten times a second, on the calling thread only; true ends the work with Interrupted.
-  explicit Workers(int threads, std::function<bool()> interrupted = [] { return false; })
+  explicit Workers(
+      int threads, std::function<bool()> interrupted = [] { return false; })
       : threads_(threads), interrupted_(std::move(interrupted)) {}
 
   // work(item) for every item in [0, items), on the calling thread and threads - 1 others. An item should take well under a

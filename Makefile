@@ -1,0 +1,69 @@
+# make design   the main job: an experiment design for the paper's cylinder, in run/paper
+# make test     all tests, C++ and Python
+# Both set up what a bare Debian with Python 3.11 lacks: system packages (as root; an ordinary user is told which) and a
+# virtual environment in .venv.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PACKAGES := g++ cmake ninja-build make python3-dev python3-venv libeigen3-dev doctest-dev
+SOURCES := CMakeLists.txt pyproject.toml $(shell find cpp python -name '*.[ch]pp' -o -name '*.py' -o -name '*.pyi' -o -name '*.map')
+
+.PHONY: design test test-cpp test-python bench sanitize lint format stubs clean
+.DELETE_ON_ERROR:
+
+design: $(VENV)/.installed
+	$(BIN)/fisherpoint design examples/paper.toml -o run/paper
+
+test: test-cpp test-python
+
+test-cpp: $(VENV)/.system
+	cmake --preset release
+	cmake --build --preset release
+	ctest --preset release
+
+test-python: $(VENV)/.installed
+	$(BIN)/python -m pytest
+
+bench: $(VENV)/.installed
+	$(BIN)/python -m bench
+
+sanitize: $(VENV)/.system
+	cmake --preset sanitize
+	cmake --build --preset sanitize
+	ctest --preset sanitize
+
+lint: $(VENV)/.installed
+	$(BIN)/clang-format --dry-run --Werror $$(find cpp tests/cpp -name '*.[ch]pp')
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/python python/generate_stubs.py --check
+
+format: $(VENV)/.installed
+	$(BIN)/clang-format -i $$(find cpp tests/cpp -name '*.[ch]pp')
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+stubs: $(VENV)/.installed
+	$(BIN)/python python/generate_stubs.py
+
+# What is missing is found by use, not by package name: a compiler or Python from elsewhere serves as well.
+$(VENV)/.system:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "expected Python 3.11 or later, given $$($(PYTHON) --version 2>&1): set PYTHON=..."; exit 1; }
+	@if ! { command -v g++ && command -v cmake && command -v ninja && $(PYTHON) -c 'import venv, ensurepip' \
+	  && test -f "$$($(PYTHON) -c 'import sysconfig; print(sysconfig.get_path("include"))')/Python.h" \
+	  && test -f /usr/include/eigen3/Eigen/Core && test -f /usr/include/doctest/doctest.h; } >/dev/null 2>&1; then \
+	  if [ "$$(id -u)" != 0 ]; then echo "expected the system packages; as root: apt-get install $(PACKAGES)"; exit 1; fi; \
+	  apt-get update -q && DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends $(PACKAGES); \
+	fi
+	@mkdir -p $(VENV) && touch $@
+
+$(VENV)/.installed: $(VENV)/.system $(SOURCES)
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet '.[dev]'
+	@touch $@
+
+clean:
+	rm -rf $(VENV) build
