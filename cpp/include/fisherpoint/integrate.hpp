@@ -68,7 +68,7 @@ class Integrator {
   }
 
  private:
-  [[gnu::flatten, gnu::noinline]] void begin(const State& y, const P& duration, const P& first_step) {
+  FISHERPOINT_HOT void begin(const State& y, const P& duration, const P& first_step) {
     outcome_ = {};
     running_ = duration > P(0.0);
     time_ = P(0.0);
@@ -112,7 +112,7 @@ class Integrator {
   P squared_weight() const { return P(weight_); }
 
   // Tries one step of every running lane: the stages, the end, its error, and the surfaces at the middle and the end.
-  [[gnu::flatten, gnu::noinline]] void attempt(const State& y, const P& duration) {
+  FISHERPOINT_HOT void attempt(const State& y, const P& duration) {
     const P remaining = duration - time_, wanted = min(step_size_, cap_);
     ends_ = remaining <= wanted * (1.0 + 1e-9);
     step_ = select(running_, select(ends_, remaining, wanted), P(0.0));
@@ -152,7 +152,7 @@ class Integrator {
   }
 
   // Decides about the tried step, takes it where it is good, and chooses the next one.
-  [[gnu::flatten, gnu::noinline]] void control(State& y, const P& duration) {
+  FISHERPOINT_HOT void control(State& y, const P& duration) {
     const P zero(0.0);
     const Mask good = running_ & (squared_error_ <= P(1.0));  // false where the error is NaN
 

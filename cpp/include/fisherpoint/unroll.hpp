@@ -1,5 +1,13 @@
-// Loops over compile-time indices, for what differs in type from one index to the next or must stay in registers.
+// Loops over compile-time indices, for what differs in type from one index to the next or must stay in registers; and the mark
+// for the functions that they are inlined into.
 #pragma once
+
+// Everything that a hot function calls is inlined into it; not under the sanitizers, whose checks would multiply without end.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define FISHERPOINT_HOT [[gnu::noinline]]
+#else
+#define FISHERPOINT_HOT [[gnu::flatten, gnu::noinline]]
+#endif
 
 #include <type_traits>
 #include <utility>
