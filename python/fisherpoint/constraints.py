@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import operator
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
@@ -31,6 +32,13 @@ _COMPARISONS: dict[type[ast.AST], Callable[..., Any]] = {
 }
 _FUNCTIONS: dict[str, Callable[[Any], Any]] = {"abs": np.abs, "sqrt": np.sqrt}
 
+MAX_DEPTH = 200
+"""How deep the terms of a constraint may be nested."""
+
+
+def _shortened(text: str, length: int = 80) -> str:
+    return text if len(text) <= length else text[: length - 3] + "..."
+
 
 def parse_constraint(text: str, names: Iterable[str]) -> Callable[[Mapping[str, Array]], NDArray[np.bool_]]:
     """Turn a text such as ``"p_A + p_B < 2.5e7"`` into a function of the named columns.
@@ -55,29 +63,33 @@ def parse_constraint(text: str, names: Iterable[str]) -> Callable[[Mapping[str, 
     names = tuple(names)
 
     def refuse(what: str) -> ValueError:
-        return ValueError(f"constraint {text!r}: {what}")
+        return ValueError(f"constraint {_shortened(repr(text))}: {_shortened(what, 300)}")
 
     try:
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         raise refuse('expected a comparison such as "p_A + p_B < 2.5e7"') from error
 
-    def check(node: ast.AST) -> None:
+    def check(node: ast.AST, depth: int = 0) -> None:
+        if depth > MAX_DEPTH:
+            raise refuse(f"expected terms nested at most {MAX_DEPTH} deep, given more")
         match node:
             case ast.BinOp(left, op, right) if type(op) in _ARITHMETIC:
-                check(left)
-                check(right)
+                check(left, depth + 1)
+                check(right, depth + 1)
             case ast.UnaryOp(op, operand) if type(op) in _ARITHMETIC:
-                check(operand)
+                check(operand, depth + 1)
             case ast.Call(ast.Name(function), [argument], []) if function in _FUNCTIONS:
-                check(argument)
+                check(argument, depth + 1)
             case ast.Name(name):
                 if name not in names:
-                    raise refuse(f"expected the names {', '.join(names)}; given unknown {name!r}")
+                    raise refuse(f"expected the names {', '.join(names)}; given unknown {_shortened(name)!r}")
             case ast.Constant(value) if isinstance(value, int | float) and not isinstance(value, bool):
-                pass
+                if abs(value) > sys.float_info.max:
+                    raise refuse(f"expected numbers of at most {sys.float_info.max:.1e}, given a larger one")
             case _:
-                raise refuse(f"expected names, numbers, + - * / **, abs() and sqrt(); given {ast.unparse(node)!r}")
+                part = ast.get_source_segment(text.strip(), node) or type(node).__name__
+                raise refuse(f"expected names, numbers, + - * / **, abs() and sqrt(); given {part!r}")
 
     def value(node: ast.AST, columns: Mapping[str, Array]) -> Any:
         match node:

@@ -14,6 +14,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .efficiency import Efficiency
 from .evaluation import Evaluation
@@ -22,11 +23,14 @@ from .kernels import isa
 from .models import MODELS
 from .prior import GaussianPrior
 from .problem import DesignProblem
+from .quantity import Array, as_float, check_positive_int
 from .region import ExperimentRegion
 from .rules import TensorGrid
 
 FORMAT = "fisherpoint design"
 FORMAT_VERSION = 1
+STOP_REASONS = ("max_iterations", "patience", "time_limit", "interrupted")
+_LEAST = {"n_experiments": 1, "n_candidates": 1, "max_iterations": 0, "seed": 0, "patience": 1, "max_redraws": 0}
 
 
 @dataclass(frozen=True)
@@ -41,6 +45,18 @@ class ExchangeSettings:
     time_limit: float | None
     max_redraws: int
     references: bool
+
+    def __post_init__(self) -> None:
+        set_field = object.__setattr__
+        for name, least in _LEAST.items():
+            value = getattr(self, name)
+            if value is not None or name != "patience":
+                set_field(self, name, check_positive_int(value, name, least))
+        if self.time_limit is not None:
+            set_field(self, "time_limit", as_float(self.time_limit, "time_limit"))
+            if not self.time_limit > 0:
+                raise ValueError(f"time_limit: expected a positive number of seconds, given {self.time_limit:g}")
+        set_field(self, "references", bool(self.references))
 
 
 @dataclass(frozen=True)
@@ -119,7 +135,7 @@ class Design:
         path = Path(directory) / "design.json"
         try:
             data = json.loads(path.read_text())
-        except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
             raise ValueError(f"{path}: expected a whole JSON file, given one that ends or breaks at: {error}") from error
         if not isinstance(data, dict) or data.get("format") != FORMAT:
             raise ValueError(f"{path}: expected a file of format {FORMAT!r}, given another")
@@ -129,8 +145,9 @@ class Design:
             return _from_json(data)
         except (KeyError, TypeError, AttributeError, IndexError) as error:
             raise ValueError(f"{path}: expected a complete design, given one without or with a wrong {error}") from error
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}") from error
+        except (ValueError, OverflowError) as error:
+            what = str(error) if "expected" in str(error) else f"expected a complete design, given a wrong value: {error}"
+            raise ValueError(f"{path}: {what}") from error
 
 
 def _write_whole(path: Path, text: str) -> None:
@@ -158,13 +175,10 @@ def _log_det(value: float | None) -> float:
 
 def _problem_to_json(problem: DesignProblem) -> dict[str, Any]:
     region = problem.region
-    if region is not None and not all(isinstance(c, str) for c in region.constraints):
-        region_data: Any = "constraints that are functions cannot be saved"
-    else:
-        region_data = region and {
-            "bounds": {name: list(pair) for name, pair in region.bounds.items()},
-            "constraints": list(region.constraints),
-        }
+    region_data = region and {
+        "bounds": {name: list(pair) for name, pair in region.bounds.items()},
+        "constraints": [constraint if isinstance(constraint, str) else None for constraint in region.constraints],
+    }
     levels = problem.rule.levels
     return {
         "model": {"name": problem.model.name, "constants": dict(problem.model.constants)},
@@ -179,6 +193,10 @@ def _problem_to_json(problem: DesignProblem) -> dict[str, Any]:
     }
 
 
+def _constraint_not_saved(columns: Mapping[str, Array]) -> NDArray[np.bool_]:
+    raise ValueError("constraint: expected the function that this design was made with, given none: functions are not saved")
+
+
 def _problem_from_json(data: dict[str, Any]) -> DesignProblem:
     if data["model"]["name"] not in MODELS:
         raise ValueError(f"model: expected one of {', '.join(MODELS)}, given {data['model']['name']!r}")
@@ -186,7 +204,7 @@ def _problem_from_json(data: dict[str, Any]) -> DesignProblem:
     return DesignProblem(
         MODELS[data["model"]["name"]](**data["model"]["constants"]),
         GaussianPrior(data["prior"]["mean"], data["prior"]["std"]),
-        ExperimentRegion(region["bounds"], region["constraints"]) if isinstance(region, dict) else None,
+        region and ExperimentRegion(region["bounds"], [_constraint_not_saved if c is None else c for c in region["constraints"]]),
         noise_std=data["noise_std"],
         rule=TensorGrid(data["rule"]["levels"], data["rule"]["span"]),
         output_covariance=data["output_covariance"],
@@ -227,9 +245,17 @@ def _evaluation_from_json(data: dict[str, Any] | None) -> Evaluation | None:
     return Evaluation(**values)
 
 
+def _efficiency_from_json(data: dict[str, Any] | None) -> Efficiency | None:
+    if data is None:
+        return None
+    values: dict[str, Any] = {name: float(value) if isinstance(value, str) else value for name, value in data.items()}
+    return Efficiency(**values)
+
+
 def _to_json(design: Design) -> dict[str, Any]:
     efficiency = design.efficiency and {
-        name: _number(value) if isinstance(value, float) else value for name, value in asdict(design.efficiency).items()
+        name: str(value) if isinstance(value, float) and not np.isfinite(value) else value  # "-inf" of a singular design
+        for name, value in asdict(design.efficiency).items()
     }
     return {
         "format": FORMAT,
@@ -260,15 +286,24 @@ def _from_json(data: dict[str, Any]) -> Design:
     evaluation = _evaluation_from_json(data["evaluation"])
     if evaluation is None:
         raise KeyError("evaluation")
+    settings, rejected = ExchangeSettings(**data["settings"]), dict(data["rejected"])
+    if len(points["dt"]) != settings.n_experiments:
+        raise ValueError(f"points: expected n_experiments = {settings.n_experiments} points, given {len(points['dt'])}")
+    for name, count in (("drawn", data["drawn"]), ("accepted", data["accepted"]), *rejected.items()):
+        check_positive_int(count, name, 0)
+    if data["drawn"] != data["accepted"] + sum(rejected.values()):
+        raise ValueError(f"drawn: expected accepted and rejected to add up to it, given {data['drawn']}")
+    if data["stop_reason"] not in STOP_REASONS:
+        raise ValueError(f"stop_reason: expected one of {', '.join(STOP_REASONS)}; given {data['stop_reason']!r}")
     return Design(
         problem=_problem_from_json(data["problem"]),
-        settings=ExchangeSettings(**data["settings"]),
+        settings=settings,
         points=Experiments(points["x0"], points["u"], points["dt"], tuple(points["columns"]) or None),
         evaluation=evaluation,
         under_noise=_evaluation_from_json(data["under_noise"]),
-        efficiency=None if data["efficiency"] is None else Efficiency(**data["efficiency"]),
+        efficiency=_efficiency_from_json(data["efficiency"]),
         trace=tuple(TraceRecord(**{**record, "log_det": _log_det(record["log_det"])}) for record in data["trace"]),
-        rejected=MappingProxyType(dict(data["rejected"])),
+        rejected=MappingProxyType(rejected),
         drawn=data["drawn"],
         accepted=data["accepted"],
         stop_reason=data["stop_reason"],

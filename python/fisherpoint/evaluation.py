@@ -91,6 +91,10 @@ def evaluate_design(problem: DesignProblem, points: Experiments, threads: int | 
     ValueError
         Where a point is none (its trajectory is not ok, or it starts on a switching surface), or D is singular.
     """
+    if not isinstance(problem, DesignProblem):
+        raise TypeError(f"problem: expected a DesignProblem, given {type(problem).__name__}")
+    if not isinstance(points, Experiments):
+        raise TypeError(f"points: expected Experiments, given {type(points).__name__}")
     if not len(points):
         raise ValueError("points: expected at least one point, given none")
     information = point_information(problem, points, needs_grid(str(problem.output_covariance)), threads)
@@ -117,6 +121,8 @@ def evaluate_information(problem: DesignProblem, information: PointInformation, 
     length = np.linalg.norm(white, axis=0)
     _, singular_values, directions = np.linalg.svd(white / np.where(length > 0, length, 1.0), full_matrices=True)
     rank = int((singular_values > RANK_TOLERANCE * max(singular_values.max(), 1e-300)).sum())
+    if not np.isfinite(log_det):
+        rank = min(rank, len(names) - 1)  # between the two tolerances: singular all the same
     null = tuple(_null_direction(v, length, names) for v in directions[rank:])
 
     covariance = correlation = standard_errors = rse = None

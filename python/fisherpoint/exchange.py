@@ -23,7 +23,6 @@ from .evaluation import Evaluation, evaluate_information
 from .information import PointInformation
 from .output_covariance import Criterion, criterion, needs_grid
 from .problem import DesignProblem
-from .quantity import as_float, check_positive_int
 from .trajectories import resolve_threads
 
 RIDGE = 1e-9
@@ -91,16 +90,11 @@ def exchange(
     ValueError
         For misuse, a region in which hardly a point survives, or a singular output covariance.
     """
-    settings = ExchangeSettings(
-        check_positive_int(n_experiments, "n_experiments"),
-        check_positive_int(n_candidates, "n_candidates"),
-        check_positive_int(max_iterations, "max_iterations", 0),
-        check_positive_int(seed, "seed", 0),
-        None if patience is None else check_positive_int(patience, "patience"),
-        None if time_limit is None else as_float(time_limit, "time_limit"),
-        check_positive_int(max_redraws, "max_redraws", 0),
-        bool(references),
-    )
+    if not isinstance(problem, DesignProblem):
+        raise TypeError(f"problem: expected a DesignProblem, given {type(problem).__name__}")
+    settings = ExchangeSettings(n_experiments, n_candidates, max_iterations, seed, patience, time_limit, max_redraws, references)
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
     threads = resolve_threads(threads)
     search = _Search(problem, settings, threads)
     stop_reason = search.run(progress)
@@ -250,7 +244,14 @@ def _references(search: _Search, under_noise: Evaluation | None) -> Efficiency:
     problem = search.problem.replace(output_covariance="noise")
     settings = search.settings
     other = ExchangeSettings(
-        settings.n_experiments, settings.n_candidates, settings.max_iterations, settings.seed + 1, None, None, 0, False
+        settings.n_experiments,
+        settings.n_candidates,
+        settings.max_iterations,
+        settings.seed + 1,
+        settings.patience,
+        settings.time_limit,
+        0,
+        False,
     )
     reference = _Search(problem, other, search.threads)
     if reference.run(None) == "interrupted":

@@ -60,7 +60,8 @@ class Experiments:
     def __getitem__(self, index: int | slice | Sequence[int] | NDArray[Any]) -> Experiments:
         if isinstance(index, int | np.integer) and not -len(self) <= index < len(self):
             raise IndexError(f"points: expected an index below {len(self)}, given {index}")
-        rows = np.arange(len(self))[np.asarray(index) if isinstance(index, list | tuple) else index].reshape(-1)
+        chosen = np.asarray(index, dtype=None if len(index) else np.intp) if isinstance(index, list | tuple) else index
+        rows = np.arange(len(self))[chosen].reshape(-1)
         return Experiments(self.x0[rows], self.u[rows], self.dt[rows], self.columns)
 
     def __iter__(self) -> Iterator[Experiments]:
@@ -104,14 +105,14 @@ class Experiments:
         """
         names = (*_columns(model), "dt")
         try:
-            with Path(path).open(newline="") as file:
+            with Path(path).open(newline="", encoding="utf-8-sig") as file:
                 header, *rows = [row for row in csv.reader(file) if row] or [[]]
         except UnicodeDecodeError as error:
             raise ValueError(f"{path}: expected a CSV text file, given bytes that are no text") from error
         header = [name.strip() for name in header]
         n_x = len(model.states)
         places = (*(f"x0_{i}" for i in range(n_x)), *(f"u_{i}" for i in range(len(model.inputs))), "dt")
-        expected = places if header and header[0] in places else names
+        expected = places if "x0_0" in header else names
         missing = [name for name in expected if name not in header]
         unknown = [name for name in header if name not in expected]
         if missing or unknown or len(set(header)) != len(header):
@@ -129,6 +130,9 @@ class Experiments:
                     raise ValueError(
                         f"{path}: row {k + 1}, column {name}: expected a number, given {row[header.index(name)]!r}"
                     ) from error
+                if not np.isfinite(table[k, j]) or (name == "dt" and not table[k, j] > 0):
+                    kind = "positive duration in s" if name == "dt" else "finite number"
+                    raise ValueError(f"{path}: row {k + 1}, column {name}: expected a {kind}, given {table[k, j]:g}")
         return cls(table[:, :n_x], table[:, n_x:-1], table[:, -1], _columns(model))
 
 

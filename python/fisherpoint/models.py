@@ -162,6 +162,8 @@ class HydraulicCylinder:
         if not np.isfinite(result).all():
             limits = self.core.limits(x, u, theta)
             row = int(np.argwhere(~np.isfinite(result).all(axis=1))[0, 0])
+            if (limits[row] > 0).all():
+                raise ValueError(f"x: expected a state at which the model has a finite value, given x = {x[row]} in row {row}")
             crossed = [name for name, value in zip(_core.HydraulicCylinder.domain, limits[row], strict=True) if not value > 0]
             raise ValueError(f"x: expected {' > 0, '.join(crossed)} > 0, given x = {x[row]} in row {row}")
         return result[0] if single else result

@@ -35,6 +35,9 @@ class GaussianPrior:
         if (std is None) == (relative_std is None):
             given = "both" if std is not None else "neither"
             raise ValueError(f"GaussianPrior: expected either std or relative_std, given {given}")
+        for label, given_mapping in (("mean", mean), ("std", std), ("relative_std", relative_std)):
+            if (given_mapping is not None or label == "mean") and not isinstance(given_mapping, Mapping):
+                raise TypeError(f"{label}: expected a mapping of names to numbers, given {type(given_mapping).__name__}")
         means = {name: as_float(value, f"mean[{name!r}]") for name, value in mean.items()}
         if not means:
             raise ValueError("mean: expected at least one parameter, given none")

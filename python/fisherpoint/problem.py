@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -84,9 +84,10 @@ class DesignProblem:
                 if not value > 0:
                     raise ValueError(f"noise_std[{name!r}]: expected a positive standard deviation, given {value:g}")
             set_field(self, "noise_std", MappingProxyType(dict(zip(names_of(self.model.outputs), map(float, stds), strict=True))))
-        chosen = everything if self.parameters is None else self.parameters
-        if isinstance(chosen, str):
-            raise TypeError(f"parameters: expected a sequence of names, given the string {chosen!r}")
+        given = everything if self.parameters is None else self.parameters
+        if isinstance(given, str) or not isinstance(given, Iterable):
+            raise TypeError(f"parameters: expected a sequence of names, given {given!r}")
+        chosen = tuple(given)
         for unknown in (name for name in chosen if name not in everything):
             raise ValueError(f"parameters: expected names of {', '.join(everything)}; given unknown {unknown!r}")
         if not chosen:

@@ -29,6 +29,8 @@ def names_of(quantities: Iterable[Quantity]) -> tuple[str, ...]:
 def as_floats(values: ArrayLike, name: str) -> Array:
     """Return `values` as a float array; raise where they are no numbers or not finite."""
     try:
+        if np.iscomplexobj(values):
+            raise TypeError("complex numbers")
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name}: expected numbers, given {values!r:.80}") from error

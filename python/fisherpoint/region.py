@@ -32,6 +32,8 @@ class ExperimentRegion:
     """
 
     def __init__(self, bounds: Mapping[str, Sequence[float]], constraints: Iterable[Constraint] = ()) -> None:
+        if not isinstance(bounds, Mapping):
+            raise TypeError(f"region: expected a mapping of names to (lower, upper), given {type(bounds).__name__}")
         checked: dict[str, tuple[float, float]] = {}
         for name, pair in bounds.items():
             array = as_floats(pair, f"region[{name!r}]")
@@ -40,6 +42,8 @@ class ExperimentRegion:
             lower, upper = float(array[0]), float(array[1])
             if lower > upper:
                 raise ValueError(f"region[{name!r}]: expected lower <= upper, given ({lower:g}, {upper:g})")
+            if not np.isfinite(upper - lower):
+                raise ValueError(f"region[{name!r}]: expected a finite width, given ({lower:g}, {upper:g})")
             checked[name] = (lower, upper)
         if "dt" in checked and not checked["dt"][0] > 0:
             raise ValueError(f"region['dt']: expected positive durations in s, given the lower bound {checked['dt'][0]:g}")
@@ -47,6 +51,9 @@ class ExperimentRegion:
             constraints = (constraints,)
         self.bounds: Mapping[str, tuple[float, float]] = MappingProxyType(checked)
         self.constraints: tuple[Constraint, ...] = tuple(constraints)
+        for constraint in self.constraints:
+            if not isinstance(constraint, str) and not callable(constraint):
+                raise TypeError(f"constraints: expected texts and functions, given {type(constraint).__name__}")
         self._holds: list[Callable[[Mapping[str, Array]], NDArray[np.bool_]]] = [
             parse_constraint(c, checked) if isinstance(c, str) else c for c in self.constraints
         ]

@@ -11,6 +11,9 @@ from . import _core
 from .prior import GaussianPrior
 from .quantity import Array, as_float, check_names, check_positive_int
 
+MAX_NODES = 2**40
+"""Nodes past which a grid counts as a slip: more than a week of work for one point."""
+
 
 @dataclass(frozen=True)
 class TensorGrid:
@@ -70,10 +73,7 @@ class TensorGrid:
     def grid(self, prior: GaussianPrior, varied: Iterable[str] | None = None) -> _core.PriorGrid:
         """Return the grid as the core walks over it; parameters that are not `varied` stay at the mean."""
         varied = prior.names if varied is None else tuple(varied)
-        levels = self.levels_of(prior)
-        return _core.PriorGrid(
-            [
-                _core.cells(prior.mean[name], prior.std[name], levels[name] if name in varied else 1, self.span)
-                for name in prior.names
-            ]
-        )
+        levels = {name: count if name in varied else 1 for name, count in self.levels_of(prior).items()}
+        if prod(levels.values()) > MAX_NODES:
+            raise ValueError(f"levels: expected a grid of at most {MAX_NODES:.0e} nodes, given {prod(levels.values()):.0e}")
+        return _core.PriorGrid([_core.cells(prior.mean[name], prior.std[name], levels[name], self.span) for name in prior.names])

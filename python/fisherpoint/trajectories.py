@@ -17,6 +17,8 @@ from .prior import GaussianPrior
 from .quantity import Array, IntArray, as_float, check_names, check_positive_int, names_of
 from .rules import TensorGrid
 
+MAX_THREADS = 4096
+
 
 class Status(IntEnum):
     """How a trajectory ended."""
@@ -37,7 +39,7 @@ class Status(IntEnum):
 _ADVICE = {
     Status.ok: "The trajectory reached its end.",
     Status.met_jump: "The right-hand side jumps on the way (the velocity changes its sign): start faster or sample earlier.",
-    Status.left_domain: "A pressure reached tank or supply, past which the model has no value: start further inside or sample earlier.",
+    Status.left_domain: "A pressure reached tank or supply, past which f has no value: start further inside or sample earlier.",
     Status.step_limit: "The tolerance asks for more or smaller steps than allowed: loosen rtol or sample earlier.",
     Status.not_finite: "The right-hand side overflowed inside the domain: check the constants and parameters.",
     Status.met_kink: "The trajectory crosses a kink (the valve passes its centre), which kinks='exclude' forbids.",
@@ -105,6 +107,7 @@ def simulate(
     ValueError
         For misuse, and for a point that starts on a switching surface, which is named.
     """
+    _check_type(model, HydraulicCylinder, "model")
     theta = model.theta(theta)
     arguments = _checked(model, points, theta, rtol, threads, kinks)
     return Trajectories(*kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *arguments))
@@ -122,6 +125,7 @@ def sensitivities(
 
     Arguments and errors are those of `simulate`. The sensitivities take part in the error control, each column by its own size.
     """
+    _check_type(model, HydraulicCylinder, "model")
     theta = model.theta(theta)
     arguments = _checked(model, points, theta, rtol, threads, kinks)
     return Sensitivities(*kernels.sensitivities(model.core, points.x0, points.u, points.dt, theta, *arguments))
@@ -160,8 +164,13 @@ def predictive_covariance(
     ValueError
         As `simulate`.
     """
+    _check_type(model, HydraulicCylinder, "model")
+    _check_type(prior, GaussianPrior, "prior")
+    _check_type(rule, TensorGrid, "rule")
     names = names_of(model.parameters)
     check_names(prior.names, names, "prior")
+    if isinstance(parameters, str) or any(name not in names for name in parameters or ()):
+        raise ValueError(f"parameters: expected a sequence of names of {', '.join(names)}; given {parameters!r}")
     theta = model.theta({name: prior.mean[name] for name in names})
     ordered = GaussianPrior({n: prior.mean[n] for n in names}, {n: prior.std[n] for n in names})
     grid = rule.grid(ordered, parameters)
@@ -169,16 +178,24 @@ def predictive_covariance(
     return PredictiveCovariance(*kernels.predictive_covariance(model.core, points.x0, points.u, points.dt, theta, grid, *arguments))
 
 
+def _check_type(given: object, expected: type, name: str) -> None:
+    if not isinstance(given, expected):
+        raise TypeError(f"{name}: expected {expected.__name__}, given {type(given).__name__}")
+
+
 def resolve_threads(threads: int | None) -> int:
     """Return the number of threads: as given, or the cores that this process may use."""
     if threads is None:
         return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return check_positive_int(threads, "threads")
+    if check_positive_int(threads, "threads") > MAX_THREADS:
+        raise ValueError(f"threads: expected at most {MAX_THREADS}, given {threads}")
+    return int(threads)
 
 
 def _checked(
     model: HydraulicCylinder, points: Experiments, theta: Array, rtol: float, threads: int | None, kinks: str
 ) -> tuple[float, bool, int]:
+    _check_type(points, Experiments, "points")
     n_x, n_u = len(model.states), len(model.inputs)
     if points.x0.shape[1] != n_x:
         raise ValueError(f"x0: expected shape (K, {n_x}), given {points.x0.shape}")

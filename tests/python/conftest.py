@@ -41,14 +41,10 @@ def workload() -> dict[str, Floats]:
 
 def experiments(cases: list[dict[str, Any]]) -> fp.Experiments:
     """Experiments from the points of a reference file."""
-    return fp.Experiments(
-        [case["x0"] for case in cases], [[case["u"]] for case in cases], [case["dt"] for case in cases]
-    )
+    return fp.Experiments([case["x0"] for case in cases], [[case["u"]] for case in cases], [case["dt"] for case in cases])
 
 
-def random_points(
-    rng: np.random.Generator, count: int, bounds: dict[str, tuple[float, float]] = REGION
-) -> fp.Experiments:
+def random_points(rng: np.random.Generator, count: int, bounds: dict[str, tuple[float, float]] = REGION) -> fp.Experiments:
     """Points drawn uniformly in the box of the bounds; some of them meet v = 0 or leave the domain."""
     low, high = np.array(list(bounds.values())).T
     drawn = rng.uniform(low, high, (count, len(bounds)))

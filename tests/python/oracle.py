@@ -107,9 +107,7 @@ class Cylinder:
         x_end = (end.reshape(shape) * STATE_SCALES[:, None]).T
         return x_end[0] if np.ndim(theta) == 1 else x_end
 
-    def sensitivities(
-        self, x0: Sequence[float] | Floats, u: float, dt: float, theta: Floats
-    ) -> tuple[Floats, Floats]:
+    def sensitivities(self, x0: Sequence[float] | Floats, u: float, dt: float, theta: Floats) -> tuple[Floats, Floats]:
         """x(dt) (5,) and dx/dtheta (5, 9) per unit of theta by eq. (9); raises NotAPoint.
 
         The right-hand side is continuous in x_v = 0 and the time of crossing does not depend on theta, so the
@@ -127,9 +125,7 @@ class Cylinder:
         end = self._integrate(dynamics, start, x0, u, dt, 1)
         return end[:5] * STATE_SCALES, end[5:].reshape(5, 9) * STATE_SCALES[:, None] / theta
 
-    def jacobians(
-        self, x: Floats, u: float, theta: Floats, branch: Branch | None = None
-    ) -> tuple[Floats, Floats, Floats]:
+    def jacobians(self, x: Floats, u: float, theta: Floats, branch: Branch | None = None) -> tuple[Floats, Floats, Floats]:
         """f (5,), f_x (5, 5) and f_theta (5, 9) by complex step, all columns at once."""
         steps = COMPLEX_STEP * np.concatenate([STATE_SCALES, theta])
         columns = np.concatenate([x, theta])[:, None] + 1j * np.diag(steps)
@@ -137,19 +133,14 @@ class Cylinder:
         slopes = f.imag / steps
         return f[:, 0].real, slopes[:, :5], slopes[:, 5:]
 
-    def _integrate(
-        self, dynamics: Any, start: Floats, x0: Sequence[float] | Floats, u: float, dt: float, lanes: int
-    ) -> Floats:
+    def _integrate(self, dynamics: Any, start: Floats, x0: Sequence[float] | Floats, u: float, dt: float, lanes: int) -> Floats:
         """Piece after piece; the first 5 * lanes entries are the scaled states, state by state."""
         z = start
         for begin, end, branch in self.pieces(x0, u, dt):
             with np.errstate(invalid="ignore"):  # a square root that has no value fails the step; see below
-                solution = solve_ivp(
-                    dynamics, (begin, end), z, "DOP853", rtol=RTOL, atol=ATOL, args=(branch,), dense_output=True
-                )
+                solution = solve_ivp(dynamics, (begin, end), z, "DOP853", rtol=RTOL, atol=ATOL, args=(branch,), dense_output=True)
             times = np.concatenate(
-                [np.linspace(a, b, LOOKS_PER_STEP) for a, b in zip(solution.t, solution.t[1:], strict=False)]
-                or [np.array([begin])]
+                [np.linspace(a, b, LOOKS_PER_STEP) for a, b in zip(solution.t, solution.t[1:], strict=False)] or [np.array([begin])]
             )
             velocity = solution.sol(times)[lanes : 2 * lanes] if len(solution.t) > 1 else z[lanes : 2 * lanes]
             if np.any(velocity * branch.v <= 0):

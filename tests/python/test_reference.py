@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import experiments, random_points
 
 import fisherpoint as fp
 import oracle
+from conftest import experiments, random_points
 from oracle import OUTPUT_ROWS, PARAMETERS, STATE_SCALES, Cylinder, Floats
 
 RTOL = 1e-9
@@ -22,8 +22,7 @@ def relative_frobenius(actual: Floats, expected: Floats) -> float:
     """Error of a predictive covariance with the outputs scaled by their std; x_v does not vary and is left out."""
     std = np.sqrt(np.diag(expected))[:3]
     return float(
-        np.linalg.norm((actual - expected)[:3, :3] / np.outer(std, std))
-        / np.linalg.norm(expected[:3, :3] / np.outer(std, std))
+        np.linalg.norm((actual - expected)[:3, :3] / np.outer(std, std)) / np.linalg.norm(expected[:3, :3] / np.outer(std, std))
     )
 
 
@@ -58,9 +57,7 @@ def test_default_cylinder_is_the_reference_cylinder(reference: Any) -> None:
 
 def test_rhs(reference: Any, model: fp.HydraulicCylinder, theta: Floats) -> None:
     for case in reference["points"]:
-        np.testing.assert_allclose(
-            model.rhs(case["x0"], [case["u"]], theta), case["rhs_at_x0"], rtol=RHS_ERROR, atol=0.0
-        )
+        np.testing.assert_allclose(model.rhs(case["x0"], [case["u"]], theta), case["rhs_at_x0"], rtol=RHS_ERROR, atol=0.0)
 
 
 def test_states(reference: Any, model: fp.HydraulicCylinder, theta: Floats) -> None:
@@ -91,9 +88,7 @@ def test_cell_probabilities(reference: Any, theta: Floats) -> None:
     np.testing.assert_allclose(weights, case["probabilities"], rtol=PROBABILITY_ERROR, atol=0.0)
 
 
-def test_predictive_covariances(
-    reference: Any, model: fp.HydraulicCylinder, prior: fp.GaussianPrior, rule: fp.TensorGrid
-) -> None:
+def test_predictive_covariances(reference: Any, model: fp.HydraulicCylinder, prior: fp.GaussianPrior, rule: fp.TensorGrid) -> None:
     grid = reference["covariance"]
     points = experiments(reference["points"][: grid["first_points"]])
     result = fp.predictive_covariance(model, points, prior, rule, rtol=RTOL)
@@ -118,9 +113,7 @@ def test_fisher(reference: Any, model: fp.HydraulicCylinder, prior: fp.GaussianP
     noise = np.array(reference["noise_std"])
     D_error = (evaluation.output_covariance - expected["pooled_D"]) / np.outer(noise, noise)
     assert np.max(np.abs(D_error)) < 1e-6 * np.max(np.diag(expected["pooled_D"]) / noise**2)
-    np.testing.assert_allclose(
-        evaluation.fisher, expected["standardised_F"], atol=1e-6 * np.max(expected["standardised_F"])
-    )
+    np.testing.assert_allclose(evaluation.fisher, expected["standardised_F"], atol=1e-6 * np.max(expected["standardised_F"]))
     assert abs(evaluation.log_det - expected["log_det_standardised"]) < LOG_DET_ERROR
 
 
@@ -226,9 +219,7 @@ def test_random_cylinder_predictive_covariances_and_fisher(case: Case) -> None:
     noise = np.array([5e-6, 2e4, 2e4, 1e-3])
     covariances, sensitivities = [], []
     for x0, u, dt in zip(case.points.x0, case.points.u[:, 0], case.points.dt, strict=True):
-        covariances.append(
-            oracle.predictive_covariance(case.cylinder, x0, u, dt, case.mean, case.std, case.levels, case.span)
-        )
+        covariances.append(oracle.predictive_covariance(case.cylinder, x0, u, dt, case.mean, case.std, case.levels, case.span))
         sensitivities.append(case.cylinder.sensitivities(x0, u, dt, case.mean)[1][OUTPUT_ROWS])
     D = np.diag(noise**2) + np.mean(covariances, axis=0)
     F = oracle.standardised_fisher(np.array(sensitivities), case.std, D)

@@ -1,0 +1,338 @@
+"""The exchange algorithm: Phi never falls, the choice is the best one, and it stops when it is told to."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fisherpoint as fp
+from conftest import REGION
+from defaults import KINDS, MODEL, NAMES, NOISE, OUTPUTS, PRIOR, SMALL, grid, problem, same_bits
+from fisherpoint.candidates import CandidateSource
+
+QUICK: dict[str, Any] = {"n_experiments": 9, "n_candidates": 8, "max_iterations": 12, "references": False}
+
+
+# --- Phi ----------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("kind", "noise"), [(k, True) for k in KINDS] + [(k, False) for k in KINDS[1:]])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_phi_never_falls(kind: str, noise: bool, seed: int) -> None:
+    given = problem(output_covariance=kind, noise_std=NOISE if noise else None)
+    design = fp.exchange(given, **QUICK, seed=seed)
+    log_dets = [record.log_det for record in design.trace]
+    assert all(b >= a for a, b in itertools.pairwise(log_dets))
+    for before, record in itertools.pairwise(design.trace):
+        assert record.exchanged == (record.log_det != before.log_det)
+    assert any(record.exchanged for record in design.trace)
+    assert [record.iteration for record in design.trace] == list(range(13))
+    assert not design.trace[0].exchanged
+    # The trace is what an evaluation from scratch says of the points; predictive covariances do not depend on the call.
+    assert fp.evaluate_design(given, design.points).log_det == pytest.approx(log_dets[-1], abs=1e-9)
+    assert design.evaluation.log_det == pytest.approx(log_dets[-1], abs=1e-9)
+    assert len(design.points) == 9 and design.stop_reason == "max_iterations"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_more_iterations_only_continue(kind: str) -> None:
+    given = problem(output_covariance=kind)
+    short, long = (fp.exchange(given, **QUICK | {"max_iterations": n}) for n in (4, 9))
+    values = [[(r.log_det, r.exchanged, r.drawn) for r in design.trace] for design in (short, long)]
+    assert values[1][:5] == values[0]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_same_seed_gives_the_same_design(kind: str) -> None:
+    first, second, other = (fp.exchange(problem(output_covariance=kind), **QUICK, seed=seed) for seed in (5, 5, 6))
+    assert same_bits(first.points.table, second.points.table)
+    assert first.rejected == second.rejected and first.drawn == second.drawn
+    assert not np.array_equal(first.points.table, other.points.table)
+
+
+def test_every_point_of_a_design_survives_on_the_grid_and_lies_in_the_region() -> None:
+    rule = grid(a_tau=3, b_tau=3, E_oil=3, p_t=3)
+    region = fp.ExperimentRegion(REGION, constraints=["p_A + p_B < 2.5e7"])
+    for kind in KINDS:
+        design = fp.exchange(problem(output_covariance=kind, rule=rule, region=region), **QUICK)
+        points = design.points
+        assert not fp.predictive_covariance(MODEL, points, PRIOR, rule).status.any()
+        low, high = np.array(list(REGION.values())).T
+        assert np.all((points.table >= low) & (points.table <= high))
+        assert np.all(points.x0[:, 2] + points.x0[:, 3] < 2.5e7)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_design_beats_random_ones(kind: str) -> None:
+    given = problem(output_covariance=kind)
+    design = fp.exchange(given, n_experiments=9, n_candidates=20, max_iterations=40, references=False)
+    source = CandidateSource(given, np.random.default_rng(99), grid=True, threads=1)
+    random = [fp.evaluate_design(given, source.draw(9).points).log_det for _ in range(20)]
+    assert design.evaluation.log_det > max(random)
+
+
+# --- the choice ---------------------------------------------------------------------------------------------------------
+
+
+def brute_force(given: fp.DesignProblem, seed: int, n_experiments: int, n_candidates: int) -> tuple[fp.Experiments, bool]:
+    """One iteration of Algorithm 1, every Phi from scratch by (7) and (17); whether a point was exchanged."""
+    pooled = given.output_covariance == "pooled"
+    source = CandidateSource(given, np.random.default_rng(seed), grid=pooled, threads=1)
+    start = source.draw_confirmed(n_experiments).points
+    candidates = source.draw(n_candidates).points
+    columns = [NAMES.index(name) for name in given.estimated]
+    std = np.array([PRIOR.std[name] for name in given.estimated])
+    noise = np.diag([NOISE[name] ** 2 for name in OUTPUTS])
+
+    def phi(points: fp.Experiments) -> float:
+        s = fp.sensitivities(MODEL, points, MODEL.nominal).dy_dtheta[:, :, columns] * std
+        c = fp.predictive_covariance(MODEL, points, PRIOR, given.rule, parameters=given.estimated).covariance
+        d = noise + (c.mean(axis=0) if pooled else 0.0)
+        total = sum(s_k.T @ np.linalg.inv(d) @ s_k for s_k in s)
+        return float(np.linalg.det(2 / len(points) * total))
+
+    def joined(candidate: fp.Experiments) -> fp.Experiments:
+        table = np.vstack([start.table, candidate.table])
+        return fp.Experiments(table[:, :5], table[:, 5:6], table[:, 6])
+
+    def survives(candidate: fp.Experiments) -> bool:
+        result = fp.predictive_covariance(MODEL, candidate, PRIOR, given.rule, parameters=given.estimated)
+        return not result.status.any()
+
+    for m in np.argsort([-phi(joined(candidate)) for candidate in candidates]):
+        larger = joined(candidates[m])
+        removals = [phi(larger[np.delete(np.arange(n_experiments + 1), k)]) for k in range(n_experiments + 1)]
+        leaving = int(np.argmax(removals))
+        if leaving == n_experiments:
+            return start, False
+        if survives(candidates[m]):
+            rows = np.arange(n_experiments)
+            rows[leaving] = n_experiments
+            return larger[rows], True
+    return start, False
+
+
+@pytest.mark.parametrize("kind", ["noise", "pooled"])
+def test_one_iteration_is_the_exhaustive_search(kind: str) -> None:
+    given = problem(output_covariance=kind, parameters=["a_tau", "E_oil", "B_v"], rule=grid(a_tau=3, E_oil=3, B_v=3))
+    outcomes = set()
+    for seed in range(25):
+        expected, exchanged = brute_force(given, seed, n_experiments=2, n_candidates=3)
+        design = fp.exchange(given, 2, 3, 1, seed=seed, max_redraws=0, references=False)
+        np.testing.assert_array_equal(design.points.table, expected.table)
+        assert design.trace[-1].exchanged == exchanged
+        outcomes.add(exchanged)
+    assert outcomes == {True, False}  # both were tried
+
+
+# --- when to stop -------------------------------------------------------------------------------------------------------
+
+
+def test_no_iterations_are_the_random_start() -> None:
+    design = fp.exchange(problem(), **QUICK | {"max_iterations": 0})
+    assert len(design.trace) == 1 and design.stop_reason == "max_iterations"
+    start = CandidateSource(problem(), np.random.default_rng(0), grid=False, threads=1).draw_confirmed(9)
+    assert same_bits(design.points.table, start.points.table)
+
+
+@pytest.mark.parametrize("patience", [1, 3])
+def test_patience(patience: int) -> None:
+    design = fp.exchange(problem(), **QUICK | {"max_iterations": 400, "n_candidates": 1}, patience=patience, max_redraws=0)
+    assert design.stop_reason == "patience"
+    exchanged = [record.exchanged for record in design.trace[1:]]
+    assert not any(exchanged[-patience:])
+    idle = [len(list(group)) for value, group in itertools.groupby(exchanged) if not value]
+    assert max(idle) == patience == idle[-1]  # and it did not stop before
+
+
+@pytest.mark.parametrize("references", [False, True])
+def test_a_time_limit_bounds_the_whole_call(references: bool) -> None:
+    started = time.perf_counter()
+    design = fp.exchange(problem(output_covariance="pooled"), 9, 10, 10**6, time_limit=0.3, references=references, patience=None)
+    assert design.stop_reason == "time_limit"
+    assert design.trace[-1].seconds >= 0.3
+    # The references are a second search and the random designs: as long again, with time to spare on a busy machine.
+    assert time.perf_counter() - started < 5.0
+
+
+def test_progress_is_called_once_per_iteration() -> None:
+    calls: list[fp.Progress] = []
+    design = fp.exchange(problem(), **QUICK, progress=calls.append)
+    assert [call.iteration for call in calls] == list(range(1, 13))
+    assert [call.log_det for call in calls] == [record.log_det for record in design.trace[1:]]
+    assert all(call.max_iterations == 12 for call in calls)
+    assert [call.exchanges for call in calls] == list(itertools.accumulate(record.exchanged for record in design.trace[1:]))
+    assert [call.drawn for call in calls] == [record.drawn for record in design.trace[1:]]
+    assert calls[-1].drawn == design.drawn and calls[-1].rejected == sum(design.rejected.values())
+    assert all(b.seconds >= a.seconds for a, b in itertools.pairwise(calls))
+
+
+def test_an_error_in_the_callback_is_not_swallowed() -> None:
+    def fail(_: fp.Progress) -> None:
+        raise RuntimeError("the user's own")
+
+    with pytest.raises(RuntimeError, match="the user's own"):
+        fp.exchange(problem(), **QUICK, progress=fail)
+
+
+def test_an_interrupt_returns_the_best_design_so_far() -> None:
+    def interrupt(state: fp.Progress) -> None:
+        if state.iteration == 5:
+            raise KeyboardInterrupt
+
+    design = fp.exchange(problem(), **QUICK | {"references": True}, progress=interrupt)
+    assert design.stop_reason == "interrupted" and len(design.trace) == 6
+    whole = fp.exchange(problem(), **QUICK | {"max_iterations": 5})
+    assert same_bits(design.points.table, whole.points.table)
+    assert design.evaluation.log_det == whole.evaluation.log_det
+    assert design.efficiency is None
+
+
+LONG_RUN = """
+import sys, time
+import fisherpoint as fp
+m = fp.HydraulicCylinder()
+prior = fp.GaussianPrior(m.nominal, relative_std=dict(
+    a_tau=.3, b_tau=.2, m_q=.05, E_oil=.2, p_t=.2, B_v=.1, c_L=.3, V_0A=.1, V_0B=.1))
+region = fp.ExperimentRegion(dict(q=(.1, .2), v=(.1, .2), p_A=(8e6, 9e6), p_B=(12e6, 13e6), x_v=(.2, .5), u=(-.5, -.2),
+                                  dt=(1e-4, 3e-4)))
+problem = fp.DesignProblem(m, prior, region, rule=fp.TensorGrid(4), output_covariance="pooled")
+print("started", flush=True)
+def progress(p):
+    print("iteration", p.iteration, flush=True)
+design = fp.exchange(problem, n_candidates=400, max_iterations=10**6, progress=progress)
+print("returned", time.time(), design.stop_reason, len(design.points), design.evaluation.log_det == design.trace[-1].log_det,
+      flush=True)
+"""
+
+
+def test_ctrl_c_stops_a_long_run_within_a_second_and_leaves_its_best_design(tmp_path: Path) -> None:
+    """4^9 nodes for 400 candidates: an iteration takes tens of seconds, so the signal falls into the core."""
+    environment = os.environ | {"PYTHONPATH": str(Path(fp.__file__).parents[1])}
+    program = LONG_RUN.replace("n_candidates=400", "n_experiments=2, n_candidates=400")
+    with subprocess.Popen(
+        [sys.executable, "-c", program], env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None and process.stderr is not None
+        try:
+            assert process.stdout.readline() == "started\n"
+            time.sleep(2.5)  # the two points of the start take a fraction of this
+            sent = time.time()
+            process.send_signal(signal.SIGINT)
+            output, errors = process.communicate(timeout=20)
+        finally:
+            process.kill()
+    assert process.returncode == 0, errors
+    words = output.split()
+    assert "iteration" not in words  # it was within the first one
+    assert words[0] == "returned" and words[2:5] == ["interrupted", "2", "True"]
+    assert float(words[1]) - sent < 1.5  # a second, and some for a busy machine
+
+
+# --- odd problems -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_too_few_points_for_the_parameters_still_give_the_best_that_can_be(kind: str) -> None:
+    design = fp.exchange(problem(output_covariance=kind), **QUICK | {"n_experiments": 2, "references": True})
+    assert design.evaluation.log_det == -np.inf and design.evaluation.rank == 6
+    assert len(design.evaluation.null_directions) == 3
+    assert design.evaluation.standard_errors is None
+    assert all(record.log_det == -np.inf for record in design.trace)
+    assert any(record.exchanged for record in design.trace)
+    assert design.efficiency is not None and not design.efficiency.below_random
+
+
+def test_a_single_point_and_a_single_candidate() -> None:
+    design = fp.exchange(problem(parameters=["B_v"]), 1, 1, 10, references=False)
+    assert len(design.points) == 1 and np.isfinite(design.evaluation.log_det)
+    assert design.trace[-1].log_det > design.trace[0].log_det
+
+
+def test_an_empty_region_is_an_error_that_counts_the_reason() -> None:
+    region = fp.ExperimentRegion(REGION, constraints=["v > 1"])
+    with pytest.raises(ValueError, match=r"region: expected points that survive, given 0 of \d+ drawn \(constraint \d+\)"):
+        fp.exchange(problem(region=region), **QUICK)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_region_in_which_nothing_survives_is_an_error_that_counts_the_reasons(kind: str) -> None:
+    region = fp.ExperimentRegion(REGION | {"p_A": (20.95e6, 20.99e6), "v": (-0.25, -0.2), "dt": (5e-3, 1e-2)})
+    started = time.perf_counter()
+    with pytest.raises(ValueError, match=r"region: expected points that survive, given 0 of \d+ drawn \(left_domain \d+"):
+        fp.exchange(problem(region=region, output_covariance=kind), **QUICK)
+    assert time.perf_counter() - started < 10
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_region_in_which_nothing_survives_on_the_grid_is_an_error(kind: str) -> None:
+    region = fp.ExperimentRegion(REGION | {"p_A": (0.55e6, 0.6e6), "v": (-0.25, -0.2), "dt": (1e-5, 2e-5)})
+    with pytest.raises(ValueError, match=r"region: expected points that survive.*given 0 of"):
+        fp.exchange(problem(region=region, rule=grid(p_t=3), output_covariance=kind), **QUICK)
+
+
+@pytest.mark.parametrize("surface", ["v", "x_v"])
+def test_a_region_on_a_switching_surface_is_refused_by_name(surface: str) -> None:
+    with pytest.raises(ValueError, match=rf"region\['{surface}'\]: expected bounds off .* {surface} = 0, given \(0, 0\)"):
+        problem(region=fp.ExperimentRegion(REGION | {surface: (0.0, 0.0)}))
+
+
+def test_a_region_of_one_point_gives_that_point() -> None:
+    one = {"q": 0.15, "v": 0.2, "p_A": 6e6, "p_B": 10e6, "x_v": 0.3, "u": -0.3, "dt": 2e-3}
+    region = fp.ExperimentRegion({name: (value, value) for name, value in one.items()})
+    design = fp.exchange(problem(region=region), 3, 2, 3, references=False)
+    np.testing.assert_array_equal(design.points.table, [list(one.values())] * 3)
+    assert design.distinct_points == 1 and not any(record.exchanged for record in design.trace)
+
+
+# --- references ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_efficiencies_are_ratios_of_what_was_found(kind: str) -> None:
+    design = fp.exchange(problem(output_covariance=kind), **QUICK | {"references": True})
+    e, under_noise = design.efficiency, design.under_noise
+    assert e is not None and under_noise is not None
+    assert e.under_noise == under_noise.log_det
+    assert e.noise_optimum is not None and e.noise_optimum >= e.under_noise
+    assert e.random_median is not None
+    assert e.vs_optimum == pytest.approx(np.exp((e.under_noise - e.noise_optimum) / 9)) and 0 < e.vs_optimum <= 1
+    assert e.vs_random == pytest.approx(np.exp((e.under_noise - e.random_median) / 9))
+    assert e.below_random == (e.vs_random < 1)
+    assert e.bound is None and e.vs_bound is None
+    if kind == "noise":
+        assert under_noise.log_det == design.evaluation.log_det
+
+
+def test_a_design_that_is_worse_than_random_is_said_to_be() -> None:
+    """No iterations, and the worst of several random starts."""
+    settings = QUICK | {"max_iterations": 0, "references": True}
+    found = [fp.exchange(problem(), **settings, seed=seed).efficiency for seed in range(6)]
+    below = [e.below_random for e in found if e is not None]
+    assert any(below)
+
+
+def test_settings_are_kept() -> None:
+    given = problem()
+    design = fp.exchange(given, 9, 4, 2, seed=7, patience=5, time_limit=60, max_redraws=2, references=False)
+    assert vars(design.settings) == {
+        "n_experiments": 9,
+        "n_candidates": 4,
+        "max_iterations": 2,
+        "seed": 7,
+        "patience": 5,
+        "time_limit": 60.0,
+        "max_redraws": 2,
+        "references": False,
+    }
+    assert design.problem is given and given.rule == SMALL
+    assert design.seconds >= design.trace[-1].seconds
