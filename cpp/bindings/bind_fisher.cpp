@@ -39,7 +39,11 @@ void bind_fisher(py::module_& m) {
       "log det by Cholesky; -inf where the matrix is not positive definite.");
 
   py::class_<FisherAccumulator>(m, "FisherAccumulator", "Fisher matrix (7) of a set of points, for any output covariance.")
-      .def(py::init<int, int>(), "outputs"_a, "parameters"_a)
+      .def(py::init([](int outputs, int parameters) {
+             if (outputs < 1 || parameters < 1) throw py::value_error("FisherAccumulator: expected positive sizes");
+             return FisherAccumulator(outputs, parameters);
+           }),
+           "outputs"_a, "parameters"_a)
       .def("__len__", &FisherAccumulator::count)
       .def(
           "add",

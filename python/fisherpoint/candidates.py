@@ -26,8 +26,7 @@ class CandidateSource:
     rng : numpy.random.Generator
     grid : bool
         Whether every candidate is tried on the whole grid and gets its predictive covariance; otherwise only the nominal
-        trajectory is,
-        and `confirm` tries the grid for those that matter.
+        trajectory is, and `confirm` tries the grid for those that matter.
     threads : int or None
 
     Raises
@@ -57,12 +56,12 @@ class CandidateSource:
             Where hardly any point of the region survives; the reasons are listed.
         """
         found = [] if self._spare is None else [self._spare]
-        have, tried = sum(map(len, found)), 0
+        have, tried, before = sum(map(len, found)), 0, self.rejected.copy()
         while have < count:
             if tried >= max(MAX_DRAWN_PER_CANDIDATE, MAX_DRAWN_PER_CANDIDATE // 20 * count):
+                reasons = ", ".join(f"{reason} {n}" for reason, n in (self.rejected - before).most_common())
                 raise ValueError(
-                    f"region: expected points that survive, given {have} of {tried} drawn "
-                    f"({', '.join(f'{reason} {n}' for reason, n in self.rejected.most_common())}): widen or move the region"
+                    f"region: expected points that survive, given {have} of {tried} drawn ({reasons}): widen or move the region"
                 )
             share = max(self.accepted / self.drawn, 0.05) if self.drawn else 0.7
             batch = max(8, round((count - have) / share))
@@ -80,7 +79,7 @@ class CandidateSource:
         if self._grid:
             return np.ones(len(chosen), dtype=bool)
         _, status = with_covariance(self._problem, chosen, self._threads)
-        self._reject(status)
+        self.rejected.update(_reasons(status))
         return np.asarray(status == Status.ok)
 
     def draw_confirmed(self, count: int) -> PointInformation:
@@ -98,30 +97,26 @@ class CandidateSource:
         return PointInformation.join(found)
 
     def _survivors(self, points: Experiments) -> PointInformation | None:
-        problem = self._problem
-        self.drawn += len(points)
+        problem, drawn = self._problem, len(points)
+        rejected: Counter[str] = Counter()
         satisfied = self._region.satisfied(problem.model, points)
-        self._count("constraint", int((~satisfied).sum()))
+        rejected["constraint"] += int((~satisfied).sum())
         points = points[satisfied]
         keep = np.ones(len(points), dtype=bool)
         for surface, rows in on_surface(problem.model, points, problem.theta).items():
-            self._count(f"starts on {surface} = 0", int(keep[rows].sum()))
+            rejected[f"starts on {surface} = 0"] += int(keep[rows].sum())
             keep[rows] = False
-        points = points[keep]
-        if not len(points):
-            return None
-        information, status = point_sensitivities(problem, points, self._threads)
-        information = information[self._reject(status)]
-        if self._grid and len(information):
+        information, status = point_sensitivities(problem, points[keep], self._threads)
+        rejected.update(_reasons(status))
+        information = information[status == Status.ok]
+        if self._grid:
             information, status = with_covariance(problem, information, self._threads)
-            information = information[self._reject(status)]
+            rejected.update(_reasons(status))
+            information = information[status == Status.ok]
+        self.drawn += drawn  # with the reasons, so that the counts add up after an interrupt too
+        self.rejected.update(+rejected)
         return information if len(information) else None
 
-    def _reject(self, status: IntArray) -> np.ndarray:
-        for value in np.unique(status[status != Status.ok]):
-            self._count(Status(value).name, int((status == value).sum()))
-        return np.asarray(status == Status.ok)
 
-    def _count(self, reason: str, n: int) -> None:
-        if n:
-            self.rejected[reason] += n
+def _reasons(status: IntArray) -> Counter[str]:
+    return Counter(Status(value).name for value in status if value != Status.ok)

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ from .kernels import isa
 from .models import MODELS
 from .prior import GaussianPrior
 from .problem import DesignProblem
-from .quantity import Array, as_float, check_positive_int
+from .quantity import Array, FrozenMapping, as_float, check_positive_int
 from .region import ExperimentRegion
 from .rules import TensorGrid
 
@@ -239,8 +238,8 @@ def _evaluation_from_json(data: dict[str, Any] | None) -> Evaluation | None:
     for name in ("fisher", "output_covariance", "covariance", "correlation"):
         values[name] = None if values[name] is None else np.array(values[name], dtype=np.float64)
     for name in ("standard_errors", "rse", "prior_std"):
-        values[name] = None if values[name] is None else MappingProxyType(dict(values[name]))
-    values["null_directions"] = tuple(MappingProxyType(dict(direction)) for direction in values["null_directions"])
+        values[name] = None if values[name] is None else FrozenMapping(dict(values[name]))
+    values["null_directions"] = tuple(FrozenMapping(dict(direction)) for direction in values["null_directions"])
     values["log_det"] = _log_det(values["log_det"])
     return Evaluation(**values)
 
@@ -303,7 +302,7 @@ def _from_json(data: dict[str, Any]) -> Design:
         under_noise=_evaluation_from_json(data["under_noise"]),
         efficiency=_efficiency_from_json(data["efficiency"]),
         trace=tuple(TraceRecord(**{**record, "log_det": _log_det(record["log_det"])}) for record in data["trace"]),
-        rejected=MappingProxyType(rejected),
+        rejected=FrozenMapping(rejected),
         drawn=data["drawn"],
         accepted=data["accepted"],
         stop_reason=data["stop_reason"],

@@ -1,10 +1,8 @@
 """What a design is worth beside others: the best under the sensor noise, random ones, and the bound of the pooled form.
 
 The criterion's own value says little. To first order (7), (16) and (17) without noise give tr(Sigma_theta F) = 2 n_y for
-every design, so
-that log det(Sigma_theta F) <= p log(2 n_y / p), whatever the points are; what counts is the information under the sensor
-noise. Here
-Sigma_theta is the covariance that the rule's nodes have, which is not quite the prior's.
+every design, so that log det(Sigma_theta F) <= p log(2 n_y / p), whatever the points are; what counts is the information under
+the sensor noise. Here Sigma_theta is the covariance that the rule's nodes have, which is not quite the prior's.
 """
 
 from __future__ import annotations
@@ -40,8 +38,7 @@ class Efficiency:
         Whether the design is worse than the median random design.
     bound, vs_bound : float or None
         The closed bound where D is "pooled" without noise and every estimated parameter varies over the nodes, and the
-        D-efficiency against
-        it; to first order in the spread of the outputs, so that a design can exceed it a little.
+        D-efficiency against it; to first order in the spread of the outputs, so that a design can exceed it a little.
     """
 
     under_noise: float | None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from .experiments import Experiments
 from .information import PointInformation, point_information
 from .output_covariance import Criterion, criterion, needs_grid
 from .problem import DesignProblem
-from .quantity import Array, names_of
+from .quantity import Array, FrozenMapping, names_of
 
 RANK_TOLERANCE = 1e-9
 """Singular values of the whitened, column-scaled sensitivities below this share of the largest count as zero."""
@@ -133,8 +132,8 @@ def evaluate_information(problem: DesignProblem, information: PointInformation, 
         errors = np.sqrt(np.diag(standardised))
         correlation = standardised / np.outer(errors, errors)
         covariance = standardised * np.outer(std, std)
-        standard_errors = MappingProxyType(dict(zip(names, (errors * std).tolist(), strict=True)))
-        rse = MappingProxyType(
+        standard_errors = FrozenMapping(dict(zip(names, (errors * std).tolist(), strict=True)))
+        rse = FrozenMapping(
             {name: standard_errors[name] / abs(problem.prior.mean[name]) for name in names if problem.prior.mean[name]}
         )
     else:
@@ -157,7 +156,7 @@ def evaluate_information(problem: DesignProblem, information: PointInformation, 
         correlation=correlation,
         rank=rank,
         null_directions=null,
-        prior_std=MappingProxyType(dict(zip(names, std.tolist(), strict=True))),
+        prior_std=FrozenMapping(dict(zip(names, std.tolist(), strict=True))),
     )
 
 
@@ -167,4 +166,4 @@ def _null_direction(v: Array, length: Array, names: tuple[str, ...]) -> Mapping[
         direction = np.where(length == 0, v, 0.0)  # a parameter without any influence is a direction of its own
     direction = direction / np.abs(direction).max()
     direction *= np.sign(direction[np.argmax(np.abs(direction))])
-    return MappingProxyType({name: float(c) for name, c in zip(names, direction, strict=True) if abs(c) > 1e-6})
+    return FrozenMapping({name: float(c) for name, c in zip(names, direction, strict=True) if abs(c) > 1e-6})

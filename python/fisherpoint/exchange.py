@@ -1,8 +1,7 @@
 """The exchange algorithm, Algorithm 1.
 
 Lines 11 and 13 print "arg min"; the reading is that the candidate with the largest Phi enters, and the point whose removal
-leaves the
-largest Phi leaves. That may be the candidate itself, so Phi never falls.
+leaves the largest Phi leaves. That may be the candidate itself, so Phi never falls.
 """
 
 from __future__ import annotations
@@ -10,7 +9,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +21,7 @@ from .evaluation import Evaluation, evaluate_information
 from .information import PointInformation
 from .output_covariance import Criterion, criterion, needs_grid
 from .problem import DesignProblem
+from .quantity import FrozenMapping
 from .trajectories import resolve_threads
 
 RIDGE = 1e-9
@@ -108,6 +107,14 @@ def exchange(
     return search.design(stop_reason, under_noise, efficiency)
 
 
+class _Incumbent(NamedTuple):
+    """The best design so far; replaced as a whole, so that an interrupt cannot tear it."""
+
+    information: PointInformation
+    prepared: PointInformation
+    log_det: float
+
+
 @dataclass
 class _Search:
     """The state of one run of Algorithm 1."""
@@ -121,11 +128,10 @@ class _Search:
         self._started = time.perf_counter()
         grid = needs_grid(str(self.problem.output_covariance))
         self.source = CandidateSource(self.problem, np.random.default_rng(self.settings.seed), grid, self.threads)
-        self.current = self.source.draw_confirmed(self.settings.n_experiments)
-        # Which outputs carry nothing is seen from more points than the design's.
-        self.criterion: Criterion = criterion(self.problem, self.current, self.threads)
-        self._prepared = self.criterion.prepare(self.current)
-        self.log_det = self._log_det(self._prepared, 0.0)
+        start = self.source.draw_confirmed(self.settings.n_experiments)
+        self.criterion: Criterion = criterion(self.problem, start, self.threads)
+        prepared = self.criterion.prepare(start)
+        self.best = _Incumbent(start, prepared, self._log_det(prepared, 0.0))
         self._record(0, False)
 
     def run(self, progress: Callable[[Progress], None] | None) -> str:
@@ -141,7 +147,7 @@ class _Search:
                         Progress(
                             iteration,
                             settings.max_iterations,
-                            self.log_det,
+                            self.best.log_det,
                             exchanges,
                             self.source.drawn,
                             self.source.rejected.total(),
@@ -161,7 +167,7 @@ class _Search:
         return time.perf_counter() - self._started
 
     def _record(self, iteration: int, exchanged: bool) -> None:
-        self.trace.append(TraceRecord(iteration, self.log_det, bool(exchanged), self.source.drawn, self.seconds))
+        self.trace.append(TraceRecord(iteration, self.best.log_det, bool(exchanged), self.source.drawn, self.seconds))
 
     def _log_det(self, prepared: PointInformation, ridge: float) -> float:
         accumulator = self.criterion.accumulate(prepared)
@@ -171,9 +177,9 @@ class _Search:
 
     def _iterate(self) -> bool:
         """Lines 6 to 14: draw candidates until one improves Phi, let the best enter and the least useful point leave."""
-        ridge = 0.0 if np.isfinite(self.log_det) else RIDGE
-        phi = self._log_det(self._prepared, ridge)
-        accumulator = self.criterion.accumulate(self._prepared)
+        ridge = 0.0 if np.isfinite(self.best.log_det) else RIDGE
+        phi = self._log_det(self.best.prepared, ridge)
+        accumulator = self.criterion.accumulate(self.best.prepared)
         given, pooled = self.criterion.given, self.criterion.pooled
         best_phi, entering = -np.inf, None
         for _ in range(1 + self.settings.max_redraws):
@@ -195,13 +201,12 @@ class _Search:
         prepared = self.criterion.prepare(entering)
         if not self._log_det(prepared, ridge) > phi:  # the same to rounding
             return False
-        self.current, self._prepared = entering, prepared
-        self.log_det = self._log_det(prepared, 0.0)
+        self.best = _Incumbent(entering, prepared, self._log_det(prepared, 0.0))
         return True
 
     def _without_least(self, candidate: PointInformation, ridge: float) -> PointInformation | None:
         """The design with the candidate in the place of the point that is missed least; None where that is the candidate."""
-        joined = PointInformation.join([self.current, candidate])
+        joined = PointInformation.join([self.best.information, candidate])
         prepared = self.criterion.prepare(joined)
         accumulator = self.criterion.accumulate(prepared)
         phis = accumulator.log_det_without(
@@ -218,18 +223,19 @@ class _Search:
     def under_noise(self) -> Evaluation | None:
         if self.problem.noise_std is None:
             return None
-        return evaluate_information(self.problem, self.current, criterion(self.problem, self.current, self.threads, "noise"))
+        information = self.best.information
+        return evaluate_information(self.problem, information, criterion(self.problem, information, self.threads, "noise"))
 
     def design(self, stop_reason: str, under_noise: Evaluation | None, efficiency: Efficiency | None) -> Design:
         return Design(
             problem=self.problem,
             settings=self.settings,
-            points=self.current.points,
-            evaluation=evaluate_information(self.problem, self.current, self.criterion),
+            points=self.best.information.points,
+            evaluation=evaluate_information(self.problem, self.best.information, self.criterion),
             under_noise=under_noise,
             efficiency=efficiency,
             trace=tuple(self.trace),
-            rejected=MappingProxyType(dict(self.source.rejected)),
+            rejected=FrozenMapping(dict(self.source.rejected)),
             drawn=self.source.drawn,
             accepted=self.source.accepted,
             stop_reason=stop_reason,
@@ -240,7 +246,7 @@ class _Search:
 def _references(search: _Search, under_noise: Evaluation | None) -> Efficiency:
     """Find the noise-only optimum with the same settings and another seed, and the median random design."""
     if under_noise is None:
-        return efficiency_of(search.problem, search.criterion, search.log_det, None, None, None)
+        return efficiency_of(search.problem, search.criterion, search.best.log_det, None, None, None)
     problem = search.problem.replace(output_covariance="noise")
     settings = search.settings
     other = ExchangeSettings(
@@ -258,5 +264,5 @@ def _references(search: _Search, under_noise: Evaluation | None) -> Efficiency:
         raise KeyboardInterrupt
     random = random_designs(problem, settings.n_experiments, settings.seed, search.threads)
     return efficiency_of(
-        search.problem, search.criterion, search.log_det, under_noise.log_det, reference.log_det, float(np.median(random))
+        search.problem, search.criterion, search.best.log_det, under_noise.log_det, reference.best.log_det, float(np.median(random))
     )

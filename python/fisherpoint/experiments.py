@@ -47,7 +47,7 @@ class Experiments:
             raise ValueError(f"dt: expected shape ({count},), given {self.dt.shape}")
         if not (self.dt > 0).all():
             row = int(np.argmin(self.dt))
-            raise ValueError(f"dt: expected positive durations in s, given {self.dt[row]:g} for point {row}")
+            raise ValueError(f"dt: expected positive durations in s, given {self.dt[row]:g} in points[{row}]")
         if columns is not None and len(columns) != self.x0.shape[1] + self.u.shape[1]:
             raise ValueError(f"columns: expected {self.x0.shape[1] + self.u.shape[1]} names, given {len(columns)}")
         self.columns = columns

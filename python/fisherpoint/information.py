@@ -74,7 +74,7 @@ def point_information(problem: DesignProblem, points: Experiments, grid: bool, t
     bad = np.flatnonzero(status)
     if len(bad):
         first = Status(status[bad[0]])
-        listed = ", ".join(f"{k} ({Status(status[k]).name})" for k in bad[:5])
+        listed = ", ".join(f"points[{k}] ({Status(status[k]).name})" for k in bad[:5])
         raise ValueError(
             f"points: expected trajectories that are ok, given {listed}{' ...' if len(bad) > 5 else ''}. {first.advice}"
         )

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _core
-from .quantity import Array, Quantity, as_float, as_floats, in_order, names_of
+from .quantity import Array, FrozenMapping, Quantity, as_float, as_floats, in_order, names_of
 
 
 def _quantities(described: Iterable[tuple[str, str, str, float]]) -> tuple[Quantity, ...]:
@@ -60,7 +59,7 @@ class HydraulicCylinder:
     parameters = _quantities(_core.HydraulicCylinder.parameters)
     jumps: tuple[str, ...] = tuple(_core.HydraulicCylinder.jumps)
     kinks: tuple[str, ...] = tuple(_core.HydraulicCylinder.kinks)
-    nominal: Mapping[str, float] = MappingProxyType(
+    nominal: Mapping[str, float] = FrozenMapping(
         {
             "a_tau": 400.0,
             "b_tau": 1500.0,
@@ -88,7 +87,7 @@ class HydraulicCylinder:
     @property
     def constants(self) -> Mapping[str, float]:
         """The known constants by name, SI units."""
-        return MappingProxyType({name: float(getattr(self.core, name)) for name in names_of(self.constant_quantities)})
+        return FrozenMapping({name: float(getattr(self.core, name)) for name in names_of(self.constant_quantities)})
 
     def rhs(self, x: ArrayLike, u: ArrayLike, theta: Mapping[str, float] | ArrayLike) -> Array:
         """Right-hand side f(x, u, theta) of (19a).

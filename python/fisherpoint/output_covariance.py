@@ -17,6 +17,9 @@ from .quantity import Array, names_of
 REGION_SAMPLE = 64
 """Points of the region over which "region" takes the mean predictive covariance."""
 
+SINGULAR = 1e-12
+"""Smallest eigenvalue of D, scaled to unit diagonal, below which it counts as singular."""
+
 _region_means: WeakKeyDictionary[DesignProblem, Array] = WeakKeyDictionary()
 
 
@@ -25,12 +28,12 @@ class Criterion:
     """log det F as a function of points, for one form of D.
 
     D = `given`, plus the mean predictive covariance of the points where `pooled`. For "pointwise" every point is whitened
-    with its own D
-    when it is prepared, and `given` is the identity.
+    with its own D when it is prepared, and `given` is the identity.
     """
 
     kind: str
     used: NDArray[np.bool_]  # outputs that take part
+    names: tuple[str, ...]  # theirs
     given: Array
     pooled: bool
     noise: Array  # R of the outputs that take part
@@ -40,7 +43,10 @@ class Criterion:
         reduced = information.of_outputs(self.used)
         if self.kind != "pointwise":
             return reduced
-        factors = np.linalg.cholesky(self.noise + reduced.covariance)
+        d = self.noise + reduced.covariance
+        if not self.noise.any():
+            check_regular(d, self.names, self.kind)
+        factors = np.linalg.cholesky(d)
         return PointInformation(reduced.points, np.linalg.solve(factors, reduced.sensitivity), np.zeros_like(reduced.covariance))
 
     def accumulate(self, prepared: PointInformation) -> _core.FisherAccumulator:
@@ -85,30 +91,31 @@ def criterion(problem: DesignProblem, sample: PointInformation, threads: int | N
     if not used.any():
         raise ValueError("output_covariance: expected an output that depends on a parameter, given none")
     given, noise = given[np.ix_(used, used)], noise[np.ix_(used, used)]
-    names = [name for name, taken in zip(names_of(problem.model.outputs), used, strict=True) if taken]
+    names = tuple(name for name, taken in zip(names_of(problem.model.outputs), used, strict=True) if taken)
     if kind in ("noise", "region"):
         check_regular(given, names, kind)
     elif kind == "pooled":
         mean = sample.covariance.mean(axis=0)[np.ix_(used, used)]
         check_regular(given + mean, names, kind)
     else:
-        for covariance in sample.covariance:
-            check_regular(noise + covariance[np.ix_(used, used)], names, kind)
+        check_regular(noise + sample.of_outputs(used).covariance, names, kind)
         given = np.eye(len(names))
-    return Criterion(kind, used, given, kind == "pooled", noise)
+    return Criterion(kind, used, names, given, kind == "pooled", noise)
 
 
-def check_regular(d: Array, names: list[str], kind: str) -> None:
-    """Raise where D (n, n) is not positive definite to working precision, naming the outputs of its null direction."""
-    scale = np.sqrt(np.maximum(np.diag(d), 0))
-    flat = [name for name, s in zip(names, scale, strict=True) if not s > 0]
+def check_regular(d: Array, names: tuple[str, ...], kind: str) -> None:
+    """Raise where D (n, n), or one of a stack of them, is not positive definite to working precision, naming the outputs."""
+    stack = d.reshape(-1, len(names), len(names))
+    scale = np.sqrt(np.maximum(np.diagonal(stack, axis1=1, axis2=2), 0))
+    flat = [name for name, s in zip(names, scale.min(axis=0), strict=True) if not s > 0]
     if flat:
         raise ValueError(
             f"output_covariance {kind!r}: expected a regular D, given no variance of {', '.join(flat)}: give noise_std"
         )
-    values, vectors = np.linalg.eigh(d / np.outer(scale, scale))
-    if not values[0] > 1e-12:
-        involved = [name for name, v in zip(names, vectors[:, 0], strict=True) if abs(v) > 0.1]
+    values, vectors = np.linalg.eigh(stack / (scale[:, :, None] * scale[:, None, :]))
+    worst = int(np.argmin(values[:, 0]))
+    if not values[worst, 0] > SINGULAR:
+        involved = [name for name, v in zip(names, vectors[worst, :, 0], strict=True) if abs(v) > 0.1]
         raise ValueError(
             f"output_covariance {kind!r}: expected a regular D, given one that is singular in {', '.join(involved)}: "
             "give noise_std, or more points or levels"

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
 
-from .quantity import as_float, check_names
+from .quantity import FrozenMapping, as_float, check_names
 
 
 class GaussianPrior:
@@ -51,7 +50,7 @@ class GaussianPrior:
                 raise ValueError(
                     f"{label}[{name!r}]: expected a positive standard deviation, given {value:g} (mean {means[name]:g})"
                 )
-        self._mean, self._std = MappingProxyType(means), MappingProxyType(stds)
+        self._mean, self._std = FrozenMapping(means), FrozenMapping(stds)
 
     @property
     def names(self) -> tuple[str, ...]:

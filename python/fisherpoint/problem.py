@@ -5,17 +5,16 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from .models import HydraulicCylinder
 from .prior import GaussianPrior
-from .quantity import Array, as_float, check_names, in_order, names_of
+from .quantity import Array, FrozenMapping, check_names, in_order, names_of
 from .region import ExperimentRegion
 from .rules import TensorGrid
-from .trajectories import check_kinks
+from .trajectories import check_kinks, check_rtol
 
 OUTPUT_COVARIANCES = ("noise", "region", "pooled", "pointwise")
 
@@ -37,8 +36,7 @@ class DesignProblem:
         How expectations over the prior are taken.
     output_covariance : {"noise", "region", "pooled", "pointwise"}, optional
         D of (7): R alone; R plus the mean predictive covariance over a fixed sample of the region; R plus that over the
-        design's points,
-        (17); or R plus each point's own. Default: "noise" where `noise_std` is given, else "region".
+        design's points, (17); or R plus each point's own. Default: "noise" where `noise_std` is given, else "region".
     parameters : sequence of str, optional
         Names of the parameters to estimate; the others are known to be at their mean. Default: all.
     kinks : {"cross", "exclude"}
@@ -73,8 +71,7 @@ class DesignProblem:
         self.model.theta(self.prior.mean)
         self.rule.levels_of(self.prior)
         check_kinks(self.kinks)
-        if not 1e-13 <= as_float(self.rtol, "rtol") <= 0.1:
-            raise ValueError(f"rtol: expected a tolerance between 1e-13 and 0.1, given {self.rtol:g}")
+        check_rtol(self.rtol)
         if self.region is not None:
             self.region.check(self.model)
         set_field = object.__setattr__
@@ -83,7 +80,7 @@ class DesignProblem:
             for name, value in zip(names_of(self.model.outputs), stds, strict=True):
                 if not value > 0:
                     raise ValueError(f"noise_std[{name!r}]: expected a positive standard deviation, given {value:g}")
-            set_field(self, "noise_std", MappingProxyType(dict(zip(names_of(self.model.outputs), map(float, stds), strict=True))))
+            set_field(self, "noise_std", FrozenMapping(dict(zip(names_of(self.model.outputs), map(float, stds), strict=True))))
         given = everything if self.parameters is None else self.parameters
         if isinstance(given, str) or not isinstance(given, Iterable):
             raise TypeError(f"parameters: expected a sequence of names, given {given!r}")

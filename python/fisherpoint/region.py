@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from .constraints import Constraint, parse_constraint
 from .experiments import Experiments
 from .models import HydraulicCylinder
-from .quantity import Array, as_floats, check_names, names_of
+from .quantity import Array, FrozenMapping, as_floats, check_names, names_of
 
 
 class ExperimentRegion:
@@ -49,7 +48,7 @@ class ExperimentRegion:
             raise ValueError(f"region['dt']: expected positive durations in s, given the lower bound {checked['dt'][0]:g}")
         if isinstance(constraints, str) or callable(constraints):
             constraints = (constraints,)
-        self.bounds: Mapping[str, tuple[float, float]] = MappingProxyType(checked)
+        self.bounds: Mapping[str, tuple[float, float]] = FrozenMapping(checked)
         self.constraints: tuple[Constraint, ...] = tuple(constraints)
         for constraint in self.constraints:
             if not isinstance(constraint, str) and not callable(constraint):
@@ -79,7 +78,7 @@ class ExperimentRegion:
         columns = dict(zip((*names_of(model.states), *names_of(model.inputs), "dt"), points.table.T, strict=True))
         result = np.ones(len(points), dtype=bool)
         for constraint, holds in zip(self.constraints, self._holds, strict=True):
-            mask = np.asarray(holds(MappingProxyType(columns)))
+            mask = np.asarray(holds(FrozenMapping(columns)))
             if mask.shape != result.shape or mask.dtype != np.bool_:
                 raise ValueError(
                     f"constraint {constraint!r}: expected a boolean array of shape {result.shape}, given {mask.dtype} {mask.shape}"

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import prod
-from types import MappingProxyType
 
 from . import _core
 from .prior import GaussianPrior
-from .quantity import Array, as_float, check_names, check_positive_int
+from .quantity import Array, FrozenMapping, as_float, check_names, check_positive_int
 
 MAX_NODES = 2**40
 """Nodes past which a grid counts as a slip: more than a week of work for one point."""
@@ -20,8 +19,7 @@ class TensorGrid:
     """Equidistant cells per parameter, eq. (13).
 
     Each parameter takes `levels` values from mean - span std to mean + span std, each with the probability of its cell, a
-    difference
-    of the normal distribution function; a node's weight is the product. One level is the mean, with weight 1.
+    difference of the normal distribution function; a node's weight is the product. One level is the mean, with weight 1.
 
     Parameters
     ----------
@@ -36,7 +34,7 @@ class TensorGrid:
     def __post_init__(self) -> None:
         if isinstance(self.levels, Mapping):
             checked = {name: check_positive_int(n, f"levels[{name!r}]") for name, n in self.levels.items()}
-            object.__setattr__(self, "levels", MappingProxyType(checked))
+            object.__setattr__(self, "levels", FrozenMapping(checked))
         else:
             object.__setattr__(self, "levels", check_positive_int(self.levels, "levels"))
         span = as_float(self.span, "span")

@@ -203,10 +203,14 @@ def _checked(
         raise ValueError(f"u: expected shape (K, {n_u}), given {points.u.shape}")
     if theta.ndim == 2 and len(theta) != len(points):
         raise ValueError(f"theta: expected {len(points)} rows, one for each point, given {len(theta)}")
-    if not 1e-13 <= as_float(rtol, "rtol") <= 0.1:
-        raise ValueError(f"rtol: expected a tolerance between 1e-13 and 0.1, given {rtol:g}")
+    check_rtol(rtol)
     refuse_starts_on_surfaces(model, points, theta)
     return float(rtol), check_kinks(kinks), resolve_threads(threads)
+
+
+def check_rtol(rtol: float) -> None:
+    if not 1e-13 <= as_float(rtol, "rtol") <= 0.1:
+        raise ValueError(f"rtol: expected a tolerance between 1e-13 and 0.1, given {rtol:g}")
 
 
 def check_kinks(kinks: str) -> bool:
@@ -226,5 +230,5 @@ def refuse_starts_on_surfaces(model: HydraulicCylinder, points: Experiments, the
     for surface, rows in on_surface(model, points, theta).items():
         raise ValueError(
             f"points: expected starts off the switching surface {surface} = 0, where the model is not differentiable; "
-            f"given {surface} = 0 in point {', '.join(str(int(k)) for k in rows[:5])}{' ...' if len(rows) > 5 else ''}"
+            f"given {surface} = 0 in {', '.join(f'points[{k}]' for k in rows[:5])}{' ...' if len(rows) > 5 else ''}"
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -320,3 +321,15 @@ def test_levels_by_name_come_back(tmp_path: Path) -> None:
     fp.exchange(problem(rule=rule, noise_std=NOISE), **QUICK | {"references": False}).save(tmp_path)
     loaded = fp.Design.load(tmp_path).problem.rule
     assert loaded == rule and loaded.levels_of(problem().prior) == dict.fromkeys(NAMES, 1) | {"a_tau": 2, "B_v": 3}
+
+
+def test_everything_can_be_sent_to_another_process_and_hashed(saved: Path) -> None:
+    design = fp.Design.load(saved)
+    for given in (design.problem.model, design.problem.prior, design.problem.rule, design.problem.region, design.problem, design):
+        copy = pickle.loads(pickle.dumps(given))
+        assert type(copy) is type(given)
+        hash(copy)
+    copy = pickle.loads(pickle.dumps(design))
+    assert copy.points == design.points
+    assert copy.evaluation.standard_errors == design.evaluation.standard_errors
+    assert fp.evaluate_design(copy.problem, copy.points).log_det == fp.evaluate_design(design.problem, design.points).log_det

@@ -298,8 +298,8 @@ TRAPPED = point(v=1e-3, p_A=2e6, p_B=18e6, dt=1e-2)
         ("points", POINTS[:0]),
         ("points", [X]),
         ("points", None),
-        ("points: .*v = 0 in point 0", point(v=0.0)),
-        (r"points: .*0 \(met_jump\)", TRAPPED),
+        ("points: .*v = 0 in points.0.", point(v=0.0)),
+        (r"points: .*points\[0\] \(met_jump\)", TRAPPED),
         ("x0", fp.Experiments([X[:4]], [U], [1e-3])),
     ],
 )

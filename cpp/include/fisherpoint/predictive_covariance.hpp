@@ -113,39 +113,39 @@ void predictive_covariance_packs(const M& model, const Points& points, const dou
   simulate_packs<P>(model, points, {nominal_theta, false}, tolerance, workers,
                     {x.data(), y.data(), out.status, first_step.data()});
 
-  // The chunks depend on the grid alone, so that the sums do not depend on the threads; few of them, so that memory does not
-  // grow with the grid.
-  const std::size_t nodes = std::max<std::size_t>(1024, (grid.size() / 256 + 63) / 64 * 64);
-  const std::size_t chunks = (grid.size() + nodes - 1) / nodes;
-  const std::size_t block = std::max<std::size_t>(1, 4096 / chunks);  // points at a time
-  for (std::size_t from = 0; from < points.count; from += block) {
-    const std::size_t count = std::min(block, points.count - from);
-    std::vector<Chunk<n_y>> part(count * chunks);
-    std::vector<std::atomic<std::size_t>> failed(count);  // first chunk that failed: later ones need not be done
-    for (auto& chunk : failed) chunk = chunks;
-    workers.for_each(count * chunks, [&](std::size_t item) {
-      const std::size_t k = from + item / chunks, c = item % chunks;
-      std::atomic<std::size_t>& first_failed = failed[k - from];
-      if (out.status[k] != Status::ok || c > first_failed.load(std::memory_order_relaxed)) return;
+  // Chunks depend on the grid alone and are summed in their order, so that the result does not depend on the threads; they are
+  // worked off in batches, so that memory does not grow with the grid.
+  constexpr std::size_t nodes = 1024, batch = 4096;
+  const std::size_t chunks = (grid.size() + nodes - 1) / nodes, items = points.count * chunks;
+  std::vector<DeviationSum<n_y, double>> sum(points.count);
+  std::vector<std::atomic<std::size_t>> failed(points.count);  // first chunk that failed: later ones need not be done
+  for (auto& chunk : failed) chunk = chunks;
+  std::vector<Chunk<n_y>> part(std::min(batch, items));
+  for (std::size_t from = 0; from < items; from += batch) {
+    const std::size_t count = std::min(batch, items - from);
+    workers.for_each(count, [&](std::size_t item) {
+      const std::size_t k = (from + item) / chunks, c = (from + item) % chunks;
+      if (out.status[k] != Status::ok || c > failed[k].load(std::memory_order_relaxed)) return;
       part[item] = sum_over_nodes<P>(model, points.x0 + k * n_x, points.u + k * n_u, points.dt[k], &y[k * n_y], first_step[k],
                                      grid, c * nodes, std::min(grid.size(), (c + 1) * nodes), tolerance);
       if (part[item].status == Status::ok) return;
-      std::size_t known = first_failed.load();
-      while (c < known && !first_failed.compare_exchange_weak(known, c)) {
+      std::size_t known = failed[k].load();
+      while (c < known && !failed[k].compare_exchange_weak(known, c)) {
       }
     });
-    for (std::size_t k = from; k < from + count; ++k) {
-      double* covariance = out.covariance + k * n_y * n_y;
-      std::fill_n(covariance, n_y * n_y, 0.0);
-      if (const std::size_t c = failed[k - from]; out.status[k] == Status::ok && c < chunks)
-        out.status[k] = part[(k - from) * chunks + c].status;
-      if (out.status[k] != Status::ok) continue;
-      DeviationSum<n_y, double> sum;
-      for (std::size_t c = 0; c < chunks; ++c) sum.add(part[(k - from) * chunks + c].sum);
-      int at = 0;
-      for (int i = 0; i < n_y; ++i)
-        for (int j = i; j < n_y; ++j) covariance[i * n_y + j] = covariance[j * n_y + i] = sum.product[at++] / sum.weight;
+    for (std::size_t item = 0; item < count; ++item) {
+      const std::size_t k = (from + item) / chunks, c = (from + item) % chunks;
+      if (c < failed[k]) sum[k].add(part[item].sum);
+      if (c == failed[k] && out.status[k] == Status::ok) out.status[k] = part[item].status;
     }
+  }
+  for (std::size_t k = 0; k < points.count; ++k) {
+    double* covariance = out.covariance + k * n_y * n_y;
+    std::fill_n(covariance, n_y * n_y, 0.0);
+    if (out.status[k] != Status::ok) continue;
+    int at = 0;
+    for (int i = 0; i < n_y; ++i)
+      for (int j = i; j < n_y; ++j) covariance[i * n_y + j] = covariance[j * n_y + i] = sum[k].product[at++] / sum[k].weight;
   }
 }
 
