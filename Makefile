@@ -38,7 +38,7 @@ lint: $(VENV)/.installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/python python/generate_stubs.py --check
+	$(BIN)/python cpp/bindings/generate_stubs.py --check
 
 format: $(VENV)/.installed
 	$(BIN)/clang-format -i $$(find cpp tests/cpp -name '*.[ch]pp')
@@ -46,7 +46,7 @@ format: $(VENV)/.installed
 	$(BIN)/ruff format .
 
 stubs: $(VENV)/.installed
-	$(BIN)/python python/generate_stubs.py
+	$(BIN)/python cpp/bindings/generate_stubs.py
 
 # What is missing is found by use, not by package name: a compiler or Python from elsewhere serves as well.
 $(VENV)/.system:

@@ -14,7 +14,7 @@ from pathlib import Path
 import fisherpoint as fp
 
 STUBS = {"_core": "_core.pyi", f"_kernels_{fp.isa()}": "_kernels.pyi"}
-HERE = Path(__file__).parent / "fisherpoint"
+STUBS_DIRECTORY = Path(__file__).resolve().parents[2] / "python" / "fisherpoint"
 
 
 def generate(module: str) -> str:
@@ -37,12 +37,12 @@ def main() -> int:
     for module, stub in STUBS.items():
         text = generate(module)
         if "--check" in sys.argv:
-            if (HERE / stub).read_text() != text:
+            if (STUBS_DIRECTORY / stub).read_text() != text:
                 stale.append(stub)
         else:
-            (HERE / stub).write_text(text)
+            (STUBS_DIRECTORY / stub).write_text(text)
     if stale:
-        print(f"expected stubs as the modules are, given stale {', '.join(stale)}: run python/generate_stubs.py")
+        print(f"expected stubs as the modules are, given stale {', '.join(stale)}: run make stubs")
     return bool(stale)
 
 
