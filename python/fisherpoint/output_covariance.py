@@ -17,7 +17,7 @@ from .quantity import Array, names_of
 REGION_SAMPLE = 64
 """Points of the region over which "region" takes the mean predictive covariance."""
 
-SINGULAR = 1e-12
+SINGULAR = 1e-9
 """Smallest eigenvalue of D, scaled to unit diagonal, below which it counts as singular."""
 
 _region_means: WeakKeyDictionary[DesignProblem, Array] = WeakKeyDictionary()
