@@ -1,7 +1,7 @@
 """An independent, slow implementation of the paper's cylinder, eq. (19), to check the product against.
 
 It shares nothing with the product: NumPy formulas as printed (with the readings of the misprints), SciPy's DOP853 at
-rtol 1e-11 restarted where the spool passes its centre, Jacobians by complex step, and Gauss-Legendre quadrature for the
+rtol 1e-11 restarted where the spool passes its centre, Jacobians by complex step, and SciPy's normal distribution for the
 cell probabilities. Parameters are ordered as in (20), states q, v, p_A, p_B, x_v, outputs q, p_A, p_B, x_v; SI units.
 """
 
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+from scipy.special import ndtr
 
 Floats = NDArray[np.float64]
 Numbers = NDArray[Any]  # float or complex: complex steps go through the same formulas
@@ -157,14 +158,14 @@ def named(values: Mapping[str, float]) -> Floats:
 
 
 def cell_probabilities(mean: float, std: float, levels: int, span: float) -> tuple[Floats, Floats]:
-    """Cell centres and eq. (13) for one axis, by quadrature of the density; exact to rounding also far in the tails."""
+    """Cell centres and eq. (13) for one axis; true to about 1e-14, also far in the tails."""
     if levels == 1:
         return np.array([mean]), np.array([1.0])
     z = np.linspace(-span, span, levels)
     half = span / (levels - 1)
-    nodes, weights = np.polynomial.legendre.leggauss(60)
-    density = np.exp(-0.5 * (z[:, None] + half * nodes) ** 2) / math.sqrt(2 * math.pi)
-    return mean + std * z, half * density @ weights
+    # By symmetry every cell is taken on the side below the mean, where the distribution function keeps its digits.
+    mirrored = -np.abs(z)
+    return mean + std * z, np.asarray(ndtr(mirrored + half) - ndtr(mirrored - half))
 
 
 def tensor_grid(mean: Floats, std: Floats, levels: Sequence[int], span: float) -> tuple[Floats, Floats]:

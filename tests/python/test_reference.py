@@ -253,6 +253,17 @@ def test_cell_probabilities_hold_their_digits_in_the_tails(levels: int, span: fl
     np.testing.assert_allclose(weights, probabilities, rtol=PROBABILITY_ERROR, atol=0.0)
 
 
+def test_oracle_cell_probabilities() -> None:
+    """The oracle's own second route: 50 digits of the complementary error function, rounded."""
+    _, probabilities = oracle.cell_probabilities(100.0, 3.0, 4, 12.0)
+    expected = [6.2209605742717841e-16, 0.4999999999999993779]
+    np.testing.assert_allclose(probabilities, expected + expected[::-1], rtol=2e-14, atol=0.0)
+    _, probabilities = oracle.cell_probabilities(0.0, 1.0, 3, 1.5)
+    np.testing.assert_allclose(probabilities, [0.21440287972182349617, 0.54674529524626360135, 0.21440287972182349617], rtol=1e-15)
+    _, probabilities = oracle.cell_probabilities(0.0, 1.0, 9, 7.0)
+    assert probabilities[-1] == pytest.approx(4.5341632895523681602e-10, rel=1e-14)
+
+
 def test_tensor_grid_is_the_product_of_its_axes() -> None:
     case = random_case(0)
     nodes, weights = case.rule.nodes(case.prior)
