@@ -38,7 +38,7 @@ def machine() -> dict[str, Any]:
 
 
 def table(title: str, header: list[str], rows: list[list[Any]]) -> None:
-    result = Table(title=title, title_justify="left", title_style="bold", header_style="")
+    result = Table(title=title, title_justify="left", title_style="bold", header_style="", min_width=len(title))
     for i, name in enumerate(header):
         result.add_column(name, justify="left" if i == 0 else "right")
     for row in rows:

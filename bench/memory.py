@@ -6,11 +6,10 @@ import subprocess
 import sys
 
 CODE = """
-import resource
 from bench.workload import MODEL, PRIOR, candidates
 import fisherpoint as fp
 fp.predictive_covariance(MODEL, candidates()[0][:1], PRIOR, fp.TensorGrid({levels}), threads=1)
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+print(next(line.split()[1] for line in open("/proc/self/status") if line.startswith("VmHWM")))
 """
 
 
