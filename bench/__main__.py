@@ -1,105 +1,79 @@
-"""``python -m bench``: measure, show and save. Exit code 1 where the accuracy rule is missed."""
+"""``python -m bench``: measure, show and save. The exit code is 1 where fisherpoint misses the accuracy rule, otherwise 0."""
 
 from __future__ import annotations
 
+import argparse
 import json
-import os
-import platform
 import sys
-from importlib.metadata import version
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from time import perf_counter
 
-import typer
-from rich.console import Console
-from rich.table import Table
+from fisherpoint.trajectories import resolve_threads
 
-import fisherpoint as fp
-
-from . import covariances, designs, memory, sensitivities
+from . import covariances, designs, machine, memory, sensitivities, tables
 
 TARGET = 500
-"""Predictive covariances on one core, next to SciPy's RK45 at the same accuracy."""
-
-console = Console(width=None if sys.stdout.isatty() else 110)
+"""Predictive covariances on one core, next to SciPy's RK45 at matched accuracy."""
 
 
-def machine() -> dict[str, Any]:
-    cpuinfo = Path("/proc/cpuinfo")
-    lines = cpuinfo.read_text().splitlines() if cpuinfo.exists() else []
-    model = next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.processor())
-    return {
-        "processor": model,
-        "cores": len(os.sched_getaffinity(0)),
-        "instruction set": fp.isa(),
-        "python": platform.python_version(),
-        **{name: version(name) for name in ("numpy", "scipy")},
-    }
+def main() -> int:
+    """Run the command line and return the exit code."""
+    options = _options()
+    threads: list[int] = options.threads
+    begin = perf_counter()
+    found = machine.describe()
+    tables.show_machine(found)
+    of_covariances = covariances.measure(options.quick, threads)
+    tables.show_covariances(of_covariances)
+    of_sensitivities = sensitivities.measure(options.quick, threads)
+    tables.show_sensitivities(of_sensitivities)
+    of_designs = designs.measure(options.quick, threads)
+    tables.show_designs(of_designs)
+    of_memory = memory.measure()
+    tables.show_memory(of_memory)
+    seconds = perf_counter() - begin
 
-
-def table(title: str, header: list[str], rows: list[list[Any]]) -> None:
-    result = Table(title=title, title_justify="left", title_style="bold", header_style="", min_width=len(title))
-    for i, name in enumerate(header):
-        result.add_column(name, justify="left" if i == 0 else "right")
-    for row in rows:
-        result.add_row(*(f"{value:,.3g}" if isinstance(value, float) and value < 1e3 else _text(value) for value in row))
-    console.print(result, "")
-
-
-def _text(value: Any) -> str:
-    return f"{value:,.0f}" if isinstance(value, float) else str(value)
-
-
-def show_speed(title: str, unit: str, result: dict[str, Any], errors: dict[str, Any]) -> None:
-    ours = result[f"{unit} per second"]
-    first = next(iter(ours.values()))
-    rows = [[f"fisherpoint, {n} thread{'s' * (n != '1')}", "1e-06", rate, "", *errors.values()] for n, rate in ours.items()]
-    for name, peer in result["scipy"].items():
-        peer_errors = [peer[key] for key in ("median", "99 %", "worst")]
-        rate = peer[f"{unit} per second"]
-        rows.append([f"SciPy RK45, {name}", f"{peer['rtol']:.1e}", rate, first / rate, *peer_errors])
-    table(title, ["", "rtol", f"{unit} per s", "ratio", "error: median", "99 %", "worst"], rows)
-
-
-def main(
-    quick: Annotated[bool, typer.Option("--quick", help="Smaller samples: half a minute.")] = False,
-    threads: Annotated[str, typer.Option(help="Numbers of threads, the first for the ratios.")] = "1,2",
-    json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write all figures there.")] = None,
-) -> None:
-    """Measure speed next to SciPy at the same accuracy, whole designs, and memory."""
-    try:
-        counts = [int(n) for n in threads.split(",")]
-        if min(counts) < 1:
-            raise ValueError
-    except ValueError:
-        raise typer.BadParameter(f"--threads: expected whole numbers such as 1,2; given {threads!r}") from None
-
-    report: dict[str, Any] = {"machine": machine()}
-    console.print(", ".join(f"{name} {value}" for name, value in report["machine"].items()), "")
-
-    report["covariances"] = w1 = covariances.measure(quick, counts)
-    show_speed(f"Predictive covariances over the 3^9 grid, {w1['workload']}", "trajectories", w1, w1["same pairs"])
-    table("Instruction sets, one thread", ["level", "trajectories per s"], [list(item) for item in w1["levels"].items()])
-    accuracy = w1["accuracy"]
-    table(
-        "Errors at the default tolerance over the grid of all candidates",
-        ["trajectories", "median", "99 %", "worst", "covariances, worst"],
-        [[f"{accuracy['trajectories']:,}", accuracy["median"], accuracy["99 %"], accuracy["worst"], w1["covariance error"]]],
+    if options.json is not None:
+        report = {
+            "machine": found,
+            "quick": options.quick,
+            "seconds": seconds,
+            "covariances": asdict(of_covariances),
+            "sensitivities": asdict(of_sensitivities),
+            "designs": [asdict(figures) for figures in of_designs],
+            "memory": [asdict(figures) for figures in of_memory],
+        }
+        options.json.write_text(json.dumps(report, indent=1) + "\n")
+    accurate = of_covariances.accurate and of_sensitivities.accurate
+    tables.console.print(f"{seconds:.0f} s. Accuracy rule: {'met' if accurate else 'MISSED'} by fisherpoint's default tolerance.")
+    tables.console.print(
+        f"sensitivities: {of_sensitivities.ratio:,.0f} x SciPy RK45; predictive covariances next to stacked nodes:"
+        f" {of_covariances.ratio_to_stacked:,.0f} x"
     )
-    report["sensitivities"] = w2 = sensitivities.measure(quick, counts)
-    show_speed("States with nine sensitivities; errors are those of dy/dtheta", "experiments", w2, w2["errors of dy_dtheta"])
-    report["designs"] = rows = designs.measure(quick, counts)
-    table("Designs: 12 points, 50 candidates, default cylinder", list(rows[0]), [list(row.values()) for row in rows])
-    report["memory"] = peak = memory.measure(quick)
-    table("Peak memory of one predictive covariance", ["nodes", "MB"], [[f"{int(n):,}", mb] for n, mb in peak.items()])
+    tables.console.print(f"predictive covariances: {of_covariances.ratio:,.0f} x SciPy RK45 at matched accuracy (target {TARGET})")
+    return 0 if accurate else 1
 
-    if json_file is not None:
-        json_file.write_text(json.dumps(report, indent=1) + "\n")
-    ok = accuracy["meets rule"] and w2["meets rule"]
-    console.print(f"Accuracy rule {'met' if ok else 'MISSED'}.")
-    console.print(f"Predictive covariances: {w1['ratio']:,.0f} times SciPy RK45 at matched accuracy (target {TARGET}).")
-    raise typer.Exit(0 if ok else 1)
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="python -m bench", description="Measure speed and memory next to SciPy at the same accuracy."
+    )
+    parser.add_argument("--quick", action="store_true", help="smaller samples and fewer rounds, for a look")
+    parser.add_argument("--threads", type=thread_numbers, metavar="N,N", help="numbers of threads, the first for the ratios")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="also write all figures there")
+    options = parser.parse_args()
+    if options.threads is None:
+        options.threads = sorted({1, resolve_threads(None)})
+    return options
+
+
+def thread_numbers(text: str) -> list[int]:
+    numbers = [int(part) for part in text.split(",")]
+    if min(numbers) < 1:
+        raise ValueError(text)
+    return numbers
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    sys.exit(main())

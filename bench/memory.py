@@ -2,24 +2,59 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
+import re
+import resource
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
 
-CODE = """
-from bench.workload import MODEL, PRIOR, candidates
 import fisherpoint as fp
-fp.predictive_covariance(MODEL, candidates()[0][:1], PRIOR, fp.TensorGrid({levels}), threads=1)
-print(next(line.split()[1] for line in open("/proc/self/status") if line.startswith("VmHWM")))
-"""
+
+from . import fresh_process
+from .workload import MODEL, PRIOR, candidates
+
+GRIDS = {2**6 * 3**3: [2] * 6 + [3] * 3, 3**9: [3] * 9, 5**9: [5] * 9}
+"""Levels of the parameters by the number of nodes."""
 
 
-def measure(quick: bool) -> dict[str, float]:
-    """Peak resident memory in MB by the number of nodes."""
-    names = ("a_tau", "b_tau", "m_q", "E_oil", "p_t", "B_v", "c_L", "V_0A", "V_0B")
-    grids: dict[int, object] = {3**7: dict(zip(names, [3] * 7 + [1] * 2, strict=True)), 3**9: 3}
-    grids |= {} if quick else {5**9: 5}
-    peak = {}
-    for nodes, levels in grids.items():
-        run = subprocess.run([sys.executable, "-c", CODE.format(levels=levels)], capture_output=True, text=True, check=True)
-        peak[str(nodes)] = int(run.stdout) / 1024
-    return peak
+@dataclass(frozen=True)
+class MemoryFigures:
+    """MB by which the peak grew, and what the nodes and their outputs would take if they were stored."""
+
+    nodes: int
+    seconds: float
+    grown: float
+    stored: float
+
+
+def measure() -> list[MemoryFigures]:
+    """Measure one point on each of the grids."""
+    figures = []
+    for nodes, levels in GRIDS.items():
+        seconds, grown = fresh_process.call(__name__, grown_by.__name__, levels)
+        figures.append(MemoryFigures(nodes, seconds, grown, nodes * (9 + 4) * 8 / 1e6))
+    return figures
+
+
+def grown_by(levels: list[int]) -> tuple[float, float]:
+    """Return seconds and MB of one predictive covariance on all cores, past imports and a first call."""
+    point = candidates()[:1]
+    fp.predictive_covariance(MODEL, point, PRIOR, fp.TensorGrid(levels=2))
+    before, begin = peak_memory(), perf_counter()
+    result = fp.predictive_covariance(MODEL, point, PRIOR, fp.TensorGrid(dict(zip(PRIOR.names, levels, strict=True))))
+    seconds = perf_counter() - begin
+    if result.status[0] != fp.Status.ok:
+        raise RuntimeError(f"expected a covariance, given status {result.status[0]}")
+    return seconds, peak_memory() - before
+
+
+def peak_memory() -> float:
+    """Return the peak resident memory of this process in MB.
+
+    Linux hands ru_maxrss down from the process that started this one, so that a large parent would hide any growth; the kernel's
+    VmHWM is this process's own.
+    """
+    status = Path("/proc/self/status")
+    if status.exists() and (found := re.search(r"VmHWM:\s+(\d+) kB", status.read_text())):
+        return int(found[1]) * 1024 / 1e6
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6

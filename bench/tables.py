@@ -1,0 +1,110 @@
+"""The figures as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from rich.console import Console
+from rich.table import Table
+
+from .accuracy import ACCURACY_RULE, Errors
+from .covariances import Contender, CovarianceFigures
+from .designs import DesignFigures
+from .memory import MemoryFigures
+from .sensitivities import SensitivityFigures
+
+console = Console(highlight=False, width=max(Console().width, 120))  # narrower, the tables break their rows
+
+
+def show_machine(machine: Mapping[str, str]) -> None:
+    """Print what the figures are taken on."""
+    grid = Table.grid(padding=(0, 2))
+    for name, value in machine.items():
+        grid.add_row(name, value)
+    console.print(grid, "")
+
+
+def show_covariances(figures: CovarianceFigures) -> None:
+    """Print the trajectories per second, the errors that go with them, and the instruction sets."""
+    _show_contenders(
+        f"Predictive covariances, 96 candidates on the 3^9 grid ({figures.workload})",
+        "trajectories",
+        figures.ours,
+        [*figures.peers, figures.stacked],
+    )
+    console.print(
+        f"Errors of y on {figures.sample} pairs of candidate and node; the rule: 99 % below {ACCURACY_RULE.quantile_99:.0e},"
+        f" all below {ACCURACY_RULE.worst:.0e}. Reference: DOP853 at 1e-12,"
+        f" which differs from fisherpoint at 1e-12 by {figures.reference_difference:.0e}.\n"
+        f"fisherpoint's errors on {figures.grid_sample:,} of all {figures.trajectories:,} trajectories:"
+        f" {_text(figures.grid_errors)}; of predictive standard deviations, at most {figures.std_error:.1e}.\n"
+    )
+    slowest = min(figures.rate_by_isa.values())
+    rows = [(isa, f"{rate:,.0f}", f"{rate / slowest:.2f}") for isa, rate in figures.rate_by_isa.items()]
+    _show("The same on one thread, by instruction set", ("", "trajectories/s", "ratio"), rows)
+
+
+def show_sensitivities(figures: SensitivityFigures) -> None:
+    """Print the experiments per second and the errors that go with them."""
+    _show_contenders("States and all nine sensitivities", "experiments", figures.ours, figures.peers)
+    console.print(
+        f"Errors of dy/dtheta relative to the root mean square of each entry, on {figures.sample} experiments; the same rule."
+        f" Reference: DOP853 at 1e-12, which differs from fisherpoint at 1e-12 by {figures.reference_difference:.0e}.\n"
+    )
+
+
+def show_designs(figures: Sequence[DesignFigures]) -> None:
+    """Print one row per search."""
+    header = ("D", "threads", "iterations", "seconds", "cores", "candidates/s", "trajectories", "Fisher accumulator", "Python")
+    rows = [
+        (
+            f.output_covariance + (" + references" if f.references else ""),
+            str(f.threads),
+            str(f.iterations),
+            f"{f.seconds:.2f}",
+            f"{f.cores:.1f}",
+            "" if f.candidates_per_second is None else f"{f.candidates_per_second:,.0f}",
+            f"{f.share_of_trajectories:.0%}",
+            f"{f.share_of_accumulator:.0%}",
+            f"{1 - f.share_of_trajectories - f.share_of_accumulator:.0%}",
+        )
+        for f in figures
+    ]
+    _show("Designs of 12 points, 50 candidates per draw, default cylinder; shares of the time", header, rows)
+
+
+def show_memory(figures: Sequence[MemoryFigures]) -> None:
+    """Print one row per grid."""
+    header = ("nodes", "seconds", "peak grows by, MB", "nodes and outputs stored, MB")
+    rows = [(f"{f.nodes:,}", f"{f.seconds:.2g}", f"{f.grown:.1f}", f"{f.stored:.1f}") for f in figures]
+    _show("Memory of one predictive covariance, all cores", header, rows)
+
+
+def _show_contenders(title: str, unit: str, ours: Mapping[int, Contender], peers: Iterable[Contender]) -> None:
+    first = next(iter(ours.values()))
+    header = ("", "rtol", f"{unit}/s", "cores", "ratio", "median error", "99 %", "worst")
+    rows = [
+        (
+            c.name,
+            f"{c.rtol:.1e}",
+            f"{c.rate:,.0f}",
+            f"{c.cores:.1f}",
+            f"{first.rate / c.rate:,.{0 if first.rate > 100 * c.rate else 1}f}",
+            *(f"{error:.1e}" for error in (c.errors.median, c.errors.quantile_99, c.errors.worst)),
+        )
+        for c in (*ours.values(), *peers)
+    ]
+    _show(title, header, rows)
+
+
+def _show(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    table = Table(title=title, title_justify="left", title_style="bold", header_style="", min_width=min(len(title), 100))
+    for i, name in enumerate(header):
+        table.add_column(name, justify="right" if i else "left")
+    for row in rows:
+        table.add_row(*row)
+    console.print(table, "")
+
+
+def _text(errors: Errors) -> str:
+    return f"median {errors.median:.1e}, 99 % {errors.quantile_99:.1e}, worst {errors.worst:.1e}"
