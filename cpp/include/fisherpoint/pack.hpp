@@ -31,18 +31,14 @@ typedef std::int64_t NativeMask __attribute__((vector_size(16)));
 #endif
 inline constexpr int native_lanes = register_bytes / sizeof(double);
 
-// The square root, to within one unit in the last place at every level. AVX-512 machines share one slow divider between roots
-// and quotients, so there the root comes from the 14-bit reciprocal root and three Newton steps, which run on the multipliers.
+// Square root and quotient, to within one unit in the last place at every level. AVX-512 machines have one slow divider for
+// both, so there they come from the 14-bit estimates of the reciprocals, and run on the multipliers.
 inline NativeVector native_sqrt(NativeVector a) {
 #if defined(__AVX512F__)
-  NativeVector y = _mm512_maskz_rsqrt14_pd(0xff, a);
-  y = y * (1.5 - 0.5 * a * y * y);
-  NativeVector root = a * y, half = 0.5 * y;
-  const NativeVector residual = 0.5 - root * half;
-  root = root + root * residual;
-  half = half + half * residual;
-  root = root + (a - root * root) * half;
-  return _mm512_mask_mov_pd(root, _mm512_cmp_pd_mask(a, _mm512_setzero_pd(), _CMP_EQ_OQ), a);
+  const NativeVector y = _mm512_maskz_rsqrt14_pd(_mm512_cmp_pd_mask(a, _mm512_setzero_pd(), _CMP_NEQ_UQ), a);
+  const NativeVector t = a * y, e = 1.0 - t * y;              // a y^2 = 1 - e
+  const NativeVector root = t + (t * e) * (0.375 * e + 0.5);  // third order: 42 bits
+  return root + (a - root * root) * (0.5 * y);
 #elif defined(__AVX__)
   return _mm256_sqrt_pd(a);
 #elif defined(__x86_64__)
@@ -50,6 +46,18 @@ inline NativeVector native_sqrt(NativeVector a) {
 #else
   for (int i = 0; i < native_lanes; ++i) a[i] = std::sqrt(a[i]);
   return a;
+#endif
+}
+
+inline NativeVector native_quotient(NativeVector a, NativeVector b) {
+#if defined(__AVX512F__)
+  NativeVector y = _mm512_maskz_rcp14_pd(0xff, b);
+  const NativeVector e = 1.0 - b * y;
+  y = y + (y * e) * (1.0 + e);  // third order: 42 bits
+  const NativeVector q = a * y;
+  return q + (a - b * q) * y;
+#else
+  return a / b;
 #endif
 }
 
@@ -128,7 +136,7 @@ struct Pack {
     return a;
   }
   friend Pack operator/(Pack a, const Pack& b) {
-    for (int k = 0; k < parts; ++k) a.part[k] /= b.part[k];
+    for (int k = 0; k < parts; ++k) a.part[k] = native_quotient(a.part[k], b.part[k]);
     return a;
   }
   friend Pack operator-(Pack a) {
@@ -160,7 +168,10 @@ struct Pack {
     for (int k = 0; k < parts; ++k) a.part[k] = native_sqrt(a.part[k]);
     return a;
   }
-  friend Pack abs(const Pack& a) { return select(a < Pack(0.0), -a, a); }
+  friend Pack abs(Pack a) {
+    for (int k = 0; k < parts; ++k) a.part[k] = (NativeVector)((NativeMask)a.part[k] & INT64_MAX);
+    return a;
+  }
   // Where one argument is NaN both take b, as the vector instructions do: test results that may be NaN, do not min or max them.
   friend Pack min(const Pack& a, const Pack& b) { return select(a < b, a, b); }
   friend Pack max(const Pack& a, const Pack& b) { return select(a > b, a, b); }
