@@ -55,7 +55,7 @@ void bind_model(py::module_& m) {
         const Parameters parameters = checked_parameters<M>(theta, count);
         auto x = empty({count, n_x}), y = empty({count, n_y});
         py::array_t<std::int32_t> status(count);
-        const Trajectories out{x.mutable_data(), y.mutable_data(), reinterpret_cast<Status*>(status.mutable_data()), nullptr};
+        const Trajectories out{x.mutable_data(), y.mutable_data(), reinterpret_cast<Status*>(status.mutable_data())};
         run(threads, [&](const Workers& workers) {
           simulate(model, points, parameters, {.relative = rtol, .cross_kinks = cross_kinks}, workers, out);
         });
@@ -84,7 +84,7 @@ void bind_model(py::module_& m) {
   m.def(
       "predictive_covariance",
       [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& nominal, const PriorGrid& grid,
-         double rtol, bool cross_kinks, int threads) {
+         double rtol, bool cross_kinks, int threads, bool keep_outputs) {
         const Points points = checked_points<M>(x0, u, dt);
         const auto count = static_cast<py::ssize_t>(points.count);
         check_shape(nominal, {p}, "theta");
@@ -93,14 +93,18 @@ void bind_model(py::module_& m) {
                                 std::to_string(grid.parameters()));
         auto covariance = empty({count, n_y, n_y});
         py::array_t<std::int32_t> status(count);
-        const PredictiveCovariances out{covariance.mutable_data(), reinterpret_cast<Status*>(status.mutable_data())};
+        py::array_t<std::int64_t> redone(count);
+        auto y = empty({count, keep_outputs ? static_cast<py::ssize_t>(grid.size()) : 0, n_y});
+        const PredictiveCovariances out{covariance.mutable_data(), reinterpret_cast<Status*>(status.mutable_data()),
+                                        redone.mutable_data(), keep_outputs ? y.mutable_data() : nullptr};
         run(threads, [&](const Workers& workers) {
           predictive_covariance(model, points, nominal.data(), grid, {.relative = rtol, .cross_kinks = cross_kinks}, workers,
                                 out);
         });
-        return py::make_tuple(covariance, status);
+        return py::make_tuple(covariance, status, redone, y);
       },
-      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "grid"_a, "rtol"_a, "cross_kinks"_a, "threads"_a);
+      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "grid"_a, "rtol"_a, "cross_kinks"_a, "threads"_a, "keep_outputs"_a = false,
+      "Predictive covariances, statuses, nodes for which the planned steps did not do, and outputs (K, R, n_y) where kept.");
 }
 
 }  // namespace

@@ -7,7 +7,7 @@ namespace fisherpoint {
 template <Model M>
 void predictive_covariance(const M& model, const Points& points, const double* nominal_theta, const PriorGrid& grid,
                            const Tolerance& tolerance, const Workers& workers, const PredictiveCovariances& out) {
-  predictive_covariance_packs<Pack<2 * native_lanes>>(model, points, nominal_theta, grid, tolerance, workers, out);
+  predictive_covariance_packs<Pack<native_lanes>>(model, points, nominal_theta, grid, tolerance, workers, out);
 }
 
 template void predictive_covariance(const HydraulicCylinder&, const Points&, const double*, const PriorGrid&, const Tolerance&,

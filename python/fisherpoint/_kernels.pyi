@@ -16,7 +16,17 @@ def predictive_covariance(
     rtol: typing.SupportsFloat | typing.SupportsIndex,
     cross_kinks: bool,
     threads: typing.SupportsInt | typing.SupportsIndex,
-) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int32]]: ...
+    keep_outputs: bool = False,
+) -> tuple[
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.int32],
+    numpy.typing.NDArray[numpy.int64],
+    numpy.typing.NDArray[numpy.float64],
+]:
+    """
+    Predictive covariances, statuses, nodes for which the planned steps did not do, and outputs (K, R, n_y) where kept.
+    """
+
 def sensitivities(
     model: fisherpoint._core.HydraulicCylinder,
     x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],

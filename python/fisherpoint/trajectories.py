@@ -175,7 +175,9 @@ def predictive_covariance(
     ordered = GaussianPrior({n: prior.mean[n] for n in names}, {n: prior.std[n] for n in names})
     grid = rule.grid(ordered, parameters)
     arguments = _checked(model, points, theta, rtol, threads, kinks)
-    return PredictiveCovariance(*kernels.predictive_covariance(model.core, points.x0, points.u, points.dt, theta, grid, *arguments))
+    return PredictiveCovariance(
+        *kernels.predictive_covariance(model.core, points.x0, points.u, points.dt, theta, grid, *arguments)[:2]
+    )
 
 
 def _check_type(given: object, expected: type, name: str) -> None:

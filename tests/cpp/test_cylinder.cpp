@@ -42,7 +42,7 @@ TEST_CASE("a batch gives every point its own answer: ragged ends, resting and fa
     const Points points{count, x0.data(), u.data(), dt.data()};
     std::vector<double> x(5 * count), y(4 * count), sx(5 * count), sy(4 * count), dx(45 * count), dy(36 * count);
     std::vector<Status> status(count), s_status(count);
-    simulate(m, points, {cylinder_theta.data(), false}, {}, Workers(2), {x.data(), y.data(), status.data(), nullptr});
+    simulate(m, points, {cylinder_theta.data(), false}, {}, Workers(2), {x.data(), y.data(), status.data()});
     sensitivities(m, points, {cylinder_theta.data(), false}, {}, Workers(2),
                   {sx.data(), sy.data(), dx.data(), dy.data(), s_status.data()});
     for (std::size_t k = 0; k < count; ++k) {

@@ -28,11 +28,24 @@ struct Tolerance {
 // The local error of a step is held this far below the requested tolerance, so that the global error meets it.
 inline constexpr double local_share = 0.7;
 
+// The kinks that a trajectory passed: when, and which of the surfaces. Where there were more than are kept, count says so.
+struct Turns {
+  int count = 0;
+  std::array<double, 8> time;
+  std::array<int, 8> surface;
+
+  void add(double t, int m) {
+    if (count < static_cast<int>(time.size())) time[count] = t, surface[count] = m;
+    ++count;
+  }
+};
+
 template <class P>
 struct Outcome {
   std::array<Status, lanes_of<P>::width> status{};
   P first_step{0.0};  // the first step that was taken: a good start for a similar trajectory
   int attempts = 0;   // of the slowest lane
+  std::array<Turns, lanes_of<P>::width> turns{};
 };
 
 template <class Equation>
@@ -208,13 +221,19 @@ class Integrator {
       rate_[m] = select(taken, end_rate_[m], rate_[m]);
     });
     running_ = running_ & !(taken & ends_);
-    if (any(lands & taken & running_))
-      for_each_index<switching>([&](auto m) { side_[m] = select(landed[m] & taken, -side_[m], side_[m]); }),
-          restart(y, lands & taken & running_);
+    if (any(lands & taken & running_)) turn(y, landed, taken);
   }
 
-  // Stage 1 anew where a side was turned; the other lanes keep theirs to the last bit.
-  [[gnu::noinline]] void restart(const State& y, const Mask& turned) {
+  // Turns the sides of the kinks that were landed on, and takes stage 1 anew; the other lanes keep theirs to the last bit.
+  [[gnu::noinline]] void turn(const State& y, const std::array<Mask, switching>& landed, const Mask& taken) {
+    Mask turned = Lanes::none();
+    for_each_index<switching>([&](auto m) {
+      const Mask here = landed[m] & taken & running_;
+      side_[m] = select(here, -side_[m], side_[m]);
+      turned = turned | here;
+      for (int lane = 0; lane < Lanes::width; ++lane)
+        if (Lanes::get(here, lane)) outcome_.turns[lane].add(Lanes::get(time_, lane), m);
+    });
     State fresh;
     f_.derivative(y, side_, fresh);
     for_each_index<Equation::size>([&](auto i) { stage_[0][i] = select(turned, fresh[i], stage_[0][i]); });

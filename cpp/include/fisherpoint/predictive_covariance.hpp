@@ -3,23 +3,27 @@
 #pragma once
 
 #include <atomic>
+#include <cstdint>
 #include <limits>
-#include <memory>
+#include <optional>
 #include <vector>
 
 #include "integrate.hpp"
+#include "plan.hpp"
 #include "points.hpp"
 #include "prior_grid.hpp"
+#include "replay.hpp"
 #include "sensitivity.hpp"
-#include "simulate.hpp"
 #include "state_equation.hpp"
 #include "workers.hpp"
 
 namespace fisherpoint {
 
 struct PredictiveCovariances {
-  double* covariance;  // (count, n_y, n_y); zero where the status is not ok
-  Status* status;      // (count,): the nominal trajectory's, then that of the first node that is not ok
+  double* covariance;    // (count, n_y, n_y); zero where the status is not ok
+  Status* status;        // (count,): the nominal trajectory's, then that of the first node that is not ok
+  std::int64_t* redone;  // (count,): nodes for which the plan did not do
+  double* y = nullptr;   // (count, nodes, n_y) where the outputs are wanted too
 };
 
 // Weighted sum of products of the deviations y - y~, upper triangle, and the sum of the weights.
@@ -58,17 +62,40 @@ template <int n_y>
 struct Chunk {
   DeviationSum<n_y, double> sum;
   Status status = Status::ok;  // of the first node that is not ok
+  std::int64_t redone = 0;
 };
 
+// Where the trajectories of one point over the grid begin, and how they are computed.
+template <Model M>
+struct PointOnGrid {
+  const double *x0, *u;
+  double dt;
+  double first_step = 0.0;      // of the adaptive loop
+  std::optional<Plan<M>> plan;  // none: every node is integrated adaptively
+  std::array<double, sizes<M>::outputs> nominal_y;
+};
+
+// Integrates the lanes of positive duration adaptively and puts their ends into x; the status of the first that is not ok.
+template <class Equation, class P>
+[[gnu::noinline]] Status redo(const Equation& equation, const Tolerance& tolerance, const typename Equation::State& start,
+                              const P& duration, const P& first_step, typename Equation::State& x) {
+  auto end = start;
+  const auto outcome = Integrator(equation, tolerance).run(end, duration, first_step);
+  for (const Status status : outcome.status)
+    if (status != Status::ok) return status;
+  for_each_index<Equation::size>([&](auto i) { x[i] = select(duration > P(0.0), end[i], x[i]); });
+  return Status::ok;
+}
+
 template <class P, Model M>
-Chunk<sizes<M>::outputs> sum_over_nodes(const M& model, const double* x0, const double* u, double dt, const double* nominal_y,
-                                        double first_step, const PriorGrid& grid, std::size_t begin, std::size_t end,
-                                        const Tolerance& tolerance) {
+Chunk<sizes<M>::outputs> sum_over_nodes(const M& model, const PointOnGrid<M>& point, const PriorGrid& grid, std::size_t begin,
+                                        std::size_t end, const Tolerance& tolerance, double* y) {
   constexpr int width = lanes_of<P>::width, n_y = sizes<M>::outputs;
-  typename StateEquation<M, P>::State start, x;
-  typename StateEquation<M, P>::Input input;
-  typename StateEquation<M, P>::Theta theta;
-  for (int lane = 0; lane < width; ++lane) set_lane(start, lane, x0), set_lane(input, lane, u);
+  using Equation = StateEquation<M, P>;
+  typename Equation::State start, x;
+  typename Equation::Input input;
+  typename Equation::Theta theta;
+  for (int lane = 0; lane < width; ++lane) set_lane(start, lane, point.x0), set_lane(input, lane, point.u);
 
   Chunk<n_y> chunk;
   DeviationSum<n_y, P> sum;
@@ -81,21 +108,28 @@ Chunk<sizes<M>::outputs> sum_over_nodes(const M& model, const double* x0, const 
       set_lane(theta, lane, node.theta());
       if (first + lane >= end) continue;  // the lanes behind the last node rest with weight zero
       lanes_of<P>::set(weight, lane, node.probability());
-      lanes_of<P>::set(duration, lane, dt);
+      lanes_of<P>::set(duration, lane, point.dt);
       if (first + lane + 1 < end) node.advance();
     }
-    const StateEquation<M, P> equation(model, theta, input);
+    const Equation equation(model, theta, input);
     x = start;
-    const auto outcome = Integrator(equation, tolerance).run(x, duration, P(first_step));
-    for (const Status status : outcome.status)
+    auto believed = lanes_of<P>::none();
+    if (point.plan) believed = point.plan->believed(Replay<M, P>(equation).run(x, point.plan->stretches));
+    if (any(!believed & (duration > P(0.0)))) {
+      duration = select(believed, P(0.0), duration);
+      for (int lane = 0; lane < width; ++lane) chunk.redone += lanes_of<P>::get(duration, lane) > 0.0;
+      const Status status = redo(equation, tolerance, start, duration, P(point.first_step), x);
       if (status != Status::ok) {
         chunk.status = status;
         return chunk;
       }
+    }
     auto deviation = to_array<P>(model.output(x, input, theta));
+    if (y)
+      for (int lane = 0; lane < width && first + lane < end; ++lane) get_lane(deviation, lane, y + (first + lane) * n_y);
     for_each_index<n_y>([&](auto i) {
       if constexpr (VariationalEquation<M, P>::template output_depends<i>())
-        deviation[i] -= P(nominal_y[i]);
+        deviation[i] -= P(point.nominal_y[i]);
       else
         deviation[i] = P(0.0);  // not even by the rounding of other steps
     });
@@ -105,13 +139,41 @@ Chunk<sizes<M>::outputs> sum_over_nodes(const M& model, const double* x0, const 
   return chunk;
 }
 
+// The nominal trajectory and, where it is ok, the plan for the others.
+template <class P, Model M>
+Status prepare(const M& model, const double* mean, const PriorGrid& grid, const Tolerance& tolerance, PointOnGrid<M>& point) {
+  using Equation = StateEquation<M, P>;
+  typename Equation::State x;
+  typename Equation::Input u;
+  typename Equation::Theta theta;
+  for (int lane = 0; lane < lanes_of<P>::width; ++lane)
+    set_lane(x, lane, point.x0), set_lane(u, lane, point.u), set_lane(theta, lane, mean);
+  P duration(0.0);
+  lanes_of<P>::set(duration, 0, point.dt);
+  const Equation equation(model, theta, u);
+  const auto outcome = Integrator(equation, tolerance).run(x, duration, P(0.0));
+  if (outcome.status[0] != Status::ok) return outcome.status[0];
+  point.first_step = lanes_of<P>::get(outcome.first_step, 0);
+  get_lane(to_array<P>(model.output(x, u, theta)), 0, point.nominal_y.data());
+  if (tolerance.cross_kinks || outcome.turns[0].count == 0) {
+    point.plan = Planner<M, P>(model, point.x0, point.u, point.dt, mean, grid).plan(outcome.turns[0], tolerance.relative);
+    if (point.plan) point.nominal_y = point.plan->nominal_y;
+  }
+  return Status::ok;
+}
+
 template <class P, Model M>
 void predictive_covariance_packs(const M& model, const Points& points, const double* nominal_theta, const PriorGrid& grid,
                                  const Tolerance& tolerance, const Workers& workers, const PredictiveCovariances& out) {
   constexpr int n_x = sizes<M>::states, n_u = sizes<M>::inputs, n_y = sizes<M>::outputs;
-  std::vector<double> x(points.count * n_x), y(points.count * n_y), first_step(points.count);
-  simulate_packs<P>(model, points, {nominal_theta, false}, tolerance, workers,
-                    {x.data(), y.data(), out.status, first_step.data()});
+  std::vector<PointOnGrid<M>> point(points.count);
+  workers.for_each(points.count, [&](std::size_t k) {
+    point[k].x0 = points.x0 + k * n_x;
+    point[k].u = points.u + k * n_u;
+    point[k].dt = points.dt[k];
+    out.redone[k] = 0;
+    out.status[k] = prepare<P>(model, nominal_theta, grid, tolerance, point[k]);
+  });
 
   // Chunks depend on the grid alone and are summed in their order, so that the result does not depend on the threads; they are
   // worked off in batches, so that memory does not grow with the grid.
@@ -126,8 +188,8 @@ void predictive_covariance_packs(const M& model, const Points& points, const dou
     workers.for_each(count, [&](std::size_t item) {
       const std::size_t k = (from + item) / chunks, c = (from + item) % chunks;
       if (out.status[k] != Status::ok || c > failed[k].load(std::memory_order_relaxed)) return;
-      part[item] = sum_over_nodes<P>(model, points.x0 + k * n_x, points.u + k * n_u, points.dt[k], &y[k * n_y], first_step[k],
-                                     grid, c * nodes, std::min(grid.size(), (c + 1) * nodes), tolerance);
+      part[item] = sum_over_nodes<P>(model, point[k], grid, c * nodes, std::min(grid.size(), (c + 1) * nodes), tolerance,
+                                     out.y ? out.y + k * grid.size() * n_y : nullptr);
       if (part[item].status == Status::ok) return;
       std::size_t known = failed[k].load();
       while (c < known && !failed[k].compare_exchange_weak(known, c)) {
@@ -135,7 +197,7 @@ void predictive_covariance_packs(const M& model, const Points& points, const dou
     });
     for (std::size_t item = 0; item < count; ++item) {
       const std::size_t k = (from + item) / chunks, c = (from + item) % chunks;
-      if (c < failed[k]) sum[k].add(part[item].sum);
+      if (c < failed[k]) sum[k].add(part[item].sum), out.redone[k] += part[item].redone;
       if (c == failed[k] && out.status[k] == Status::ok) out.status[k] = part[item].status;
     }
   }

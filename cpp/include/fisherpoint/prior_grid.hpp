@@ -44,6 +44,7 @@ class PriorGrid {
   }
 
   std::size_t size() const { return size_; }
+  const std::vector<Axis>& axes() const { return axes_; }
   int parameters() const { return static_cast<int>(axes_.size()); }
 
   // Walks over the nodes like an odometer: a step costs what the digits that turn cost.

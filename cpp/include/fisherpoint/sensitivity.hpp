@@ -61,6 +61,15 @@ class VariationalEquation {
     return reached;
   }();
 
+  template <class Value>
+  static constexpr bool varies() {
+    constexpr Variables read = variables_of<Value>;
+    if (read >> states_) return true;
+    for (int k = 0; k < states_; ++k)
+      if (((read >> k) & 1) && row[k]) return true;
+    return false;
+  }
+
   // Place of dx_i/dtheta_j in the integrated vector: behind the states, row by row, without the zeros.
   static constexpr int row_start(int i) {
     int at = states_;
@@ -72,17 +81,21 @@ class VariationalEquation {
  public:
   static constexpr bool depends(int i, int j) { return (row[i] >> j) & 1; }
 
-  // Whether output i depends on any parameter, by the types alone; one that does not has exactly no predictive variance.
+  // Whether output i or switching surface m depends on any parameter, by the types alone: such an output has exactly no
+  // predictive variance, and such a surface is crossed at the same time for every theta.
   template <int i>
   static constexpr bool output_depends() {
     using Outputs = decltype(std::declval<const M&>().output(
         as_variables<0, states_, P>(std::declval<std::array<P, states_>>()), std::declval<Input>(),
         as_variables<states_, parameters_, P>(std::declval<Theta>())));
-    constexpr Variables reads_in_g = variables_of<std::tuple_element_t<i, Outputs>>;
-    if (reads_in_g >> states_) return true;
-    for (int k = 0; k < states_; ++k)
-      if (((reads_in_g >> k) & 1) && row[k]) return true;
-    return false;
+    return varies<std::tuple_element_t<i, Outputs>>();
+  }
+  template <int m>
+  static constexpr bool switching_depends() {
+    using Values = decltype(std::declval<const M&>().switching(
+        as_variables<0, states_, P>(std::declval<std::array<P, states_>>()), std::declval<Input>(),
+        as_variables<states_, parameters_, P>(std::declval<Theta>())));
+    return varies<std::tuple_element_t<m, Values>>();
   }
 
   static constexpr int size = row_start(states_);

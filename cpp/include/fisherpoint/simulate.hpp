@@ -9,9 +9,8 @@
 namespace fisherpoint {
 
 struct Trajectories {
-  double *x, *y;       // (count, n_x), (count, n_y), where the trajectory ended
-  Status* status;      // (count,)
-  double* first_step;  // (count,) or null
+  double *x, *y;   // (count, n_x), (count, n_y), where the trajectory ended
+  Status* status;  // (count,)
 };
 
 template <class P, Model M>
@@ -30,7 +29,6 @@ void simulate_packs(const M& model, const Points& points, const Parameters& para
       get_lane(x, lane, out.x + k * sizes<M>::states);
       get_lane(y, lane, out.y + k * sizes<M>::outputs);
       out.status[k] = outcome.status[lane];
-      if (out.first_step) out.first_step[k] = lanes_of<P>::get(outcome.first_step, lane);
     }
   });
 }

@@ -1,0 +1,203 @@
+// Plans the steps for all trajectories of one experiment point over a prior grid.
+//
+// The kinks that do not depend on theta are met at the same times by all of them: the nominal trajectory tells where. Between
+// them, the number of equal steps is the smallest with which pilots, spread over the corners of the grid, reach the tolerance;
+// their errors are seen from solutions with smaller steps.
+#pragma once
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <vector>
+
+#include "integrate.hpp"
+#include "points.hpp"
+#include "prior_grid.hpp"
+#include "replay.hpp"
+
+namespace fisherpoint {
+
+template <Model M>
+struct Plan {
+  std::vector<Stretch<M>> stretches;
+  double largest_squared_error;                       // embedded; what is above it is not believed
+  std::array<double, sizes<M>::outputs> nominal_y{};  // by the plan's own steps
+
+  template <class P>
+  mask_of_lanes<P> believed(const Replayed<P>& replayed) const {
+    return (replayed.clearance > P(0.0)) & (replayed.squared_error <= P(largest_squared_error));
+  }
+};
+
+// The mean, then a two-level fractional factorial over the outermost values of the axes: every combination of three
+// parameters' ends appears among the pilots as long as there are no more than 16 parameters.
+struct Pilots {
+  static constexpr int count = 32;
+
+  // Whether parameter j is at its upper end in pilot k > 0: the parity of the bits of k that the parameter's mask picks. Masks
+  // of odd weight make every three of them independent.
+  static bool high(int k, int j) {
+    constexpr std::array<int, 16> masks = {1, 2, 4, 8, 16, 7, 11, 13, 14, 19, 21, 22, 25, 26, 28, 31};
+    return std::popcount(static_cast<unsigned>(k & masks[j % 16])) % 2 == 1;
+  }
+};
+
+template <Model M, class P>
+class Planner {
+  static constexpr int n_x = sizes<M>::states, n_y = sizes<M>::outputs, p = sizes<M>::parameters;
+  static constexpr int width = lanes_of<P>::width, most_steps = 128;
+  // Of the tolerance, what the errors of the pilots may be; those of other nodes may be a little larger.
+  static constexpr double share = 0.5;
+  // Embedded errors of nodes may be so many times the pilots' largest.
+  static constexpr double slack = 4.0;
+
+  struct Ends {
+    std::array<std::array<double, n_x>, Pilots::count> x;
+    std::array<bool, Pilots::count> clear;
+    double squared_error;  // the largest of those that are clear
+  };
+
+ public:
+  Planner(const M& model, const double* x0, const double* u, double dt, const double* mean, const PriorGrid& grid)
+      : model_(model), dt_(dt) {
+    for (int lane = 0; lane < width; ++lane) set_lane(x0_, lane, x0), set_lane(u_, lane, u);
+    for (int k = 0; k < Pilots::count; ++k)
+      for (int j = 0; j < p; ++j) {
+        const auto& values = grid.axes()[j].values;
+        theta_[k][j] = k == 0 ? mean[j] : Pilots::high(k, j) ? values.back() : values.front();
+      }
+  }
+
+  // `turns`: the kinks that the nominal trajectory passes. None where too many pilots are no trajectories, or no number of
+  // steps is enough: then every node is for the adaptive loop.
+  std::optional<Plan<M>> plan(const Turns& turns, double rtol) const {
+    if (turns.count > static_cast<int>(turns.time.size())) return std::nullopt;
+    std::vector<Stretch<M>> stretches = between(turns);
+    if (stretches.empty()) return std::nullopt;
+
+    // Twice as many steps in every stretch, until that changes nothing any more.
+    Ends end = ends(stretches), finer = end;
+    double error = std::numeric_limits<double>::infinity(), last_error = error;
+    while (true) {
+      if (stretches[0].steps > most_steps) return std::nullopt;
+      std::vector<Stretch<M>> doubled = stretches;
+      for (auto& stretch : doubled) stretch.steps *= 2;
+      finer = ends(doubled);
+      last_error = error;
+      error = difference(end, finer);
+      if (error <= share * rtol) break;
+      stretches = doubled;
+      end = finer;
+    }
+    if (stretches[0].steps > 1) {
+      // The last two tries tell the order, and with it the longest step that may do; equal steps in all stretches are fewer.
+      const double order = std::isfinite(last_error) ? std::clamp(std::log2(last_error / error), 4.0, 12.0) : 8.0;
+      double longest = 0;
+      for (const auto& stretch : stretches) longest = std::max(longest, stretch.duration / stretch.steps);
+      std::vector<Stretch<M>> last;
+      for (double step = longest * std::pow(share * rtol / error, 1 / order); step > longest; step *= 0.92) {
+        const std::vector<Stretch<M>> tried = divided(stretches, step);
+        if (same_steps(tried, last)) continue;
+        last = tried;
+        if (total_steps(tried) >= total_steps(stretches)) break;
+        const Ends reached = ends(tried);
+        if (difference(reached, finer) > share * rtol) continue;
+        stretches = tried;
+        end = reached;
+        break;
+      }
+    }
+    if (!end.clear[0]) return std::nullopt;
+    // What is estimated below the tolerance is believed in any case: the estimate is of a lower order.
+    Plan<M> plan{stretches, std::max(slack * slack * end.squared_error, share * rtol * share * rtol)};
+    std::array<double, sizes<M>::inputs> u;
+    get_lane(u_, 0, u.data());
+    plan.nominal_y = to_array<double>(model_.output(end.x[0], u, theta_[0]));
+    return plan;
+  }
+
+ private:
+  std::vector<Stretch<M>> between(const Turns& turns) const {
+    std::array<double, n_x> x;
+    std::array<double, sizes<M>::inputs> u;
+    get_lane(x0_, 0, x.data());
+    get_lane(u_, 0, u.data());
+    Stretch<M> stretch{0.0, 1, {}};
+    const auto start = to_array<double>(model_.switching(x, u, theta_[0]));
+    for (std::size_t m = 0; m < start.size(); ++m) {
+      if (start[m] == 0.0) return {};
+      stretch.side[m] = start[m] < 0.0 ? -1.0 : 1.0;
+    }
+    std::vector<Stretch<M>> stretches;
+    double time = 0.0;
+    bool fixed = true;  // no kink's time depends on theta
+    for (int i = 0; i < turns.count; ++i) {
+      stretch.duration = turns.time[i] - time;
+      if (stretch.duration > 0) stretches.push_back(stretch);
+      time = turns.time[i];
+      stretch.side[turns.surface[i]] *= -1.0;
+      for_each_index<sizes<M>::switching>([&](auto m) {
+        if (m == turns.surface[i] && !Replay<M, P>::template planned<m>()) fixed = false;
+      });
+    }
+    stretch.duration = dt_ - time;
+    if (stretch.duration > 0) stretches.push_back(stretch);
+    return fixed ? stretches : std::vector<Stretch<M>>{};
+  }
+
+  // The stretches with steps of at most `step`.
+  static std::vector<Stretch<M>> divided(std::vector<Stretch<M>> stretches, double step) {
+    for (auto& stretch : stretches) stretch.steps = std::max(1, static_cast<int>(std::ceil(stretch.duration / step - 1e-6)));
+    return stretches;
+  }
+  static int total_steps(const std::vector<Stretch<M>>& stretches) {
+    int total = 0;
+    for (const auto& stretch : stretches) total += stretch.steps;
+    return total;
+  }
+  static bool same_steps(const std::vector<Stretch<M>>& a, const std::vector<Stretch<M>>& b) {
+    return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const auto& s, const auto& t) { return s.steps == t.steps; });
+  }
+
+  Ends ends(const std::vector<Stretch<M>>& stretches) const {
+    Ends result{{}, {}, 0.0};
+    for (int first = 0; first < Pilots::count; first += width) {
+      std::array<P, p> theta;
+      for (int lane = 0; lane < width; ++lane) set_lane(theta, lane, theta_[std::min(first + lane, Pilots::count - 1)].data());
+      const StateEquation<M, P> equation(model_, theta, u_);
+      auto x = x0_;
+      const auto replayed = Replay<M, P>(equation).run(x, stretches);
+      for (int lane = 0; lane < width && first + lane < Pilots::count; ++lane) {
+        get_lane(x, lane, result.x[first + lane].data());
+        result.clear[first + lane] = lanes_of<P>::get(replayed.clear(), lane);
+        if (result.clear[first + lane])
+          result.squared_error = std::max(result.squared_error, lanes_of<P>::get(replayed.squared_error, lane));
+      }
+    }
+    return result;
+  }
+
+  // The largest difference between two solutions of the pilots that are clear in the finer one, in units of the states'
+  // scales; infinite where these are few.
+  static double difference(const Ends& coarse, const Ends& fine) {
+    double largest = 0;
+    int compared = 0;
+    for (int k = 0; k < Pilots::count; ++k) {
+      if (!fine.clear[k]) continue;
+      ++compared;
+      if (!coarse.clear[k]) return std::numeric_limits<double>::infinity();
+      for (int i = 0; i < n_x; ++i) largest = std::max(largest, std::abs(coarse.x[k][i] - fine.x[k][i]) / M::states[i].scale);
+    }
+    return compared < Pilots::count / 4 ? std::numeric_limits<double>::infinity() : largest;
+  }
+
+  const M& model_;
+  double dt_;
+  std::array<P, n_x> x0_;
+  std::array<P, sizes<M>::inputs> u_;
+  std::array<std::array<double, p>, Pilots::count> theta_;
+};
+
+}  // namespace fisherpoint

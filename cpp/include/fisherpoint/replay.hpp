@@ -1,0 +1,121 @@
+// Trajectories that are alike take the same steps: a plan, made once (plan.hpp), is replayed on every lane without a branch.
+//
+// A replayed trajectory is only believed where, over all steps, its embedded error stays below the plan's bound and every
+// surface that the plan has not dealt with stays on its side: the cubic through a step's ends has positive Bernstein
+// coefficients, with a margin for what the trajectory may do beside the cubic. Any other lane is for the adaptive loop
+// (integrate.hpp) to redo.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "dormand_prince_853.hpp"
+#include "model.hpp"
+#include "pack.hpp"
+#include "sensitivity.hpp"
+#include "state_equation.hpp"
+#include "unroll.hpp"
+
+namespace fisherpoint {
+
+// Equal steps between two kinks, with the sides of all surfaces held.
+template <Model M>
+struct Stretch {
+  double duration;
+  int steps;
+  std::array<double, sizes<M>::switching> side;
+};
+
+template <class P>
+struct Replayed {
+  P clearance;      // positive where the trajectory stays clear of every surface; meaningless where squared_error is NaN
+  P squared_error;  // embedded, summed over the steps, in units of the states' scales
+
+  mask_of_lanes<P> clear() const { return (clearance > P(0.0)) & (squared_error < P(1e300)); }
+};
+
+template <Model M, class P>
+class Replay {
+  using Method = DormandPrince853;
+  using Equation = StateEquation<M, P>;
+  using State = typename Equation::State;
+  using Surfaces = typename Equation::Surfaces;
+  static constexpr int states = Equation::states, switching = Equation::switching, surfaces = Equation::surfaces;
+  // Bernstein coefficients inside a step must exceed this share of the surface's variation over it.
+  static constexpr double margin = 0.03;
+
+ public:
+  explicit Replay(const Equation& equation) : f_(equation) {}
+
+  FISHERPOINT_HOT Replayed<P> run(State& x, const std::vector<Stretch<M>>& stretches) {
+    Replayed<P> outcome{P(1.0), P(0.0)};
+    State stage[Method::stages], ahead;
+    Surfaces value = f_.surface_values(x), rate = value;
+    double previous = 0.0;  // the step before, whose end is checked with the slope that begins the next
+    for (const Stretch<M>& stretch : stretches) {
+      typename Equation::Side side;
+      for_each_index<switching>([&](auto m) { side[m] = P(stretch.side[m]); });
+      const double step = stretch.duration / stretch.steps;
+      for (int n = 0; n < stretch.steps; ++n) {
+        f_.derivative(x, side, stage[0]);
+        const Surfaces rate_here = f_.surface_rates(x, stage[0]);
+        if (previous > 0.0) check(outcome.clearance, side, previous, value, rate, f_.surface_values(x), rate_here);
+        value = f_.surface_values(x);
+        rate = rate_here;
+        for_each_index<Method::stages - 1>([&](auto before) {
+          constexpr int s = before + 1;
+          for_each_index<states>([&](auto i) { ahead[i] = x[i] + step * combined<s>(Method::a[s], stage, i); });
+          f_.derivative(ahead, side, stage[s]);
+        });
+        State error;
+        for_each_index<states>([&](auto i) {
+          error[i] = step * combined<Method::stages>(Method::error, stage, i);
+          x[i] += step * combined<Method::stages>(Method::b, stage, i);
+        });
+        outcome.squared_error += Equation::squared_size(error);
+        previous = step;
+      }
+      if (&stretch == &stretches.back()) {
+        f_.derivative(x, side, stage[0]);
+        check(outcome.clearance, side, previous, value, rate, f_.surface_values(x), f_.surface_rates(x, stage[0]));
+      }
+    }
+    return outcome;
+  }
+
+  // A surface whose crossings are the same for every theta; the plan ends a stretch there.
+  template <int m>
+  static constexpr bool planned() {
+    if constexpr (m >= M::jumps.size() && m < switching)
+      return !VariationalEquation<M, P>::template switching_depends<m>();
+    else
+      return false;
+  }
+
+ private:
+  template <int n, std::size_t size>
+  static P combined(const std::array<double, size>& weights, const State* stage, int i) {
+    P sum = weights[0] * stage[0][i];
+    for_each_index<n - 1>([&](auto r) {
+      if (weights[r + 1] != 0) sum += weights[r + 1] * stage[r + 1][i];
+    });
+    return sum;
+  }
+
+  static void check(P& clearance, const auto& sides, double step, const Surfaces& value0, const Surfaces& rate0,
+                    const Surfaces& value1, const Surfaces& rate1) {
+    for_each_index<surfaces>([&](auto m) {
+      if constexpr (!planned<m>()) {
+        P h0 = value0[m], h1 = value1[m], r0 = rate0[m], r1 = rate1[m];
+        if constexpr (m < switching) h0 *= sides[m], h1 *= sides[m], r0 *= sides[m], r1 *= sides[m];
+        const P rise = (step / 3) * r0, fall = (step / 3) * r1, b1 = h0 + rise, b2 = h1 - fall;
+        const P least = margin * (abs(rise) + abs(b2 - b1) + abs(fall));
+        clearance = min(clearance, min(min(b1, b2) - least, min(h0, h1)));
+      }
+    });
+  }
+
+  const Equation& f_;
+};
+
+}  // namespace fisherpoint
