@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 import fisherpoint as fp
+from fisherpoint.kernels import kernels
+from fisherpoint.trajectories import resolve_threads
 
 from . import fresh_process
 from .accuracy import ACCURACY_RULE, Errors, loosest_rtol, output_errors
@@ -69,7 +71,10 @@ def measure(quick: bool, threads: list[int]) -> CovarianceFigures:
     pairs = random_pairs(1 if quick else 8, seed=1)
     reference = solve_states(pairs, TIGHT_RTOL, True, "DOP853")
     tight = fp.simulate(MODEL, pairs.points, pairs.theta, rtol=TIGHT_RTOL).y
-    default = Errors.of(output_errors(fp.simulate(MODEL, pairs.points, pairs.theta).y, reference))
+    ours_on_pairs = np.concatenate(
+        [_outputs(points[[k]])[0, nodes] for k, nodes in enumerate(pairs.nodes.reshape(len(points), -1))]
+    )
+    default = Errors.of(output_errors(ours_on_pairs, reference))
 
     def peer_errors(restart: bool, rtol: float) -> Errors:
         return Errors.of(output_errors(solve_states(pairs, rtol, restart), reference))
@@ -135,18 +140,25 @@ def _stacked_pairs(count: int) -> Pairs:
     """`count` candidates spread over the list, each with `NODES` random nodes."""
     points, nodes = candidates(), RULE.nodes(PRIOR)[0]
     rows = np.repeat(np.linspace(0, len(points) - 1, count).astype(int), NODES)
-    return Pairs(points[rows], nodes[np.random.default_rng(2).integers(len(nodes), size=len(rows))])
+    chosen = np.random.default_rng(2).integers(len(nodes), size=len(rows))
+    return Pairs(points[rows], nodes[chosen], chosen)
 
 
 def _errors_over_the_grid(stride: int) -> Array:
     """Errors at the default tolerance on every `stride`-th trajectory of the whole workload, against our own tight solution."""
     points, nodes, errors = candidates(), RULE.nodes(PRIOR)[0], []
     for k in range(len(points)):
-        theta = nodes[k % stride :: stride]
-        repeated = points[np.full(len(theta), k)]
-        y, tight = (fp.simulate(MODEL, repeated, theta, rtol=rtol).y for rtol in (DEFAULT_RTOL, TIGHT_RTOL))
-        errors.append(output_errors(y, tight))
+        rows = np.arange(k % stride, len(nodes), stride)
+        tight = fp.simulate(MODEL, points[np.full(len(rows), k)], nodes[rows], rtol=TIGHT_RTOL).y
+        errors.append(output_errors(_outputs(points[[k]])[0, rows], tight))
     return np.concatenate(errors)
+
+
+def _outputs(points: fp.Experiments) -> Array:
+    """Outputs at every node of the grid as the covariances take them, (K, R, n_y)."""
+    theta, threads = MODEL.theta(PRIOR.mean), resolve_threads(None)
+    arguments = (points.x0, points.u, points.dt, theta, RULE.grid(PRIOR), DEFAULT_RTOL, True, threads)
+    return kernels.predictive_covariance(MODEL.core, *arguments, keep_outputs=True)[3]
 
 
 def _std_error(count: int) -> float:

@@ -34,16 +34,17 @@ REGION = fp.ExperimentRegion(
 
 @dataclass(frozen=True)
 class Pairs:
-    """K experiment points with one theta each, (K, p)."""
+    """K experiment points with one theta each, (K, p), and the nodes of the grid that these are, (K,)."""
 
     points: fp.Experiments
     theta: Array
+    nodes: NDArray[np.intp]
 
     def __len__(self) -> int:
         return len(self.points)
 
     def __getitem__(self, rows: slice) -> Pairs:
-        return Pairs(self.points[rows], self.theta[rows])
+        return Pairs(self.points[rows], self.theta[rows], self.nodes[rows])
 
 
 @cache
@@ -76,4 +77,5 @@ def random_pairs(per_candidate: int, seed: int) -> Pairs:
     """Every candidate equally often, each time with a node of the grid drawn at random."""
     points, nodes = candidates(), RULE.nodes(PRIOR)[0]
     rows = np.repeat(np.arange(len(points)), per_candidate)
-    return Pairs(points[rows], nodes[np.random.default_rng(seed).integers(len(nodes), size=len(rows))])
+    chosen = np.random.default_rng(seed).integers(len(nodes), size=len(rows))
+    return Pairs(points[rows], nodes[chosen], chosen)
