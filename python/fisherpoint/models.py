@@ -127,12 +127,12 @@ class HydraulicCylinder:
         if array.ndim not in (1, 2) or array.shape[-1] != len(names):
             raise ValueError(f"theta: expected shape ({len(names)},) or (K, {len(names)}), given {array.shape}")
         rows = np.atleast_2d(array)
-        for j, name in enumerate(names):
+        if not len(rows):
+            return array
+        for name, lowest in zip(names, rows.min(axis=0).tolist(), strict=True):
             positive = name in ("m_q", "E_oil", "B_v", "V_0A", "V_0B")
-            bad = rows[:, j] <= 0 if positive else rows[:, j] < 0
-            if bad.any():
-                kind = "a positive" if positive else "a non-negative"
-                raise ValueError(f"{name}: expected {kind} number, given {rows[bad, j][0]:g}")
+            if lowest < 0 or (positive and lowest == 0):
+                raise ValueError(f"{name}: expected a {'positive' if positive else 'non-negative'} number, given {lowest:g}")
         p_t = rows[:, names.index("p_t")].max()
         if not p_t < self.core.p_s:
             raise ValueError(f"p_t: expected less than the supply pressure p_s = {self.core.p_s:g} Pa, given {p_t:g} Pa")

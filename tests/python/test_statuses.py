@@ -323,7 +323,7 @@ def test_the_counts_of_a_design_are_those_of_its_draws(kinks: str, monkeypatch: 
     for points in drawn:
         inside = (points.x0[:, 2] + points.x0[:, 3] < 3e7) & (np.abs(points.x0[:, 1]) > 0.02)
         expected["constraint"] += int((~inside).sum())
-        nominal = fp.sensitivities(MODEL, points[inside], MODEL.nominal, kinks=kinks).status
+        nominal = fp.simulate(MODEL, points[inside], MODEL.nominal, kinks=kinks).status
         whole = fp.predictive_covariance(MODEL, points[inside], PRIOR, rule, kinks=kinks).status
         for status in np.where(nominal != 0, nominal, whole):
             expected[Status(int(status)).name] += 1
