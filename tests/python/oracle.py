@@ -54,6 +54,12 @@ class Cylinder:
     T_1: float
     k_u: float
 
+    @property
+    def inner_stroke(self) -> tuple[float, float]:
+        """The stroke without a tenth of it at either end."""
+        edge = 0.1 * (self.q_max - self.q_min)
+        return self.q_min + edge, self.q_max - edge
+
     def rhs(self, x: Numbers, u: float, theta: Numbers, branch: Branch | None = None) -> Numbers:
         """Eq. (19a) for x (5, ...) and theta (9, ...), real or complex; the branch is the point's own unless given."""
         q, v, p_A, p_B, x_v = x
@@ -150,6 +156,23 @@ class Cylinder:
                 raise NotAPoint("left_domain")
             z = solution.y[:, -1]
         return z
+
+
+def random_cylinder(rng: np.random.Generator) -> tuple[Cylinder, Floats, Floats]:
+    """Constants, mean and std (9,) about the default cylinder's, far enough to see each of them in the results."""
+    q_min, stroke = rng.uniform(-0.1, 0.2), rng.uniform(0.2, 0.6)
+    cylinder = Cylinder(
+        A_A=rng.uniform(1e-3, 4e-3),
+        A_B=rng.uniform(5e-4, 3e-3),
+        q_min=q_min,
+        q_max=q_min + stroke,
+        p_s=rng.uniform(14e6, 32e6),
+        T_1=rng.uniform(1e-3, 8e-3),
+        k_u=float(rng.choice([-1.0, 1.0, 0.8])),
+    )
+    nominal = np.array([400.0, 1500.0, 150.0, 1.2e9, 0.5e6, 1.782e-7, 2.5e-9, 5e-5, 4e-5])
+    mean = nominal * rng.uniform(0.6, 1.6, 9)
+    return cylinder, mean, mean * rng.uniform(0.05, 0.3, 9)
 
 
 def named(values: Mapping[str, float]) -> Floats:

@@ -51,20 +51,9 @@ def case(name: str) -> Case:
     if name.startswith("default"):
         theta = MEAN + STD * rng.uniform(-1.5, 1.5, (6000, 9)) * (name == "default-spread")
         return Case(Cylinder(**MODEL.constants), random_points(rng, 6000), theta, STD)
-    q_min, stroke = rng.uniform(-0.1, 0.2), rng.uniform(0.2, 0.6)
-    cylinder = Cylinder(
-        A_A=rng.uniform(1e-3, 4e-3),
-        A_B=rng.uniform(5e-4, 3e-3),
-        q_min=q_min,
-        q_max=q_min + stroke,
-        p_s=rng.uniform(14e6, 32e6),
-        T_1=rng.uniform(1e-3, 8e-3),
-        k_u=float(rng.choice([-1.0, 1.0, 0.8])),
-    )
-    mean = MEAN * rng.uniform(0.6, 1.6, 9)
-    std = mean * rng.uniform(0.05, 0.3, 9)
+    cylinder, mean, std = oracle.random_cylinder(rng)
     pressures = (2e6, cylinder.p_s - 2e6)
-    box = REGION | {"q": (q_min + 0.1 * stroke, q_min + 0.9 * stroke), "p_A": pressures, "p_B": pressures}
+    box = REGION | {"q": cylinder.inner_stroke, "p_A": pressures, "p_B": pressures}
     return Case(cylinder, random_points(rng, 4000, box), mean + std * rng.uniform(-1, 1, (4000, 9)), std)
 
 

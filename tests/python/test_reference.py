@@ -149,23 +149,10 @@ class Case:
 def random_case(seed: int) -> Case:
     """Constants and prior about the default cylinder, far enough to see each of them in the results."""
     rng = np.random.default_rng(seed)
-    q_min = rng.uniform(-0.1, 0.2)
-    stroke = rng.uniform(0.2, 0.6)
-    cylinder = Cylinder(
-        A_A=rng.uniform(1e-3, 4e-3),
-        A_B=rng.uniform(5e-4, 3e-3),
-        q_min=q_min,
-        q_max=q_min + stroke,
-        p_s=rng.uniform(14e6, 32e6),
-        T_1=rng.uniform(1e-3, 8e-3),
-        k_u=float(rng.choice([-1.0, 1.0, 0.8])),
-    )
-    nominal = np.array([400.0, 1500.0, 150.0, 1.2e9, 0.5e6, 1.782e-7, 2.5e-9, 5e-5, 4e-5])
-    mean = nominal * rng.uniform(0.6, 1.6, 9)
-    std = mean * rng.uniform(0.05, 0.3, 9)
+    cylinder, mean, std = oracle.random_cylinder(rng)
     levels, span = ((1, 2, 3, 2, 3, 2, 1, 2, 3), 1.2) if seed % 2 else ((3, 1, 1, 3, 2, 3, 2, 1, 2), 1.7)
     box = {
-        "q": (q_min + 0.1 * stroke, q_min + 0.9 * stroke),
+        "q": cylinder.inner_stroke,
         "v": (-0.4, 0.4),
         "p_A": (3e6, cylinder.p_s - 3e6),
         "p_B": (3e6, cylinder.p_s - 3e6),

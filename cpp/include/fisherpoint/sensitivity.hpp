@@ -40,9 +40,11 @@ class VariationalEquation {
   static auto dynamics_of(const M& model, const Theta& theta) {
     return model.dynamics(as_variables<states_, parameters_, P>(theta));
   }
+  using DualState = decltype(as_variables<0, states_, P>(std::declval<std::array<P, states_>>()));
+  using DualTheta = decltype(as_variables<states_, parameters_, P>(std::declval<Theta>()));
   using Dynamics = decltype(dynamics_of(std::declval<const M&>(), std::declval<const Theta&>()));
-  using Rates = decltype(std::declval<const Dynamics&>()(as_variables<0, states_, P>(std::declval<std::array<P, states_>>()),
-                                                         std::declval<Input>(), std::declval<Side>()));
+  using Rates =
+      decltype(std::declval<const Dynamics&>()(std::declval<DualState>(), std::declval<Input>(), std::declval<Side>()));
   template <int i>
   static constexpr Variables reads = variables_of<std::tuple_element_t<i, Rates>>;
 
@@ -85,16 +87,14 @@ class VariationalEquation {
   // predictive variance, and such a surface is crossed at the same time for every theta.
   template <int i>
   static constexpr bool output_depends() {
-    using Outputs = decltype(std::declval<const M&>().output(
-        as_variables<0, states_, P>(std::declval<std::array<P, states_>>()), std::declval<Input>(),
-        as_variables<states_, parameters_, P>(std::declval<Theta>())));
+    using Outputs =
+        decltype(std::declval<const M&>().output(std::declval<DualState>(), std::declval<Input>(), std::declval<DualTheta>()));
     return varies<std::tuple_element_t<i, Outputs>>();
   }
   template <int m>
   static constexpr bool switching_depends() {
-    using Values = decltype(std::declval<const M&>().switching(
-        as_variables<0, states_, P>(std::declval<std::array<P, states_>>()), std::declval<Input>(),
-        as_variables<states_, parameters_, P>(std::declval<Theta>())));
+    using Values = decltype(std::declval<const M&>().switching(std::declval<DualState>(), std::declval<Input>(),
+                                                               std::declval<DualTheta>()));
     return varies<std::tuple_element_t<m, Values>>();
   }
 
