@@ -7,7 +7,7 @@ namespace fisherpoint {
 template <Model M>
 void sensitivities(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
                    const Workers& workers, const SensitiveTrajectories& out) {
-  sensitivity_packs<Pack<native_lanes>>(model, points, parameters, tolerance, workers, out);
+  sensitivity_packs<Pack<native_lanes>, DormandPrince853>(model, points, parameters, tolerance, workers, out);
 }
 
 template void sensitivities(const HydraulicCylinder&, const Points&, const Parameters&, const Tolerance&, const Workers&,

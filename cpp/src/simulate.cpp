@@ -7,7 +7,7 @@ namespace fisherpoint {
 template <Model M>
 void simulate(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
               const Workers& workers, const Trajectories& out) {
-  simulate_packs<Pack<2 * native_lanes>>(model, points, parameters, tolerance, workers, out);
+  simulate_packs<Pack<2 * native_lanes>, DormandPrince853>(model, points, parameters, tolerance, workers, out);
 }
 
 template void simulate(const HydraulicCylinder&, const Points&, const Parameters&, const Tolerance&, const Workers&,

@@ -9,7 +9,7 @@
 #include "fisherpoint/hydraulic_cylinder.hpp"
 #include "fisherpoint/integrate.hpp"
 #include "fisherpoint/model.hpp"
-#include "fisherpoint/sensitivity.hpp"
+#include "fisherpoint/sensitivities.hpp"
 #include "fisherpoint/state_equation.hpp"
 
 namespace fisherpoint::testing {
@@ -77,20 +77,38 @@ struct Ball {
 inline constexpr std::array<double, 9> cylinder_theta = {400, 1500, 150, 1.2e9, 0.5e6, 1.782e-7, 2.5e-9, 5e-5, 4e-5};
 
 // One trajectory on number type P; every lane carries the same point.
-template <template <class, class> class Equation, class P, class M, std::size_t n_x, std::size_t n_u, std::size_t p>
+template <class P, class Method = DormandPrince853, class M, std::size_t n_x, std::size_t n_u, std::size_t p>
 auto run(const M& model, const std::array<double, n_x>& x0, const std::array<double, n_u>& u, double dt,
          const std::array<double, p>& theta, Tolerance tolerance = {}) {
-  using E = Equation<M, P>;
-  typename E::Theta packed_theta;
-  typename E::Input packed_u;
-  typename E::State state;
-  state.fill(P(0.0));
+  using Equation = StateEquation<M, P>;
+  typename Equation::Theta packed_theta;
+  typename Equation::Input packed_u;
+  typename Equation::State state;
   for (std::size_t i = 0; i < p; ++i) packed_theta[i] = P(theta[i]);
   for (std::size_t i = 0; i < n_u; ++i) packed_u[i] = P(u[i]);
   for (std::size_t i = 0; i < n_x; ++i) state[i] = P(x0[i]);
-  const E equation(model, packed_theta, packed_u);
-  const auto outcome = Integrator(equation, tolerance).run(state, P(dt), P(0.0));
+  const Equation equation(model, packed_theta, packed_u);
+  const auto outcome = Integrator<Equation, Method>(equation, tolerance).run(state, P(dt), P(0.0));
   return std::pair{state, outcome};
+}
+
+// One point with its sensitivities.
+template <class M>
+struct Sensitive {
+  std::array<double, sizes<M>::states> x;
+  std::array<double, sizes<M>::outputs> y;
+  std::array<std::array<double, sizes<M>::parameters>, sizes<M>::states> dx;
+  std::array<std::array<double, sizes<M>::parameters>, sizes<M>::outputs> dy;
+  Status status;
+};
+template <class P = double, class Method = DormandPrince853, class M, std::size_t n_x, std::size_t n_u, std::size_t p>
+Sensitive<M> run_sensitive(const M& model, const std::array<double, n_x>& x0, const std::array<double, n_u>& u, double dt,
+                           const std::array<double, p>& theta, Tolerance tolerance = {}) {
+  Sensitive<M> r;
+  sensitivity_packs<P, Method>(model, Points{1, x0.data(), u.data(), &dt}, Parameters{theta.data(), false}, tolerance,
+                               Workers(1),
+                               SensitiveTrajectories{r.x.data(), r.y.data(), r.dx[0].data(), r.dy[0].data(), &r.status});
+  return r;
 }
 
 }  // namespace fisherpoint::testing

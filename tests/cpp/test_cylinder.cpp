@@ -48,7 +48,7 @@ TEST_CASE("a batch gives every point its own answer: ragged ends, resting and fa
     for (std::size_t k = 0; k < count; ++k) {
       std::array<double, 5> start;
       std::copy_n(&x0[5 * k], 5, start.begin());
-      const auto [alone, outcome] = run<StateEquation, double>(m, start, std::array{u[k]}, dt[k], cylinder_theta);
+      const auto [alone, outcome] = run<double>(m, start, std::array{u[k]}, dt[k], cylinder_theta);
       CHECK(status[k] == outcome.status[0]);
       CHECK(s_status[k] == status[k]);
       if (status[k] != Status::ok) continue;

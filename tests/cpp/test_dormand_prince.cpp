@@ -5,33 +5,44 @@
 #include <vector>
 
 #include "fisherpoint/dormand_prince.hpp"
+#include "fisherpoint/dormand_prince_853.hpp"
 
-using fisherpoint::DormandPrince;
+using namespace fisherpoint;
 
 // y' = y cos t, y = exp(sin t), on fixed steps.
 static double f(double t, double y) { return y * std::cos(t); }
 static double exact(double t) { return std::exp(std::sin(t)); }
 
-struct Step {
+struct Tried {
   double end, error, middle;
 };
-static Step step(double t, double y, double h) {
-  using M = DormandPrince;
-  std::array<double, 7> k{};
+template <class M>
+static Tried tried(double t, double y, double h) {
+  constexpr int last = M::stages - 1;
+  std::array<double, M::stages> k{};
   k[0] = f(t, y);
   double end = y;
-  for (int s = 1; s < M::stages; ++s) {
+  for (int s = 1; s <= last; ++s) {
     double sum = 0;
     for (int r = 0; r < s; ++r) sum += M::a[s][r] * k[r];
     end = y + h * sum;
     k[s] = f(t + M::c[s] * h, end);
   }
-  double error = 0, bow = 0;
-  for (int s = 0; s < M::stages; ++s) error += M::error[s] * k[s], bow += M::bow[s] * k[s];
-  return {end, h * error, 0.5 * (y + end) + h / 8 * (k[0] - k[6]) + h * bow};
+  double error = 0, bow = 0, coarse = 0;
+  for (int s = 0; s <= last; ++s) error += M::error[s] * k[s], bow += M::bow[s] * k[s];
+  const double middle = 0.5 * (y + end) + h / 8 * (k[0] - k[last]) + h * bow;
+  error *= h;
+  if constexpr (requires { M::coarse; }) {
+    for (int s = 0; s < last; ++s) coarse += M::coarse[s] * k[s];
+    coarse = end - y - h * coarse;
+    return {end, std::sqrt(M::squared_error(error * error, coarse * coarse)), middle};
+  } else {
+    return {end, std::sqrt(M::squared_error(error * error)), middle};
+  }
 }
+template <class M>
 static double solve(double t, double y, double duration, int steps) {
-  for (int i = 0; i < steps; ++i) y = step(t + i * duration / steps, y, duration / steps).end;
+  for (int i = 0; i < steps; ++i) y = tried<M>(t + i * duration / steps, y, duration / steps).end;
   return y;
 }
 static double slope(const std::vector<double>& errors) {  // of log2 over halvings, by least squares
@@ -40,15 +51,30 @@ static double slope(const std::vector<double>& errors) {  // of log2 over halvin
   return -sum / (n * (n * n - 1) / 12);
 }
 
-TEST_CASE("global order 5, local error estimate of order 5, middle of the step of order 5, by slope") {
-  std::vector<double> global, local, middle;
-  for (int n = 32; n <= 256; n *= 2) global.push_back(std::abs(solve(0, 1, 3, n) - exact(3)));
+TEST_CASE("Dormand-Prince 5(4): orders by slope of the end, the error that controls the step, and the middle of a step") {
+  using M = DormandPrince;
+  std::vector<double> global, estimate, middle;
+  for (int n = 32; n <= 256; n *= 2) global.push_back(std::abs(solve<M>(0, 1, 3, n) - exact(3)));
   for (double h = 0.2; h > 0.02; h /= 2) {
-    const Step s = step(0.3, exact(0.3), h);
-    local.push_back(std::abs(s.error));
-    middle.push_back(std::abs(s.middle - exact(0.3 + h / 2)));
+    const Tried step = tried<M>(0.3, exact(0.3), h);
+    estimate.push_back(step.error);
+    middle.push_back(std::abs(step.middle - exact(0.3 + h / 2)));
   }
   CHECK(slope(global) == doctest::Approx(5).epsilon(0.04));
-  CHECK(slope(local) == doctest::Approx(5).epsilon(0.04));
+  CHECK(slope(estimate) == doctest::Approx(5).epsilon(0.04));
   CHECK(slope(middle) == doctest::Approx(5).epsilon(0.04));
+}
+
+TEST_CASE("Dormand-Prince 8(5,3): the same") {
+  using M = DormandPrince853;
+  std::vector<double> global, estimate, middle;
+  for (int n = 6; n <= 24; n *= 2) global.push_back(std::abs(solve<M>(0, 1, 3, n) - exact(3)));
+  for (double h = 0.4; h > 0.04; h /= 2) {
+    const Tried step = tried<M>(0.3, exact(0.3), h);
+    estimate.push_back(tried<M>(1.5, exact(1.5), 2 * h).error);  // none of its derivatives vanishes there
+    middle.push_back(std::abs(step.middle - exact(0.3 + h / 2)));
+  }
+  CHECK(slope(global) == doctest::Approx(8).epsilon(0.05));
+  CHECK(slope(estimate) == doctest::Approx(8).epsilon(0.05));
+  CHECK(slope(middle) == doctest::Approx(7).epsilon(0.05));  // local: order six
 }

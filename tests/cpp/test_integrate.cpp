@@ -10,8 +10,7 @@ using P = Pack<native_lanes>;
 
 TEST_CASE("a smooth problem meets its tolerance") {
   for (double rtol : {1e-4, 1e-6, 1e-8, 1e-10}) {
-    const auto [x, outcome] =
-        run<StateEquation, double>(Oscillator{}, std::array{1.0, 0.5}, std::array{0.0}, 10.0, std::array{1.7}, {rtol});
+    const auto [x, outcome] = run<double>(Oscillator{}, std::array{1.0, 0.5}, std::array{0.0}, 10.0, std::array{1.7}, {rtol});
     CHECK(outcome.status[0] == Status::ok);
     CHECK(std::abs(x[0] - (std::cos(17.0) + 0.5 / 1.7 * std::sin(17.0))) < 30 * rtol);  // ten units of time add up
   }
@@ -29,10 +28,9 @@ TEST_CASE("a pack does what a double does, and lanes do not see each other") {
   const E equation(Oscillator{}, w, {P(0.0)});
   const auto outcome = Integrator(equation, Tolerance{}).run(x, duration, P(0.0));
   for (int lane = 0; lane < P::width; ++lane) {
-    const auto [alone, o] =
-        run<StateEquation, P>(Oscillator{}, std::array{1.0, 0.5}, std::array{0.0}, duration[lane], std::array{w[0][lane]});
+    const auto [alone, o] = run<P>(Oscillator{}, std::array{1.0, 0.5}, std::array{0.0}, duration[lane], std::array{w[0][lane]});
     const auto [scalar, s] =
-        run<StateEquation, double>(Oscillator{}, std::array{1.0, 0.5}, std::array{0.0}, duration[lane], std::array{w[0][lane]});
+        run<double>(Oscillator{}, std::array{1.0, 0.5}, std::array{0.0}, duration[lane], std::array{w[0][lane]});
     CHECK(outcome.status[lane] == Status::ok);
     CHECK(x[0][lane] == alone[0][0]);
     CHECK(x[0][lane] == doctest::Approx(scalar[0]).epsilon(1e-12));
@@ -45,20 +43,19 @@ TEST_CASE("a surface is found although both ends of the step lie on one side") {
   for (double excess : {-1e-3, -1e-6, 1e-6, 1e-3}) {
     const double g = 2.0, v = std::sqrt(2 * g * (1.0 + excess)), flight = 2 * v / g;
     const auto [x, outcome] =
-        run<StateEquation, double>(Ball<Kind::jump>{1.0}, std::array{0.0, v}, std::array{0.0}, flight, std::array{g, 0.0});
+        run<double>(Ball<Kind::jump>{1.0}, std::array{0.0, v}, std::array{0.0}, flight, std::array{g, 0.0});
     CHECK(outcome.status[0] == (excess > 0 ? Status::met_jump : Status::ok));
-    const auto [y, o] =
-        run<StateEquation, double>(Ball<Kind::limit>{-1.0}, std::array{0.0, -v}, std::array{0.0}, flight, std::array{-g, 0.0});
+    const auto [y, o] = run<double>(Ball<Kind::limit>{-1.0}, std::array{0.0, -v}, std::array{0.0}, flight, std::array{-g, 0.0});
     CHECK(o.status[0] == (excess > 0 ? Status::left_domain : Status::ok));
   }
 }
 
 TEST_CASE("a start on a jump or outside the domain ends at once") {
   const auto [x, on_jump] =
-      run<StateEquation, double>(Ball<Kind::jump>{0.0}, std::array{0.0, 1.0}, std::array{0.0}, 0.1, std::array{1.0, 0.0});
+      run<double>(Ball<Kind::jump>{0.0}, std::array{0.0, 1.0}, std::array{0.0}, 0.1, std::array{1.0, 0.0});
   CHECK(on_jump.status[0] == Status::met_jump);
   const auto [y, outside] =
-      run<StateEquation, double>(Ball<Kind::limit>{0.0}, std::array{-1.0, 1.0}, std::array{0.0}, 0.1, std::array{1.0, 0.0});
+      run<double>(Ball<Kind::limit>{0.0}, std::array{-1.0, 1.0}, std::array{0.0}, 0.1, std::array{1.0, 0.0});
   CHECK(outside.status[0] == Status::left_domain);
   CHECK(y[0] == -1.0);
 }
@@ -84,7 +81,7 @@ TEST_CASE("kinks are crossed in both directions without loss, at every tolerance
   for (double rtol : {1e-5, 1e-7, 1e-9})
     for (double t : {0.1, 0.3, 0.6, 1.5}) {
       const auto [x, outcome] =
-          run<StateEquation, double>(Ball<Kind::kink>{0.0}, std::array{s, v}, std::array{0.0}, t, std::array{g, k}, {rtol});
+          run<double>(Ball<Kind::kink>{0.0}, std::array{s, v}, std::array{0.0}, t, std::array{g, k}, {rtol});
       const auto exact = through_spring(s, v, g, k, t);
       CHECK(outcome.status[0] == Status::ok);
       CHECK(std::abs(x[0] - exact[0]) < 20 * rtol);
@@ -94,31 +91,27 @@ TEST_CASE("kinks are crossed in both directions without loss, at every tolerance
   Tolerance strict;
   strict.cross_kinks = false;
   const auto [x, outcome] =
-      run<StateEquation, double>(Ball<Kind::kink>{0.0}, std::array{s, v}, std::array{0.0}, 0.6, std::array{g, k}, strict);
+      run<double>(Ball<Kind::kink>{0.0}, std::array{s, v}, std::array{0.0}, 0.6, std::array{g, k}, strict);
   CHECK(outcome.status[0] == Status::met_kink);
 }
 
 TEST_CASE("sensitivities cross a kink that depends on the parameter") {
   const double s = -0.7, v = 4.0, g = 3.0, k = 50.0, h = 1e-5;
   for (double t : {0.3, 1.5}) {
-    const auto [y, outcome] = run<VariationalEquation, double>(Ball<Kind::kink>{0.0}, std::array{s, v}, std::array{0.0}, t,
-                                                               std::array{g, k}, {1e-10});
-    using E = VariationalEquation<Ball<Kind::kink>, double>;
+    const auto r = run_sensitive(Ball<Kind::kink>{0.0}, std::array{s, v}, std::array{0.0}, t, std::array{g, k}, {1e-10});
     const double by_g = (through_spring(s, v, g + h, k, t)[0] - through_spring(s, v, g - h, k, t)[0]) / (2 * h);
     const double by_k = (through_spring(s, v, g, k + h, t)[0] - through_spring(s, v, g, k - h, t)[0]) / (2 * h);
-    CHECK(E::entry<0, 0>(y) == doctest::Approx(by_g).epsilon(1e-6));
-    CHECK(E::entry<0, 1>(y) == doctest::Approx(by_k).epsilon(1e-6));
+    CHECK(r.dx[0][0] == doctest::Approx(by_g).epsilon(1e-6));
+    CHECK(r.dx[0][1] == doctest::Approx(by_k).epsilon(1e-6));
   }
 }
 
 TEST_CASE("an impossible tolerance is a status") {
   Tolerance few;
   few.max_attempts = 3;
-  const auto [x, outcome] =
-      run<StateEquation, double>(Oscillator{}, std::array{1.0, 0.0}, std::array{0.0}, 100.0, std::array{1.0}, few);
+  const auto [x, outcome] = run<double>(Oscillator{}, std::array{1.0, 0.0}, std::array{0.0}, 100.0, std::array{1.0}, few);
   CHECK(outcome.status[0] == Status::step_limit);
-  const auto [y, overflow] =
-      run<StateEquation, double>(Oscillator{}, std::array{1.0, 0.0}, std::array{0.0}, 1.0, std::array{1e200});
+  const auto [y, overflow] = run<double>(Oscillator{}, std::array{1.0, 0.0}, std::array{0.0}, 1.0, std::array{1e200});
   CHECK(overflow.status[0] != Status::ok);
   CHECK(std::isfinite(y[0]));
 }

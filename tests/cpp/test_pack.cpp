@@ -63,11 +63,20 @@ TEST_CASE("masks select lane by lane, and NaN compares false") {
   }
 }
 
-TEST_CASE("the tenth root is good enough for step control, and the same in pack and double") {
+TEST_CASE_TEMPLATE("inverse roots are good enough for step control, and the same in pack and double", N,
+                   std::integral_constant<int, 10>, std::integral_constant<int, 16>) {
   for (double a = 1e-20; a < 1e12; a *= 1.37) {
-    const double root = rough_inverse_tenth_root(a);
-    CHECK(root * std::pow(a, 0.1) == doctest::Approx(1.0).epsilon(0.006));
-    CHECK(rough_inverse_tenth_root(P(a))[W - 1] == doctest::Approx(root).epsilon(1e-14));
+    const double root = rough_inverse_root(a, N{});
+    CHECK(root * std::pow(a, 1.0 / N::value) == doctest::Approx(1.0).epsilon(0.006));
+    CHECK(rough_inverse_root(P(a), N{})[W - 1] == doctest::Approx(root).epsilon(1e-14));
+  }
+}
+
+TEST_CASE("a root and its inverse at once") {
+  for (double a = 1e-12; a < 1e12; a *= 3.7) {
+    const auto [root, inverse] = root_and_inverse(P(a));
+    CHECK(root[0] == doctest::Approx(std::sqrt(a)).epsilon(4e-16));
+    CHECK(inverse[W - 1] == doctest::Approx(1.0 / std::sqrt(a)).epsilon(1e-15));
   }
 }
 

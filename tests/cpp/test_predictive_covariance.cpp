@@ -34,13 +34,13 @@ TEST_CASE("the streamed sum is the plain one, for every remainder and any number
 
     std::array<double, 16> plain{};
     double weights = 0;
-    const auto nominal = run<StateEquation, double>(m, x0, u, dt, cylinder_theta).first;
+    const auto nominal = run<double>(m, x0, u, dt, cylinder_theta).first;
     constexpr std::array output = {0, 2, 3};
     for (std::size_t r = 0; r < grid.size(); ++r) {
       const PriorGrid::Cursor node(grid, r);
       std::array<double, 9> theta;
       std::copy_n(node.theta(), 9, theta.begin());
-      const auto x = run<StateEquation, double>(m, x0, u, dt, theta).first;
+      const auto x = run<double>(m, x0, u, dt, theta).first;
       for (int i = 0; i < 3; ++i) CHECK(y[4 * r + i] == doctest::Approx(x[output[i]]).epsilon(1e-5));
       for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j)

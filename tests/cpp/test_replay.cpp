@@ -74,13 +74,30 @@ TEST_CASE("NaN is not believed") {
   CHECK(!replayed.clear()[0]);
 }
 
+// The steps of a trajectory on P, as a plan starts from.
+template <class M, std::size_t n_x, std::size_t p>
+static auto steps_of(const M& model, const std::array<double, n_x>& x0, double u, double dt,
+                     const std::array<double, p>& theta) {
+  using Equation = StateEquation<M, P>;
+  typename Equation::State x;
+  typename Equation::Theta packed;
+  for (std::size_t i = 0; i < n_x; ++i) x[i] = P(x0[i]);
+  for (std::size_t j = 0; j < p; ++j) packed[j] = P(theta[j]);
+  std::vector<Step<Equation>> steps;
+  const Equation equation(model, packed, {P(u)});
+  const auto outcome = Integrator<Equation>(equation, Tolerance{}).run(x, P(dt), P(0.0), &steps);
+  REQUIRE(outcome.status[0] == Status::ok);
+  return steps;
+}
+
 TEST_CASE("a plan reaches the tolerance at every node, with steps that are not many more than needed") {
   std::vector<Axis> axes{cells(1.7, 0.2, 9, 1.5)};
   const PriorGrid grid(axes);
   const double mean = 1.7, dt = 5.0, u = 0;
   const std::array x0 = {1.0, 0.5};
   for (double rtol : {1e-4, 1e-6, 1e-9}) {
-    const auto plan = Planner<Oscillator, P>({}, x0.data(), &u, dt, &mean, grid).plan({}, rtol);
+    const auto plan =
+        Planner<Oscillator, P>({}, x0.data(), &u, &mean, grid).plan(steps_of(Oscillator{}, x0, u, dt, std::array{mean}), rtol);
     REQUIRE(plan);
     REQUIRE(plan->stretches.size() == 1);
     const int steps = plan->stretches[0].steps;
@@ -103,7 +120,8 @@ TEST_CASE("a trajectory unlike the pilots is not believed") {
   std::vector<Axis> axes{cells(1.7, 0.2, 3, 1.5)};
   const double mean = 1.7, dt = 5.0, u = 0;
   const std::array x0 = {1.0, 0.5};
-  const auto plan = Planner<Oscillator, P>({}, x0.data(), &u, dt, &mean, PriorGrid(axes)).plan({}, 1e-6);
+  const auto steps = steps_of(Oscillator{}, x0, u, dt, std::array{mean});
+  const auto plan = Planner<Oscillator, P>({}, x0.data(), &u, &mean, PriorGrid(axes)).plan(steps, 1e-6);
   REQUIRE(plan);
   CHECK(!plan->believed(replay(Oscillator{}, x0, std::array{4.0}, dt, plan->stretches[0].steps).second)[0]);
 }
@@ -119,17 +137,15 @@ TEST_CASE("the spool's zero is where it is in closed form, and ends a stretch") 
   const std::array x0 = {0.1, 0.2, 8e6, 9e6, -0.3};
   const std::array u = {-0.5};  // k_u = -1: x_v goes to 0.5
   const double dt = 4e-3, zero = m.T_1 * std::log((0.5 + 0.3) / 0.5);
-  const auto [x, outcome] = run<StateEquation, double>(m, x0, u, dt, cylinder_theta);
-  REQUIRE(outcome.turns[0].count == 1);
-  CHECK(outcome.turns[0].surface[0] == 1);
-  CHECK(outcome.turns[0].time[0] == doctest::Approx(zero).epsilon(1e-6));
+  const auto x = run<double>(m, x0, u, dt, cylinder_theta).first;
   const PriorGrid grid(cylinder_axes(0.1));
-  const Planner<HydraulicCylinder, P> planner(m, x0.data(), u.data(), dt, cylinder_theta.data(), grid);
-  const auto plan = planner.plan(outcome.turns[0], 1e-6);
+  const Planner<HydraulicCylinder, P> planner(m, x0.data(), u.data(), cylinder_theta.data(), grid);
+  const auto plan = planner.plan(steps_of(m, x0, u[0], dt, cylinder_theta), 1e-6);
   REQUIRE(plan);
   REQUIRE(plan->stretches.size() == 2);
   CHECK(plan->stretches[0].side == std::array{1.0, -1.0});
   CHECK(plan->stretches[1].side == std::array{1.0, 1.0});
+  CHECK(plan->stretches[0].duration == doctest::Approx(zero).epsilon(1e-6));
   CHECK(plan->stretches[0].duration + plan->stretches[1].duration == doctest::Approx(dt).epsilon(1e-12));
   CHECK(plan->nominal_y[1] == doctest::Approx(x[2]).epsilon(1e-5));
 }
@@ -142,9 +158,10 @@ TEST_CASE("a kink whose time depends on theta is not planned for") {
   const std::array mean = {1.0, 3.0};
   const double u = 0, dt = 1.0;
   const PriorGrid grid({cells(1.0, 0.1, 3, 1.5), cells(3.0, 0.1, 3, 1.5)});
-  const auto outcome = run<StateEquation, double>(Spring{}, x0, std::array{0.0}, dt, mean).second;
-  REQUIRE(outcome.turns[0].count == 1);
-  CHECK(!Planner<Spring, P>({}, x0.data(), &u, dt, mean.data(), grid).plan(outcome.turns[0], 1e-6));
+  const auto steps = steps_of(Spring{}, x0, u, dt, mean);
+  CHECK(steps.front().side[0][0] == -1.0);
+  CHECK(steps.back().side[0][0] == 1.0);
+  CHECK(!Planner<Spring, P>({}, x0.data(), &u, mean.data(), grid).plan(steps, 1e-6));
 }
 
 TEST_CASE("the pilots hold every combination of three parameters' ends") {

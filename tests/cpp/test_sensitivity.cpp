@@ -1,23 +1,37 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
+#include <vector>
 
 #include "models.hpp"
 
 using namespace fisherpoint;
 using namespace fisherpoint::testing;
 
-TEST_CASE("the oscillator's sensitivity is the closed form's") {
+TEST_CASE_TEMPLATE("the oscillator's sensitivity is the closed form's", Method, DormandPrince, DormandPrince853) {
   const double w = 1.7, t = 3.0;
-  const auto [y, outcome] =
-      run<VariationalEquation, double>(Oscillator{}, std::array{1.0, 0.0}, std::array{0.0}, t, std::array{w}, {1e-10});
-  CHECK(outcome.status[0] == Status::ok);
-  CHECK(VariationalEquation<Oscillator, double>::entry<0, 0>(y) == doctest::Approx(-t * std::sin(w * t)).epsilon(1e-9));
+  const auto r = run_sensitive<double, Method>(Oscillator{}, std::array{1.0, 0.0}, std::array{0.0}, t, std::array{w}, {1e-10});
+  CHECK(r.status == Status::ok);
+  CHECK(r.dx[0][0] == doctest::Approx(-t * std::sin(w * t)).epsilon(1e-9));
+  CHECK(r.dy[0][0] == r.dx[0][0]);
+}
+
+TEST_CASE_TEMPLATE("every column keeps to the tolerance, however small it is", Method, DormandPrince, DormandPrince853) {
+  // The spring's stiffness acts for a moment only: its column is 1e-4 of the other.
+  const double s = -0.7, v = 2.1, g = 3.0, k = 5.0, t = 0.7;
+  const std::array x0 = {s, v}, theta = {g, k};
+  const std::array u = {0.0};
+  const auto tight = run_sensitive<double, Method>(Ball<Kind::kink>{0.0}, x0, u, t, theta, {1e-12});
+  CHECK(std::abs(tight.dx[0][1]) < 1e-3 * std::abs(tight.dx[0][0]));
+  for (double rtol : {1e-4, 1e-6, 1e-8}) {
+    const auto r = run_sensitive<double, Method>(Ball<Kind::kink>{0.0}, x0, u, t, theta, {rtol});
+    for (int j = 0; j < 2; ++j) CHECK(r.dx[0][j] == doctest::Approx(tight.dx[0][j]).epsilon(10 * rtol));
+  }
 }
 
 TEST_CASE("the pattern of S follows from the types") {
   using E = VariationalEquation<HydraulicCylinder, double>;
-  static_assert(E::size == 5 + 4 * 9);  // the spool's row is zero
+  static_assert(std::tuple_size_v<E::Columns> == 4 * 9);  // the spool's row is zero
   for (int j = 0; j < 9; ++j) {
     CHECK_FALSE(E::depends(4, j));
     CHECK(E::depends(0, j));
@@ -25,24 +39,84 @@ TEST_CASE("the pattern of S follows from the types") {
   static_assert(E::output_depends<0>() && E::output_depends<1>() && E::output_depends<2>() && !E::output_depends<3>());
 }
 
-TEST_CASE("the cylinder's sensitivities against central differences of the trajectory") {
+TEST_CASE("f and its Jacobian, on one evaluation, against central differences") {
+  using E = VariationalEquation<HydraulicCylinder, double>;
+  using Plain = StateEquation<HydraulicCylinder, double>;
+  const HydraulicCylinder model;
+  const std::array x = {0.0777, 0.178, 8.99e6, 1.03e7, -0.62};
+  const std::array u = {-0.86};
+  const std::array side = {1.0, -1.0};
+  E::State rate;
+  E::Jacobian jacobian;
+  E(model, cylinder_theta, u).linearise(x, side, rate, jacobian);
+  const auto plain = [&](auto x, auto theta) {
+    Plain::State dx;
+    Plain(model, theta, u).derivative(x, side, dx);
+    return dx;
+  };
+  for (int i = 0; i < 5; ++i) CHECK(rate[i] == doctest::Approx(plain(x, cylinder_theta)[i]).epsilon(1e-13));
+  const auto difference = [&](int i, auto&& shifted, double h) { return (shifted(h)[i] - shifted(-h)[i]) / (2 * h); };
+  for (int i = 0; i < 5; ++i) {
+    for (int k = 0; k < 4; ++k) {
+      const double h = 1e-5 * std::abs(x[k]);
+      const auto by_state = [&](double h) {
+        auto at = x;
+        at[k] += h;
+        return plain(at, cylinder_theta);
+      };
+      const double slope = (E::coupled(i) >> k) & 1 ? jacobian.by_state[E::state_place(i, k)] : 0.0;
+      CHECK(slope * h == doctest::Approx(difference(i, by_state, h) * h).epsilon(1e-6));
+    }
+    for (int j = 0; j < 9; ++j) {
+      const double h = 1e-5 * cylinder_theta[j];
+      const auto by_theta = [&](double h) {
+        auto theta = cylinder_theta;
+        theta[j] += h;
+        return plain(x, theta);
+      };
+      const double slope = (E::driven(j) >> i) & 1 ? jacobian.by_theta[E::theta_place(j, i)] : 0.0;
+      CHECK(slope * h == doctest::Approx(difference(i, by_theta, h) * h).epsilon(1e-6));
+    }
+  }
+}
+
+TEST_CASE_TEMPLATE("the cylinder's sensitivities against central differences of the trajectory", Method, DormandPrince,
+                   DormandPrince853) {
   const std::array x0 = {0.0777, 0.178, 8.99e6, 1.03e7, -0.62};
   const std::array u = {-0.86};
   const double dt = 5.7e-3;
-  const auto [y, outcome] = run<VariationalEquation, double>(HydraulicCylinder{}, x0, u, dt, cylinder_theta, {1e-11});
-  using E = VariationalEquation<HydraulicCylinder, double>;
-  CHECK(outcome.status[0] == Status::ok);
+  const auto r = run_sensitive<double, Method>(HydraulicCylinder{}, x0, u, dt, cylinder_theta, {1e-11});
+  CHECK(r.status == Status::ok);
   const auto shifted = [&](int j, double share) {
     auto theta = cylinder_theta;
     theta[j] *= 1 + share;
-    return run<StateEquation, double>(HydraulicCylinder{}, x0, u, dt, theta, {1e-12}).first;
+    return run<double>(HydraulicCylinder{}, x0, u, dt, theta, {1e-12}).first;
   };
-  for_each_index<9>([&](auto j) {
+  for (int j = 0; j < 9; ++j) {
     const auto up = shifted(j, 1e-3), down = shifted(j, -1e-3);
-    for_each_index<4>([&](auto i) {
+    for (int i = 0; i < 4; ++i) {
       const double scale = HydraulicCylinder::states[i].scale;
-      const double difference = (up[i] - down[i]) / (2e-3 * scale), slope = E::entry<i, j>(y) * cylinder_theta[j] / scale;
+      const double difference = (up[i] - down[i]) / (2e-3 * scale), slope = r.dx[i][j] * cylinder_theta[j] / scale;
       CHECK(slope == doctest::Approx(difference).epsilon(1e-4));
-    });
-  });
+    }
+    CHECK(r.dx[4][j] == 0.0);
+  }
+}
+
+TEST_CASE("a path refined keeps its ends, its kinks and the trend of its steps") {
+  using M = Ball<Kind::kink>;
+  const std::vector<PointStep<M>> path = {{0.1, {-1.0}}, {0.2, {-1.0}}, {0.4, {-1.0}}, {0.3, {1.0}}};
+  for (double factor : {1.0, 1.2, 2.0, 3.7}) {
+    const auto finer = refined<M>(path, factor);
+    double before = 0.0, behind = 0.0;
+    for (const auto& step : finer) {
+      CHECK(step.size > 0.0);
+      (step.side[0] < 0 ? before : behind) += step.size;
+    }
+    CHECK(before == doctest::Approx(0.7).epsilon(1e-14));
+    CHECK(behind == doctest::Approx(0.3).epsilon(1e-14));
+    CHECK(finer.size() == std::ceil(3 * factor) + std::ceil(factor));
+  }
+  const auto same = refined<M>(path, 1.0);
+  for (std::size_t i = 0; i < path.size(); ++i) CHECK(same[i].size == doctest::Approx(path[i].size).epsilon(1e-14));
 }

@@ -9,6 +9,8 @@ namespace fisherpoint {
 
 struct DormandPrince {
   static constexpr int order = 5, stages = 7;
+  static constexpr double most_growth = 5.0;   // of a step's size
+  static constexpr double overestimate = 4.0;  // of the error of sensitivities, typically
 
   static constexpr std::array<double, 7> c = {0, 1.0 / 5, 3.0 / 10, 4.0 / 5, 8.0 / 9, 1, 1};
   static constexpr std::array<std::array<double, 6>, 7> a = {{
@@ -23,6 +25,11 @@ struct DormandPrince {
   // Fifth-order minus fourth-order weights.
   static constexpr std::array<double, 7> error = {71.0 / 57600,      0,          -71.0 / 16695, 71.0 / 1920,
                                                   -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
+  // What step control takes for the squared error.
+  template <class P>
+  static P squared_error(const P& embedded) {
+    return embedded;
+  }
   // x(t + step/2) = (x0 + x1)/2 + step (k1 - k7)/8 + step sum(bow k): the cubic through both ends, and what a quartic adds.
   static constexpr std::array<double, 7> bow = {-12715105075.0 / 11282082432 / 16,  0,
                                                 87487479700.0 / 32700410799 / 16,   -10690763975.0 / 1880347072 / 16,

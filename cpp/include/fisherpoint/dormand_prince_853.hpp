@@ -1,5 +1,6 @@
 // The eighth-order method of E. Hairer, S. P. Norsett, G. Wanner, "Solving ordinary differential equations I", 2nd ed., section
-// II.10 (the authors' code DOP853), with its embedded fifth-order error.
+// II.10 (the authors' code DOP853), with its embedded errors of orders five and three. First same as last: stage 13 is stage 1
+// of the next step.
 #pragma once
 
 #include <array>
@@ -7,9 +8,11 @@
 namespace fisherpoint {
 
 struct DormandPrince853 {
-  static constexpr int order = 8, stages = 12;
+  static constexpr int order = 8, stages = 13;
+  static constexpr double most_growth = 6.0;    // of a step's size
+  static constexpr double overestimate = 20.0;  // of the error of sensitivities, typically
 
-  static constexpr std::array<double, 12> c = {0,
+  static constexpr std::array<double, 13> c = {0,
                                                0.05260015195876773,
                                                0.0789002279381516,
                                                0.1183503419072274,
@@ -20,8 +23,9 @@ struct DormandPrince853 {
                                                0.6512820512820513,
                                                0.6,
                                                0.8571428571428571,
+                                               1.0,
                                                1.0};
-  static constexpr std::array<std::array<double, 11>, 12> a = {{
+  static constexpr std::array<std::array<double, 12>, 13> a = {{
       {},
       {0.05260015195876773},
       {0.0197250569845379, 0.0591751709536137},
@@ -38,21 +42,11 @@ struct DormandPrince853 {
        22.739487099350505, 2.4936055526796523, -3.0467644718982196},
       {2.273310147516538, 0, 0, -10.53449546673725, -2.0008720582248625, -17.9589318631188, 27.94888452941996,
        -2.8589982771350235, -8.87285693353063, 12.360567175794303, 0.6433927460157636},
+      {0.054293734116568765, 0, 0, 0, 0, 4.450312892752409, 1.8915178993145003, -5.801203960010585, 0.3111643669578199,
+       -0.1521609496625161, 0.20136540080403034, 0.04471061572777259},  // b of the eighth-order solution
   }};
-  static constexpr std::array<double, 12> b = {0.054293734116568765,
-                                               0,
-                                               0,
-                                               0,
-                                               0,
-                                               4.450312892752409,
-                                               1.8915178993145003,
-                                               -5.801203960010585,
-                                               0.3111643669578199,
-                                               -0.1521609496625161,
-                                               0.20136540080403034,
-                                               0.04471061572777259};
-  // Eighth-order minus fifth-order weights.
-  static constexpr std::array<double, 12> error = {0.01312004499419488,
+  // Eighth-order minus fifth-order weights, and third-order ones.
+  static constexpr std::array<double, 13> error = {0.01312004499419488,
                                                    0,
                                                    0,
                                                    0,
@@ -63,7 +57,30 @@ struct DormandPrince853 {
                                                    -0.35032884874997366,
                                                    0.3341791187130175,
                                                    0.08192320648511571,
-                                                   -0.022355307863886294};
+                                                   -0.022355307863886294,
+                                                   0};
+  static constexpr std::array<double, 12> coarse = {0.2440944881889764,  0, 0, 0, 0, 0, 0, 0, 0.7338466882816118, 0, 0,
+                                                    0.022058823529411766};
+  // What step control takes for the squared error: it falls with the eighth power of the step.
+  template <class P>
+  static P squared_error(const P& embedded, const P& by_coarse) {
+    return embedded * embedded / (embedded + 0.01 * by_coarse + 1e-300);
+  }
+  // x(t + step/2) = (x0 + x1)/2 + step (k1 - k13)/8 + step sum(bow k), of order six: the solution of the order conditions at
+  // the middle of the step with the smallest weights.
+  static constexpr std::array<double, 13> bow = {-0.07960653701500475,
+                                                 0,
+                                                 0,
+                                                 0,
+                                                 0,
+                                                 -2.3339463541169643,
+                                                 -0.49795732955108474,
+                                                 2.8869926387820315,
+                                                 -0.2749199612003889,
+                                                 0.30690603746274814,
+                                                 -0.11578931883309801,
+                                                 -0.04098473108375933,
+                                                 0.14930555555551994};
 };
 
 namespace detail {
@@ -76,9 +93,9 @@ consteval bool consistent(const DormandPrince853& m) {
     for (double a : m.a[i]) row += a;
     if (!near(row, m.c[i])) return false;
   }
-  const auto moment = [&](const std::array<double, 12>& weights, int q) {
+  const auto moment = [&](const auto& weights, int q) {
     double sum = 0;
-    for (int i = 0; i < m.stages; ++i) {
+    for (std::size_t i = 0; i < weights.size(); ++i) {
       double power = weights[i];
       for (int n = 1; n < q; ++n) power *= m.c[i];
       sum += power;
@@ -86,9 +103,15 @@ consteval bool consistent(const DormandPrince853& m) {
     return sum;
   };
   for (int q = 1; q <= m.order; ++q)
-    if (!near(moment(m.b, q), 1.0 / q)) return false;
+    if (!near(moment(m.a[12], q), 1.0 / q)) return false;
   for (int q = 1; q <= 5; ++q)
     if (!near(moment(m.error, q), 0)) return false;
+  for (int q = 1; q <= 3; ++q)
+    if (!near(moment(m.coarse, q), 1.0 / q)) return false;
+  // The cubic through both ends has its middle at (x0 + x1)/2 + step (k1 - k13)/8.
+  double half = 0.5;
+  for (int q = 1; q <= 6; ++q, half *= 0.5)
+    if (!near(moment(m.bow, q) + 0.5 / q + (q == 1 ? 0.125 : 0.0) - 0.125, half / q)) return false;
   return true;
 }
 

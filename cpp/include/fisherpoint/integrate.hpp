@@ -9,11 +9,15 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <limits>
+#include <vector>
 
 #include "dormand_prince.hpp"
+#include "dormand_prince_853.hpp"
 #include "pack.hpp"
 #include "quartic.hpp"
+#include "runge_kutta.hpp"
 #include "status.hpp"
 #include "unroll.hpp"
 
@@ -28,16 +32,11 @@ struct Tolerance {
 // The local error of a step is held this far below the requested tolerance, so that the global error meets it.
 inline constexpr double local_share = 0.7;
 
-// The kinks that a trajectory passed: when, and which of the surfaces. Where there were more than are kept, count says so.
-struct Turns {
-  int count = 0;
-  std::array<double, 8> time;
-  std::array<int, 8> surface;
-
-  void add(double t, int m) {
-    if (count < static_cast<int>(time.size())) time[count] = t, surface[count] = m;
-    ++count;
-  }
+// A step that the lanes of a pack took together; of size 0 in the lanes that took none.
+template <class Equation>
+struct Step {
+  typename Equation::Number size;
+  typename Equation::Side side;
 };
 
 template <class P>
@@ -45,29 +44,31 @@ struct Outcome {
   std::array<Status, lanes_of<P>::width> status{};
   P first_step{0.0};  // the first step that was taken: a good start for a similar trajectory
   int attempts = 0;   // of the slowest lane
-  std::array<Turns, lanes_of<P>::width> turns{};
 };
 
-template <class Equation>
+template <class Equation, class Method = DormandPrince853>
 class Integrator {
-  using Method = DormandPrince;
   using P = typename Equation::Number;
   using Lanes = lanes_of<P>;
   using Mask = typename Lanes::mask;
   using State = typename Equation::State;
   using Surfaces = typename Equation::Surfaces;
   static constexpr int jumps = Equation::jumps, switching = Equation::switching, surfaces = Equation::surfaces;
+  static constexpr int last = Method::stages - 1;  // the stage at the step's end
   static constexpr double infinity = std::numeric_limits<double>::infinity();
 
  public:
   Integrator(const Equation& equation, const Tolerance& tolerance)
       : f_(equation),
         tolerance_(tolerance),
-        weight_(1.0 / (local_share * tolerance.relative * local_share * tolerance.relative)) {}
+        weight_(1.0 / (local_share * tolerance.relative * local_share * tolerance.relative)),
+        landing_(0.1 * std::sqrt(tolerance.relative)) {}
 
   // Integrates y over `duration`; a lane of duration 0 rests. On return y is the end state or, where the status is not ok, the
-  // last state that was reached. Where `first_step` is 0 the integrator chooses it.
-  Outcome<P> run(State& y, const P& duration, const P& first_step) {
+  // last state that was reached. Where `first_step` is 0 the integrator chooses it. The steps that are taken are added to
+  // `steps`.
+  Outcome<P> run(State& y, const P& duration, const P& first_step, std::vector<Step<Equation>>* steps = nullptr) {
+    steps_ = steps;
     begin(y, duration, first_step);
     while (any(running_)) {
       if (++outcome_.attempts > tolerance_.max_attempts) {
@@ -118,11 +119,17 @@ class Integrator {
     f_.derivative(ahead, side_, change);
     for_each_index<Equation::states>([&](auto i) { change[i] -= stage_[0][i]; });
     const P bend = squared_weight() * f_.squared_size(change) / (probe * probe + 1e-300);
-    const P step = rough_inverse_tenth_root(1e4 * max(slope, bend) * max(slope, bend) + 1e-300);
+    const P step = inverse_root(1e4 * max(slope, bend) * max(slope, bend) + 1e-300);
     return select(step > P(0.0), min(100.0 * probe, step), probe);
   }
 
   P squared_weight() const { return P(weight_); }
+
+  // Of a squared error, the factor by which a step may be longer: both methods' estimates fall faster than the step's
+  // power of five and eight.
+  static P inverse_root(const P& squared_error) {
+    return rough_inverse_root(squared_error, std::integral_constant<int, 2 * Method::order>{});
+  }
 
   // Tries one step of every running lane: the stages, the end, its error, and the surfaces at the middle and the end.
   FISHERPOINT_HOT void attempt(const State& y, const P& duration) {
@@ -131,31 +138,26 @@ class Integrator {
     step_ = select(running_, select(ends_, remaining, wanted), P(0.0));
     for_each_index<Method::stages - 1>([&](auto previous) {
       constexpr int s = previous + 1;
-      for_each_index<Equation::size>([&](auto i) {
-        P sum = Method::a[s][0] * stage_[0][i];
-        for_each_index<s - 1>([&](auto r) {
-          if constexpr (Method::a[s][r + 1] != 0) sum += Method::a[s][r + 1] * stage_[r + 1][i];
-        });
-        end_[i] = y[i] + step_ * sum;
-      });
+      for_each_index<Equation::states>([&](auto i) { end_[i] = y[i] + step_ * weighted_sum<s>(Method::a[s], stage_, i); });
       f_.derivative(end_, side_, stage_[s]);
     });
-    const auto combined = [&](const std::array<double, Method::stages>& weights, int i) {
-      P sum = weights[0] * stage_[0][i];
-      for_each_index<Method::stages - 2>([&](auto r) { sum += weights[r + 2] * stage_[r + 2][i]; });
-      return step_ * sum;
-    };
     State error;
-    for_each_index<Equation::size>([&](auto i) { error[i] = combined(Method::error, i); });
-    squared_error_ = squared_weight() * f_.squared_error(end_, error);
+    for_each_index<Equation::states>([&](auto i) { error[i] = step_ * weighted_sum<last + 1>(Method::error, stage_, i); });
+    squared_error_ = squared_weight() * f_.squared_size(error);
+    if constexpr (requires { Method::coarse; }) {
+      for_each_index<Equation::states>(
+          [&](auto i) { error[i] = end_[i] - y[i] - step_ * weighted_sum<last>(Method::coarse, stage_, i); });
+      squared_error_ = Method::squared_error(squared_error_, squared_weight() * f_.squared_size(error));
+    }
 
-    std::array<P, Equation::states> middle;
+    State middle;
     for_each_index<Equation::states>([&](auto i) {
-      middle[i] = 0.5 * (y[i] + end_[i]) + 0.125 * step_ * (stage_[0][i] - stage_[6][i]) + combined(Method::bow, i);
+      middle[i] = 0.5 * (y[i] + end_[i]) +
+                  step_ * (0.125 * (stage_[0][i] - stage_[last][i]) + weighted_sum<last + 1>(Method::bow, stage_, i));
     });
     const Surfaces middle_value = f_.surface_values(middle);
     end_value_ = f_.surface_values(end_);
-    end_rate_ = f_.surface_rates(end_, stage_[6]);
+    end_rate_ = f_.surface_rates(end_, stage_[last]);
     for_each_index<surfaces>([&](auto m) {
       P side(1.0);
       if constexpr (m < switching) side = side_[m];
@@ -178,7 +180,7 @@ class Integrator {
       Mask crossed = good & !(h.b4 > zero);
       if constexpr (kink) {
         const P slope = 4.0 * (h.b4 - h.b3);  // of the whole step
-        landed[m] = good & (abs(h.b4) <= -tolerance_.relative * slope);
+        landed[m] = good & (abs(h.b4) <= -landing_ * slope) & !(ends_ & (h.b4 > zero));
         lands = lands | landed[m];
         crossed = crossed & !landed[m];
         to_kink = to_kink | crossed;
@@ -186,7 +188,7 @@ class Integrator {
       } else {
         stopped = stopped | crossed;
       }
-      unsure = unsure | (good & !crossed & !(h.least_inside() > zero));
+      unsure = unsure | (good & !crossed & !h.clear());
     });
     if (!tolerance_.cross_kinks && any(to_kink | lands)) {
       stop((to_kink | lands) & !stopped, Status::met_kink);
@@ -198,12 +200,14 @@ class Integrator {
     next_cap = select(unsure, 0.5 * step_, next_cap);
 
     const Mask taken = good & running_ & !to_kink & !unsure;
+    if (any(lands & taken)) settle(landed, taken);
     const Mask bad = running_ & !good;
     if (any(running_ & !taken)) stop_stuck(running_ & !taken & (step_ <= 1e-13 * duration));
 
-    // Step control: error per step, order 5, never twice up and down in a row.
-    const P wish = 0.9 * rough_inverse_tenth_root(squared_error_ + 1e-20);
-    const P factor = min(max(select(squared_error_ < P(1e100), wish, zero), P(0.2)), select(rejected_, P(1.0), P(5.0)));
+    // Step control: error per step, never twice up and down in a row.
+    const P wish = 0.9 * inverse_root(squared_error_ + 1e-20);
+    const P longest = select(rejected_, P(1.0), P(Method::most_growth));
+    const P factor = min(max(select(squared_error_ < P(1e100), wish, zero), P(0.2)), longest);
     const P grown = factor * step_;
     step_size_ = select(bad, min(grown, 0.9 * step_),
                         select(taken, select(step_ < step_size_, max(grown, step_size_), grown), step_size_));
@@ -212,16 +216,29 @@ class Integrator {
     outcome_.first_step = select(taken & (time_ <= zero), step_, outcome_.first_step);
 
     time_ = select(taken, time_ + step_, time_);
-    for_each_index<Equation::size>([&](auto i) {
+    for_each_index<Equation::states>([&](auto i) {
       y[i] = select(taken, end_[i], y[i]);
-      stage_[0][i] = select(taken, stage_[6][i], stage_[0][i]);
+      stage_[0][i] = select(taken, stage_[last][i], stage_[0][i]);
     });
     for_each_index<surfaces>([&](auto m) {
       value_[m] = select(taken, end_value_[m], value_[m]);
       rate_[m] = select(taken, end_rate_[m], rate_[m]);
     });
+    if (steps_) steps_->push_back({select(taken, step_, zero), side_});
     running_ = running_ & !(taken & ends_);
     if (any(lands & taken & running_)) turn(y, landed, taken);
+  }
+
+  // Moves the ends of steps that landed next to a kink onto it, along the slope there: an error of the second order.
+  [[gnu::noinline]] void settle(const std::array<Mask, switching>& landed, const Mask& taken) {
+    for_each_index<switching>([&](auto m) {
+      if constexpr (m >= jumps) {
+        const P rest = select(landed[m] & taken, -end_value_[m] / end_rate_[m], P(0.0));
+        for_each_index<Equation::states>([&](auto i) { end_[i] += rest * stage_[last][i]; });
+        step_ += rest;
+        ends_ = ends_ & !(rest < P(0.0));  // the trajectory goes on behind the kink
+      }
+    });
   }
 
   // Turns the sides of the kinks that were landed on, and takes stage 1 anew; the other lanes keep theirs to the last bit.
@@ -231,14 +248,15 @@ class Integrator {
       const Mask here = landed[m] & taken & running_;
       side_[m] = select(here, -side_[m], side_[m]);
       turned = turned | here;
-      for (int lane = 0; lane < Lanes::width; ++lane)
-        if (Lanes::get(here, lane)) outcome_.turns[lane].add(Lanes::get(time_, lane), m);
     });
     State fresh;
     f_.derivative(y, side_, fresh);
-    for_each_index<Equation::size>([&](auto i) { stage_[0][i] = select(turned, fresh[i], stage_[0][i]); });
-    const Surfaces rate = f_.surface_rates(y, stage_[0]);
-    for_each_index<surfaces>([&](auto m) { rate_[m] = select(turned, rate[m], rate_[m]); });
+    for_each_index<Equation::states>([&](auto i) { stage_[0][i] = select(turned, fresh[i], stage_[0][i]); });
+    const Surfaces value = f_.surface_values(y), rate = f_.surface_rates(y, stage_[0]);
+    for_each_index<surfaces>([&](auto m) {
+      value_[m] = select(turned, value[m], value_[m]);
+      rate_[m] = select(turned, rate[m], rate_[m]);
+    });
   }
 
   void stop(const Mask& lanes, Status status) {
@@ -281,7 +299,9 @@ class Integrator {
   const Equation& f_;
   Tolerance tolerance_;
   double weight_;
+  double landing_;  // how near to a kink a step must end to be moved onto it, as a share of the step
   Outcome<P> outcome_;
+  std::vector<Step<Equation>>* steps_ = nullptr;
 
   // Where the lanes are.
   Mask running_, rejected_;   // rejected: the last try failed its error test

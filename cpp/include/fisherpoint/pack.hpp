@@ -10,6 +10,8 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <type_traits>
+#include <utility>
 #if defined(__x86_64__)
 #include <immintrin.h>
 #endif
@@ -49,6 +51,23 @@ inline NativeVector native_sqrt(NativeVector a) {
 #endif
 }
 
+// The same root, and its inverse: what a derivative asks for next to the root.
+struct RootAndInverse {
+  NativeVector root, inverse;
+};
+inline RootAndInverse native_root_and_inverse(NativeVector a) {
+#if defined(__AVX512F__)
+  NativeVector y = _mm512_maskz_rsqrt14_pd(0xff, a);
+  const NativeVector e = 1.0 - (a * y) * y;
+  y = y + (y * e) * (0.375 * e + 0.5);
+  const NativeVector t = a * y, root = t + (a - t * t) * (0.5 * y);
+  return {root, y + y * (1.0 - root * y)};
+#else
+  const NativeVector root = native_sqrt(a);
+  return {root, 1.0 / root};
+#endif
+}
+
 inline NativeVector native_quotient(NativeVector a, NativeVector b) {
 #if defined(__AVX512F__)
   NativeVector y = _mm512_maskz_rcp14_pd(0xff, b);
@@ -59,6 +78,24 @@ inline NativeVector native_quotient(NativeVector a, NativeVector b) {
 #else
   return a / b;
 #endif
+}
+
+// a^(-1/n) to within 1 % for a in [1e-20, 1e12] and n = 10 or 16: all that step control asks of a root. One Newton step on the
+// power of two that the exponent's bits give; one tenth is summed from shifts because no baseline vector set divides integers.
+template <class V, class Bits, int n>
+V rough_inverse_root_of(V a, std::integral_constant<int, n>) {
+  static_assert(n == 10 || n == 16);
+  const auto bits = std::bit_cast<Bits>(a);
+  Bits start;
+  if constexpr (n == 16)
+    start = std::int64_t{0x43EE3B6000000000} - (bits >> 4);
+  else
+    start = std::int64_t{0x4653893700000000} -
+            ((bits >> 4) + (bits >> 5) + (bits >> 8) + (bits >> 9) + (bits >> 12) + (bits >> 13));
+  const auto y = std::bit_cast<V>(start);
+  const V y2 = y * y, y4 = y2 * y2, y8 = y4 * y4;
+  const V power = n == 16 ? y8 * y8 : y8 * y2;
+  return y * ((1.0 + 1.0 / n) - (1.0 / n) * (a * power));
 }
 
 template <int W>
@@ -168,6 +205,15 @@ struct Pack {
     for (int k = 0; k < parts; ++k) a.part[k] = native_sqrt(a.part[k]);
     return a;
   }
+  friend std::pair<Pack, Pack> root_and_inverse(const Pack& a) {
+    std::pair<Pack, Pack> r;
+    for (int k = 0; k < parts; ++k) {
+      const auto [root, inverse] = native_root_and_inverse(a.part[k]);
+      r.first.part[k] = root;
+      r.second.part[k] = inverse;
+    }
+    return r;
+  }
   friend Pack abs(Pack a) {
     for (int k = 0; k < parts; ++k) a.part[k] = (NativeVector)((NativeMask)a.part[k] & INT64_MAX);
     return a;
@@ -176,35 +222,21 @@ struct Pack {
   friend Pack min(const Pack& a, const Pack& b) { return select(a < b, a, b); }
   friend Pack max(const Pack& a, const Pack& b) { return select(a > b, a, b); }
 
-  // a^(-1/10) to within 1 % for a in [1e-20, 1e12]: all that step control asks of a root. One Newton step on the power of two
-  // that the exponent's bits give; one tenth is summed from shifts because no baseline vector set divides integers.
-  friend Pack rough_inverse_tenth_root(const Pack& a) {
-    Pack r;
-    for (int k = 0; k < parts; ++k) {
-      const NativeMask bits = (NativeMask)a.part[k];
-      const NativeMask tenth = (bits >> 4) + (bits >> 5) + (bits >> 8) + (bits >> 9) + (bits >> 12) + (bits >> 13);
-      const NativeVector y = (NativeVector)(std::int64_t{0x4653893700000000} - tenth);
-      const NativeVector y2 = y * y, y5 = y2 * y2 * y;
-      r.part[k] = y * (1.1 - 0.1 * (a.part[k] * y5 * y5));
-    }
-    return r;
+  friend Pack rough_inverse_root(Pack a, auto n) {
+    for (int k = 0; k < parts; ++k) a.part[k] = rough_inverse_root_of<NativeVector, NativeMask>(a.part[k], n);
+    return a;
   }
 };
 
 // The same vocabulary for one plain double.
 inline double select(bool m, double a, double b) { return m ? a : b; }
 inline double sqrt(double a) { return std::sqrt(a); }
+inline std::pair<double, double> root_and_inverse(double a) { return {std::sqrt(a), 1.0 / std::sqrt(a)}; }
 inline double abs(double a) { return std::abs(a); }
 inline double min(double a, double b) { return a < b ? a : b; }
 inline double max(double a, double b) { return a > b ? a : b; }
 inline bool any(bool m) { return m; }
-inline double rough_inverse_tenth_root(double a) {
-  const auto bits = std::bit_cast<std::int64_t>(a);
-  const auto tenth = (bits >> 4) + (bits >> 5) + (bits >> 8) + (bits >> 9) + (bits >> 12) + (bits >> 13);
-  const double y = std::bit_cast<double>(std::int64_t{0x4653893700000000} - tenth);
-  const double y5 = y * y * y * y * y;
-  return y * (1.1 - 0.1 * (a * y5 * y5));
-}
+inline double rough_inverse_root(double a, auto n) { return rough_inverse_root_of<double, std::int64_t>(a, n); }
 
 // Width, lane access and mask of a number type.
 template <class P>
@@ -215,6 +247,7 @@ struct lanes_of {
   static double get(const P& a, int lane) { return a[lane]; }
   static bool get(const mask& m, int lane) { return m[lane]; }
   static void set(P& a, int lane, double value) { a.set(lane, value); }
+  static void set(mask& m, int lane, bool on) { m.set(lane, on); }
 };
 template <>
 struct lanes_of<double> {
@@ -224,6 +257,7 @@ struct lanes_of<double> {
   static double get(double a, int) { return a; }
   static bool get(bool m, int) { return m; }
   static void set(double& a, int, double value) { a = value; }
+  static void set(bool& m, int, bool on) { m = on; }
 };
 template <class P>
 using mask_of_lanes = typename lanes_of<P>::mask;

@@ -60,8 +60,7 @@ class Planner {
   };
 
  public:
-  Planner(const M& model, const double* x0, const double* u, double dt, const double* mean, const PriorGrid& grid)
-      : model_(model), dt_(dt) {
+  Planner(const M& model, const double* x0, const double* u, const double* mean, const PriorGrid& grid) : model_(model) {
     for (int lane = 0; lane < width; ++lane) set_lane(x0_, lane, x0), set_lane(u_, lane, u);
     for (int k = 0; k < Pilots::count; ++k)
       for (int j = 0; j < p; ++j) {
@@ -70,11 +69,10 @@ class Planner {
       }
   }
 
-  // `turns`: the kinks that the nominal trajectory passes. None where too many pilots are no trajectories, or no number of
+  // `nominal`: the steps of the nominal trajectory, in lane 0. None where too many pilots are no trajectories, or no number of
   // steps is enough: then every node is for the adaptive loop.
-  std::optional<Plan<M>> plan(const Turns& turns, double rtol) const {
-    if (turns.count > static_cast<int>(turns.time.size())) return std::nullopt;
-    std::vector<Stretch<M>> stretches = between(turns);
+  std::optional<Plan<M>> plan(const std::vector<Step<StateEquation<M, P>>>& nominal, double rtol) const {
+    std::vector<Stretch<M>> stretches = between_kinks(nominal);
     if (stretches.empty()) return std::nullopt;
 
     // Twice as many steps in every stretch, until that changes nothing any more.
@@ -119,32 +117,26 @@ class Planner {
   }
 
  private:
-  std::vector<Stretch<M>> between(const Turns& turns) const {
-    std::array<double, n_x> x;
-    std::array<double, sizes<M>::inputs> u;
-    get_lane(x0_, 0, x.data());
-    get_lane(u_, 0, u.data());
-    Stretch<M> stretch{0.0, 1, {}};
-    const auto start = to_array<double>(model_.switching(x, u, theta_[0]));
-    for (std::size_t m = 0; m < start.size(); ++m) {
-      if (start[m] == 0.0) return {};
-      stretch.side[m] = start[m] < 0.0 ? -1.0 : 1.0;
-    }
+  // One stretch for every run of steps on the same sides; none where the time of a kink on the way depends on theta.
+  static std::vector<Stretch<M>> between_kinks(const std::vector<Step<StateEquation<M, P>>>& steps) {
     std::vector<Stretch<M>> stretches;
-    double time = 0.0;
-    bool fixed = true;  // no kink's time depends on theta
-    for (int i = 0; i < turns.count; ++i) {
-      stretch.duration = turns.time[i] - time;
-      if (stretch.duration > 0) stretches.push_back(stretch);
-      time = turns.time[i];
-      stretch.side[turns.surface[i]] *= -1.0;
-      for_each_index<sizes<M>::switching>([&](auto m) {
-        if (m == turns.surface[i] && !Replay<M, P>::template planned<m>()) fixed = false;
-      });
+    for (const auto& step : steps) {
+      const double size = lanes_of<P>::get(step.size, 0);
+      if (size == 0.0) continue;
+      std::array<double, sizes<M>::switching> side;
+      get_lane(step.side, 0, side.data());
+      if (stretches.empty() || stretches.back().side != side) {
+        bool fixed = true;
+        for_each_index<sizes<M>::switching>([&](auto m) {
+          const bool turned = !stretches.empty() && stretches.back().side[m] != side[m];
+          if (turned && !Replay<M, P>::template planned<m>()) fixed = false;
+        });
+        if (!fixed) return {};
+        stretches.push_back({0.0, 1, side});
+      }
+      stretches.back().duration += size;
     }
-    stretch.duration = dt_ - time;
-    if (stretch.duration > 0) stretches.push_back(stretch);
-    return fixed ? stretches : std::vector<Stretch<M>>{};
+    return stretches;
   }
 
   // The stretches with steps of at most `step`.
@@ -194,7 +186,6 @@ class Planner {
   }
 
   const M& model_;
-  double dt_;
   std::array<P, n_x> x0_;
   std::array<P, sizes<M>::inputs> u_;
   std::array<std::array<double, p>, Pilots::count> theta_;

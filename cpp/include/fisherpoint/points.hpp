@@ -4,9 +4,13 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <numeric>
+#include <span>
+#include <vector>
 
 #include "model.hpp"
 #include "pack.hpp"
+#include "workers.hpp"
 
 namespace fisherpoint {
 
@@ -32,7 +36,7 @@ void get_lane(const std::array<P, n>& packs, int lane, double* to) {
   for (std::size_t i = 0; i < n; ++i) to[i] = lanes_of<P>::get(packs[i], lane);
 }
 
-// Lanes = points [first, first + used) of a batch; the lanes behind them rest.
+// Lanes = points[rows[0]], points[rows[1]], ...; the lanes behind the last rest.
 template <Model M, class P>
 struct PointPack {
   static constexpr int width = lanes_of<P>::width;
@@ -42,10 +46,10 @@ struct PointPack {
   P dt{0.0};
   int used;
 
-  PointPack(const Points& points, const Parameters& parameters, std::size_t first)
-      : used(static_cast<int>(std::min<std::size_t>(width, points.count - first))) {
+  PointPack(const Points& points, const Parameters& parameters, std::span<const std::size_t> rows)
+      : used(static_cast<int>(rows.size())) {
     for (int lane = 0; lane < width; ++lane) {
-      const std::size_t k = first + std::min(lane, used - 1);
+      const std::size_t k = rows[std::min(lane, used - 1)];
       set_lane(x0, lane, points.x0 + k * sizes<M>::states);
       set_lane(u, lane, points.u + k * sizes<M>::inputs);
       set_lane(theta, lane, parameters.of(k, sizes<M>::parameters));
@@ -53,5 +57,19 @@ struct PointPack {
     }
   }
 };
+
+// work(rows) for all points in packs of `width`, in the given order.
+inline void in_packs(const Workers& workers, std::span<const std::size_t> order, std::size_t width, auto&& work) {
+  workers.for_each((order.size() + width - 1) / width,
+                   [&](std::size_t item) { work(order.subspan(item * width, std::min(width, order.size() - item * width))); });
+}
+
+// The points' numbers, by increasing duration: what takes alike many steps shares a pack.
+inline std::vector<std::size_t> by_duration(const Points& points) {
+  std::vector<std::size_t> order(points.count);
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](auto a, auto b) { return points.dt[a] < points.dt[b]; });
+  return order;
+}
 
 }  // namespace fisherpoint

@@ -83,7 +83,7 @@ template <class Equation, class P>
   const auto outcome = Integrator(equation, tolerance).run(end, duration, first_step);
   for (const Status status : outcome.status)
     if (status != Status::ok) return status;
-  for_each_index<Equation::size>([&](auto i) { x[i] = select(duration > P(0.0), end[i], x[i]); });
+  for_each_index<Equation::states>([&](auto i) { x[i] = select(duration > P(0.0), end[i], x[i]); });
   return Status::ok;
 }
 
@@ -151,14 +151,13 @@ Status prepare(const M& model, const double* mean, const PriorGrid& grid, const 
   P duration(0.0);
   lanes_of<P>::set(duration, 0, point.dt);
   const Equation equation(model, theta, u);
-  const auto outcome = Integrator(equation, tolerance).run(x, duration, P(0.0));
+  std::vector<Step<Equation>> steps;
+  const auto outcome = Integrator(equation, tolerance).run(x, duration, P(0.0), &steps);
   if (outcome.status[0] != Status::ok) return outcome.status[0];
   point.first_step = lanes_of<P>::get(outcome.first_step, 0);
   get_lane(to_array<P>(model.output(x, u, theta)), 0, point.nominal_y.data());
-  if (tolerance.cross_kinks || outcome.turns[0].count == 0) {
-    point.plan = Planner<M, P>(model, point.x0, point.u, point.dt, mean, grid).plan(outcome.turns[0], tolerance.relative);
-    if (point.plan) point.nominal_y = point.plan->nominal_y;
-  }
+  point.plan = Planner<M, P>(model, point.x0, point.u, mean, grid).plan(steps, tolerance.relative);
+  if (point.plan) point.nominal_y = point.plan->nominal_y;
   return Status::ok;
 }
 

@@ -18,6 +18,10 @@ struct Quartic {
 
   P least_inside() const { return min(min(b1, b2), b3); }
 
+  // Whether the curve stays positive between its ends, with a margin for what lies beside a quartic: a quarter of what the
+  // quartic adds to the cubic through both ends.
+  auto clear() const { return least_inside() > 0.25 * abs(b2 - (1.0 / 6.0) * (4.0 * (b1 + b3) - b0 - b4)); }
+
   // Where it falls through zero, as a share of the step, for a quartic that starts positive and ends negative: Newton's method,
   // kept within the bracket by bisection.
   P zero() const {

@@ -12,6 +12,7 @@
 #include "dormand_prince_853.hpp"
 #include "model.hpp"
 #include "pack.hpp"
+#include "runge_kutta.hpp"
 #include "sensitivity.hpp"
 #include "state_equation.hpp"
 #include "unroll.hpp"
@@ -40,6 +41,7 @@ class Replay {
   using Equation = StateEquation<M, P>;
   using State = typename Equation::State;
   using Surfaces = typename Equation::Surfaces;
+  static constexpr int last = Method::stages - 1;
   static constexpr int states = Equation::states, switching = Equation::switching, surfaces = Equation::surfaces;
   // Bernstein coefficients inside a step must exceed this share of the surface's variation over it.
   static constexpr double margin = 0.03;
@@ -49,7 +51,7 @@ class Replay {
 
   FISHERPOINT_HOT Replayed<P> run(State& x, const std::vector<Stretch<M>>& stretches) {
     Replayed<P> outcome{P(1.0), P(0.0)};
-    State stage[Method::stages], ahead;
+    State stage[last], ahead;
     Surfaces value = f_.surface_values(x), rate = value;
     double previous = 0.0;  // the step before, whose end is checked with the slope that begins the next
     for (const Stretch<M>& stretch : stretches) {
@@ -62,15 +64,15 @@ class Replay {
         if (previous > 0.0) check(outcome.clearance, side, previous, value, rate, f_.surface_values(x), rate_here);
         value = f_.surface_values(x);
         rate = rate_here;
-        for_each_index<Method::stages - 1>([&](auto before) {
+        for_each_index<last - 1>([&](auto before) {
           constexpr int s = before + 1;
-          for_each_index<states>([&](auto i) { ahead[i] = x[i] + step * combined<s>(Method::a[s], stage, i); });
+          for_each_index<states>([&](auto i) { ahead[i] = x[i] + step * weighted_sum<s>(Method::a[s], stage, i); });
           f_.derivative(ahead, side, stage[s]);
         });
         State error;
         for_each_index<states>([&](auto i) {
-          error[i] = step * combined<Method::stages>(Method::error, stage, i);
-          x[i] += step * combined<Method::stages>(Method::b, stage, i);
+          error[i] = step * weighted_sum<last>(Method::error, stage, i);
+          x[i] += step * weighted_sum<last>(Method::a[last], stage, i);
         });
         outcome.squared_error += Equation::squared_size(error);
         previous = step;
@@ -93,15 +95,6 @@ class Replay {
   }
 
  private:
-  template <int n, std::size_t size>
-  static P combined(const std::array<double, size>& weights, const State* stage, int i) {
-    P sum = weights[0] * stage[0][i];
-    for_each_index<n - 1>([&](auto r) {
-      if (weights[r + 1] != 0) sum += weights[r + 1] * stage[r + 1][i];
-    });
-    return sum;
-  }
-
   static void check(P& clearance, const auto& sides, double step, const Surfaces& value0, const Surfaces& rate0,
                     const Surfaces& value1, const Surfaces& rate1) {
     for_each_index<surfaces>([&](auto m) {

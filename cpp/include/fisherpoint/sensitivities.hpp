@@ -1,26 +1,39 @@
-// States, outputs and their sensitivities (8) for a batch of experiment points: lanes = points.
+// States, outputs and their sensitivities (8) for a batch of experiment points.
+//
+// First the states alone, lanes = points: the adaptive loop finds the kinks and the sizes of the steps, and how each trajectory
+// ends. Then the columns of S along these steps, somewhat refined, with points of equally many steps in a pack: so the costly
+// part runs without a branch on full packs, and no result depends on what shares its pack. Points of which a column's estimated
+// error is above the tolerance are done again in finer steps.
 #pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <span>
+#include <vector>
 
 #include "integrate.hpp"
 #include "points.hpp"
-#include "sensitivity.hpp"
+#include "tangents.hpp"
 #include "workers.hpp"
 
 namespace fisherpoint {
 
 struct SensitiveTrajectories {
-  double *x, *y, *dx_dtheta, *dy_dtheta;  // (count, n_x), (count, n_y), (count, n_x, p), (count, n_y, p)
-  Status* status;                         // (count,)
+  double *x, *y;                  // (count, n_x), (count, n_y), where the trajectory ended
+  double *dx_dtheta, *dy_dtheta;  // (count, n_x, p), (count, n_y, p); zero where it is not ok
+  Status* status;                 // (count,)
 };
 
 // dy/dtheta = g_x S + g_theta.
 template <Model M, class P>
-auto output_sensitivity(const M& model, const typename VariationalEquation<M, P>::State& state,
+auto output_sensitivity(const M& model, const typename VariationalEquation<M, P>::State& x,
+                        const typename VariationalEquation<M, P>::Columns& columns,
                         const typename VariationalEquation<M, P>::Input& u,
                         const typename VariationalEquation<M, P>::Theta& theta) {
   using Equation = VariationalEquation<M, P>;
   constexpr int n_x = sizes<M>::states, n_y = sizes<M>::outputs, p = sizes<M>::parameters;
-  const auto g = model.output(as_variables<0, n_x, P>(state), u, as_variables<n_x, p, P>(theta));
+  const auto g = model.output(as_variables<0, n_x, P>(x), u, as_variables<n_x, p, P>(theta));
   std::array<P, n_y * p> s;
   for_each_index<n_y>([&](auto i) {
     for_each_index<p>([&](auto j) {
@@ -28,7 +41,7 @@ auto output_sensitivity(const M& model, const typename VariationalEquation<M, P>
       P sum = slope_of<n_x + j, P>(g_i);
       for_each_index<n_x>([&](auto k) {
         if constexpr ((variables_of<std::remove_cvref_t<decltype(g_i)>> >> k) & 1)
-          sum += slope_of<k, P>(g_i) * Equation::template entry<k, j>(state);
+          sum += slope_of<k, P>(g_i) * Equation::template entry<k, j>(columns);
       });
       s[i * p + j] = sum;
     });
@@ -36,37 +49,148 @@ auto output_sensitivity(const M& model, const typename VariationalEquation<M, P>
   return s;
 }
 
-template <class P, Model M>
-void sensitivity_packs(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
-                       const Workers& workers, const SensitiveTrajectories& out) {
-  using Equation = VariationalEquation<M, P>;
-  constexpr std::size_t width = lanes_of<P>::width;
-  constexpr int n_x = sizes<M>::states, n_y = sizes<M>::outputs, p = sizes<M>::parameters;
-  workers.for_each((points.count + width - 1) / width, [&](std::size_t item) {
-    const std::size_t first = item * width;
-    const PointPack<M, P> pack(points, parameters, first);
-    const Equation equation(model, pack.theta, pack.u);
-    typename Equation::State state;
-    state.fill(P(0.0));
-    std::copy(pack.x0.begin(), pack.x0.end(), state.begin());
-    const auto outcome = Integrator(equation, tolerance).run(state, pack.dt, P(0.0));
+// dx/dtheta row by row, with its zeros.
+template <Model M, class P>
+auto state_sensitivity(const typename VariationalEquation<M, P>::Columns& columns) {
+  constexpr int n_x = sizes<M>::states, p = sizes<M>::parameters;
+  std::array<P, n_x * p> s;
+  for_each_index<n_x>([&](auto i) {
+    for_each_index<p>([&](auto j) { s[i * p + j] = VariationalEquation<M, P>::template entry<i, j>(columns); });
+  });
+  return s;
+}
 
-    std::array<P, n_x> x;
-    std::copy_n(state.begin(), n_x, x.begin());
-    std::array<P, n_x * p> dx;
-    for_each_index<n_x>(
-        [&](auto i) { for_each_index<p>([&](auto j) { dx[i * p + j] = Equation::template entry<i, j>(state); }); });
-    const auto y = to_array<P>(model.output(x, pack.u, pack.theta));
-    const auto dy = output_sensitivity<M, P>(model, state, pack.u, pack.theta);
+template <Model M>
+struct PointStep {
+  double size;
+  std::array<double, sizes<M>::switching> side;
+};
+
+// The steps that a point takes; none where nothing is to be done any more.
+template <Model M>
+using PointPath = std::vector<PointStep<M>>;
+
+// The columns need finer steps than the states.
+inline constexpr double first_refinement = 1.2;
+
+// The same path in about `factor` times as many steps, whose sizes change along it as they did.
+template <Model M>
+PointPath<M> refined(const PointPath<M>& steps, double factor) {
+  PointPath<M> finer;
+  finer.reserve(static_cast<std::size_t>(factor * steps.size()) + 4);
+  for (std::size_t first = 0; first < steps.size();) {
+    std::size_t last = first;  // of the steps on the same sides
+    while (last + 1 < steps.size() && steps[last + 1].side == steps[first].side) ++last;
+    const double coarse = static_cast<double>(last + 1 - first), parts = std::ceil(coarse * factor);
+    std::size_t n = first;
+    double rest = 1.0;  // of step n, as a share of it
+    for (int part = 0; part < parts; ++part) {
+      double share = coarse / parts, size = 0.0;
+      for (; share > rest && n < last; rest = 1.0) size += rest * steps[n++].size, share -= rest;
+      const double taken = part + 1 < parts ? std::min(share, rest) : rest;
+      finer.push_back({size + taken * steps[n].size, steps[n].side});
+      rest -= taken;
+    }
+    first = last + 1;
+  }
+  return finer;
+}
+
+// Into the paths of points[rows[0]], points[rows[1]], ...: as many as the pack has lanes.
+template <class P, class Method, Model M>
+void find_paths(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
+                std::span<const std::size_t> rows, std::vector<PointPath<M>>& paths, const SensitiveTrajectories& out) {
+  using Equation = StateEquation<M, P>;
+  constexpr int n_x = sizes<M>::states, n_y = sizes<M>::outputs, p = sizes<M>::parameters;
+  static thread_local std::vector<Step<Equation>> steps;  // kept, so that a pack allocates nothing
+  static thread_local PointPath<M> taken;
+  const PointPack<M, P> pack(points, parameters, rows);
+  const Equation equation(model, pack.theta, pack.u);
+  auto x = pack.x0;
+  steps.clear();
+  const auto outcome = Integrator<Equation, Method>(equation, tolerance).run(x, pack.dt, P(0.0), &steps);
+  const auto y = to_array<P>(model.output(x, pack.u, pack.theta));
+  for (int lane = 0; lane < pack.used; ++lane) {
+    const std::size_t k = rows[lane];
+    out.status[k] = outcome.status[lane];
+    get_lane(x, lane, out.x + k * n_x);
+    get_lane(y, lane, out.y + k * n_y);
+    std::fill_n(out.dx_dtheta + k * n_x * p, n_x * p, 0.0);
+    std::fill_n(out.dy_dtheta + k * n_y * p, n_y * p, 0.0);
+    if (out.status[k] != Status::ok) continue;
+    taken.clear();
+    for (const auto& step : steps) {
+      const double size = lanes_of<P>::get(step.size, lane);
+      if (size == 0.0) continue;
+      taken.push_back({size, {}});
+      get_lane(step.side, lane, taken.back().side.data());
+    }
+    paths[k] = refined<M>(taken, first_refinement);
+  }
+}
+
+// S along the paths of points[rows[0]], ...; a path that turns out too coarse is refined instead.
+template <class P, class Method, Model M>
+void follow_paths(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
+                  std::span<const std::size_t> rows, std::vector<PointPath<M>>& paths, const SensitiveTrajectories& out) {
+  constexpr int n_x = sizes<M>::states, n_y = sizes<M>::outputs, p = sizes<M>::parameters;
+  const PointPack<M, P> pack(points, parameters, rows);
+  const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
+  Tangents<M, P, Method> tangents(equation, pack.x0);
+  std::size_t longest = 0;
+  for (const std::size_t k : rows) longest = std::max(longest, paths[k].size());
+  for (std::size_t n = 0; n < longest; ++n) {
+    P size(0.0);
+    typename VariationalEquation<M, P>::Side side;
+    side.fill(P(1.0));
     for (int lane = 0; lane < pack.used; ++lane) {
-      const std::size_t k = first + lane;
-      get_lane(x, lane, out.x + k * n_x);
+      const auto& path = paths[rows[lane]];
+      if (n >= path.size()) continue;
+      lanes_of<P>::set(size, lane, path[n].size);
+      set_lane(side, lane, path[n].side.data());
+    }
+    tangents.advance(size, side);
+  }
+
+  const P error = tangents.relative_error();
+  const auto dx = state_sensitivity<M, P>(tangents.s);
+  const auto y = to_array<P>(model.output(tangents.x, pack.u, pack.theta));
+  const auto dy = output_sensitivity<M, P>(model, tangents.x, tangents.s, pack.u, pack.theta);
+  for (int lane = 0; lane < pack.used; ++lane) {
+    const std::size_t k = rows[lane];
+    const double excess = lanes_of<P>::get(error, lane) / (Method::overestimate * tolerance.relative);
+    if (excess <= 1.0) {
+      get_lane(tangents.x, lane, out.x + k * n_x);
       get_lane(y, lane, out.y + k * n_y);
       get_lane(dx, lane, out.dx_dtheta + k * n_x * p);
       get_lane(dy, lane, out.dy_dtheta + k * n_y * p);
-      out.status[k] = outcome.status[lane];
+      paths[k].clear();
+      continue;
     }
-  });
+    const bool finite = excess < 1e100;
+    const double factor = finite ? std::clamp(1.1 * std::pow(excess, 1.0 / Method::order), 1.1, 4.0) : 2.0;
+    if (factor * paths[k].size() <= tolerance.max_attempts) {
+      paths[k] = refined<M>(paths[k], factor);
+    } else {
+      paths[k].clear();
+      out.status[k] = finite ? Status::step_limit : Status::not_finite;
+    }
+  }
+}
+
+template <class P, class Method, Model M>
+void sensitivity_packs(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
+                       const Workers& workers, const SensitiveTrajectories& out) {
+  constexpr std::size_t width = lanes_of<P>::width;
+  std::vector<PointPath<M>> paths(points.count);
+  std::vector<std::size_t> todo = by_duration(points);
+  in_packs(workers, todo, width,
+           [&](auto rows) { find_paths<P, Method>(model, points, parameters, tolerance, rows, paths, out); });
+  while (std::erase_if(todo, [&](auto k) { return paths[k].empty(); }), !todo.empty()) {
+    std::stable_sort(todo.begin(), todo.end(), [&](auto a, auto b) { return paths[a].size() < paths[b].size(); });
+    in_packs(workers, todo, width,
+             [&](auto rows) { follow_paths<P, Method>(model, points, parameters, tolerance, rows, paths, out); });
+  }
 }
 
 // Compiled once per model and instruction set (cpp/src/sensitivities.cpp).

@@ -21,44 +21,62 @@ auto as_variables(const auto& values) {
   }(std::make_integer_sequence<int, n>{});
 }
 
+namespace detail {
+
+// The numbers below n for which belongs(i).
+constexpr Variables which(int n, auto&& belongs) {
+  Variables mask = 0;
+  for (int i = 0; i < n; ++i)
+    if (belongs(i)) mask |= Variables{1} << i;
+  return mask;
+}
+
+// How many of them are below i.
+constexpr int below(Variables mask, int i) { return std::popcount(mask & ((Variables{1} << i) - 1)); }
+
+// How many there are in the masks of 0 to n - 1.
+constexpr int before(int n, auto&& mask_of) {
+  int sum = 0;
+  for (int i = 0; i < n; ++i) sum += std::popcount(mask_of(i));
+  return sum;
+}
+
+}  // namespace detail
+
 template <Model M, class P>
 class VariationalEquation {
-  using Plain = StateEquation<M, P>;
-  static constexpr int states_ = sizes<M>::states, parameters_ = sizes<M>::parameters;
-  static_assert(states_ + parameters_ <= 64, "a mask holds 64 variables");
-
  public:
-  using Number = P;
+  static constexpr int states = sizes<M>::states, parameters = sizes<M>::parameters;
+  static_assert(states + parameters <= 64, "a mask holds 64 variables");
+  using Plain = StateEquation<M, P>;
   using Side = typename Plain::Side;
-  using Surfaces = typename Plain::Surfaces;
   using Theta = typename Plain::Theta;
   using Input = typename Plain::Input;
-  static constexpr int states = states_, parameters = parameters_;
-  static constexpr int jumps = Plain::jumps, switching = Plain::switching, surfaces = Plain::surfaces;
+  using State = typename Plain::State;
 
  private:
   static auto dynamics_of(const M& model, const Theta& theta) {
-    return model.dynamics(as_variables<states_, parameters_, P>(theta));
+    return model.dynamics(as_variables<states, parameters, P>(theta));
   }
-  using DualState = decltype(as_variables<0, states_, P>(std::declval<std::array<P, states_>>()));
-  using DualTheta = decltype(as_variables<states_, parameters_, P>(std::declval<Theta>()));
+  using DualState = decltype(as_variables<0, states, P>(std::declval<State>()));
+  using DualTheta = decltype(as_variables<states, parameters, P>(std::declval<Theta>()));
   using Dynamics = decltype(dynamics_of(std::declval<const M&>(), std::declval<const Theta&>()));
   using Rates =
       decltype(std::declval<const Dynamics&>()(std::declval<DualState>(), std::declval<Input>(), std::declval<Side>()));
-  template <int i>
-  static constexpr Variables reads = variables_of<std::tuple_element_t<i, Rates>>;
+
+  // What f_i reads: the states in the lower bits, the parameters above them.
+  static constexpr std::array<Variables, states> reads = []<int... i>(std::integer_sequence<int, i...>) {
+    return std::array<Variables, states>{variables_of<std::tuple_element_t<i, Rates>>...};
+  }(std::make_integer_sequence<int, states>{});
 
   // Which parameters state i depends on in the end: those that f_i reads and those of the states that it reads.
-  static constexpr std::array<Variables, states_> row = [] {
-    constexpr auto direct = []<int... i>(std::integer_sequence<int, i...>) {
-      return std::array<Variables, states_>{reads<i>...};
-    }(std::make_integer_sequence<int, states_>{});
-    std::array<Variables, states_> reached{};
-    for (int round = 0; round <= states_; ++round)
-      for (int i = 0; i < states_; ++i) {
-        reached[i] |= direct[i] >> states_;
-        for (int k = 0; k < states_; ++k)
-          if ((direct[i] >> k) & 1) reached[i] |= reached[k];
+  static constexpr std::array<Variables, states> row = [] {
+    std::array<Variables, states> reached{};
+    for (int round = 0; round <= states; ++round)
+      for (int i = 0; i < states; ++i) {
+        reached[i] |= reads[i] >> states;
+        for (int k = 0; k < states; ++k)
+          if ((reads[i] >> k) & 1) reached[i] |= reached[k];
       }
     return reached;
   }();
@@ -66,22 +84,25 @@ class VariationalEquation {
   template <class Value>
   static constexpr bool varies() {
     constexpr Variables read = variables_of<Value>;
-    if (read >> states_) return true;
-    for (int k = 0; k < states_; ++k)
+    if (read >> states) return true;
+    for (int k = 0; k < states; ++k)
       if (((read >> k) & 1) && row[k]) return true;
     return false;
   }
 
-  // Place of dx_i/dtheta_j in the integrated vector: behind the states, row by row, without the zeros.
-  static constexpr int row_start(int i) {
-    int at = states_;
-    for (int s = 0; s < i; ++s) at += std::popcount(row[s]);
-    return at;
-  }
-  static constexpr int place(int i, int j) { return row_start(i) + std::popcount(row[i] & ((Variables{1} << j) - 1)); }
-
  public:
+  // Of column j of S: the states that depend on parameter j, and those whose f reads it, each as a mask.
+  static constexpr Variables rows(int j) {
+    return detail::which(states, [j](int i) { return (row[i] >> j) & 1; });
+  }
+  static constexpr Variables driven(int j) {
+    return detail::which(states, [j](int i) { return (reads[i] >> (states + j)) & 1; });
+  }
   static constexpr bool depends(int i, int j) { return (row[i] >> j) & 1; }
+  // The states that f_i reads and that depend on any parameter.
+  static constexpr Variables coupled(int i) {
+    return detail::which(states, [i](int k) { return ((reads[i] >> k) & 1) && row[k] != 0; });
+  }
 
   // Whether output i or switching surface m depends on any parameter, by the types alone: such an output has exactly no
   // predictive variance, and such a surface is crossed at the same time for every theta.
@@ -98,59 +119,41 @@ class VariationalEquation {
     return varies<std::tuple_element_t<m, Values>>();
   }
 
-  static constexpr int size = row_start(states_);
-  using State = std::array<P, size>;
+  // The entries of f_x and f_theta that S' needs: f_x row by row, f_theta column by column.
+  static constexpr int state_place(int i, int k) { return detail::before(i, coupled) + detail::below(coupled(i), k); }
+  static constexpr int theta_place(int j, int i) { return detail::before(j, driven) + detail::below(driven(j), i); }
+  struct Jacobian {
+    std::array<P, detail::before(states, coupled)> by_state;
+    std::array<P, detail::before(parameters, driven)> by_theta;
+  };
 
-  VariationalEquation(const M& model, const Theta& theta, const Input& u)
-      : plain_(model, theta, u), u_(u), dynamics_(dynamics_of(model, theta)) {}
-
-  void derivative(const State& y, const Side& side, State& dy) const {
-    const auto f = dynamics_(as_variables<0, states_, P>(y), u_, side);
-    for_each_index<states_>([&](auto i) {
-      const auto& f_i = std::get<i>(f);
-      dy[i] = value_of(f_i);
-      for_each_variable<row[i]>([&](auto j) {
-        P sum = slope_of<states_ + j, P>(f_i);
-        for_each_variable<(reads<i> & ((Variables{1} << states_) - 1))>([&](auto k) {
-          if constexpr (depends(k, j)) sum += f_i.template slope<k>() * y[place(k, j)];
-        });
-        dy[place(i, j)] = sum;
-      });
-    });
-  }
-
-  // The states' squared error plus, for every column of S, its squared error relative to the column's own size: against the
-  // size of the outputs, columns of weak parameters would be integrated without any control.
-  P squared_error(const State& y, const State& error) const {
-    P sum = Plain::squared_size(error);
-    for_each_index<parameters_>([&](auto j) {
-      P wrong(0.0), size(1e-200);
-      for_each_index<states_>([&](auto i) {
-        if constexpr (depends(i, j)) {
-          const P e = error[place(i, j)] * (1.0 / M::states[i].scale), s = y[place(i, j)] * (1.0 / M::states[i].scale);
-          wrong += e * e;
-          size += s * s;
-        }
-      });
-      sum += wrong / size;
-    });
-    return sum;
-  }
-
-  static P squared_size(const auto& x) { return Plain::squared_size(x); }
-  Surfaces surface_values(const auto& y) const { return plain_.surface_values(y); }
-  Surfaces surface_rates(const auto& y, const auto& dy) const { return plain_.surface_rates(y, dy); }
+  // S itself, column by column.
+  static constexpr int place(int i, int j) { return detail::before(j, rows) + detail::below(rows(j), i); }
+  using Columns = std::array<P, detail::before(parameters, rows)>;
 
   template <int i, int j>
-  static P entry(const State& y) {
+  static P entry(const Columns& s) {
     if constexpr (depends(i, j))
-      return y[place(i, j)];
+      return s[place(i, j)];
     else
       return P(0.0);
   }
 
+  VariationalEquation(const M& model, const Theta& theta, const Input& u) : u_(u), dynamics_(dynamics_of(model, theta)) {}
+
+  // f and its Jacobian in x.
+  void linearise(const State& x, const Side& side, State& dx, Jacobian& jacobian) const {
+    const auto f = dynamics_(as_variables<0, states, P>(x), u_, side);
+    for_each_index<states>([&](auto i) {
+      const auto& f_i = std::get<i>(f);
+      dx[i] = value_of(f_i);
+      for_each_variable<coupled(i)>([&](auto k) { jacobian.by_state[state_place(i, k)] = slope_of<k, P>(f_i); });
+      for_each_variable<(reads[i] >> states)>(
+          [&](auto j) { jacobian.by_theta[theta_place(j, i)] = slope_of<states + j, P>(f_i); });
+    });
+  }
+
  private:
-  Plain plain_;
   Input u_;
   Dynamics dynamics_;
 };

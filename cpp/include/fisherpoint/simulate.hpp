@@ -13,22 +13,20 @@ struct Trajectories {
   Status* status;  // (count,)
 };
 
-template <class P, Model M>
+template <class P, class Method, Model M>
 void simulate_packs(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
                     const Workers& workers, const Trajectories& out) {
-  constexpr std::size_t width = lanes_of<P>::width;
-  workers.for_each((points.count + width - 1) / width, [&](std::size_t item) {
-    const std::size_t first = item * width;
-    const PointPack<M, P> pack(points, parameters, first);
-    const StateEquation<M, P> equation(model, pack.theta, pack.u);
+  using Equation = StateEquation<M, P>;
+  in_packs(workers, by_duration(points), lanes_of<P>::width, [&](std::span<const std::size_t> rows) {
+    const PointPack<M, P> pack(points, parameters, rows);
+    const Equation equation(model, pack.theta, pack.u);
     auto x = pack.x0;
-    const auto outcome = Integrator(equation, tolerance).run(x, pack.dt, P(0.0));
+    const auto outcome = Integrator<Equation, Method>(equation, tolerance).run(x, pack.dt, P(0.0));
     const auto y = to_array<P>(model.output(x, pack.u, pack.theta));
     for (int lane = 0; lane < pack.used; ++lane) {
-      const std::size_t k = first + lane;
-      get_lane(x, lane, out.x + k * sizes<M>::states);
-      get_lane(y, lane, out.y + k * sizes<M>::outputs);
-      out.status[k] = outcome.status[lane];
+      get_lane(x, lane, out.x + rows[lane] * sizes<M>::states);
+      get_lane(y, lane, out.y + rows[lane] * sizes<M>::outputs);
+      out.status[rows[lane]] = outcome.status[lane];
     }
   });
 }

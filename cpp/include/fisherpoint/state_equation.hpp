@@ -15,7 +15,6 @@ class StateEquation {
   using Side = std::array<P, sizes<M>::switching>;
   using Surfaces = std::array<P, sizes<M>::surfaces>;
   static constexpr int states = sizes<M>::states;
-  static constexpr int size = states;  // of the integrated vector
   static constexpr int jumps = sizes<M>::jumps, switching = sizes<M>::switching, surfaces = sizes<M>::surfaces;
   using Theta = std::array<P, sizes<M>::parameters>;
   using Input = std::array<P, sizes<M>::inputs>;
@@ -26,9 +25,7 @@ class StateEquation {
 
   void derivative(const State& x, const Side& side, State& dx) const { dx = to_array<P>(dynamics_(x, u_, side)); }
 
-  // Sum over the states of (error / scale)^2.
-  P squared_error(const State&, const State& error) const { return squared_size(error); }
-
+  // Sum over the states of (x / scale)^2.
   static P squared_size(const auto& x) {
     P sum(0.0);
     for_each_index<states>([&](auto i) {

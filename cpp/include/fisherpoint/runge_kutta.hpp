@@ -1,0 +1,45 @@
+// What the integrator asks of an explicit Runge-Kutta method. A method is a struct of constants:
+//
+//     order, stages          the last stage is the derivative at the step's end, and the first one of the next step
+//     a[stages]              weights of the stages before; the last row gives the solution
+//     error                  weights of the embedded error
+//     coarse                 where there is another embedded solution of a still lower order, the weights of that
+//     squared_error(...)     what step control takes for the squared error, from the squares of the embedded ones; its root
+//     falls
+//                            at least as the step's power of `order`
+//     bow                    x(t + step/2) less the middle of the cubic through both ends of the step
+//     most_growth            of the step's size from one step to the next
+//     overestimate           how many times the estimated error of sensitivities exceeds their error, typically
+#pragma once
+
+#include <array>
+#include <cstddef>
+
+#include "unroll.hpp"
+
+namespace fisherpoint {
+
+// start plus entry i of the first n stages, each times its weight; what has no weight is not computed.
+template <int n, std::size_t size, class State, class P>
+P weighted_sum(P start, const std::array<double, size>& weights, const State* stage, int i) {
+  for_each_index<n>([&](auto r) {
+    if (weights[r] != 0) start += weights[r] * stage[r][i];
+  });
+  return start;
+}
+template <int n, std::size_t size, class State>
+auto weighted_sum(const std::array<double, size>& weights, const State* stage, int i) {
+  auto sum = weights[0] * stage[0][i];
+  for_each_index<n - 1>([&](auto r) {
+    if (weights[r + 1] != 0) sum += weights[r + 1] * stage[r + 1][i];
+  });
+  return sum;
+}
+
+// Whether the derivative at the step's end takes part in an error.
+template <class Method>
+constexpr bool end_counts() {
+  return Method::error[Method::stages - 1] != 0;
+}
+
+}  // namespace fisherpoint
