@@ -83,28 +83,30 @@ void bind_model(py::module_& m) {
 
   m.def(
       "predictive_covariance",
-      [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& nominal, const PriorGrid& grid,
-         double rtol, bool cross_kinks, int threads, bool keep_outputs) {
+      [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& nominal, const PriorNodes& nodes,
+         double rtol, bool cross_kinks, int threads, double max_lost, bool keep_outputs) {
         const Points points = checked_points<M>(x0, u, dt);
         const auto count = static_cast<py::ssize_t>(points.count);
         check_shape(nominal, {p}, "theta");
-        if (grid.parameters() != p)
-          throw py::value_error("prior grid: expected " + std::to_string(p) + " axes, given " +
-                                std::to_string(grid.parameters()));
-        auto covariance = empty({count, n_y, n_y});
+        if (nodes.parameters() != p)
+          throw py::value_error("nodes: expected " + std::to_string(p) + " parameters, given " +
+                                std::to_string(nodes.parameters()));
+        auto covariance = empty({count, n_y, n_y}), lost = empty({count});
         py::array_t<std::int32_t> status(count);
         py::array_t<std::int64_t> redone(count);
-        auto y = empty({count, keep_outputs ? static_cast<py::ssize_t>(grid.size()) : 0, n_y});
+        auto y = empty({count, keep_outputs ? static_cast<py::ssize_t>(nodes.size()) : 0, n_y});
         const PredictiveCovariances out{covariance.mutable_data(), reinterpret_cast<Status*>(status.mutable_data()),
-                                        redone.mutable_data(), keep_outputs ? y.mutable_data() : nullptr};
+                                        redone.mutable_data(), lost.mutable_data(), keep_outputs ? y.mutable_data() : nullptr};
         run(threads, [&](const Workers& workers) {
-          predictive_covariance(model, points, nominal.data(), grid, {.relative = rtol, .cross_kinks = cross_kinks}, workers,
-                                out);
+          predictive_covariance(model, points, nominal.data(), nodes, max_lost, {.relative = rtol, .cross_kinks = cross_kinks},
+                                workers, out);
         });
-        return py::make_tuple(covariance, status, redone, y);
+        return py::make_tuple(covariance, status, redone, y, lost);
       },
-      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "grid"_a, "rtol"_a, "cross_kinks"_a, "threads"_a, "keep_outputs"_a = false,
-      "Predictive covariances, statuses, nodes for which the planned steps did not do, and outputs (K, R, n_y) where kept.");
+      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "nodes"_a, "rtol"_a, "cross_kinks"_a, "threads"_a, "max_lost"_a = 0.0,
+      "keep_outputs"_a = false,
+      "Predictive covariances, statuses, nodes for which the planned steps did not do, outputs (K, R, n_y) where kept, and the "
+      "lost shares of the absolute weight.");
 }
 
 }  // namespace

@@ -1,9 +1,9 @@
 #include "bindings.hpp"
 
 PYBIND11_MODULE(_core, m) {
-  m.doc() = "What the core does once, whatever the instruction set: models, prior grid, Fisher accumulator.";
+  m.doc() = "What the core does once, whatever the instruction set: models, prior nodes, Fisher accumulator.";
   fisherpoint::bindings::bind_models(m);
-  fisherpoint::bindings::bind_prior_grid(m);
+  fisherpoint::bindings::bind_prior_nodes(m);
   fisherpoint::bindings::bind_fisher(m);
   fisherpoint::bindings::bind_instruction_sets(m);
 }

@@ -5,12 +5,13 @@
 namespace fisherpoint {
 
 template <Model M>
-void predictive_covariance(const M& model, const Points& points, const double* nominal_theta, const PriorGrid& grid,
-                           const Tolerance& tolerance, const Workers& workers, const PredictiveCovariances& out) {
-  predictive_covariance_packs<Pack<native_lanes>>(model, points, nominal_theta, grid, tolerance, workers, out);
+void predictive_covariance(const M& model, const Points& points, const double* nominal_theta, const PriorNodes& nodes,
+                           double max_lost, const Tolerance& tolerance, const Workers& workers,
+                           const PredictiveCovariances& out) {
+  predictive_covariance_packs<Pack<native_lanes>>(model, points, nominal_theta, nodes, max_lost, tolerance, workers, out);
 }
 
-template void predictive_covariance(const HydraulicCylinder&, const Points&, const double*, const PriorGrid&, const Tolerance&,
-                                    const Workers&, const PredictiveCovariances&);
+template void predictive_covariance(const HydraulicCylinder&, const Points&, const double*, const PriorNodes&, double,
+                                    const Tolerance&, const Workers&, const PredictiveCovariances&);
 
 }  // namespace fisherpoint

@@ -8,17 +8,16 @@ from .exchange import Progress, exchange
 from .experiments import Experiments
 from .kernels import available_isas, isa
 from .models import HydraulicCylinder
+from .predictive import PredictiveCovariance, predictive_covariance
 from .prior import GaussianPrior
 from .problem import DesignProblem
 from .quantity import Quantity
 from .region import ExperimentRegion
-from .rules import TensorGrid
+from .rules import GaussHermite, Linearized, Rule, Sobol, SparseGaussHermite, TensorGrid, Unscented
 from .trajectories import (
-    PredictiveCovariance,
     Sensitivities,
     Status,
     Trajectories,
-    predictive_covariance,
     sensitivities,
     simulate,
 )
@@ -34,16 +33,22 @@ __all__ = [
     "ExchangeSettings",
     "ExperimentRegion",
     "Experiments",
+    "GaussHermite",
     "GaussianPrior",
     "HydraulicCylinder",
+    "Linearized",
     "PredictiveCovariance",
     "Progress",
     "Quantity",
+    "Rule",
     "Sensitivities",
+    "Sobol",
+    "SparseGaussHermite",
     "Status",
     "TensorGrid",
     "TraceRecord",
     "Trajectories",
+    "Unscented",
     "available_isas",
     "evaluate_design",
     "evaluate_under_noise",

@@ -1,5 +1,5 @@
 """
-What the core does once, whatever the instruction set: models, prior grid, Fisher accumulator.
+What the core does once, whatever the instruction set: models, prior nodes, Fisher accumulator.
 """
 
 from __future__ import annotations
@@ -8,7 +8,17 @@ import numpy
 import numpy.typing
 import typing
 
-__all__: list[str] = ["FisherAccumulator", "HydraulicCylinder", "PriorGrid", "cells", "log_det", "supported_isas"]
+__all__: list[str] = [
+    "FisherAccumulator",
+    "HydraulicCylinder",
+    "NodeTable",
+    "PriorGrid",
+    "PriorNodes",
+    "cells",
+    "cells_between",
+    "log_det",
+    "supported_isas",
+]
 
 class HydraulicCylinder:
     domain: typing.ClassVar[list[typing.Any]] = ["p_A - p_t", "p_s - p_A", "p_B - p_t", "p_s - p_B", "V_A", "V_B"]
@@ -90,10 +100,26 @@ class HydraulicCylinder:
     @property
     def q_min(self) -> float: ...
 
-class PriorGrid:
+class PriorNodes:
+    """
+    Weighted nodes that stand for the prior.
+    """
+    def __len__(self) -> int: ...
+    def nodes(self) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]: ...
+    def second_moments(
+        self,
+        mean: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        std: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    ) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Second moments about the mean in units of std, (p, p).
+        """
+
+class PriorGrid(PriorNodes):
     """
     Tensor product of axes; the last runs fastest.
     """
+    @typing.overload
     def __init__(
         self,
         axes: collections.abc.Sequence[
@@ -103,8 +129,30 @@ class PriorGrid:
             ]
         ],
     ) -> None: ...
-    def __len__(self) -> int: ...
-    def nodes(self) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]: ...
+    @typing.overload
+    def __init__(
+        self,
+        axes: collections.abc.Sequence[
+            tuple[
+                typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+                typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+            ]
+        ],
+        center: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        matrix: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        exponential: collections.abc.Sequence[bool],
+    ) -> None: ...
+
+class NodeTable(PriorNodes):
+    """
+    Stored nodes, with parameter sets near the edge of what they cover.
+    """
+    def __init__(
+        self,
+        theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        weights: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        pilots: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    ) -> None: ...
 
 class FisherAccumulator:
     """
@@ -173,6 +221,13 @@ def cells(
 ) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]:
     """
     Values and cell probabilities (13) of one parameter.
+    """
+
+def cells_between(
+    edges: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]:
+    """
+    Middles and probabilities of the cells between neighbouring edges, in standard deviations.
     """
 
 def log_det(matrix: typing.Annotated[numpy.typing.ArrayLike, numpy.float64]) -> float:

@@ -12,19 +12,21 @@ def predictive_covariance(
     u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     dt: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
-    grid: fisherpoint._core.PriorGrid,
+    nodes: fisherpoint._core.PriorNodes,
     rtol: typing.SupportsFloat | typing.SupportsIndex,
     cross_kinks: bool,
     threads: typing.SupportsInt | typing.SupportsIndex,
+    max_lost: typing.SupportsFloat | typing.SupportsIndex = 0.0,
     keep_outputs: bool = False,
 ) -> tuple[
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.int32],
     numpy.typing.NDArray[numpy.int64],
     numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.float64],
 ]:
     """
-    Predictive covariances, statuses, nodes for which the planned steps did not do, and outputs (K, R, n_y) where kept.
+    Predictive covariances, statuses, nodes for which the planned steps did not do, outputs (K, R, n_y) where kept, and the lost shares of the absolute weight.
     """
 
 def sensitivities(

@@ -24,7 +24,7 @@ from .prior import GaussianPrior
 from .problem import DesignProblem
 from .quantity import Array, FrozenMapping, as_float, check_positive_int
 from .region import ExperimentRegion
-from .rules import TensorGrid
+from .rules import RULES, Rule
 
 FORMAT = "fisherpoint design"
 FORMAT_VERSION = 1
@@ -178,18 +178,42 @@ def _problem_to_json(problem: DesignProblem) -> dict[str, Any]:
         "bounds": {name: list(pair) for name, pair in region.bounds.items()},
         "constraints": [constraint if isinstance(constraint, str) else None for constraint in region.constraints],
     }
-    levels = problem.rule.levels
     return {
         "model": {"name": problem.model.name, "constants": dict(problem.model.constants)},
-        "prior": {"mean": dict(problem.prior.mean), "std": dict(problem.prior.std)},
+        "prior": {
+            "mean": dict(problem.prior.mean),
+            "std": dict(problem.prior.std),
+            "covariance": problem.prior.covariance.tolist() if problem.prior.correlated else None,
+            "log": list(problem.prior.log),
+        },
         "region": region_data,
         "noise_std": None if problem.noise_std is None else dict(problem.noise_std),
-        "rule": {"levels": dict(levels) if isinstance(levels, Mapping) else levels, "span": problem.rule.span},
+        "rule": _rule_to_json(problem.rule),
         "output_covariance": problem.output_covariance,
         "parameters": list(problem.estimated),
         "kinks": problem.kinks,
         "rtol": problem.rtol,
     }
+
+
+def _prior_from_json(data: dict[str, Any]) -> GaussianPrior:
+    covariance = data.get("covariance")
+    return GaussianPrior(data["mean"], data["std"] if covariance is None else None, covariance=covariance, log=data.get("log", ()))
+
+
+def _rule_to_json(rule: Rule) -> dict[str, Any]:
+    kind = next(name for name, of_kind in RULES.items() if type(rule) is of_kind)
+    given = {field.name: getattr(rule, field.name) for field in fields(rule)}
+    return {"kind": kind} | {name: dict(value) if isinstance(value, Mapping) else value for name, value in given.items()}
+
+
+def _rule_from_json(data: dict[str, Any]) -> Rule:
+    arguments = dict(data)
+    kind = arguments.pop("kind", "tensor_grid")  # the only one that there was when files did not say which
+    if kind not in RULES:
+        raise ValueError(f"rule: expected one of {', '.join(RULES)}, given {kind!r}")
+    rule: Rule = RULES[kind](**arguments)
+    return rule
 
 
 def _constraint_not_saved(columns: Mapping[str, Array]) -> NDArray[np.bool_]:
@@ -202,10 +226,10 @@ def _problem_from_json(data: dict[str, Any]) -> DesignProblem:
     region = data["region"]
     return DesignProblem(
         MODELS[data["model"]["name"]](**data["model"]["constants"]),
-        GaussianPrior(data["prior"]["mean"], data["prior"]["std"]),
+        _prior_from_json(data["prior"]),
         region and ExperimentRegion(region["bounds"], [_constraint_not_saved if c is None else c for c in region["constraints"]]),
         noise_std=data["noise_std"],
-        rule=TensorGrid(data["rule"]["levels"], data["rule"]["span"]),
+        rule=_rule_from_json(data["rule"]),
         output_covariance=data["output_covariance"],
         parameters=data["parameters"],
         kinks=data["kinks"],

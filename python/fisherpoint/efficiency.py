@@ -68,11 +68,12 @@ def efficiency_of(
 ) -> Efficiency:
     """Collect the comparison of a design whose log dets under its criterion and under the noise are given."""
     p, n_y = len(problem.estimated), int(d.used.sum())
-    variances = problem.rule.variances(problem.prior)
-    shares = np.array([variances[name] for name in problem.estimated])
     bound = None
-    if d.kind == "pooled" and problem.noise_std is None and (shares > 0).all():
-        bound = float(p * np.log(2 * n_y / p) - np.log(shares).sum())
+    if d.kind == "pooled" and problem.noise_std is None:
+        rows = [problem.prior.names.index(name) for name in problem.estimated]
+        log_det_nodes = _core.log_det(problem.rule.second_moments(problem.prior, problem.estimated)[np.ix_(rows, rows)])
+        if np.isfinite(log_det_nodes):
+            bound = float(p * np.log(2 * n_y / p) - log_det_nodes)
     if under_noise is not None and noise_optimum is not None:
         noise_optimum = max(noise_optimum, under_noise)
     vs_random = d_efficiency(under_noise, random_median, p)

@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .experiments import Experiments
+from .predictive import linearized, predictive_covariance
 from .problem import DesignProblem
 from .quantity import Array, IntArray
-from .trajectories import Status, predictive_covariance, sensitivities
+from .rules import Linearized
+from .trajectories import Status, sensitivities
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +55,11 @@ def point_sensitivities(problem: DesignProblem, points: Experiments, threads: in
 
 
 def with_covariance(problem: DesignProblem, given: PointInformation, threads: int | None) -> tuple[PointInformation, IntArray]:
-    """The same points with their predictive covariances, and the statuses over the whole grid."""
+    """The same points with their predictive covariances, and the statuses over all nodes of the rule."""
+    if isinstance(problem.rule, Linearized):  # the sensitivities are there
+        correlation = problem.prior.marginal(problem.estimated).correlation
+        ok = np.zeros(len(given), dtype=np.int32)
+        return PointInformation(given.points, given.sensitivity, linearized(given.sensitivity, correlation, ok).covariance), ok
     result = predictive_covariance(
         problem.model, given.points, problem.prior, problem.rule, problem.rtol, threads, problem.kinks, problem.estimated
     )

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
-from .quantity import FrozenMapping, as_float, check_names
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .quantity import Array, FrozenMapping, as_float, as_floats_of_shape, check_names
+
+SINGULAR = 1e-12
+"""Smallest eigenvalue of a correlation matrix up to which it counts as singular."""
 
 
 class GaussianPrior:
-    """Independent normal distributions, eq. (11) and (12) with a negative exponent.
+    """Normal distributions, eq. (11) and (12) with a negative exponent; on request correlated, or log-normal.
 
     Parameters
     ----------
@@ -17,12 +23,19 @@ class GaussianPrior:
     std : mapping of parameter name to float, optional
         Standard deviations, SI units.
     relative_std : mapping of parameter name to float, optional
-        Standard deviations as shares of |mean|; give either this or `std`.
+        Standard deviations as shares of |mean|.
+    covariance : array_like, (p, p), optional
+        Covariance matrix in the order of the mean's names, in products of SI units, symmetric and positive definite. Give one of
+        `std`, `relative_std` and this.
+    log : iterable of str, optional
+        Names of parameters that can only be positive: their logarithms are the normal ones. `mean`, `std` and `covariance` remain
+        those of the parameter itself.
 
     Raises
     ------
     ValueError
-        Where names differ between the mappings, or a standard deviation is not positive and finite.
+        Where names differ between the mappings, a standard deviation is not positive and finite, the covariance is no covariance
+        matrix, the mean of a log-normal parameter is not positive, or log-normal parameters cannot have this covariance.
     """
 
     def __init__(
@@ -30,27 +43,39 @@ class GaussianPrior:
         mean: Mapping[str, float],
         std: Mapping[str, float] | None = None,
         relative_std: Mapping[str, float] | None = None,
+        *,
+        covariance: ArrayLike | None = None,
+        log: Iterable[str] = (),
     ) -> None:
-        if (std is None) == (relative_std is None):
-            given = "both" if std is not None else "neither"
-            raise ValueError(f"GaussianPrior: expected either std or relative_std, given {given}")
-        for label, given_mapping in (("mean", mean), ("std", std), ("relative_std", relative_std)):
-            if (given_mapping is not None or label == "mean") and not isinstance(given_mapping, Mapping):
-                raise TypeError(f"{label}: expected a mapping of names to numbers, given {type(given_mapping).__name__}")
+        spreads = {"std": std, "relative_std": relative_std, "covariance": covariance}
+        given = [label for label, spread in spreads.items() if spread is not None]
+        if len(given) != 1:
+            raise ValueError(f"GaussianPrior: expected one of std, relative_std, covariance; given {' and '.join(given) or 'none'}")
+        for label, mapping in (("mean", mean), ("std", std), ("relative_std", relative_std)):
+            if (mapping is not None or label == "mean") and not isinstance(mapping, Mapping):
+                raise TypeError(f"{label}: expected a mapping of names to numbers, given {type(mapping).__name__}")
         means = {name: as_float(value, f"mean[{name!r}]") for name, value in mean.items()}
         if not means:
             raise ValueError("mean: expected at least one parameter, given none")
-        spread, label = (std, "std") if std is not None else (relative_std or {}, "relative_std")
-        check_names(spread, means, label)
-        stds = {}
-        for name in means:
-            value = as_float(spread[name], f"{label}[{name!r}]")
-            stds[name] = value if std is not None else value * abs(means[name])
-            if not stds[name] > 0:
-                raise ValueError(
-                    f"{label}[{name!r}]: expected a positive standard deviation, given {value:g} (mean {means[name]:g})"
-                )
-        self._mean, self._std = FrozenMapping(means), FrozenMapping(stds)
+        self._mean = FrozenMapping(means)
+        if covariance is not None:
+            matrix = _checked_covariance(covariance, tuple(means))
+            stds = dict(zip(means, np.sqrt(np.diag(matrix)).tolist(), strict=True))
+        else:
+            stds = _stds(means, std if std is not None else relative_std or {}, given[0])
+            matrix = np.diag(np.square(list(stds.values())))
+        matrix.flags.writeable = False
+        self._std, self._covariance = FrozenMapping(stds), matrix
+        if isinstance(log, str) or not isinstance(log, Iterable):
+            raise TypeError(f"log: expected a sequence of names, given {log!r}")
+        chosen = tuple(log)
+        for name in chosen:
+            if name not in means:
+                raise ValueError(f"log: expected names of {', '.join(means)}; given unknown {name!r}")
+            if not means[name] > 0:
+                raise ValueError(f"log: expected a positive mean of {name!r}, given {means[name]:g}")
+        self._log = tuple(name for name in means if name in chosen)
+        self._normal_covariance = _normal_covariance(self)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -64,14 +89,122 @@ class GaussianPrior:
     def std(self) -> Mapping[str, float]:
         return self._std
 
+    @property
+    def covariance(self) -> Array:
+        """Covariance of the parameters in the order of `names`, (p, p), in products of SI units; read-only."""
+        return self._covariance
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation of the parameters in the order of `names`, (p, p)."""
+        return _correlation(self._covariance)
+
+    @property
+    def log(self) -> tuple[str, ...]:
+        """Names of the log-normal parameters."""
+        return self._log
+
+    @property
+    def correlated(self) -> bool:
+        """Whether any two parameters are."""
+        return bool(np.any(self._covariance != np.diag(np.diag(self._covariance))))
+
+    @property
+    def normal_covariance(self) -> Array:
+        """Covariance (p, p) of the normal variables: the parameters, but the logarithms of the log-normal ones."""
+        return self._normal_covariance
+
+    def marginal(self, names: Iterable[str]) -> GaussianPrior:
+        """Return the joint distribution of some of the parameters, in the given order."""
+        names = tuple(names)
+        mean, log = {name: self._mean[name] for name in names}, [name for name in names if name in self._log]
+        if not self.correlated:
+            return GaussianPrior(mean, {name: self._std[name] for name in names}, log=log)
+        rows = [self.names.index(name) for name in names]
+        return GaussianPrior(mean, covariance=self._covariance[np.ix_(rows, rows)], log=log)
+
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, GaussianPrior) and (self._mean, self._std) == (other._mean, other._std)
+        if not isinstance(other, GaussianPrior) or (self._mean, self._std) != (other._mean, other._std):
+            return False
+        rows = [other.names.index(name) for name in self.names]
+        return set(self._log) == set(other._log) and np.array_equal(self._covariance, other._covariance[np.ix_(rows, rows)])
 
     def __hash__(self) -> int:
-        return hash((tuple(self._mean.items()), tuple(self._std.items())))
+        return hash((self._mean, self._std, frozenset(self._log)))
 
     def __reduce__(self) -> tuple[object, ...]:
-        return (GaussianPrior, (dict(self._mean), dict(self._std)))
+        return (_prior, (dict(self._mean), dict(self._std), self._covariance if self.correlated else None, self._log))
 
     def __repr__(self) -> str:
-        return f"GaussianPrior(mean={dict(self._mean)!r}, std={dict(self._std)!r})"
+        spread = f"covariance={self._covariance.tolist()!r}" if self.correlated else f"std={dict(self._std)!r}"
+        log = f", log={list(self._log)!r}" if self._log else ""
+        return f"GaussianPrior(mean={dict(self._mean)!r}, {spread}{log})"
+
+
+def _prior(mean: dict[str, float], std: dict[str, float], covariance: Array | None, log: tuple[str, ...]) -> GaussianPrior:
+    return GaussianPrior(mean, std if covariance is None else None, covariance=covariance, log=log)
+
+
+def _stds(means: Mapping[str, float], spread: Mapping[str, float], label: str) -> dict[str, float]:
+    check_names(spread, means, label)
+    stds = {}
+    for name in means:
+        value = as_float(spread[name], f"{label}[{name!r}]")
+        stds[name] = value if label == "std" else value * abs(means[name])
+        if not stds[name] > 0:
+            raise ValueError(f"{label}[{name!r}]: expected a positive standard deviation, given {value:g} (mean {means[name]:g})")
+    return stds
+
+
+def _checked_covariance(given: ArrayLike, names: tuple[str, ...]) -> Array:
+    """A covariance matrix, made symmetric to the last bit."""
+    matrix = as_floats_of_shape(given, (len(names), len(names)), "covariance")
+    for name, variance in zip(names, np.diag(matrix), strict=True):
+        if not variance > 0:
+            raise ValueError(f"covariance: expected a positive variance of {name!r}, given {variance:g}")
+    correlation = _correlation(matrix)
+    i, j = np.unravel_index(np.argmax(np.abs(correlation - correlation.T)), correlation.shape)
+    if abs(correlation[i, j] - correlation[j, i]) > 1e-9:
+        raise ValueError(
+            f"covariance: expected a symmetric matrix, given {matrix[i, j]:g} for {names[i]!r} with {names[j]!r} and "
+            f"{matrix[j, i]:g} for the reverse"
+        )
+    symmetric = (matrix + matrix.T) / 2
+    _check_definite(symmetric, names, "covariance: expected a positive definite matrix")
+    return symmetric
+
+
+def _normal_covariance(prior: GaussianPrior) -> Array:
+    """Match the moments: ln(1 + C_ij / (m_i m_j)) for two log-normal parameters, C_ij / m_j for a normal and a log-normal one."""
+    covariance, names = prior.covariance, prior.names
+    is_log = np.array([name in prior.log for name in names])
+    relative = covariance / np.outer(*[np.where(is_log, list(prior.mean.values()), 1.0)] * 2)
+    both = np.outer(is_log, is_log)
+    if (relative[both] <= -1).any():
+        i, j = np.argwhere(both & (relative <= -1))[0]
+        raise ValueError(
+            f"log: expected a covariance of {names[i]!r} and {names[j]!r} above minus the product of their means, which no two "
+            f"log-normal parameters fall below; given {covariance[i, j]:g}"
+        )
+    normal: Array = np.where(both, np.log1p(np.where(both, relative, 0.0)), relative)
+    if prior.log:
+        _check_definite(normal, names, "log: expected parameters whose logarithms can have the given covariance")
+    normal.flags.writeable = False
+    return normal
+
+
+def _check_definite(matrix: Array, names: tuple[str, ...], expected: str) -> None:
+    values, vectors = np.linalg.eigh(_correlation(matrix))
+    if not values[0] > SINGULAR:
+        involved = [name for name, component in zip(names, vectors[:, 0], strict=True) if abs(component) > 0.1]
+        raise ValueError(
+            f"{expected}, given one that is not positive definite (smallest eigenvalue of the correlation {values[0]:.3g}, "
+            f"in {', '.join(involved)})"
+        )
+
+
+def _correlation(covariance: Array) -> Array:
+    std = np.sqrt(np.diag(covariance))
+    correlation: Array = covariance / np.outer(std, std)
+    np.fill_diagonal(correlation, 1.0)
+    return correlation

@@ -13,7 +13,7 @@ from .models import HydraulicCylinder
 from .prior import GaussianPrior
 from .quantity import Array, FrozenMapping, check_names, in_order, names_of
 from .region import ExperimentRegion
-from .rules import TensorGrid
+from .rules import Rule, SparseGaussHermite
 from .trajectories import check_kinks, check_rtol
 
 OUTPUT_COVARIANCES = ("noise", "region", "pooled", "pointwise")
@@ -32,8 +32,8 @@ class DesignProblem:
         None is enough to evaluate given points.
     noise_std : mapping of output name to float, optional
         Standard deviations of the sensor noise, SI units; R of (17) is their squares.
-    rule : TensorGrid
-        How expectations over the prior are taken.
+    rule : TensorGrid, GaussHermite, SparseGaussHermite, Sobol, Unscented or Linearized
+        How expectations over the prior are taken. Default: `SparseGaussHermite(2)`; the paper's cells are `TensorGrid()`.
     output_covariance : {"noise", "region", "pooled", "pointwise"}, optional
         D of (7): R alone; R plus the mean predictive covariance over a fixed sample of the region; R plus that over the
         design's points, (17); or R plus each point's own. Default: "noise" where `noise_std` is given, else "region".
@@ -54,14 +54,14 @@ class DesignProblem:
     prior: GaussianPrior
     region: ExperimentRegion | None
     noise_std: Mapping[str, float] | None = None
-    rule: TensorGrid = dataclasses.field(default_factory=TensorGrid)
+    rule: Rule = dataclasses.field(default_factory=SparseGaussHermite)
     output_covariance: str | None = None
     parameters: Sequence[str] | None = None
     kinks: str = "cross"
     rtol: float = 1e-6
 
     def __post_init__(self) -> None:
-        for name, kind in (("model", HydraulicCylinder), ("prior", GaussianPrior), ("rule", TensorGrid)):
+        for name, kind in (("model", HydraulicCylinder), ("prior", GaussianPrior), ("rule", Rule)):
             if not isinstance(getattr(self, name), kind):
                 raise TypeError(f"{name}: expected a {kind.__name__}, given {type(getattr(self, name)).__name__}")
         if self.region is not None and not isinstance(self.region, ExperimentRegion):
@@ -69,7 +69,7 @@ class DesignProblem:
         everything = names_of(self.model.parameters)
         check_names(self.prior.names, everything, "prior")
         self.model.theta(self.prior.mean)
-        self.rule.levels_of(self.prior)
+        self.rule.check(self.prior)
         check_kinks(self.kinks)
         check_rtol(self.rtol)
         if self.region is not None:

@@ -1,4 +1,4 @@
-"""Trajectories, sensitivities and predictive covariances of experiment points, computed by the core."""
+"""Trajectories and sensitivities of experiment points, computed by the core."""
 
 from __future__ import annotations
 
@@ -13,9 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from .experiments import Experiments
 from .kernels import kernels
 from .models import HydraulicCylinder
-from .prior import GaussianPrior
-from .quantity import Array, IntArray, as_float, check_names, check_positive_int, names_of
-from .rules import TensorGrid
+from .quantity import Array, IntArray, as_float, check_positive_int
 
 MAX_THREADS = 4096
 
@@ -67,13 +65,6 @@ class Sensitivities(NamedTuple):
     status: IntArray
 
 
-class PredictiveCovariance(NamedTuple):
-    """Predictive covariances (K, n_y, n_y) in squared output units, zero where the status (K,) is not ok."""
-
-    covariance: Array
-    status: IntArray
-
-
 def simulate(
     model: HydraulicCylinder,
     points: Experiments,
@@ -107,9 +98,9 @@ def simulate(
     ValueError
         For misuse, and for a point that starts on a switching surface, which is named.
     """
-    _check_type(model, HydraulicCylinder, "model")
+    check_type(model, HydraulicCylinder, "model")
     theta = model.theta(theta)
-    arguments = _checked(model, points, theta, rtol, threads, kinks)
+    arguments = checked_arguments(model, points, theta, rtol, threads, kinks)
     return Trajectories(*kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *arguments))
 
 
@@ -125,62 +116,14 @@ def sensitivities(
 
     Arguments and errors are those of `simulate`. The sensitivities take part in the error control, each column by its own size.
     """
-    _check_type(model, HydraulicCylinder, "model")
+    check_type(model, HydraulicCylinder, "model")
     theta = model.theta(theta)
-    arguments = _checked(model, points, theta, rtol, threads, kinks)
+    arguments = checked_arguments(model, points, theta, rtol, threads, kinks)
     return Sensitivities(*kernels.sensitivities(model.core, points.x0, points.u, points.dt, theta, *arguments))
 
 
-def predictive_covariance(
-    model: HydraulicCylinder,
-    points: Experiments,
-    prior: GaussianPrior,
-    rule: TensorGrid,
-    rtol: float = 1e-6,
-    threads: int | None = None,
-    kinks: str = "cross",
-    parameters: tuple[str, ...] | None = None,
-) -> PredictiveCovariance:
-    """Spread of the outputs over the prior, (14)-(16), around the output at the prior mean.
-
-    The nodes are worked through without storing them: memory does not grow with their number.
-
-    Parameters
-    ----------
-    model, points, rtol, threads, kinks
-        As in `simulate`.
-    prior : GaussianPrior
-    rule : TensorGrid
-    parameters : tuple of str, optional
-        Parameters that vary; the others stay at their mean. Default: all.
-
-    Returns
-    -------
-    PredictiveCovariance
-        A point of which any trajectory, nominal or on the grid, is not ok carries the status of the first such one.
-
-    Raises
-    ------
-    ValueError
-        As `simulate`.
-    """
-    _check_type(model, HydraulicCylinder, "model")
-    _check_type(prior, GaussianPrior, "prior")
-    _check_type(rule, TensorGrid, "rule")
-    names = names_of(model.parameters)
-    check_names(prior.names, names, "prior")
-    if isinstance(parameters, str) or any(name not in names for name in parameters or ()):
-        raise ValueError(f"parameters: expected a sequence of names of {', '.join(names)}; given {parameters!r}")
-    theta = model.theta({name: prior.mean[name] for name in names})
-    ordered = GaussianPrior({n: prior.mean[n] for n in names}, {n: prior.std[n] for n in names})
-    grid = rule.grid(ordered, parameters)
-    arguments = _checked(model, points, theta, rtol, threads, kinks)
-    return PredictiveCovariance(
-        *kernels.predictive_covariance(model.core, points.x0, points.u, points.dt, theta, grid, *arguments)[:2]
-    )
-
-
-def _check_type(given: object, expected: type, name: str) -> None:
+def check_type(given: object, expected: type, name: str) -> None:
+    """Raise TypeError where `given` is not of the `expected` type."""
     if not isinstance(given, expected):
         raise TypeError(f"{name}: expected {expected.__name__}, given {type(given).__name__}")
 
@@ -194,10 +137,11 @@ def resolve_threads(threads: int | None) -> int:
     return int(threads)
 
 
-def _checked(
+def checked_arguments(
     model: HydraulicCylinder, points: Experiments, theta: Array, rtol: float, threads: int | None, kinks: str
 ) -> tuple[float, bool, int]:
-    _check_type(points, Experiments, "points")
+    """Check points and settings; return the last three as the kernels take them."""
+    check_type(points, Experiments, "points")
     n_x, n_u = len(model.states), len(model.inputs)
     if points.x0.shape[1] != n_x:
         raise ValueError(f"x0: expected shape (K, {n_x}), given {points.x0.shape}")

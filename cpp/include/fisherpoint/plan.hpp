@@ -1,12 +1,11 @@
-// Plans the steps for all trajectories of one experiment point over a prior grid.
+// Plans the steps for all trajectories of one experiment point over the nodes of a prior.
 //
 // The kinks that do not depend on theta are met at the same times by all of them: the nominal trajectory tells where. Between
-// them, the number of equal steps is the smallest with which pilots, spread over the corners of the grid, reach the tolerance;
+// them, the number of equal steps is the smallest with which pilots, spread over the edge of the nodes, reach the tolerance;
 // their errors are seen from solutions with smaller steps.
 #pragma once
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -14,7 +13,7 @@
 
 #include "integrate.hpp"
 #include "points.hpp"
-#include "prior_grid.hpp"
+#include "prior_nodes.hpp"
 #include "replay.hpp"
 
 namespace fisherpoint {
@@ -31,22 +30,23 @@ struct Plan {
   }
 };
 
-// The mean, then a two-level fractional factorial over the outermost values of the axes: every combination of three
-// parameters' ends appears among the pilots as long as there are no more than 16 parameters.
+// Whose trajectories stand for those of all nodes: the mean's, then the nodes' own pilots.
+template <Model M>
 struct Pilots {
-  static constexpr int count = 32;
+  static constexpr int p = sizes<M>::parameters, most = 1 + PriorNodes::most_pilots;
+  int count = 1;
+  std::array<std::array<double, p>, most> theta;
 
-  // Whether parameter j is at its upper end in pilot k > 0: the parity of the bits of k that the parameter's mask picks. Masks
-  // of odd weight make every three of them independent.
-  static bool high(int k, int j) {
-    constexpr std::array<int, 16> masks = {1, 2, 4, 8, 16, 7, 11, 13, 14, 19, 21, 22, 25, 26, 28, 31};
-    return std::popcount(static_cast<unsigned>(k & masks[j % 16])) % 2 == 1;
+  Pilots(const double* mean, const PriorNodes& nodes) {
+    std::copy_n(mean, p, theta[0].begin());
+    const std::vector<double> others = nodes.pilots();
+    for (std::size_t at = 0; at + p <= others.size(); at += p) std::copy_n(others.begin() + at, p, theta[count++].begin());
   }
 };
 
 template <Model M, class P>
 class Planner {
-  static constexpr int n_x = sizes<M>::states, n_y = sizes<M>::outputs, p = sizes<M>::parameters;
+  static constexpr int n_x = sizes<M>::states, p = sizes<M>::parameters;
   static constexpr int width = lanes_of<P>::width, most_steps = 128;
   // Of the tolerance, what the errors of the pilots may be; those of other nodes may be a little larger.
   static constexpr double share = 0.5;
@@ -54,19 +54,15 @@ class Planner {
   static constexpr double slack = 4.0;
 
   struct Ends {
-    std::array<std::array<double, n_x>, Pilots::count> x;
-    std::array<bool, Pilots::count> clear;
+    std::array<std::array<double, n_x>, Pilots<M>::most> x;
+    std::array<bool, Pilots<M>::most> clear;
     double squared_error;  // the largest of those that are clear
   };
 
  public:
-  Planner(const M& model, const double* x0, const double* u, const double* mean, const PriorGrid& grid) : model_(model) {
+  // `pilots` must outlive the planner.
+  Planner(const M& model, const double* x0, const double* u, const Pilots<M>& pilots) : model_(model), pilots_(pilots) {
     for (int lane = 0; lane < width; ++lane) set_lane(x0_, lane, x0), set_lane(u_, lane, u);
-    for (int k = 0; k < Pilots::count; ++k)
-      for (int j = 0; j < p; ++j) {
-        const auto& values = grid.axes()[j].values;
-        theta_[k][j] = k == 0 ? mean[j] : Pilots::high(k, j) ? values.back() : values.front();
-      }
   }
 
   // `nominal`: the steps of the nominal trajectory, in lane 0. None where too many pilots are no trajectories, or no number of
@@ -112,7 +108,7 @@ class Planner {
     Plan<M> plan{stretches, std::max(slack * slack * end.squared_error, share * rtol * share * rtol)};
     std::array<double, sizes<M>::inputs> u;
     get_lane(u_, 0, u.data());
-    plan.nominal_y = to_array<double>(model_.output(end.x[0], u, theta_[0]));
+    plan.nominal_y = to_array<double>(model_.output(end.x[0], u, pilots_.theta[0]));
     return plan;
   }
 
@@ -155,13 +151,14 @@ class Planner {
 
   Ends ends(const std::vector<Stretch<M>>& stretches) const {
     Ends result{{}, {}, 0.0};
-    for (int first = 0; first < Pilots::count; first += width) {
+    for (int first = 0; first < pilots_.count; first += width) {
       std::array<P, p> theta;
-      for (int lane = 0; lane < width; ++lane) set_lane(theta, lane, theta_[std::min(first + lane, Pilots::count - 1)].data());
+      for (int lane = 0; lane < width; ++lane)
+        set_lane(theta, lane, pilots_.theta[std::min(first + lane, pilots_.count - 1)].data());
       const StateEquation<M, P> equation(model_, theta, u_);
       auto x = x0_;
       const auto replayed = Replay<M, P>(equation).run(x, stretches);
-      for (int lane = 0; lane < width && first + lane < Pilots::count; ++lane) {
+      for (int lane = 0; lane < width && first + lane < pilots_.count; ++lane) {
         get_lane(x, lane, result.x[first + lane].data());
         result.clear[first + lane] = lanes_of<P>::get(replayed.clear(), lane);
         if (result.clear[first + lane])
@@ -173,22 +170,22 @@ class Planner {
 
   // The largest difference between two solutions of the pilots that are clear in the finer one, in units of the states'
   // scales; infinite where these are few.
-  static double difference(const Ends& coarse, const Ends& fine) {
+  double difference(const Ends& coarse, const Ends& fine) const {
     double largest = 0;
     int compared = 0;
-    for (int k = 0; k < Pilots::count; ++k) {
+    for (int k = 0; k < pilots_.count; ++k) {
       if (!fine.clear[k]) continue;
       ++compared;
       if (!coarse.clear[k]) return std::numeric_limits<double>::infinity();
       for (int i = 0; i < n_x; ++i) largest = std::max(largest, std::abs(coarse.x[k][i] - fine.x[k][i]) / M::states[i].scale);
     }
-    return compared < Pilots::count / 4 ? std::numeric_limits<double>::infinity() : largest;
+    return compared < pilots_.count / 4 ? std::numeric_limits<double>::infinity() : largest;
   }
 
   const M& model_;
   std::array<P, n_x> x0_;
   std::array<P, sizes<M>::inputs> u_;
-  std::array<std::array<double, p>, Pilots::count> theta_;
+  const Pilots<M>& pilots_;
 };
 
 }  // namespace fisherpoint

@@ -1,5 +1,5 @@
-// Predictive covariances of experiment points over a prior grid, (14)-(16) with the weights divided by their sum: lanes = grid
-// nodes of one point, streamed.
+// Predictive covariances of experiment points over the nodes of a prior, (14)-(16) with the weights divided by their sum: lanes
+// = nodes of one point, streamed.
 #pragma once
 
 #include <atomic>
@@ -11,7 +11,7 @@
 #include "integrate.hpp"
 #include "plan.hpp"
 #include "points.hpp"
-#include "prior_grid.hpp"
+#include "prior_nodes.hpp"
 #include "replay.hpp"
 #include "sensitivity.hpp"
 #include "state_equation.hpp"
@@ -20,9 +20,10 @@
 namespace fisherpoint {
 
 struct PredictiveCovariances {
-  double* covariance;    // (count, n_y, n_y); zero where the status is not ok
-  Status* status;        // (count,): the nominal trajectory's, then that of the first node that is not ok
+  double* covariance;  // (count, n_y, n_y); zero where the status is not ok
+  Status* status;      // (count,): the nominal trajectory's, then that of the first node that is not ok where too much is lost
   std::int64_t* redone;  // (count,): nodes for which the plan did not do
+  double* lost;          // (count,): share of the absolute weight of nodes that are not ok; 1 where work ended at the first
   double* y = nullptr;   // (count, nodes, n_y) where the outputs are wanted too
 };
 
@@ -57,17 +58,26 @@ DeviationSum<n_y, double> sum_lanes(const DeviationSum<n_y, P>& packed) {
   return sum;
 }
 
-// What one chunk of the grid adds to the covariance of one point.
+// What one chunk of the nodes adds to the covariance of one point.
 template <int n_y>
 struct Chunk {
   DeviationSum<n_y, double> sum;
   Status status = Status::ok;  // of the first node that is not ok
   std::int64_t redone = 0;
+  double lost = 0.0, absolute_weight = 0.0;  // of the nodes that are not ok, and of all
+
+  void add(const Chunk& other) {
+    sum.add(other.sum);
+    if (status == Status::ok) status = other.status;
+    redone += other.redone;
+    lost += other.lost;
+    absolute_weight += other.absolute_weight;
+  }
 };
 
-// Where the trajectories of one point over the grid begin, and how they are computed.
+// Where the trajectories of one point over the prior begin, and how they are computed.
 template <Model M>
-struct PointOnGrid {
+struct PointOverPrior {
   const double *x0, *u;
   double dt;
   double first_step = 0.0;      // of the adaptive loop
@@ -75,21 +85,21 @@ struct PointOnGrid {
   std::array<double, sizes<M>::outputs> nominal_y;
 };
 
-// Integrates the lanes of positive duration adaptively and puts their ends into x; the status of the first that is not ok.
+// Integrates the lanes of positive duration adaptively and puts their ends into x; the statuses of the lanes.
 template <class Equation, class P>
-[[gnu::noinline]] Status redo(const Equation& equation, const Tolerance& tolerance, const typename Equation::State& start,
-                              const P& duration, const P& first_step, typename Equation::State& x) {
+[[gnu::noinline]] auto redo(const Equation& equation, const Tolerance& tolerance, const typename Equation::State& start,
+                            const P& duration, const P& first_step, typename Equation::State& x) {
   auto end = start;
   const auto outcome = Integrator(equation, tolerance).run(end, duration, first_step);
-  for (const Status status : outcome.status)
-    if (status != Status::ok) return status;
   for_each_index<Equation::states>([&](auto i) { x[i] = select(duration > P(0.0), end[i], x[i]); });
-  return Status::ok;
+  return outcome.status;
 }
 
+// With `strict` the work ends at the first node that is not ok; otherwise such nodes count with weight zero.
 template <class P, Model M>
-Chunk<sizes<M>::outputs> sum_over_nodes(const M& model, const PointOnGrid<M>& point, const PriorGrid& grid, std::size_t begin,
-                                        std::size_t end, const Tolerance& tolerance, double* y) {
+Chunk<sizes<M>::outputs> sum_over_nodes(const M& model, const PointOverPrior<M>& point, const PriorNodes& nodes,
+                                        std::size_t begin, std::size_t end, const Tolerance& tolerance, bool strict,
+                                        double* y) {
   constexpr int width = lanes_of<P>::width, n_y = sizes<M>::outputs;
   using Equation = StateEquation<M, P>;
   typename Equation::State start, x;
@@ -101,27 +111,34 @@ Chunk<sizes<M>::outputs> sum_over_nodes(const M& model, const PointOnGrid<M>& po
   DeviationSum<n_y, P> sum;
   sum.product.fill(P(0.0));
   sum.weight = P(0.0);
-  PriorGrid::Cursor node(grid, begin);
+  P absolute_weight(0.0);
+  const auto node = nodes.cursor(begin);
   for (std::size_t first = begin; first < end; first += width) {
     P weight(0.0), duration(0.0);
     for (int lane = 0; lane < width; ++lane) {
-      set_lane(theta, lane, node.theta());
+      set_lane(theta, lane, node->theta());
       if (first + lane >= end) continue;  // the lanes behind the last node rest with weight zero
-      lanes_of<P>::set(weight, lane, node.probability());
+      lanes_of<P>::set(weight, lane, node->weight());
       lanes_of<P>::set(duration, lane, point.dt);
-      if (first + lane + 1 < end) node.advance();
+      if (first + lane + 1 < end) node->advance();
     }
     const Equation equation(model, theta, input);
     x = start;
+    absolute_weight += abs(weight);
     auto believed = lanes_of<P>::none();
+    P lost(0.0);  // positive in the lanes that are
     if (point.plan) believed = point.plan->believed(Replay<M, P>(equation).run(x, point.plan->stretches));
     if (any(!believed & (duration > P(0.0)))) {
       duration = select(believed, P(0.0), duration);
       for (int lane = 0; lane < width; ++lane) chunk.redone += lanes_of<P>::get(duration, lane) > 0.0;
-      const Status status = redo(equation, tolerance, start, duration, P(point.first_step), x);
-      if (status != Status::ok) {
-        chunk.status = status;
-        return chunk;
+      const auto status = redo(equation, tolerance, start, duration, P(point.first_step), x);
+      for (int lane = 0; lane < width; ++lane) {
+        if (status[lane] == Status::ok) continue;
+        if (chunk.status == Status::ok) chunk.status = status[lane];
+        if (strict) return chunk;
+        chunk.lost += std::abs(lanes_of<P>::get(weight, lane));
+        lanes_of<P>::set(weight, lane, 0.0);
+        lanes_of<P>::set(lost, lane, 1.0);
       }
     }
     auto deviation = to_array<P>(model.output(x, input, theta));
@@ -133,21 +150,24 @@ Chunk<sizes<M>::outputs> sum_over_nodes(const M& model, const PointOnGrid<M>& po
       else
         deviation[i] = P(0.0);  // not even by the rounding of other steps
     });
+    if (chunk.lost > 0)  // where a trajectory has no end, there may be no output
+      for_each_index<n_y>([&](auto i) { deviation[i] = select(lost > P(0.0), P(0.0), deviation[i]); });
     sum.add(deviation, weight);
   }
   chunk.sum = sum_lanes<n_y>(sum);
+  for (int lane = 0; lane < width; ++lane) chunk.absolute_weight += lanes_of<P>::get(absolute_weight, lane);
   return chunk;
 }
 
 // The nominal trajectory and, where it is ok, the plan for the others.
 template <class P, Model M>
-Status prepare(const M& model, const double* mean, const PriorGrid& grid, const Tolerance& tolerance, PointOnGrid<M>& point) {
+Status prepare(const M& model, const Pilots<M>& pilots, const Tolerance& tolerance, PointOverPrior<M>& point) {
   using Equation = StateEquation<M, P>;
   typename Equation::State x;
   typename Equation::Input u;
   typename Equation::Theta theta;
   for (int lane = 0; lane < lanes_of<P>::width; ++lane)
-    set_lane(x, lane, point.x0), set_lane(u, lane, point.u), set_lane(theta, lane, mean);
+    set_lane(x, lane, point.x0), set_lane(u, lane, point.u), set_lane(theta, lane, pilots.theta[0].data());
   P duration(0.0);
   lanes_of<P>::set(duration, 0, point.dt);
   const Equation equation(model, theta, u);
@@ -156,30 +176,33 @@ Status prepare(const M& model, const double* mean, const PriorGrid& grid, const 
   if (outcome.status[0] != Status::ok) return outcome.status[0];
   point.first_step = lanes_of<P>::get(outcome.first_step, 0);
   get_lane(to_array<P>(model.output(x, u, theta)), 0, point.nominal_y.data());
-  point.plan = Planner<M, P>(model, point.x0, point.u, mean, grid).plan(steps, tolerance.relative);
+  point.plan = Planner<M, P>(model, point.x0, point.u, pilots).plan(steps, tolerance.relative);
   if (point.plan) point.nominal_y = point.plan->nominal_y;
   return Status::ok;
 }
 
+// Nodes that are not ok exclude their point where their share of the absolute weight exceeds `max_lost`; with 0 any one does.
 template <class P, Model M>
-void predictive_covariance_packs(const M& model, const Points& points, const double* nominal_theta, const PriorGrid& grid,
-                                 const Tolerance& tolerance, const Workers& workers, const PredictiveCovariances& out) {
+void predictive_covariance_packs(const M& model, const Points& points, const double* nominal_theta, const PriorNodes& nodes,
+                                 double max_lost, const Tolerance& tolerance, const Workers& workers,
+                                 const PredictiveCovariances& out) {
   constexpr int n_x = sizes<M>::states, n_u = sizes<M>::inputs, n_y = sizes<M>::outputs;
-  std::vector<PointOnGrid<M>> point(points.count);
+  const Pilots<M> pilots(nominal_theta, nodes);
+  std::vector<PointOverPrior<M>> point(points.count);
   workers.for_each(points.count, [&](std::size_t k) {
     point[k].x0 = points.x0 + k * n_x;
     point[k].u = points.u + k * n_u;
     point[k].dt = points.dt[k];
-    out.redone[k] = 0;
-    out.status[k] = prepare<P>(model, nominal_theta, grid, tolerance, point[k]);
+    out.status[k] = prepare<P>(model, pilots, tolerance, point[k]);
   });
 
-  // Chunks depend on the grid alone and are summed in their order, so that the result does not depend on the threads; they are
-  // worked off in batches, so that memory does not grow with the grid.
-  constexpr std::size_t nodes = 1024, batch = 4096;
-  const std::size_t chunks = (grid.size() + nodes - 1) / nodes, items = points.count * chunks;
-  std::vector<DeviationSum<n_y, double>> sum(points.count);
-  std::vector<std::atomic<std::size_t>> failed(points.count);  // first chunk that failed: later ones need not be done
+  // Chunks depend on the nodes alone and are summed in their order, so that the result does not depend on the threads; they are
+  // worked off in batches, so that memory does not grow with the number of nodes.
+  constexpr std::size_t chunk_nodes = 1024, batch = 4096;
+  const bool strict = max_lost == 0;
+  const std::size_t chunks = (nodes.size() + chunk_nodes - 1) / chunk_nodes, items = points.count * chunks;
+  std::vector<Chunk<n_y>> total(points.count);
+  std::vector<std::atomic<std::size_t>> failed(points.count);  // first chunk that ended early: later ones need not be done
   for (auto& chunk : failed) chunk = chunks;
   std::vector<Chunk<n_y>> part(std::min(batch, items));
   for (std::size_t from = 0; from < items; from += batch) {
@@ -187,32 +210,40 @@ void predictive_covariance_packs(const M& model, const Points& points, const dou
     workers.for_each(count, [&](std::size_t item) {
       const std::size_t k = (from + item) / chunks, c = (from + item) % chunks;
       if (out.status[k] != Status::ok || c > failed[k].load(std::memory_order_relaxed)) return;
-      part[item] = sum_over_nodes<P>(model, point[k], grid, c * nodes, std::min(grid.size(), (c + 1) * nodes), tolerance,
-                                     out.y ? out.y + k * grid.size() * n_y : nullptr);
-      if (part[item].status == Status::ok) return;
+      part[item] = sum_over_nodes<P>(model, point[k], nodes, c * chunk_nodes, std::min(nodes.size(), (c + 1) * chunk_nodes),
+                                     tolerance, strict, out.y ? out.y + k * nodes.size() * n_y : nullptr);
+      if (!strict || part[item].status == Status::ok) return;
       std::size_t known = failed[k].load();
       while (c < known && !failed[k].compare_exchange_weak(known, c)) {
       }
     });
     for (std::size_t item = 0; item < count; ++item) {
       const std::size_t k = (from + item) / chunks, c = (from + item) % chunks;
-      if (c < failed[k]) sum[k].add(part[item].sum), out.redone[k] += part[item].redone;
-      if (c == failed[k] && out.status[k] == Status::ok) out.status[k] = part[item].status;
+      if (out.status[k] == Status::ok && c <= failed[k]) total[k].add(part[item]);
     }
   }
   for (std::size_t k = 0; k < points.count; ++k) {
+    const Chunk<n_y>& all = total[k];
     double* covariance = out.covariance + k * n_y * n_y;
     std::fill_n(covariance, n_y * n_y, 0.0);
+    out.redone[k] = all.redone;
+    out.lost[k] = 1.0;
+    if (out.status[k] == Status::ok && strict) out.status[k] = all.status;
+    if (out.status[k] != Status::ok) continue;
+    out.lost[k] = all.lost / all.absolute_weight;
+    // Weights of both signs may leave nothing to divide by.
+    if (out.lost[k] > max_lost || !(all.sum.weight > 0)) out.status[k] = all.status;
     if (out.status[k] != Status::ok) continue;
     int at = 0;
     for (int i = 0; i < n_y; ++i)
-      for (int j = i; j < n_y; ++j) covariance[i * n_y + j] = covariance[j * n_y + i] = sum[k].product[at++] / sum[k].weight;
+      for (int j = i; j < n_y; ++j) covariance[i * n_y + j] = covariance[j * n_y + i] = all.sum.product[at++] / all.sum.weight;
   }
 }
 
 // Compiled once per model and instruction set (cpp/src/predictive_covariance.cpp).
 template <Model M>
-void predictive_covariance(const M& model, const Points& points, const double* nominal_theta, const PriorGrid& grid,
-                           const Tolerance& tolerance, const Workers& workers, const PredictiveCovariances& out);
+void predictive_covariance(const M& model, const Points& points, const double* nominal_theta, const PriorNodes& nodes,
+                           double max_lost, const Tolerance& tolerance, const Workers& workers,
+                           const PredictiveCovariances& out);
 
 }  // namespace fisherpoint

@@ -1,0 +1,29 @@
+"""How expectations over the prior are taken: rules that turn a prior into weighted nodes."""
+
+from .base import MAX_LOST_WEIGHT, Rule
+from .linearized import Linearized
+from .sobol import Sobol
+from .sparse import SparseGaussHermite, Unscented
+from .tensor import GaussHermite, TensorGrid
+
+RULES = {
+    "tensor_grid": TensorGrid,
+    "gauss_hermite": GaussHermite,
+    "sparse_gauss_hermite": SparseGaussHermite,
+    "sobol": Sobol,
+    "unscented": Unscented,
+    "linearized": Linearized,
+}
+"""The rules by the names that files call them."""
+
+__all__ = [
+    "MAX_LOST_WEIGHT",
+    "RULES",
+    "GaussHermite",
+    "Linearized",
+    "Rule",
+    "Sobol",
+    "SparseGaussHermite",
+    "TensorGrid",
+    "Unscented",
+]
