@@ -25,6 +25,17 @@ void run(int threads, const std::function<void(const Workers&)>& work) {
   }
 }
 
+Tolerance tolerance_of(double rtol, bool cross_kinks, const std::string& method) {
+  Tolerance tolerance{.relative = rtol, .cross_kinks = cross_kinks};
+  if (method == "RK45")
+    tolerance.method = MethodName::RK45;
+  else if (method == "DOP853")
+    tolerance.method = MethodName::DOP853;
+  else if (method != "fastest")
+    throw py::value_error("method: expected RK45, DOP853 or fastest, given " + method);
+  return tolerance;
+}
+
 template <Model M>
 Points checked_points(const Input& x0, const Input& u, const Input& dt) {
   const py::ssize_t count = dt.ndim() == 1 ? dt.shape(0) : -1;
@@ -49,7 +60,7 @@ void bind_model(py::module_& m) {
   m.def(
       "simulate",
       [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& theta, double rtol, bool cross_kinks,
-         int threads) {
+         const std::string& method, int threads) {
         const Points points = checked_points<M>(x0, u, dt);
         const auto count = static_cast<py::ssize_t>(points.count);
         const Parameters parameters = checked_parameters<M>(theta, count);
@@ -57,16 +68,16 @@ void bind_model(py::module_& m) {
         py::array_t<std::int32_t> status(count);
         const Trajectories out{x.mutable_data(), y.mutable_data(), reinterpret_cast<Status*>(status.mutable_data())};
         run(threads, [&](const Workers& workers) {
-          simulate(model, points, parameters, {.relative = rtol, .cross_kinks = cross_kinks}, workers, out);
+          simulate(model, points, parameters, tolerance_of(rtol, cross_kinks, method), workers, out);
         });
         return py::make_tuple(x, y, status);
       },
-      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "threads"_a);
+      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "method"_a, "threads"_a);
 
   m.def(
       "sensitivities",
       [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& theta, double rtol, bool cross_kinks,
-         int threads) {
+         const std::string& method, int threads) {
         const Points points = checked_points<M>(x0, u, dt);
         const auto count = static_cast<py::ssize_t>(points.count);
         const Parameters parameters = checked_parameters<M>(theta, count);
@@ -75,16 +86,16 @@ void bind_model(py::module_& m) {
         const SensitiveTrajectories out{x.mutable_data(), y.mutable_data(), dx.mutable_data(), dy.mutable_data(),
                                         reinterpret_cast<Status*>(status.mutable_data())};
         run(threads, [&](const Workers& workers) {
-          sensitivities(model, points, parameters, {.relative = rtol, .cross_kinks = cross_kinks}, workers, out);
+          sensitivities(model, points, parameters, tolerance_of(rtol, cross_kinks, method), workers, out);
         });
         return py::make_tuple(x, y, dx, dy, status);
       },
-      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "threads"_a);
+      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "method"_a, "threads"_a);
 
   m.def(
       "predictive_covariance",
       [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& nominal, const PriorNodes& nodes,
-         double rtol, bool cross_kinks, int threads, double max_lost, bool keep_outputs) {
+         double rtol, bool cross_kinks, const std::string& method, int threads, double max_lost, bool keep_outputs) {
         const Points points = checked_points<M>(x0, u, dt);
         const auto count = static_cast<py::ssize_t>(points.count);
         check_shape(nominal, {p}, "theta");
@@ -98,13 +109,13 @@ void bind_model(py::module_& m) {
         const PredictiveCovariances out{covariance.mutable_data(), reinterpret_cast<Status*>(status.mutable_data()),
                                         redone.mutable_data(), lost.mutable_data(), keep_outputs ? y.mutable_data() : nullptr};
         run(threads, [&](const Workers& workers) {
-          predictive_covariance(model, points, nominal.data(), nodes, max_lost, {.relative = rtol, .cross_kinks = cross_kinks},
+          predictive_covariance(model, points, nominal.data(), nodes, max_lost, tolerance_of(rtol, cross_kinks, method),
                                 workers, out);
         });
         return py::make_tuple(covariance, status, redone, y, lost);
       },
-      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "nodes"_a, "rtol"_a, "cross_kinks"_a, "threads"_a, "max_lost"_a = 0.0,
-      "keep_outputs"_a = false,
+      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "nodes"_a, "rtol"_a, "cross_kinks"_a, "method"_a, "threads"_a,
+      "max_lost"_a = 0.0, "keep_outputs"_a = false,
       "Predictive covariances, statuses, nodes for which the planned steps did not do, outputs (K, R, n_y) where kept, and the "
       "lost shares of the absolute weight.");
 }

@@ -8,7 +8,10 @@ template <Model M>
 void predictive_covariance(const M& model, const Points& points, const double* nominal_theta, const PriorNodes& nodes,
                            double max_lost, const Tolerance& tolerance, const Workers& workers,
                            const PredictiveCovariances& out) {
-  predictive_covariance_packs<Pack<native_lanes>>(model, points, nominal_theta, nodes, max_lost, tolerance, workers, out);
+  with_method(tolerance.method, [&]<class Method>(Method) {
+    predictive_covariance_packs<Pack<native_lanes>, Method>(model, points, nominal_theta, nodes, max_lost, tolerance, workers,
+                                                            out);
+  });
 }
 
 template void predictive_covariance(const HydraulicCylinder&, const Points&, const double*, const PriorNodes&, double,

@@ -7,7 +7,9 @@ namespace fisherpoint {
 template <Model M>
 void sensitivities(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
                    const Workers& workers, const SensitiveTrajectories& out) {
-  sensitivity_packs<Pack<native_lanes>, DormandPrince853>(model, points, parameters, tolerance, workers, out);
+  with_method(tolerance.method, [&]<class Method>(Method) {
+    sensitivity_packs<Pack<native_lanes>, Method>(model, points, parameters, tolerance, workers, out);
+  });
 }
 
 template void sensitivities(const HydraulicCylinder&, const Points&, const Parameters&, const Tolerance&, const Workers&,

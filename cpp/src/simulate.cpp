@@ -7,7 +7,9 @@ namespace fisherpoint {
 template <Model M>
 void simulate(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
               const Workers& workers, const Trajectories& out) {
-  simulate_packs<Pack<2 * native_lanes>, DormandPrince853>(model, points, parameters, tolerance, workers, out);
+  with_method(tolerance.method, [&]<class Method>(Method) {
+    simulate_packs<Pack<2 * native_lanes>, Method>(model, points, parameters, tolerance, workers, out);
+  });
 }
 
 template void simulate(const HydraulicCylinder&, const Points&, const Parameters&, const Tolerance&, const Workers&,

@@ -15,6 +15,7 @@ def predictive_covariance(
     nodes: fisherpoint._core.PriorNodes,
     rtol: typing.SupportsFloat | typing.SupportsIndex,
     cross_kinks: bool,
+    method: str,
     threads: typing.SupportsInt | typing.SupportsIndex,
     max_lost: typing.SupportsFloat | typing.SupportsIndex = 0.0,
     keep_outputs: bool = False,
@@ -37,6 +38,7 @@ def sensitivities(
     theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     rtol: typing.SupportsFloat | typing.SupportsIndex,
     cross_kinks: bool,
+    method: str,
     threads: typing.SupportsInt | typing.SupportsIndex,
 ) -> tuple[
     numpy.typing.NDArray[numpy.float64],
@@ -53,6 +55,7 @@ def simulate(
     theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     rtol: typing.SupportsFloat | typing.SupportsIndex,
     cross_kinks: bool,
+    method: str,
     threads: typing.SupportsInt | typing.SupportsIndex,
 ) -> tuple[
     numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int32]

@@ -57,6 +57,7 @@ def predictive_covariance(
     threads: int | None = None,
     kinks: str = "cross",
     parameters: tuple[str, ...] | None = None,
+    method: str | None = None,
 ) -> PredictiveCovariance:
     """Spread of the outputs over the prior, (14)-(16), around the output at the prior mean.
 
@@ -64,7 +65,7 @@ def predictive_covariance(
 
     Parameters
     ----------
-    model, points, rtol, threads, kinks
+    model, points, rtol, threads, kinks, method
         As in `simulate`.
     prior : GaussianPrior
     rule : TensorGrid, GaussHermite, SparseGaussHermite, Sobol, Unscented or Linearized
@@ -96,11 +97,11 @@ def predictive_covariance(
     ordered = prior.marginal(names)
     theta = model.theta({name: prior.mean[name] for name in names})
     if isinstance(rule, Linearized):
-        result = sensitivities(model, points, theta, rtol, threads, kinks)
+        result = sensitivities(model, points, theta, rtol, threads, kinks, method)
         scaled = result.dy_dtheta * np.array(list(ordered.std.values()))
         return linearized(scaled, rule.second_moments(ordered, varied), result.status)
     nodes = rule.core_nodes(ordered, varied)
-    settings = checked_arguments(model, points, theta, rtol, threads, kinks)
+    settings = checked_arguments(model, points, theta, rtol, threads, kinks, method)
     covariance, status, _, _, lost_weight = kernels.predictive_covariance(
         model.core, points.x0, points.u, points.dt, theta, nodes, *settings, max_lost=rule.max_lost_weight
     )

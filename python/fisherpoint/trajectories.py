@@ -72,6 +72,7 @@ def simulate(
     rtol: float = 1e-6,
     threads: int | None = None,
     kinks: str = "cross",
+    method: str | None = None,
 ) -> Trajectories:
     """Simulate experiment points, (14) and (15).
 
@@ -88,6 +89,8 @@ def simulate(
         Number of threads; the default is every core. The result does not depend on it.
     kinks : {"cross", "exclude"}
         Whether a kink is crossed by ending a step on it, or ends the trajectory as `Status.met_kink`.
+    method : {"RK45", "DOP853"}, optional
+        The Runge-Kutta method; the default is the faster one, which is DOP853 at every tolerance that was tried.
 
     Returns
     -------
@@ -100,7 +103,7 @@ def simulate(
     """
     check_type(model, HydraulicCylinder, "model")
     theta = model.theta(theta)
-    arguments = checked_arguments(model, points, theta, rtol, threads, kinks)
+    arguments = checked_arguments(model, points, theta, rtol, threads, kinks, method)
     return Trajectories(*kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *arguments))
 
 
@@ -111,14 +114,16 @@ def sensitivities(
     rtol: float = 1e-6,
     threads: int | None = None,
     kinks: str = "cross",
+    method: str | None = None,
 ) -> Sensitivities:
     """Simulate experiment points with the sensitivities of states and outputs, (8) and (9).
 
-    Arguments and errors are those of `simulate`. The sensitivities take part in the error control, each column by its own size.
+    Arguments and errors are those of `simulate`. The sensitivities take part in the error control, each column by its own size. Where
+    the status is not ok they are zero.
     """
     check_type(model, HydraulicCylinder, "model")
     theta = model.theta(theta)
-    arguments = checked_arguments(model, points, theta, rtol, threads, kinks)
+    arguments = checked_arguments(model, points, theta, rtol, threads, kinks, method)
     return Sensitivities(*kernels.sensitivities(model.core, points.x0, points.u, points.dt, theta, *arguments))
 
 
@@ -138,9 +143,15 @@ def resolve_threads(threads: int | None) -> int:
 
 
 def checked_arguments(
-    model: HydraulicCylinder, points: Experiments, theta: Array, rtol: float, threads: int | None, kinks: str
-) -> tuple[float, bool, int]:
-    """Check points and settings; return the last three as the kernels take them."""
+    model: HydraulicCylinder,
+    points: Experiments,
+    theta: Array,
+    rtol: float,
+    threads: int | None,
+    kinks: str,
+    method: str | None,
+) -> tuple[float, bool, str, int]:
+    """Check points and settings; return the settings as the kernels take them."""
     check_type(points, Experiments, "points")
     n_x, n_u = len(model.states), len(model.inputs)
     if points.x0.shape[1] != n_x:
@@ -151,7 +162,9 @@ def checked_arguments(
         raise ValueError(f"theta: expected {len(points)} rows, one for each point, given {len(theta)}")
     check_rtol(rtol)
     refuse_starts_on_surfaces(model, points, theta)
-    return float(rtol), check_kinks(kinks), resolve_threads(threads)
+    if method not in (None, "RK45", "DOP853"):
+        raise ValueError(f"method: expected 'RK45', 'DOP853' or None, given {method!r}")
+    return float(rtol), check_kinks(kinks), method or "fastest", resolve_threads(threads)
 
 
 def check_rtol(rtol: float) -> None:

@@ -26,7 +26,7 @@ TEST_CASE("a pack does what a double does, and lanes do not see each other") {
     duration.set(lane, lane == 1 ? 0.0 : 2.0 / (1 + lane));  // the second lane rests
   }
   const E equation(Oscillator{}, w, {P(0.0)});
-  const auto outcome = Integrator(equation, Tolerance{}).run(x, duration, P(0.0));
+  const auto outcome = Integrator<E, DormandPrince853>(equation, Tolerance{}).run(x, duration, P(0.0));
   for (int lane = 0; lane < P::width; ++lane) {
     const auto [alone, o] = run<P>(Oscillator{}, std::array{1.0, 0.5}, std::array{0.0}, duration[lane], std::array{w[0][lane]});
     const auto [scalar, s] =

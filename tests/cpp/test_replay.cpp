@@ -27,7 +27,7 @@ static auto replay(const M& model, const std::array<double, n_x>& x0, const std:
     for (std::size_t m = 0; m < start.size(); ++m) stretches[0].side[m] = start[m] < 0 ? -1 : 1;
   }
   const E equation(model, packed, {P(0.0)});
-  const auto replayed = Replay<M, P>(equation).run(x, stretches);
+  const auto replayed = Replay<M, P, DormandPrince853>(equation).run(x, stretches);
   return std::pair{x, replayed};
 }
 
@@ -85,7 +85,7 @@ static auto steps_of(const M& model, const std::array<double, n_x>& x0, double u
   for (std::size_t j = 0; j < p; ++j) packed[j] = P(theta[j]);
   std::vector<Step<Equation>> steps;
   const Equation equation(model, packed, {P(u)});
-  const auto outcome = Integrator<Equation>(equation, Tolerance{}).run(x, P(dt), P(0.0), &steps);
+  const auto outcome = Integrator<Equation, DormandPrince853>(equation, Tolerance{}).run(x, P(dt), P(0.0), &steps);
   REQUIRE(outcome.status[0] == Status::ok);
   return steps;
 }
@@ -96,8 +96,8 @@ TEST_CASE("a plan reaches the tolerance at every node, with steps that are not m
   const double mean = 1.7, dt = 5.0, u = 0;
   const std::array x0 = {1.0, 0.5};
   for (double rtol : {1e-4, 1e-6, 1e-9}) {
-    const auto plan =
-        Planner<Oscillator, P>({}, x0.data(), &u, &mean, grid).plan(steps_of(Oscillator{}, x0, u, dt, std::array{mean}), rtol);
+    const auto plan = Planner<Oscillator, P, DormandPrince853>({}, x0.data(), &u, &mean, grid)
+                          .plan(steps_of(Oscillator{}, x0, u, dt, std::array{mean}), rtol);
     REQUIRE(plan);
     REQUIRE(plan->stretches.size() == 1);
     const int steps = plan->stretches[0].steps;
@@ -121,7 +121,7 @@ TEST_CASE("a trajectory unlike the pilots is not believed") {
   const double mean = 1.7, dt = 5.0, u = 0;
   const std::array x0 = {1.0, 0.5};
   const auto steps = steps_of(Oscillator{}, x0, u, dt, std::array{mean});
-  const auto plan = Planner<Oscillator, P>({}, x0.data(), &u, &mean, PriorGrid(axes)).plan(steps, 1e-6);
+  const auto plan = Planner<Oscillator, P, DormandPrince853>({}, x0.data(), &u, &mean, PriorGrid(axes)).plan(steps, 1e-6);
   REQUIRE(plan);
   CHECK(!plan->believed(replay(Oscillator{}, x0, std::array{4.0}, dt, plan->stretches[0].steps).second)[0]);
 }
@@ -139,7 +139,7 @@ TEST_CASE("the spool's zero is where it is in closed form, and ends a stretch") 
   const double dt = 4e-3, zero = m.T_1 * std::log((0.5 + 0.3) / 0.5);
   const auto x = run<double>(m, x0, u, dt, cylinder_theta).first;
   const PriorGrid grid(cylinder_axes(0.1));
-  const Planner<HydraulicCylinder, P> planner(m, x0.data(), u.data(), cylinder_theta.data(), grid);
+  const Planner<HydraulicCylinder, P, DormandPrince853> planner(m, x0.data(), u.data(), cylinder_theta.data(), grid);
   const auto plan = planner.plan(steps_of(m, x0, u[0], dt, cylinder_theta), 1e-6);
   REQUIRE(plan);
   REQUIRE(plan->stretches.size() == 2);
@@ -152,8 +152,9 @@ TEST_CASE("the spool's zero is where it is in closed form, and ends a stretch") 
 
 TEST_CASE("a kink whose time depends on theta is not planned for") {
   using Spring = Ball<Kind::kink>;
-  static_assert(!Replay<Spring, P>::planned<0>());
-  static_assert(Replay<HydraulicCylinder, P>::planned<1>() && !Replay<HydraulicCylinder, P>::planned<0>());
+  static_assert(!Replay<Spring, P, DormandPrince853>::planned<0>());
+  static_assert(Replay<HydraulicCylinder, P, DormandPrince853>::planned<1>() &&
+                !Replay<HydraulicCylinder, P, DormandPrince853>::planned<0>());
   const std::array x0 = {-0.5, 2.0};
   const std::array mean = {1.0, 3.0};
   const double u = 0, dt = 1.0;
@@ -161,7 +162,7 @@ TEST_CASE("a kink whose time depends on theta is not planned for") {
   const auto steps = steps_of(Spring{}, x0, u, dt, mean);
   CHECK(steps.front().side[0][0] == -1.0);
   CHECK(steps.back().side[0][0] == 1.0);
-  CHECK(!Planner<Spring, P>({}, x0.data(), &u, mean.data(), grid).plan(steps, 1e-6));
+  CHECK(!Planner<Spring, P, DormandPrince853>({}, x0.data(), &u, mean.data(), grid).plan(steps, 1e-6));
 }
 
 TEST_CASE("the pilots hold every combination of three parameters' ends") {

@@ -13,8 +13,7 @@
 #include <limits>
 #include <vector>
 
-#include "dormand_prince.hpp"
-#include "dormand_prince_853.hpp"
+#include "method.hpp"
 #include "pack.hpp"
 #include "quartic.hpp"
 #include "runge_kutta.hpp"
@@ -27,6 +26,7 @@ struct Tolerance {
   double relative = 1e-6;    // of x(dt), in units of the states' scales
   int max_attempts = 20000;  // tried steps of one trajectory
   bool cross_kinks = true;   // false: a kink ends the trajectory as met_kink
+  MethodName method = MethodName::fastest;
 };
 
 // The local error of a step is held this far below the requested tolerance, so that the global error meets it.
@@ -46,7 +46,7 @@ struct Outcome {
   int attempts = 0;   // of the slowest lane
 };
 
-template <class Equation, class Method = DormandPrince853>
+template <class Equation, class Method>
 class Integrator {
   using P = typename Equation::Number;
   using Lanes = lanes_of<P>;

@@ -44,7 +44,7 @@ struct Pilots {
   }
 };
 
-template <Model M, class P>
+template <Model M, class P, class Method>
 class Planner {
   static constexpr int n_x = sizes<M>::states, p = sizes<M>::parameters;
   static constexpr int width = lanes_of<P>::width, most_steps = 128;
@@ -125,7 +125,7 @@ class Planner {
         bool fixed = true;
         for_each_index<sizes<M>::switching>([&](auto m) {
           const bool turned = !stretches.empty() && stretches.back().side[m] != side[m];
-          if (turned && !Replay<M, P>::template planned<m>()) fixed = false;
+          if (turned && !Replay<M, P, Method>::template planned<m>()) fixed = false;
         });
         if (!fixed) return {};
         stretches.push_back({0.0, 1, side});
@@ -157,7 +157,7 @@ class Planner {
         set_lane(theta, lane, pilots_.theta[std::min(first + lane, pilots_.count - 1)].data());
       const StateEquation<M, P> equation(model_, theta, u_);
       auto x = x0_;
-      const auto replayed = Replay<M, P>(equation).run(x, stretches);
+      const auto replayed = Replay<M, P, Method>(equation).run(x, stretches);
       for (int lane = 0; lane < width && first + lane < pilots_.count; ++lane) {
         get_lane(x, lane, result.x[first + lane].data());
         result.clear[first + lane] = lanes_of<P>::get(replayed.clear(), lane);

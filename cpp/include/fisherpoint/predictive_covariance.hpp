@@ -86,17 +86,17 @@ struct PointOverPrior {
 };
 
 // Integrates the lanes of positive duration adaptively and puts their ends into x; the statuses of the lanes.
-template <class Equation, class P>
+template <class Method, class Equation, class P>
 [[gnu::noinline]] auto redo(const Equation& equation, const Tolerance& tolerance, const typename Equation::State& start,
                             const P& duration, const P& first_step, typename Equation::State& x) {
   auto end = start;
-  const auto outcome = Integrator(equation, tolerance).run(end, duration, first_step);
+  const auto outcome = Integrator<Equation, Method>(equation, tolerance).run(end, duration, first_step);
   for_each_index<Equation::states>([&](auto i) { x[i] = select(duration > P(0.0), end[i], x[i]); });
   return outcome.status;
 }
 
 // With `strict` the work ends at the first node that is not ok; otherwise such nodes count with weight zero.
-template <class P, Model M>
+template <class P, class Method, Model M>
 Chunk<sizes<M>::outputs> sum_over_nodes(const M& model, const PointOverPrior<M>& point, const PriorNodes& nodes,
                                         std::size_t begin, std::size_t end, const Tolerance& tolerance, bool strict,
                                         double* y) {
@@ -127,11 +127,11 @@ Chunk<sizes<M>::outputs> sum_over_nodes(const M& model, const PointOverPrior<M>&
     absolute_weight += abs(weight);
     auto believed = lanes_of<P>::none();
     P lost(0.0);  // positive in the lanes that are
-    if (point.plan) believed = point.plan->believed(Replay<M, P>(equation).run(x, point.plan->stretches));
+    if (point.plan) believed = point.plan->believed(Replay<M, P, Method>(equation).run(x, point.plan->stretches));
     if (any(!believed & (duration > P(0.0)))) {
       duration = select(believed, P(0.0), duration);
       for (int lane = 0; lane < width; ++lane) chunk.redone += lanes_of<P>::get(duration, lane) > 0.0;
-      const auto status = redo(equation, tolerance, start, duration, P(point.first_step), x);
+      const auto status = redo<Method>(equation, tolerance, start, duration, P(point.first_step), x);
       for (int lane = 0; lane < width; ++lane) {
         if (status[lane] == Status::ok) continue;
         if (chunk.status == Status::ok) chunk.status = status[lane];
@@ -160,7 +160,7 @@ Chunk<sizes<M>::outputs> sum_over_nodes(const M& model, const PointOverPrior<M>&
 }
 
 // The nominal trajectory and, where it is ok, the plan for the others.
-template <class P, Model M>
+template <class P, class Method, Model M>
 Status prepare(const M& model, const Pilots<M>& pilots, const Tolerance& tolerance, PointOverPrior<M>& point) {
   using Equation = StateEquation<M, P>;
   typename Equation::State x;
@@ -172,17 +172,17 @@ Status prepare(const M& model, const Pilots<M>& pilots, const Tolerance& toleran
   lanes_of<P>::set(duration, 0, point.dt);
   const Equation equation(model, theta, u);
   std::vector<Step<Equation>> steps;
-  const auto outcome = Integrator(equation, tolerance).run(x, duration, P(0.0), &steps);
+  const auto outcome = Integrator<Equation, Method>(equation, tolerance).run(x, duration, P(0.0), &steps);
   if (outcome.status[0] != Status::ok) return outcome.status[0];
   point.first_step = lanes_of<P>::get(outcome.first_step, 0);
   get_lane(to_array<P>(model.output(x, u, theta)), 0, point.nominal_y.data());
-  point.plan = Planner<M, P>(model, point.x0, point.u, pilots).plan(steps, tolerance.relative);
+  point.plan = Planner<M, P, Method>(model, point.x0, point.u, pilots).plan(steps, tolerance.relative);
   if (point.plan) point.nominal_y = point.plan->nominal_y;
   return Status::ok;
 }
 
 // Nodes that are not ok exclude their point where their share of the absolute weight exceeds `max_lost`; with 0 any one does.
-template <class P, Model M>
+template <class P, class Method, Model M>
 void predictive_covariance_packs(const M& model, const Points& points, const double* nominal_theta, const PriorNodes& nodes,
                                  double max_lost, const Tolerance& tolerance, const Workers& workers,
                                  const PredictiveCovariances& out) {
@@ -193,7 +193,7 @@ void predictive_covariance_packs(const M& model, const Points& points, const dou
     point[k].x0 = points.x0 + k * n_x;
     point[k].u = points.u + k * n_u;
     point[k].dt = points.dt[k];
-    out.status[k] = prepare<P>(model, pilots, tolerance, point[k]);
+    out.status[k] = prepare<P, Method>(model, pilots, tolerance, point[k]);
   });
 
   // Chunks depend on the nodes alone and are summed in their order, so that the result does not depend on the threads; they are
@@ -210,8 +210,9 @@ void predictive_covariance_packs(const M& model, const Points& points, const dou
     workers.for_each(count, [&](std::size_t item) {
       const std::size_t k = (from + item) / chunks, c = (from + item) % chunks;
       if (out.status[k] != Status::ok || c > failed[k].load(std::memory_order_relaxed)) return;
-      part[item] = sum_over_nodes<P>(model, point[k], nodes, c * chunk_nodes, std::min(nodes.size(), (c + 1) * chunk_nodes),
-                                     tolerance, strict, out.y ? out.y + k * nodes.size() * n_y : nullptr);
+      part[item] =
+          sum_over_nodes<P, Method>(model, point[k], nodes, c * chunk_nodes, std::min(nodes.size(), (c + 1) * chunk_nodes),
+                                    tolerance, strict, out.y ? out.y + k * nodes.size() * n_y : nullptr);
       if (!strict || part[item].status == Status::ok) return;
       std::size_t known = failed[k].load();
       while (c < known && !failed[k].compare_exchange_weak(known, c)) {

@@ -9,7 +9,6 @@
 #include <array>
 #include <vector>
 
-#include "dormand_prince_853.hpp"
 #include "model.hpp"
 #include "pack.hpp"
 #include "runge_kutta.hpp"
@@ -35,9 +34,8 @@ struct Replayed {
   mask_of_lanes<P> clear() const { return (clearance > P(0.0)) & (squared_error < P(1e300)); }
 };
 
-template <Model M, class P>
+template <Model M, class P, class Method>
 class Replay {
-  using Method = DormandPrince853;
   using Equation = StateEquation<M, P>;
   using State = typename Equation::State;
   using Surfaces = typename Equation::Surfaces;
@@ -51,7 +49,7 @@ class Replay {
 
   FISHERPOINT_HOT Replayed<P> run(State& x, const std::vector<Stretch<M>>& stretches) {
     Replayed<P> outcome{P(1.0), P(0.0)};
-    State stage[last], ahead;
+    State stage[Method::stages], ahead;
     Surfaces value = f_.surface_values(x), rate = value;
     double previous = 0.0;  // the step before, whose end is checked with the slope that begins the next
     for (const Stretch<M>& stretch : stretches) {
@@ -69,11 +67,11 @@ class Replay {
           for_each_index<states>([&](auto i) { ahead[i] = x[i] + step * weighted_sum<s>(Method::a[s], stage, i); });
           f_.derivative(ahead, side, stage[s]);
         });
+        for_each_index<states>([&](auto i) { x[i] += step * weighted_sum<last>(Method::a[last], stage, i); });
+        if constexpr (end_counts<Method>()) f_.derivative(x, side, stage[last]);
         State error;
-        for_each_index<states>([&](auto i) {
-          error[i] = step * weighted_sum<last>(Method::error, stage, i);
-          x[i] += step * weighted_sum<last>(Method::a[last], stage, i);
-        });
+        for_each_index<states>(
+            [&](auto i) { error[i] = step * weighted_sum<last + end_counts<Method>()>(Method::error, stage, i); });
         outcome.squared_error += Equation::squared_size(error);
         previous = step;
       }
