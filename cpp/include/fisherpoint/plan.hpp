@@ -48,8 +48,6 @@ template <Model M, class P, class Method>
 class Planner {
   static constexpr int n_x = sizes<M>::states, p = sizes<M>::parameters;
   static constexpr int width = lanes_of<P>::width, most_steps = 128;
-  // Of the tolerance, what the errors of the pilots may be; those of other nodes may be a little larger.
-  static constexpr double share = 0.5;
   // Embedded errors of nodes may be so many times the pilots' largest.
   static constexpr double slack = 4.0;
 
@@ -81,7 +79,7 @@ class Planner {
       finer = ends(doubled);
       last_error = error;
       error = difference(end, finer);
-      if (error <= share * rtol) break;
+      if (error <= rtol) break;
       stretches = doubled;
       end = finer;
     }
@@ -91,13 +89,13 @@ class Planner {
       double longest = 0;
       for (const auto& stretch : stretches) longest = std::max(longest, stretch.duration / stretch.steps);
       std::vector<Stretch<M>> last;
-      for (double step = longest * std::pow(share * rtol / error, 1 / order); step > longest; step *= 0.92) {
+      for (double step = longest * std::pow(rtol / error, 1 / order); step > longest; step *= 0.92) {
         const std::vector<Stretch<M>> tried = divided(stretches, step);
         if (same_steps(tried, last)) continue;
         last = tried;
         if (total_steps(tried) >= total_steps(stretches)) break;
         const Ends reached = ends(tried);
-        if (difference(reached, finer) > share * rtol) continue;
+        if (difference(reached, finer) > rtol) continue;
         stretches = tried;
         end = reached;
         break;
@@ -105,7 +103,7 @@ class Planner {
     }
     if (!end.clear[0]) return std::nullopt;
     // What is estimated below the tolerance is believed in any case: the estimate is of a lower order.
-    Plan<M> plan{stretches, std::max(slack * slack * end.squared_error, share * rtol * share * rtol)};
+    Plan<M> plan{stretches, std::max(slack * slack * end.squared_error, rtol * rtol)};
     std::array<double, sizes<M>::inputs> u;
     get_lane(u_, 0, u.data());
     plan.nominal_y = to_array<double>(model_.output(end.x[0], u, pilots_.theta[0]));
