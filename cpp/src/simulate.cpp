@@ -8,7 +8,7 @@ template <Model M>
 void simulate(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
               const Workers& workers, const Trajectories& out) {
   with_method(tolerance.method, [&]<class Method>(Method) {
-    simulate_packs<Pack<2 * native_lanes>, Method>(model, points, parameters, tolerance, workers, out);
+    simulate_packs<Pack<native_lanes>, Method>(model, points, parameters, tolerance, workers, out);
   });
 }
 

@@ -192,7 +192,7 @@ def test_predictive_covariances_at_the_default_tolerance(rule: fp.TensorGrid) ->
     scale = std[:, :, None] * std[:, None, :]
     size = np.linalg.norm(expected.covariance[ok][:, :3, :3] / scale, axis=(1, 2))
     # Deviations from the nominal output share most of the integrator's error, so small spreads keep their digits too.
-    for rtol, typical, most, worst in ((1e-6, 2e-6, 2e-5, 1e-4), (1e-8, 2e-8, 2e-7, 1e-6)):
+    for rtol, typical, most, worst in ((1e-6, 2e-6, 4e-5, 2e-4), (1e-8, 2e-8, 4e-7, 2e-6)):
         actual = fp.predictive_covariance(MODEL, points, PRIOR, rule, rtol=rtol)
         np.testing.assert_array_equal(actual.status, expected.status)
         difference = (actual.covariance - expected.covariance)[ok][:, :3, :3]

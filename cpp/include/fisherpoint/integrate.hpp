@@ -46,6 +46,9 @@ struct Outcome {
   int attempts = 0;   // of the slowest lane
 };
 
+// A trajectory next to a limit leaves the domain if at its rate it would be there within this share of its duration.
+inline constexpr double brink = 1e-5;
+
 template <class Equation, class Method>
 class Integrator {
   using P = typename Equation::Number;
@@ -87,7 +90,7 @@ class Integrator {
     running_ = duration > P(0.0);
     time_ = P(0.0);
     cap_ = P(infinity);
-    rejected_ = Lanes::none();
+    rejected_ = broken_ = Lanes::none();
     value_ = f_.surface_values(y);
     // A start on a kink belongs to the side that it moves to; the sign of its rate needs some side first.
     for_each_index<switching>([&](auto m) { side_[m] = select(value_[m] < P(0.0), P(-1.0), P(1.0)); });
@@ -212,6 +215,7 @@ class Integrator {
     step_size_ = select(bad, min(grown, 0.9 * step_),
                         select(taken, select(step_ < step_size_, max(grown, step_size_), grown), step_size_));
     rejected_ = (bad | (rejected_ & !taken)) & running_;
+    broken_ = broken_ | (bad & !(squared_error_ < P(infinity)));
     cap_ = select(taken, P(infinity), select(bad, cap_, next_cap));
     outcome_.first_step = select(taken & (time_ <= zero), step_, outcome_.first_step);
 
@@ -227,6 +231,7 @@ class Integrator {
     if (steps_) steps_->push_back({select(taken, step_, zero), side_});
     running_ = running_ & !(taken & ends_);
     if (any(lands & taken & running_)) turn(y, landed, taken);
+    if (any(broken_ & running_)) approach_limits(duration);
   }
 
   // Moves the ends of steps that landed next to a kink onto it, along the slope there: an error of the second order.
@@ -282,18 +287,22 @@ class Integrator {
     stop(lanes & !by_jump, Status::left_domain);
   }
 
-  // No step is small enough. Steps shrink to nothing in front of a limit, past which the stages are NaN; the straight line
-  // from here then soon leaves the domain.
-  [[gnu::noinline]] void stop_stuck(const Mask& lanes) {
-    if (!any(lanes)) return;
-    Mask before_limit = Lanes::none();
+  // Past a limit the stages are NaN. Where that has happened, a step goes most of the way to where the straight line from here
+  // leaves the domain; what is next to it leaves.
+  [[gnu::noinline]] void approach_limits(const P& duration) {
+    P reach(infinity);
     for_each_index<surfaces>([&](auto m) {
-      if constexpr (m >= switching) before_limit = before_limit | (value_[m] + 1e4 * step_ * rate_[m] <= P(0.0));
+      if constexpr (m >= switching) reach = min(reach, select(rate_[m] < P(0.0), -value_[m] / rate_[m], P(infinity)));
     });
+    stop(broken_ & running_ & (reach <= brink * duration), Status::left_domain);
+    step_size_ = select(broken_, min(step_size_, 0.9 * reach), step_size_);
+  }
+
+  // No step is small enough.
+  [[gnu::noinline]] void stop_stuck(const Mask& lanes) {
     const Mask finite = squared_error_ < P(infinity);
-    stop(lanes & before_limit, Status::left_domain);
     stop(lanes & finite & running_, Status::step_limit);
-    stop(lanes & running_, Status::not_finite);
+    stop(lanes & !finite & running_, Status::not_finite);
   }
 
   const Equation& f_;
@@ -305,6 +314,7 @@ class Integrator {
 
   // Where the lanes are.
   Mask running_, rejected_;   // rejected: the last try failed its error test
+  Mask broken_;               // a try was not finite
   P time_, step_size_, cap_;  // cap: a limit for the next try alone
   typename Equation::Side side_;
   Surfaces value_, rate_;  // of the surfaces at the start of the step, rates per second
