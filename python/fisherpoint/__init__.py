@@ -1,5 +1,6 @@
 """Which short experiments to run so that the parameters of a nonlinear state space model come out as precise as possible."""
 
+from .comparison import RuleComparison, compare_rules
 from .constraints import Constraint
 from .design import Design, ExchangeSettings, TraceRecord
 from .efficiency import Efficiency
@@ -41,6 +42,7 @@ __all__ = [
     "Progress",
     "Quantity",
     "Rule",
+    "RuleComparison",
     "Sensitivities",
     "Sobol",
     "SparseGaussHermite",
@@ -50,6 +52,7 @@ __all__ = [
     "Trajectories",
     "Unscented",
     "available_isas",
+    "compare_rules",
     "evaluate_design",
     "evaluate_under_noise",
     "exchange",

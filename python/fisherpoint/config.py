@@ -9,134 +9,41 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from itertools import combinations
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError, model_validator
-from pydantic_core import PydanticCustomError
+import numpy as np
+from pydantic import BaseModel, Field, PrivateAttr, ValidationError, model_validator
 
 import fisherpoint as fp
 
 from .config_messages import ConfigError, describe, fail, listed, toml, unknown_key
+from .config_tables import (
+    Bounds,
+    Constant,
+    Correlation,
+    DesignTable,
+    ModelTable,
+    NoiseStd,
+    PriorEntry,
+    RegionTable,
+    RuleTable,
+    Table,
+)
 from .models import MODELS
 
 __all__ = ["Config", "ConfigError", "load_config"]
 
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Count = Annotated[int, Field(ge=1)]
-
-
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-class Constant(_Table):
-    """A known constant of the model: a bare number or ``{value, unit}``."""
-
-    value: Number
-    unit: str | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _bare_number(cls, given: Any) -> Any:
-        if _is_number(given):
-            return {"value": given}
-        if not isinstance(given, dict):
-            raise PydanticCustomError("expected", 'a number or {value = ..., unit = "..."}')
-        return given
-
-
-class NoiseStd(Constant):
-    """Standard deviation of one sensor: a bare number or ``{value, unit}``."""
-
-    value: Positive
-
-
-class PriorEntry(_Table):
-    """Mean and standard deviation of one parameter before any experiment."""
-
-    mean: Number
-    std: Positive | None = None
-    relative_std: Positive | None = None
-    unit: str | None = None
-
-    @model_validator(mode="after")
-    def _exactly_one_std(self) -> PriorEntry:
-        if (self.std is None) == (self.relative_std is None):
-            raise PydanticCustomError("expected", "exactly one of std and relative_std")
-        return self
-
-
-class Bounds(_Table):
-    """Range of one state, input or of dt: a bare pair or ``{bounds, unit}``; equal bounds fix the value."""
-
-    bounds: list[Number]
-    unit: str | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _bare_pair(cls, given: Any) -> Any:
-        if isinstance(given, list):
-            return {"bounds": given}
-        if not isinstance(given, dict):
-            raise PydanticCustomError("expected", 'a pair [lower, upper] or {bounds = [lower, upper], unit = "..."}')
-        return given
-
-
-class ModelTable(_Table):
-    """Which model, and its known constants where they differ from the defaults."""
-
-    name: str
-    constants: dict[str, Constant] = {}
-
-
-class RegionTable(_Table):
-    """Bounds of every state, every input and dt, by name, and constraints between them."""
-
-    model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, Bounds] = Field(init=False)
-    constraints: list[str] = []
-
-    @property
-    def bounds(self) -> dict[str, Bounds]:
-        return self.__pydantic_extra__
-
-
-class RuleTable(_Table):
-    """The grid over the prior, (11)-(13)."""
-
-    kind: Literal["tensor_grid"] = "tensor_grid"
-    levels: Count | dict[str, Count] | None = None
-    span: Positive | None = None
-
-
-class DesignTable(_Table):
-    """What is optimised and for how long; what is left out takes the library's default."""
-
-    n_experiments: Count | None = None
-    n_candidates: Count | None = None
-    max_iterations: Count | None = None
-    seed: Annotated[int, Field(ge=0)] | None = None
-    patience: Count | None = None
-    time_limit: Positive | None = None
-    output_covariance: Literal["noise", "region", "pooled", "pointwise"] | None = None
-    parameters: Annotated[list[str], Field(min_length=1)] | None = None
-    kinks: Literal["cross", "exclude"] | None = None
-
-
 _PROBLEM_KEYS = {"output_covariance", "parameters", "kinks"}
 
 
-class Config(_Table):
+class Config(Table):
     """A whole configuration file; made by :func:`load_config`."""
 
     model: ModelTable
     prior: dict[str, PriorEntry]
+    prior_correlation: dict[str, Correlation] = Field(default_factory=dict)
     noise_std: dict[str, NoiseStd] | None = None
     region: RegionTable | None = None
     rule: RuleTable = RuleTable()
@@ -163,11 +70,18 @@ class Config(_Table):
                 if len(pair) != 2 or pair[0] > pair[1]:
                     fail(f"region.{name}.bounds: expected [lower, upper] with lower <= upper, given {toml(pair)}")
         parameters = [quantity.name for quantity in model.parameters]
-        if isinstance(self.rule.levels, dict):
-            _check_names("rule.levels", self.rule.levels, parameters)
-            for name in parameters:
-                if name not in self.rule.levels:
-                    fail(f"rule.levels.{name}: missing; expected a whole number, 1 to keep the parameter at its mean")
+        pairs = [self._pair(key, parameters) for key in self.prior_correlation]
+        for first, second in combinations(pairs, 2):
+            if set(first) == set(second):
+                fail(f'prior_correlation."{", ".join(second)}": expected each pair once, given twice')
+        by_name = {"levels": "a whole number, 1 to keep the parameter at its mean", "edges": "a list of ascending numbers"}
+        for key, expected in by_name.items():
+            given = getattr(self.rule, key)
+            if isinstance(given, dict):
+                _check_names(f"rule.{key}", given, parameters)
+                for name in parameters:
+                    if name not in given:
+                        fail(f"rule.{key}.{name}: missing; expected {expected}")
         for name in self.design.parameters or ():
             if name not in parameters:
                 fail(f"design.parameters: expected names out of {listed(parameters, name)}, given {toml(name)}")
@@ -181,15 +95,27 @@ class Config(_Table):
     def build_prior(self) -> fp.GaussianPrior:
         """The prior, in the model's order of parameters."""
         names = [quantity.name for quantity in MODELS[self.model.name]().parameters]
-        entries = {name: self.prior[name] for name in names}
+        entries = [self.prior[name] for name in names]
+        mean = {name: entry.mean for name, entry in zip(names, entries, strict=True)}
+        std = [entry.std if entry.std is not None else (entry.relative_std or 0.0) * abs(entry.mean) for entry in entries]
+        log = [name for name, entry in zip(names, entries, strict=True) if entry.log]
         with self._names_key("prior"):
-            return fp.GaussianPrior(
-                mean={name: entry.mean for name, entry in entries.items()},
-                std={
-                    name: entry.std if entry.std is not None else (entry.relative_std or 0.0) * abs(entry.mean)
-                    for name, entry in entries.items()
-                },
-            )
+            if not self.prior_correlation:
+                return fp.GaussianPrior(mean, std=dict(zip(names, std, strict=True)), log=log)
+            covariance = np.diag(np.square(std))
+            for key, correlation in self.prior_correlation.items():
+                i, j = (names.index(name) for name in self._pair(key, names))
+                covariance[i, j] = covariance[j, i] = correlation * std[i] * std[j]
+            return fp.GaussianPrior(mean, covariance=covariance, log=log)
+
+    @staticmethod
+    def _pair(key: str, parameters: list[str]) -> tuple[str, str]:
+        """The two parameters that a key of [prior_correlation] names."""
+        names = [name.strip() for name in key.split(",")]
+        if len(names) != 2 or names[0] == names[1]:
+            fail(f'prior_correlation."{key}": expected two parameters, as in "{parameters[-2]}, {parameters[-1]}"')
+        _check_names("prior_correlation", names, parameters)
+        return names[0], names[1]
 
     def problem(self) -> fp.DesignProblem:
         """The design problem that the file describes.
@@ -210,7 +136,7 @@ class Config(_Table):
             with self._names_key("region"):
                 region = fp.ExperimentRegion(bounds, constraints=self.region.constraints)
         with self._names_key("rule"):
-            rule = fp.TensorGrid(**self.rule.model_dump(exclude={"kind"}, exclude_none=True))
+            rule = self.rule.build()
         noise_std = None if self.noise_std is None else {name: entry.value for name, entry in self.noise_std.items()}
         with self._names_key("design"):
             return fp.DesignProblem(

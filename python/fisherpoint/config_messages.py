@@ -28,6 +28,7 @@ _EXPECTED = {
     "model_type": "a table",
     "finite_number": "a finite number",
     "greater_than": "a number > {gt:g}",
+    "less_than": "a number < {lt:g}",
     "greater_than_equal": "a number >= {ge:g}",
     "literal_error": "{expected}",
     "too_short": "at least {min_length} entries",
@@ -63,13 +64,15 @@ def _describe(problem: ErrorDetails, keys_of: KeysOf) -> str:
     expected = _EXPECTED.get(kind, "{message}").format(message=problem["msg"], **context).replace("'", '"')
     if key.startswith("rule.levels") and kind in ("int_type", "dict_type"):
         expected = "a whole number, or one for each parameter by name"
+    if key.startswith("rule.edges") and kind in ("list_type", "dict_type"):
+        expected = "a list of ascending numbers, or one for each parameter by name"
     return f"{key}: expected {expected}, given {toml(problem['input'])}"
 
 
 def _place(problem: ErrorDetails) -> tuple[str, ...]:
     """Where a problem is, without the names that pydantic adds for the members of a union."""
     parts = [part for part in problem["loc"] if isinstance(part, str)]
-    return tuple(part for part in parts if part != "int" and not part.startswith(("dict[", "constrained-")))
+    return tuple(part for part in parts if part != "int" and not part.startswith(("dict[", "list[", "constrained-")))
 
 
 def fail(text: str) -> NoReturn:

@@ -37,7 +37,7 @@ class Coordinates:
 
 def cholesky_coordinates(prior: GaussianPrior, varied: Iterable[str]) -> Coordinates:
     """By the Cholesky factor: the first parameter has the first coordinate alone, the second the first two, and so on."""
-    return _coordinates(prior, tuple(varied), lambda correlation: np.linalg.cholesky(correlation))
+    return _coordinates(prior, tuple(varied), _cholesky)
 
 
 def principal_coordinates(prior: GaussianPrior, varied: Iterable[str]) -> Coordinates:
@@ -49,7 +49,7 @@ def correlated_groups(prior: GaussianPrior, varied: Iterable[str]) -> list[tuple
     """Parameters that hang together by correlations, directly or through others, in the prior's order."""
     names = [name for name in prior.names if name in set(varied)]
     rows = [prior.names.index(name) for name in names]
-    joined = prior.covariance[np.ix_(rows, rows)] != 0
+    joined = prior.correlation[np.ix_(rows, rows)] != 0
     for _ in names:
         joined = joined @ joined
     groups = {tuple(np.flatnonzero(row).tolist()) for row in joined}
@@ -64,16 +64,18 @@ def _coordinates(prior: GaussianPrior, varied: tuple[str, ...], factor: Callable
     # Group by group: a factor of the whole would mix coordinates that have nothing to do with each other.
     for group in correlated_groups(prior, varied):
         rows = [names.index(name) for name in group]
-        covariance = prior.normal_covariance[np.ix_(rows, rows)]
-        std = np.array([prior.std[name] if name not in prior.log else np.sqrt(covariance[i, i]) for i, name in enumerate(group)])
+        std = prior.normal_std[rows]
         if len(group) == 1:
             matrix[rows[0], rows[0]] = std[0]
         else:
             diagonal = False
-            matrix[np.ix_(rows, rows)] = std[:, None] * factor(covariance / np.outer(std, std))
-    variances = np.diag(prior.normal_covariance)
-    center[exponential] = np.log(center[exponential]) - variances[exponential] / 2
+            matrix[np.ix_(rows, rows)] = std[:, None] * factor(prior.normal_correlation[np.ix_(rows, rows)])
+    center[exponential] = np.log(center[exponential]) - prior.normal_std[exponential] ** 2 / 2
     return Coordinates(center, matrix, exponential, diagonal)
+
+
+def _cholesky(correlation: Array) -> Array:
+    return np.asarray(np.linalg.cholesky(correlation), dtype=np.float64)
 
 
 def _principal_axes(correlation: Array) -> Array:

@@ -49,8 +49,11 @@ class GaussianPrior:
     ) -> None:
         spreads = {"std": std, "relative_std": relative_std, "covariance": covariance}
         given = [label for label, spread in spreads.items() if spread is not None]
-        if len(given) != 1:
-            raise ValueError(f"GaussianPrior: expected one of std, relative_std, covariance; given {' and '.join(given) or 'none'}")
+        if not given or given == ["std", "relative_std"]:
+            which = "both" if given else "neither, nor a covariance"
+            raise ValueError(f"GaussianPrior: expected either std or relative_std, given {which}")
+        if len(given) > 1:
+            raise ValueError(f"covariance: expected no {' or '.join(given[:-1])} beside it, given both")
         for label, mapping in (("mean", mean), ("std", std), ("relative_std", relative_std)):
             if (mapping is not None or label == "mean") and not isinstance(mapping, Mapping):
                 raise TypeError(f"{label}: expected a mapping of names to numbers, given {type(mapping).__name__}")
@@ -58,14 +61,14 @@ class GaussianPrior:
         if not means:
             raise ValueError("mean: expected at least one parameter, given none")
         self._mean = FrozenMapping(means)
-        if covariance is not None:
-            matrix = _checked_covariance(covariance, tuple(means))
-            stds = dict(zip(means, np.sqrt(np.diag(matrix)).tolist(), strict=True))
-        else:
+        self._covariance = None if covariance is None else _checked_covariance(covariance, tuple(means))
+        if self._covariance is None:
             stds = _stds(means, std if std is not None else relative_std or {}, given[0])
-            matrix = np.diag(np.square(list(stds.values())))
-        matrix.flags.writeable = False
-        self._std, self._covariance = FrozenMapping(stds), matrix
+            self._correlation = np.eye(len(means))
+        else:
+            stds = dict(zip(means, np.sqrt(np.diag(self._covariance)).tolist(), strict=True))
+            self._correlation = _correlation(self._covariance)
+        self._std = FrozenMapping(stds)
         if isinstance(log, str) or not isinstance(log, Iterable):
             raise TypeError(f"log: expected a sequence of names, given {log!r}")
         chosen = tuple(log)
@@ -75,7 +78,9 @@ class GaussianPrior:
             if not means[name] > 0:
                 raise ValueError(f"log: expected a positive mean of {name!r}, given {means[name]:g}")
         self._log = tuple(name for name in means if name in chosen)
-        self._normal_covariance = _normal_covariance(self)
+        self._normal_std, self._normal_correlation = _normal_moments(self)
+        for array in (self._correlation, self._normal_std, self._normal_correlation):
+            array.flags.writeable = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -91,13 +96,15 @@ class GaussianPrior:
 
     @property
     def covariance(self) -> Array:
-        """Covariance of the parameters in the order of `names`, (p, p), in products of SI units; read-only."""
-        return self._covariance
+        """Covariance of the parameters in the order of `names`, (p, p), in products of SI units."""
+        if self._covariance is not None:
+            return self._covariance.copy()
+        return np.diag(np.square(list(self._std.values())))
 
     @property
     def correlation(self) -> Array:
-        """Correlation of the parameters in the order of `names`, (p, p)."""
-        return _correlation(self._covariance)
+        """Correlation of the parameters in the order of `names`, (p, p); read-only."""
+        return self._correlation
 
     @property
     def log(self) -> tuple[str, ...]:
@@ -107,18 +114,23 @@ class GaussianPrior:
     @property
     def correlated(self) -> bool:
         """Whether any two parameters are."""
-        return bool(np.any(self._covariance != np.diag(np.diag(self._covariance))))
+        return bool(np.any(self._correlation != np.eye(len(self._correlation))))
 
     @property
-    def normal_covariance(self) -> Array:
-        """Covariance (p, p) of the normal variables: the parameters, but the logarithms of the log-normal ones."""
-        return self._normal_covariance
+    def normal_std(self) -> Array:
+        """Standard deviations (p,) of the normal variables: the parameters, but the logarithms of the log-normal ones."""
+        return self._normal_std
+
+    @property
+    def normal_correlation(self) -> Array:
+        """Correlation (p, p) of the normal variables; read-only."""
+        return self._normal_correlation
 
     def marginal(self, names: Iterable[str]) -> GaussianPrior:
         """Return the joint distribution of some of the parameters, in the given order."""
         names = tuple(names)
         mean, log = {name: self._mean[name] for name in names}, [name for name in names if name in self._log]
-        if not self.correlated:
+        if self._covariance is None:
             return GaussianPrior(mean, {name: self._std[name] for name in names}, log=log)
         rows = [self.names.index(name) for name in names]
         return GaussianPrior(mean, covariance=self._covariance[np.ix_(rows, rows)], log=log)
@@ -127,16 +139,16 @@ class GaussianPrior:
         if not isinstance(other, GaussianPrior) or (self._mean, self._std) != (other._mean, other._std):
             return False
         rows = [other.names.index(name) for name in self.names]
-        return set(self._log) == set(other._log) and np.array_equal(self._covariance, other._covariance[np.ix_(rows, rows)])
+        return set(self._log) == set(other._log) and np.array_equal(self._correlation, other._correlation[np.ix_(rows, rows)])
 
     def __hash__(self) -> int:
         return hash((self._mean, self._std, frozenset(self._log)))
 
     def __reduce__(self) -> tuple[object, ...]:
-        return (_prior, (dict(self._mean), dict(self._std), self._covariance if self.correlated else None, self._log))
+        return (_prior, (dict(self._mean), dict(self._std), self._covariance, self._log))
 
     def __repr__(self) -> str:
-        spread = f"covariance={self._covariance.tolist()!r}" if self.correlated else f"std={dict(self._std)!r}"
+        spread = f"std={dict(self._std)!r}" if self._covariance is None else f"covariance={self._covariance.tolist()!r}"
         log = f", log={list(self._log)!r}" if self._log else ""
         return f"GaussianPrior(mean={dict(self._mean)!r}, {spread}{log})"
 
@@ -174,23 +186,23 @@ def _checked_covariance(given: ArrayLike, names: tuple[str, ...]) -> Array:
     return symmetric
 
 
-def _normal_covariance(prior: GaussianPrior) -> Array:
+def _normal_moments(prior: GaussianPrior) -> tuple[Array, Array]:
     """Match the moments: ln(1 + C_ij / (m_i m_j)) for two log-normal parameters, C_ij / m_j for a normal and a log-normal one."""
-    covariance, names = prior.covariance, prior.names
-    is_log = np.array([name in prior.log for name in names])
-    relative = covariance / np.outer(*[np.where(is_log, list(prior.mean.values()), 1.0)] * 2)
-    both = np.outer(is_log, is_log)
-    if (relative[both] <= -1).any():
-        i, j = np.argwhere(both & (relative <= -1))[0]
+    names, std = prior.names, np.array(list(prior.std.values()))
+    if not prior.log:
+        return std, prior.correlation.copy()
+    is_log, mean = np.array([name in prior.log for name in names]), np.array(list(prior.mean.values()))
+    relative = np.divide(std, mean, out=np.ones_like(std), where=is_log)  # normal ones in units of their std
+    covariance, both = prior.correlation * np.outer(relative, relative), np.outer(is_log, is_log)
+    if (covariance[both] <= -1).any():
+        i, j = np.argwhere(both & (covariance <= -1))[0]
         raise ValueError(
-            f"log: expected a covariance of {names[i]!r} and {names[j]!r} above minus the product of their means, which no two "
-            f"log-normal parameters fall below; given {covariance[i, j]:g}"
+            f"log: expected a covariance of {names[i]!r} and {names[j]!r} above minus the product of their means, which log-normal "
+            f"parameters cannot fall below; given {covariance[i, j]:g} of it"
         )
-    normal: Array = np.where(both, np.log1p(np.where(both, relative, 0.0)), relative)
-    if prior.log:
-        _check_definite(normal, names, "log: expected parameters whose logarithms can have the given covariance")
-    normal.flags.writeable = False
-    return normal
+    normal: Array = np.where(both, np.log1p(np.where(both, covariance, 0.0)), covariance)
+    _check_definite(normal, names, "log: expected parameters whose logarithms can have the given covariance")
+    return np.where(is_log, np.sqrt(np.diag(normal)), std), _correlation(normal)
 
 
 def _check_definite(matrix: Array, names: tuple[str, ...], expected: str) -> None:

@@ -13,7 +13,7 @@ from .models import HydraulicCylinder
 from .prior import GaussianPrior
 from .quantity import Array, FrozenMapping, check_names, in_order, names_of
 from .region import ExperimentRegion
-from .rules import Rule, SparseGaussHermite
+from .rules import DEFAULT_RULE, Rule
 from .trajectories import check_kinks, check_rtol
 
 OUTPUT_COVARIANCES = ("noise", "region", "pooled", "pointwise")
@@ -54,7 +54,7 @@ class DesignProblem:
     prior: GaussianPrior
     region: ExperimentRegion | None
     noise_std: Mapping[str, float] | None = None
-    rule: Rule = dataclasses.field(default_factory=SparseGaussHermite)
+    rule: Rule = DEFAULT_RULE
     output_covariance: str | None = None
     parameters: Sequence[str] | None = None
     kinks: str = "cross"

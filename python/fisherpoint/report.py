@@ -273,7 +273,7 @@ def _search(design: fp.Design) -> RenderableType:
             "candidates",
             f"{design.drawn} drawn{rate}, {design.accepted} accepted, {settings.n_candidates} per iteration",
         ),
-        ("grid over the prior", _plural(problem.rule.size(problem.prior), "node")),
+        ("rule over the prior", f"{problem.rule}, {_plural(problem.rule.size(problem.prior), 'node')}"),
         ("distinct points", f"{design.distinct_points} of {len(design.points)}"),
         ("seed, time", f"{settings.seed}, {design.seconds:.1f} s"),
     ]

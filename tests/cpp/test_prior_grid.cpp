@@ -1,8 +1,12 @@
 #include <doctest/doctest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <vector>
 
 #include "fisherpoint/prior_grid.hpp"
+#include "fisherpoint/prior_nodes.hpp"
 
 using namespace fisherpoint;
 
@@ -29,16 +33,81 @@ TEST_CASE("the axis of the paper") {
 TEST_CASE("a cursor from any node walks the same grid") {
   const PriorGrid grid({{{1, 2}, {0.5, 0.25}}, {{3}, {1}}, {{4, 5, 6}, {0.1, 0.2, 0.3}}});
   REQUIRE(grid.size() == 6);
-  PriorGrid::Cursor walking(grid, 0);
+  const auto walking = grid.cursor(0);
   for (std::size_t r = 0; r < grid.size(); ++r) {
-    const PriorGrid::Cursor direct(grid, r);
-    for (int j = 0; j < 3; ++j) CHECK(walking.theta()[j] == direct.theta()[j]);
-    CHECK(walking.probability() == direct.probability());
+    const auto direct = grid.cursor(r);
+    for (int j = 0; j < 3; ++j) CHECK(walking->theta()[j] == direct->theta()[j]);
+    CHECK(walking->weight() == direct->weight());
     if (r == 4) {
-      CHECK(direct.theta()[0] == 2);
-      CHECK(direct.theta()[2] == 5);
-      CHECK(direct.probability() == doctest::Approx(0.05));
+      CHECK(direct->theta()[0] == 2);
+      CHECK(direct->theta()[2] == 5);
+      CHECK(direct->weight() == doctest::Approx(0.05));
     }
-    if (r + 1 < grid.size()) walking.advance();
+    if (r + 1 < grid.size()) walking->advance();
   }
+}
+
+TEST_CASE("cells between edges have their middles and probabilities") {
+  const Axis axis = cells_between(std::array{-2.0, -1.0, 1.0, 5.0});
+  CHECK(axis.values == std::vector<double>{-1.5, 0, 3});
+  CHECK(axis.probabilities[1] == doctest::Approx(0.6826894921370859).epsilon(1e-15));
+  CHECK(axis.probabilities[0] == doctest::Approx(0.1359051219832778).epsilon(1e-14));
+}
+
+TEST_CASE("a mapped grid is the affine map of its coordinates, with exponentials where asked, from any node on") {
+  const std::vector<Axis> z{{{-1, 0, 1}, {0.25, 0.5, 0.25}}, {{-2, 2}, {0.5, 0.5}}};
+  const std::vector<double> center{10, 0.5}, matrix{3, 0, 0.2, 0.1};
+  const PriorGrid grid(z, Coordinates{center, matrix, {false, true}});
+  REQUIRE(grid.size() == 6);
+  REQUIRE(grid.parameters() == 2);
+  const auto walking = grid.cursor(0);
+  for (std::size_t r = 0; r < grid.size(); ++r, walking->advance()) {
+    const double z0 = z[0].values[r / 2], z1 = z[1].values[r % 2];
+    CHECK(walking->theta()[0] == doctest::Approx(10 + 3 * z0));
+    CHECK(walking->theta()[1] == doctest::Approx(std::exp(0.5 + 0.2 * z0 + 0.1 * z1)));
+    CHECK(walking->weight() == doctest::Approx(z[0].probabilities[r / 2] * 0.5));
+    const auto direct = grid.cursor(r);
+    CHECK(direct->theta()[0] == walking->theta()[0]);
+    CHECK(direct->theta()[1] == walking->theta()[1]);
+  }
+  const auto pilots = grid.pilots();
+  CHECK(pilots.size() == 2 * PriorNodes::most_pilots);
+  CHECK(pilots[0] == doctest::Approx(13));  // the first has the first axis alone at its upper end
+  CHECK(pilots[1] == doctest::Approx(std::exp(0.5 + 0.2 - 0.2)));
+}
+
+TEST_CASE("the pilots of a grid hold every combination of three axes' ends") {
+  for (int a = 0; a < 9; ++a)
+    for (int b = 0; b < a; ++b)
+      for (int c = 0; c < b; ++c) {
+        std::array<int, 8> seen{};
+        for (std::size_t k = 1; k <= PriorNodes::most_pilots; ++k)
+          ++seen[PriorGrid::high(k, a) + 2 * PriorGrid::high(k, b) + 4 * PriorGrid::high(k, c)];
+        CHECK(*std::min_element(seen.begin(), seen.end()) > 0);
+      }
+}
+
+TEST_CASE("a table hands out its rows, from any of them on, and begins again behind the last") {
+  const NodeTable table({1, 2, 3, 4, 5, 6}, {0.5, -0.25, 0.75}, {5, 6});
+  REQUIRE(table.size() == 3);
+  CHECK(table.parameters() == 2);
+  CHECK(table.pilots() == std::vector<double>{5, 6});
+  const auto walking = table.cursor(1);
+  CHECK(walking->theta()[0] == 3);
+  CHECK(walking->weight() == -0.25);
+  walking->advance();
+  CHECK(walking->theta()[1] == 6);
+  CHECK(walking->weight() == 0.75);
+  walking->advance();
+  CHECK(walking->theta()[0] == 1);
+  CHECK_THROWS(NodeTable({}, {}, {}));
+  CHECK_THROWS(NodeTable({1}, {1}, std::vector<double>(PriorNodes::most_pilots + 1, 1.0)));
+}
+
+TEST_CASE("second moments about a mean, in units of std, by hand") {
+  const NodeTable table({1, 2, 3, 8}, {3, -1}, {});
+  const double mean[] = {0, 4}, std[] = {1, 2};
+  // d = (1, -1) and (3, 2) with weights 3 and -1, which sum to 2.
+  const auto moments = second_moments(table, mean, std);
+  CHECK(moments == std::vector<double>{(3 - 9) / 2.0, (-3 - 6) / 2.0, (-3 - 6) / 2.0, (3 - 4) / 2.0});
 }

@@ -11,7 +11,15 @@ import fisherpoint as fp
 config = pytest.importorskip("fisherpoint.config", reason="needs the extras", exc_type=ImportError)
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
-TEXT = (EXAMPLES / "cylinder.toml").read_text()
+RECOMMENDED, PAPER = ((EXAMPLES / name).read_text() for name in ("cylinder.toml", "paper.toml"))
+
+
+def rule_of(text: str) -> str:
+    """Its table [rule]."""
+    return text[text.index("[rule]") : text.index("[design]")]
+
+
+TEXT = RECOMMENDED.replace(rule_of(RECOMMENDED), rule_of(PAPER))
 
 # What is written in place of what, and the line that follows the file's name.
 MISTAKES = {
@@ -55,7 +63,7 @@ MISTAKES = {
     "unknown key of a parameter": (
         "relative_std = 0.30",
         "relativ_std = 0.30",
-        'unknown key prior.a_tau.relativ_std; expected one of mean, std, relative_std, unit (did you mean "relative_std"?)',
+        'unknown key prior.a_tau.relativ_std; expected one of mean, std, relative_std, unit, log (did you mean "relative_std"?)',
     ),
     "missing noise": ("x_v = 1e-3", "", "noise_std.x_v: missing; expected a number > 0"),
     "no noise": ("x_v = 1e-3", "x_v = 0", "noise_std.x_v.value: expected a number > 0, given 0"),
@@ -100,7 +108,7 @@ MISTAKES = {
     "table": (
         "[design]",
         "[desing]",
-        'unknown key desing; expected one of model, prior, noise_std, region, rule, design (did you mean "design"?)',
+        'unknown key desing; expected one of model, prior, prior_correlation, noise_std, region, rule, design (did you mean "design"?)',
     ),
 }
 
@@ -127,7 +135,7 @@ def line_of(path: Path) -> str:
 
 def test_examples_describe_the_default_cylinder() -> None:
     model = fp.HydraulicCylinder()
-    for name, covariance in (("paper.toml", "pooled"), ("cylinder.toml", "noise")):
+    for name, covariance, nodes in (("paper.toml", "pooled", 3**9), ("cylinder.toml", "noise", 199)):
         example = config.load_config(EXAMPLES / name)
         problem = example.problem()
         assert dict(problem.model.constants) == dict(model.constants)
@@ -136,7 +144,7 @@ def test_examples_describe_the_default_cylinder() -> None:
         assert dict(problem.noise_std) == {"q": 5e-6, "p_A": 2e4, "p_B": 2e4, "x_v": 1e-3}
         assert tuple(problem.region.bounds["dt"]) == (1e-3, 1e-2)
         assert problem.output_covariance == covariance
-        assert problem.rule.size(problem.prior) == 3**9
+        assert problem.rule.size(problem.prior) == nodes
         assert example.exchange_settings() == {
             "n_experiments": 12,
             "n_candidates": 50,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import _core
 from ..coordinates import cholesky_coordinates
@@ -61,7 +62,12 @@ def node_table(prior: GaussianPrior, varied: Sequence[str] | None, z: Array, wei
     everything = np.zeros((len(z), len(prior.names)))
     everything[:, [prior.names.index(name) for name in names]] = z
     theta = coordinates.theta(everything)
-    # Which of several that are equally far out must not depend on rounding.
+    return _core.NodeTable(theta, weights, theta[_outermost(z, weights)])
+
+
+def _outermost(z: Array, weights: Array) -> NDArray[np.intp]:
+    """Places of PILOTS nodes among the outermost, spread evenly where more are equally far out."""
     distance = np.where(weights != 0, np.round(np.linalg.norm(z, axis=1), 9), -1.0)
-    outermost = np.argsort(-distance, kind="stable")[: min(PILOTS, np.count_nonzero(weights))]
-    return _core.NodeTable(theta, weights, theta[outermost])
+    far = np.argsort(-distance, kind="stable")[: max(PILOTS, np.count_nonzero(distance == distance.max()))]
+    far = far[distance[far] > 0]
+    return far[np.unique(np.linspace(0, len(far) - 1, PILOTS).round().astype(int))] if len(far) else far

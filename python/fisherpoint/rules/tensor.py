@@ -25,7 +25,7 @@ MAX_HERMITE_LEVELS = 100
 Edges = tuple[float, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class TensorGrid(Rule):
     """Cells per parameter, eq. (13): equidistant, or between given edges.
 
@@ -75,6 +75,11 @@ class TensorGrid(Rule):
         if not span > 0:
             raise ValueError(f"span: expected a positive number of standard deviations, given {span:g}")
         set_field(self, "span", span)
+
+    def __repr__(self) -> str:
+        return (
+            f"TensorGrid(levels={self.levels!r}, span={self.span})" if self.edges is None else f"TensorGrid(edges={self.edges!r})"
+        )
 
     def levels_of(self, prior: GaussianPrior) -> dict[str, int]:
         """Return the number of levels of each parameter of the prior."""
