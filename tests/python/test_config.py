@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import fisherpoint as fp
@@ -93,6 +94,54 @@ MISTAKES = {
         'levels = "many"',
         'rule.levels: expected a whole number, or one for each parameter by name, given "many"',
     ),
+    "rule": (
+        'kind = "tensor_grid"',
+        'kind = "grid"',
+        'rule.kind: expected "tensor_grid", "gauss_hermite", "sparse_gauss_hermite", "sobol", "unscented" or "linearized", '
+        'given "grid"',
+    ),
+    "key of another rule": (
+        'kind = "tensor_grid"',
+        'kind = "gauss_hermite"',
+        'rule.span: expected only with kind = "tensor_grid", given "gauss_hermite"',
+    ),
+    "no kind": (
+        'kind = "tensor_grid"\nlevels = 3\nspan = 1.5',
+        "level = 2",
+        "rule.kind: missing; expected one of tensor_grid, gauss_hermite, sparse_gauss_hermite, sobol, unscented, linearized",
+    ),
+    "kind of edges": (
+        "levels = 3\nspan = 1.5",
+        'edges = "few"',
+        'rule.edges: expected a list of ascending numbers, or one for each parameter by name, given "few"',
+    ),
+    "edge by name": (
+        "levels = 3\nspan = 1.5",
+        "edges = { a_tau = [-1, 1] }",
+        "rule.edges.b_tau: missing; expected a list of ascending numbers",
+    ),
+    "log": ("relative_std = 0.30", "log = 1, relative_std = 0.30", "prior.a_tau.log: expected true or false, given 1"),
+    "correlation of one": (
+        "\n[noise_std]",
+        "\n[prior_correlation]\nV_0A = 0.5\n[noise_std]",
+        'prior_correlation."V_0A": expected two parameters, as in "V_0A, V_0B"',
+    ),
+    "correlation of a stranger": (
+        "\n[noise_std]",
+        '\n[prior_correlation]\n"V_0A, V_OB" = 0.5\n[noise_std]',
+        "unknown key prior_correlation.V_OB; expected one of a_tau, b_tau, m_q, E_oil, p_t, B_v, c_L, V_0A, V_0B "
+        '(did you mean "V_0B"?)',
+    ),
+    "correlation twice": (
+        "\n[noise_std]",
+        '\n[prior_correlation]\n"V_0A, V_0B" = 0.5\n"V_0B,V_0A" = 0.5\n[noise_std]',
+        'prior_correlation."V_0B, V_0A": expected each pair once, given twice',
+    ),
+    "correlation of 1": (
+        "\n[noise_std]",
+        '\n[prior_correlation]\n"V_0A, V_0B" = 1.0\n[noise_std]',
+        "prior_correlation.V_0A, V_0B: expected a number < 1, given 1.0",
+    ),
     "seed": ("seed = 0 ", "seed = -1 ", "design.seed: expected a number >= 0, given -1"),
     "covariance": (
         "seed = 0 ",
@@ -108,7 +157,8 @@ MISTAKES = {
     "table": (
         "[design]",
         "[desing]",
-        'unknown key desing; expected one of model, prior, prior_correlation, noise_std, region, rule, design (did you mean "design"?)',
+        "unknown key desing; expected one of model, prior, prior_correlation, noise_std, region, rule, design "
+        '(did you mean "design"?)',
     ),
 }
 
@@ -218,3 +268,49 @@ def test_short_and_long_forms_mean_the_same(tmp_path: Path) -> None:
     assert tuple(problem.region.bounds["x_v"]) == (0.5, 0.5)
     assert problem.model.constants["p_s"] == 21e6
     assert problem.rule.size(problem.prior) == 2
+
+
+@pytest.mark.parametrize(
+    ("table", "rule"),
+    [
+        ("", fp.SparseGaussHermite(2)),
+        ("[rule]", fp.SparseGaussHermite(2)),
+        ("[rule]\nlevels = 2", fp.TensorGrid(2)),
+        ('[rule]\nkind = "tensor_grid"\nedges = [-2, -0.5, 0.5, 2.0]', fp.TensorGrid(edges=[-2, -0.5, 0.5, 2])),
+        ('[rule]\nkind = "gauss_hermite"\nlevels = 2', fp.GaussHermite(2)),
+        ('[rule]\nkind = "sparse_gauss_hermite"', fp.SparseGaussHermite(2)),
+        ('[rule]\nkind = "sparse_gauss_hermite"\nlevel = 3', fp.SparseGaussHermite(3)),
+        ('[rule]\nkind = "sobol"\nn = 512\nseed = 4', fp.Sobol(512, 4)),
+        ('[rule]\nkind = "unscented"', fp.Unscented()),
+        ('[rule]\nkind = "linearized"', fp.Linearized()),
+    ],
+)
+def test_rules_of_every_kind(tmp_path: Path, table: str, rule: fp.Rule) -> None:
+    text = TEXT.replace(rule_of(TEXT), table + "\n\n")
+    assert config.load_config(write(tmp_path / "run.toml", text)).problem().rule == rule
+
+
+def test_what_only_the_library_refuses_names_the_table(tmp_path: Path) -> None:
+    text = TEXT.replace(rule_of(TEXT), '[rule]\nkind = "sobol"\nn = 1000\n\n')
+    path = write(tmp_path / "run.toml", text)
+    with pytest.raises(config.ConfigError, match=r"run.toml: rule: n: expected a power of two of at most 1048576, given 1000$"):
+        config.load_config(path).problem()
+    text = TEXT.replace(
+        "\n[noise_std]", '\n[prior_correlation]\n"V_0A, V_0B" = 0.9\n"V_0A, c_L" = -0.9\n"c_L,V_0B" = 0.9\n[noise_std]'
+    )
+    path = write(tmp_path / "run.toml", text)
+    with pytest.raises(config.ConfigError, match=r"run.toml: prior: covariance: expected a positive definite matrix.*V_0B"):
+        config.load_config(path).problem()
+
+
+def test_correlations_and_log_normal_parameters(tmp_path: Path) -> None:
+    text = TEXT.replace("\n[noise_std]", '\n[prior_correlation]\n"V_0A, V_0B" = 0.5\n"c_L,E_oil" = -0.2\n[noise_std]')
+    text = text.replace(
+        "c_L   = { mean = 2.5e-9,   relative_std = 0.30", "c_L   = { mean = 2.5e-9,   log = true, relative_std = 0.30"
+    )
+    prior = config.load_config(write(tmp_path / "run.toml", text)).build_prior()
+    assert prior.log == ("c_L",) and prior.std["c_L"] == pytest.approx(0.3 * 2.5e-9)
+    expected = np.eye(9)
+    expected[7, 8] = expected[8, 7] = 0.5
+    expected[3, 6] = expected[6, 3] = -0.2
+    np.testing.assert_allclose(prior.correlation, expected, rtol=1e-14, atol=1e-15)

@@ -114,10 +114,11 @@ Chunk<sizes<M>::outputs> sum_over_nodes(const M& model, const PointOverPrior<M>&
   P absolute_weight(0.0);
   const auto node = nodes.cursor(begin);
   for (std::size_t first = begin; first < end; first += width) {
-    P weight(0.0), duration(0.0);
+    P weight(0.0), duration(0.0), counts(0.0);  // positive in the lanes of nodes that are not lost
     for (int lane = 0; lane < width; ++lane) {
       set_lane(theta, lane, node->theta());
       if (first + lane >= end) continue;  // the lanes behind the last node rest with weight zero
+      lanes_of<P>::set(counts, lane, 1.0);
       lanes_of<P>::set(weight, lane, node->weight());
       lanes_of<P>::set(duration, lane, point.dt);
       if (first + lane + 1 < end) node->advance();
@@ -126,7 +127,6 @@ Chunk<sizes<M>::outputs> sum_over_nodes(const M& model, const PointOverPrior<M>&
     x = start;
     absolute_weight += abs(weight);
     auto believed = lanes_of<P>::none();
-    P lost(0.0);  // positive in the lanes that are
     if (point.plan) believed = point.plan->believed(Replay<M, P, Method>(equation).run(x, point.plan->stretches));
     if (any(!believed & (duration > P(0.0)))) {
       duration = select(believed, P(0.0), duration);
@@ -138,7 +138,7 @@ Chunk<sizes<M>::outputs> sum_over_nodes(const M& model, const PointOverPrior<M>&
         if (strict) return chunk;
         chunk.lost += std::abs(lanes_of<P>::get(weight, lane));
         lanes_of<P>::set(weight, lane, 0.0);
-        lanes_of<P>::set(lost, lane, 1.0);
+        lanes_of<P>::set(counts, lane, 0.0);
       }
     }
     auto deviation = to_array<P>(model.output(x, input, theta));
@@ -150,8 +150,8 @@ Chunk<sizes<M>::outputs> sum_over_nodes(const M& model, const PointOverPrior<M>&
       else
         deviation[i] = P(0.0);  // not even by the rounding of other steps
     });
-    if (chunk.lost > 0)  // where a trajectory has no end, there may be no output
-      for_each_index<n_y>([&](auto i) { deviation[i] = select(lost > P(0.0), P(0.0), deviation[i]); });
+    if (any(!(counts > P(0.0))))  // where a trajectory has no end, there may be no output
+      for_each_index<n_y>([&](auto i) { deviation[i] = select(counts > P(0.0), deviation[i], P(0.0)); });
     sum.add(deviation, weight);
   }
   chunk.sum = sum_lanes<n_y>(sum);
