@@ -25,8 +25,8 @@ class CandidateSource:
         With a region.
     rng : numpy.random.Generator
     grid : bool
-        Whether every candidate is tried on the whole grid and gets its predictive covariance; otherwise only the nominal
-        trajectory is, and `confirm` tries the grid for those that matter.
+        Whether every candidate is tried on all nodes of the rule and gets its predictive covariance; otherwise only the nominal
+        trajectory is, and `confirm` tries the nodes for those that matter.
     threads : int or None
 
     Raises
@@ -75,7 +75,7 @@ class CandidateSource:
         return joined[:count]
 
     def confirm(self, chosen: PointInformation) -> np.ndarray:
-        """Try candidates on the whole grid; return which are valid, and count the others as rejected."""
+        """Try candidates on all nodes of the rule; return which are valid, and count the others as rejected."""
         if self._grid:
             return np.ones(len(chosen), dtype=bool)
         _, status = with_covariance(self._problem, chosen, self._threads)
@@ -83,7 +83,7 @@ class CandidateSource:
         return np.asarray(status == Status.ok)
 
     def draw_confirmed(self, count: int) -> PointInformation:
-        """Return `count` candidates that are valid on the whole grid."""
+        """Return `count` candidates that are valid on all nodes of the rule."""
         found: list[PointInformation] = []
         tried = 0
         while (have := sum(map(len, found))) < count:

@@ -77,7 +77,7 @@ def evaluate_design(problem: DesignProblem, points: Experiments, threads: int | 
     problem : DesignProblem
         Its region may be None.
     points : Experiments
-        At least one point. The prior grid is run where D needs it ("pooled" and "pointwise").
+        At least one point. The rule is run over the prior where D needs it ("pooled" and "pointwise").
     threads : int, optional
 
     Returns

@@ -190,7 +190,7 @@ class _Search:
                 if not phis[m] > best_phi:
                     break
                 exchanged = self._without_least(candidates[[m]], ridge)
-                # A candidate that would leave at once need not be tried on the grid.
+                # A candidate that would leave at once need not be tried on the nodes.
                 if exchanged is None or self.source.confirm(candidates[[m]]).all():
                     best_phi, entering = phis[m], exchanged
                     break

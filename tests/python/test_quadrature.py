@@ -250,6 +250,12 @@ def test_the_grid_of_the_paper_loses_none() -> None:
     assert fp.TensorGrid().max_lost_weight == 0.0 and fp.GaussHermite().max_lost_weight == MAX_LOST_WEIGHT == 1e-3
 
 
+def test_weights_that_underflow_are_a_status_and_no_nan() -> None:
+    far = fp.TensorGrid(edges=[20.0, 20.5])  # each of the nine has a probability, their product has none
+    result = fp.predictive_covariance(MODEL, point(), fp.GaussianPrior(MODEL.nominal, relative_std=dict.fromkeys(NAMES, 1e-3)), far)
+    assert result.status[0] == fp.Status.not_finite and not result.covariance.any() and result.lost_weight[0] == 0.0
+
+
 # --- the result ---------------------------------------------------------------------------------------------------------------
 
 

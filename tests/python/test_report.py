@@ -66,6 +66,7 @@ def test_design_report_says_all_that_matters(design: fp.Design) -> None:
         "of the noise-only optimum found",
         "of the median random design",
         "all iterations done",
+        "rule over the prior TensorGrid(levels=",
         "distinct points",
         "Rejected candidates",
     ):

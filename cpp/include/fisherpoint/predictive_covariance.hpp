@@ -231,9 +231,10 @@ void predictive_covariance_packs(const M& model, const Points& points, const dou
     out.lost[k] = 1.0;
     if (out.status[k] == Status::ok && strict) out.status[k] = all.status;
     if (out.status[k] != Status::ok) continue;
-    out.lost[k] = all.lost / all.absolute_weight;
-    // Weights of both signs may leave nothing to divide by.
-    if (out.lost[k] > max_lost || !(all.sum.weight > 0)) out.status[k] = all.status;
+    out.lost[k] = all.lost > 0 ? all.lost / all.absolute_weight : 0.0;
+    if (out.lost[k] > max_lost) out.status[k] = all.status;
+    // Weights that underflow, or of both signs, may leave nothing to divide by.
+    if (!(all.sum.weight > 0)) out.status[k] = all.status != Status::ok ? all.status : Status::not_finite;
     if (out.status[k] != Status::ok) continue;
     int at = 0;
     for (int i = 0; i < n_y; ++i)

@@ -198,4 +198,6 @@ def _checked_edges(given: Sequence[float], name: str) -> Edges:
     edges = as_floats(given, name)
     if edges.ndim != 1 or len(edges) < 2 or not (np.diff(edges) > 0).all():
         raise ValueError(f"{name}: expected at least two ascending numbers of standard deviations, given {given!r:.80}")
+    if not _core.cells_between(edges)[1].sum() > 0:
+        raise ValueError(f"{name}: expected cells that have a probability, given {given!r:.80}")
     return tuple(edges.tolist())
