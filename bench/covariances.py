@@ -72,7 +72,7 @@ def measure(quick: bool, threads: list[int]) -> CovarianceFigures:
     reference = solve_states(pairs, TIGHT_RTOL, True, "DOP853")
     tight = fp.simulate(MODEL, pairs.points, pairs.theta, rtol=TIGHT_RTOL).y
     ours_on_pairs = np.concatenate(
-        [_outputs(points[[k]])[0, nodes] for k, nodes in enumerate(pairs.nodes.reshape(len(points), -1))]
+        [grid_outputs(points[[k]])[0, nodes] for k, nodes in enumerate(pairs.nodes.reshape(len(points), -1))]
     )
     default = Errors.of(output_errors(ours_on_pairs, reference))
 
@@ -150,14 +150,14 @@ def _errors_over_the_grid(stride: int) -> Array:
     for k in range(len(points)):
         rows = np.arange(k % stride, len(nodes), stride)
         tight = fp.simulate(MODEL, points[np.full(len(rows), k)], nodes[rows], rtol=TIGHT_RTOL).y
-        errors.append(output_errors(_outputs(points[[k]])[0, rows], tight))
+        errors.append(output_errors(grid_outputs(points[[k]])[0, rows], tight))
     return np.concatenate(errors)
 
 
-def _outputs(points: fp.Experiments) -> Array:
+def grid_outputs(points: fp.Experiments, rtol: float = DEFAULT_RTOL) -> Array:
     """Outputs at every node of the grid as the covariances take them, (K, R, n_y)."""
     theta, threads = MODEL.theta(PRIOR.mean), resolve_threads(None)
-    arguments = (points.x0, points.u, points.dt, theta, RULE.core_nodes(PRIOR), DEFAULT_RTOL, True, "fastest", threads)
+    arguments = (points.x0, points.u, points.dt, theta, RULE.core_nodes(PRIOR), rtol, True, "fastest", threads)
     return kernels.predictive_covariance(MODEL.core, *arguments, keep_outputs=True)[3]
 
 

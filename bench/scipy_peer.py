@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 
 from .workload import MODEL, OUTPUT_ROWS, STATE_SCALES, Array, Pairs
 
-Method = Literal["RK45", "DOP853"]
+Method = Literal["RK45", "DOP853", "LSODA"]
 WAYS = {"straight through": False, "restarted at x_v = 0": True}
 
 _C = MODEL.constants

@@ -1,0 +1,87 @@
+"""Boost.odeint in C++: Cash-Karp 5(4) with controlled steps, scalar and on packs of `<experimental/simd>`.
+
+The programs are in `odeint/`; they are compiled for this machine when they are first asked for, with g++ and Boost's headers from
+the system, into a folder of the user's cache. The scalar one is given hand-written derivatives for the sensitivities.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import shutil
+import subprocess
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from .. import machine
+from ..workload import MODEL, STATE_SCALES, Array, Pairs
+from .peer import Peer, Solution, sensitivity_scales, table
+
+SOURCES = Path(__file__).parent / "odeint"
+# -ffast-math would lose the tests for failed steps; these two only let square roots be plain instructions.
+COMMAND = ["g++", "-std=c++20", "-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC"]
+CONSTANTS = ("A_A", "A_B", "q_min", "q_max", "p_s", "T_1", "k_u")
+
+
+def missing() -> str | None:
+    """Return what the compilation lacks."""
+    if shutil.which(COMMAND[0]) is None:
+        return "a C++ compiler: apt-get install g++"
+    test = [COMMAND[0], "-std=c++20", "-x", "c++", "-fsyntax-only", "-"]
+    include = b"#include <boost/version.hpp>\n#include <experimental/simd>\n"
+    if subprocess.run(test, input=include, capture_output=True).returncode:
+        return "Boost's headers: apt-get install libboost-dev"
+    return None
+
+
+@cache
+def library() -> ctypes.CDLL:
+    """Compile the programs for this machine, unless that was done before, and load them."""
+    sources = b"".join(path.read_bytes() for path in sorted(SOURCES.iterdir()))
+    key = hashlib.sha256(sources + repr((COMMAND, machine.describe()["processor"])).encode()).hexdigest()[:16]
+    cache_home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    built = cache_home / "fisherpoint-bench" / f"odeint-{key}.so"
+    if not built.exists():
+        built.parent.mkdir(parents=True, exist_ok=True)
+        unfinished = built.with_suffix(f".{os.getpid()}")
+        subprocess.run([*COMMAND, str(SOURCES / "odeint.cpp"), "-o", str(unfinished)], check=True)
+        unfinished.replace(built)
+    return ctypes.CDLL(str(built))
+
+
+class Odeint(Peer):
+    """One of the two; `variant` is the ending of its functions' names."""
+
+    def __init__(self, name: str, variant: str, has_sensitivities: bool) -> None:
+        self.name, self.variant, self.has_sensitivities = name, variant, has_sensitivities
+
+    def outputs(self, pairs: Pairs, rtol: float) -> Solution:
+        x, steps = _solve(f"states_{self.variant}", pairs, rtol, STATE_SCALES)
+        return Solution.of_states(x, steps)
+
+    def sensitivities(self, pairs: Pairs, rtol: float) -> Solution:
+        scales = np.concatenate([STATE_SCALES, sensitivity_scales()[:4].ravel()])
+        ends, steps = _solve(f"sensitivities_{self.variant}", pairs, rtol, scales)
+        dx_dtheta = np.zeros((len(pairs), 5, 9))  # the spool's stay zero
+        dx_dtheta[:, :4] = ends[:, 5:].reshape(-1, 4, 9)
+        return Solution.of_states(ends[:, :5], steps, dx_dtheta)
+
+
+def _solve(function: str, pairs: Pairs, rtol: float, scales: Array) -> tuple[Array, float]:
+    constants = np.array([MODEL.constants[name] for name in CONSTANTS])
+    ends = np.empty((len(pairs), len(scales)))
+    floats = np.ctypeslib.ndpointer(np.float64, flags="C_CONTIGUOUS")
+    call = getattr(library(), function)
+    call.restype = ctypes.c_long
+    call.argtypes = [floats, ctypes.c_long, floats, floats, ctypes.c_double, floats, floats]
+    steps = call(constants, len(pairs), table(pairs), np.ascontiguousarray(pairs.theta), rtol, scales, ends)
+    return ends, steps / len(pairs)
+
+
+PEERS: list[Peer] = [
+    Odeint("Boost.odeint", "scalar", True),
+    Odeint("Boost.odeint on packs", "packs", False),
+]
