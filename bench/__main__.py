@@ -1,4 +1,8 @@
-"""``python -m bench``: measure, show and save. The exit code is 1 where fisherpoint misses the accuracy rule, otherwise 0."""
+"""``python -m bench``: measure, show and save. The exit code is 1 where fisherpoint misses the accuracy rule, otherwise 0.
+
+``python -m bench peers`` and ``python -m bench scaling`` do the same for other programs and for how the cost grows;
+``python -m bench table FILE`` prints what they wrote with ``--json`` as Markdown.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +12,12 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 from fisherpoint.trajectories import resolve_threads
 
-from . import covariances, designs, machine, memory, sensitivities, tables
+from . import covariances, designs, machine, memory, scaling, sensitivities, tables
+from .peers import compare, show
 
 TARGET = 500
 """Predictive covariances on one core, next to SciPy's RK45 at matched accuracy."""
@@ -20,10 +26,27 @@ TARGET = 500
 def main() -> int:
     """Run the command line and return the exit code."""
     options = _options()
-    threads: list[int] = options.threads
-    begin = perf_counter()
+    if options.task == "table":
+        print(show.markdown(json.loads(options.file.read_text())))
+        return 0
     found = machine.describe()
     tables.show_machine(found)
+    if options.task == "peers":
+        comparison = compare.measure(options.quick, tables.console.print)
+        tables.show_comparison(comparison)
+        _save(options, {"machine": found, "quick": options.quick, "peers": asdict(comparison)})
+        return 0
+    if options.task == "scaling":
+        series = scaling.measure(options.quick)
+        tables.show_scaling(series)
+        _save(options, {"machine": found, "quick": options.quick, "scaling": [asdict(one) for one in series]})
+        return 0
+    return _all(options, found)
+
+
+def _all(options: argparse.Namespace, found: dict[str, str]) -> int:
+    threads: list[int] = options.threads
+    begin = perf_counter()
     of_covariances = covariances.measure(options.quick, threads)
     tables.show_covariances(of_covariances)
     of_sensitivities = sensitivities.measure(options.quick, threads)
@@ -34,17 +57,16 @@ def main() -> int:
     tables.show_memory(of_memory)
     seconds = perf_counter() - begin
 
-    if options.json is not None:
-        report = {
-            "machine": found,
-            "quick": options.quick,
-            "seconds": seconds,
-            "covariances": asdict(of_covariances),
-            "sensitivities": asdict(of_sensitivities),
-            "designs": [asdict(figures) for figures in of_designs],
-            "memory": [asdict(figures) for figures in of_memory],
-        }
-        options.json.write_text(json.dumps(report, indent=1) + "\n")
+    report = {
+        "machine": found,
+        "quick": options.quick,
+        "seconds": seconds,
+        "covariances": asdict(of_covariances),
+        "sensitivities": asdict(of_sensitivities),
+        "designs": [asdict(figures) for figures in of_designs],
+        "memory": [asdict(figures) for figures in of_memory],
+    }
+    _save(options, report)
     accurate = of_covariances.accurate and of_sensitivities.accurate
     tables.console.print(f"{seconds:.0f} s. Accuracy rule: {'met' if accurate else 'MISSED'} by fisherpoint's default tolerance.")
     tables.console.print(
@@ -55,14 +77,28 @@ def main() -> int:
     return 0 if accurate else 1
 
 
+def _save(options: argparse.Namespace, report: dict[str, Any]) -> None:
+    if options.json is not None:
+        options.json.write_text(json.dumps(report, indent=1) + "\n")
+
+
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
-        prog="python -m bench", description="Measure speed and memory next to SciPy at the same accuracy."
+        prog="python -m bench", description="Measure speed and memory next to SciPy, or other programs, at the same accuracy."
     )
+    parser.add_argument(
+        "task",
+        nargs="?",
+        choices=("peers", "scaling", "table"),
+        help="other programs; how the cost grows; a report as Markdown; nothing for all of fisherpoint next to SciPy",
+    )
+    parser.add_argument("file", nargs="?", type=Path, help="the report for `table`")
     parser.add_argument("--quick", action="store_true", help="smaller samples and fewer rounds, for a look")
     parser.add_argument("--threads", type=thread_numbers, metavar="N,N", help="numbers of threads, the first for the ratios")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write all figures there")
     options = parser.parse_args()
+    if (options.task == "table") != (options.file is not None):
+        parser.error("expected a FILE for `table`, and for it alone")
     if options.threads is None:
         options.threads = sorted({1, resolve_threads(None)})
     return options

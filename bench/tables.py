@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 
 from rich.console import Console
 from rich.table import Table
@@ -11,6 +12,9 @@ from .accuracy import ACCURACY_RULE, Errors
 from .covariances import Contender, CovarianceFigures
 from .designs import DesignFigures
 from .memory import MemoryFigures
+from .peers import show
+from .peers.compare import Comparison
+from .scaling import Series
 from .sensitivities import SensitivityFigures
 
 console = Console(highlight=False, width=max(Console().width, 120))  # narrower, the tables break their rows
@@ -78,6 +82,26 @@ def show_memory(figures: Sequence[MemoryFigures]) -> None:
     header = ("nodes", "seconds", "peak grows by, MB", "nodes and outputs stored, MB")
     rows = [(f"{f.nodes:,}", f"{f.seconds:.2g}", f"{f.grown:.1f}", f"{f.stored:.1f}") for f in figures]
     _show("Memory of one predictive covariance, all cores", header, rows)
+
+
+def show_comparison(comparison: Comparison) -> None:
+    """Print the programs on both tasks, and what became of the targets."""
+    figures = asdict(comparison)
+    for task, title in show.TITLES.items():
+        _show(title, show.header(task), show.rows(figures[task]))
+    for name, missing in comparison.skipped.items():
+        console.print(f"{name}: left out, for want of it: {missing}")
+    console.print(
+        "Ratios are those of our default tolerance; the other programs run at the loosest that meets the accuracy rule."
+        f" Reference: fisherpoint at 1e-12, from which DOP853 of SciPy differs by {comparison.reference_difference:.0e}.\n"
+    )
+    for line in show.targets(figures):
+        console.print(line)
+
+
+def show_scaling(found: Sequence[Series]) -> None:
+    """Print one row per series."""
+    _show("How the cost grows", show.SCALING_HEADER, show.scaling_rows([asdict(series) for series in found]))
 
 
 def _show_contenders(title: str, unit: str, ours: Mapping[int, Contender], peers: Iterable[Contender]) -> None:

@@ -1,0 +1,111 @@
+"""How the cost grows: with nodes R, candidates M, points L of a design, parameters p, and threads; ``python -m bench scaling``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+import fisherpoint as fp
+from fisherpoint import _core
+from fisherpoint.trajectories import resolve_threads
+
+from .timing import best_times
+from .workload import MODEL, PRIOR, Array, candidates, random_pairs
+
+AXES = 7
+"""Parameters on the grid; the others stay at their means."""
+
+MIXED = 12
+"""Candidates of the smallest set, spread over all; larger sets repeat them, so that a candidate costs the same in each."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """Seconds against one quantity, and the exponent of a power law fitted to them; targets are bounds on the exponent."""
+
+    quantity: str
+    what: str
+    values: list[int]
+    seconds: list[float]
+    exponent: float
+    low: float | None
+    high: float | None
+
+    @property
+    def met(self) -> bool:
+        return (self.low is None or self.exponent >= self.low) and (self.high is None or self.exponent <= self.high)
+
+
+def measure(quick: bool) -> list[Series]:
+    """Measure all series, on one thread apart from the last."""
+    rounds = 2 if quick else 7
+    most_levels = 4 if quick else 6
+    return [
+        _series("R", "predictive covariances", _over_nodes(most_levels), rounds, 0.95, 1.05),
+        _series("M", "predictive covariances", _over_candidates(), rounds, 0.95, 1.05),
+        _series("L", "a candidate of the exchange, all L points in the design", _over_points(), rounds, None, 0.1),
+        _series("p", "a candidate of the exchange, p parameters", _over_parameters(), rounds, None, None),
+        _series("threads", "predictive covariances", _over_threads(), rounds, None, None),
+    ]
+
+
+def _series(
+    quantity: str, what: str, tasks: Mapping[int, Callable[[], object]], rounds: int, low: float | None, high: float | None
+) -> Series:
+    best = best_times({str(value): task for value, task in tasks.items()}, rounds)
+    seconds = [best[str(value)].seconds for value in tasks]
+    exponent = float(np.polyfit(np.log(list(tasks)), np.log(seconds), 1)[0]) if len(tasks) > 1 else float("nan")
+    return Series(quantity, what, list(tasks), seconds, exponent, low, high)
+
+
+def _covariances(points: fp.Experiments, levels: int, threads: int) -> None:
+    rule = fp.TensorGrid({name: levels if i < AXES else 1 for i, name in enumerate(PRIOR.names)})
+    result = fp.predictive_covariance(MODEL, points, PRIOR, rule, threads=threads)
+    if result.status.any():
+        raise RuntimeError(f"expected valid candidates, given status {result.status}")
+
+
+def _mixed() -> NDArray[np.intp]:
+    return np.arange(0, len(candidates()), len(candidates()) // MIXED)
+
+
+def _over_nodes(most_levels: int) -> dict[int, Callable[[], object]]:
+    """From 2187 nodes on; below that, what a point costs before its first node is seen."""
+    points = candidates()[_mixed()]
+    return {levels**AXES: partial(_covariances, points, levels, 1) for levels in range(3, most_levels + 1)}
+
+
+def _over_candidates() -> dict[int, Callable[[], object]]:
+    return {MIXED * n: partial(_covariances, candidates()[np.tile(_mixed(), n)], 3, 1) for n in (1, 2, 4, 8, 16)}
+
+
+def _over_threads() -> dict[int, Callable[[], object]]:
+    most = resolve_threads(None)
+    counts = sorted({most, *(2**i for i in range(most.bit_length()))})
+    return {n: partial(_covariances, candidates(), 3, n) for n in counts}
+
+
+def _over_points() -> dict[int, Callable[[], object]]:
+    return {count: _exchange_step(count, 9) for count in (10, 100, 1000, 10000)}
+
+
+def _over_parameters() -> dict[int, Callable[[], object]]:
+    return {p: _exchange_step(100, p) for p in (1, 2, 4, 6, 9)}
+
+
+def _exchange_step(count: int, p: int) -> Callable[[], object]:
+    """Return the evaluation of 50 candidates one at a time beside a design of `count` points, ten times over."""
+    pairs = random_pairs(1, seed=8)
+    result = fp.sensitivities(MODEL, pairs.points, pairs.theta)
+    outputs = [0, 1, 2]  # x_v carries no sensitivity
+    scaled = np.ascontiguousarray((result.dy_dtheta * np.array([PRIOR.std[name] for name in PRIOR.names]))[:, outputs, :p])
+    scaled /= np.array([0.5, 1e7, 1e7])[:, None]
+    covariance = np.einsum("kia,kja->kij", scaled, scaled)
+    accumulator, rows = _core.FisherAccumulator(3, p), np.resize(np.arange(len(pairs)), count)
+    accumulator.add(np.ascontiguousarray(scaled[rows]), np.ascontiguousarray(covariance[rows]))
+    noise: Array = np.diag([1e-5, 2e-3, 2e-3]) ** 2
+    return lambda: [accumulator.log_det_with(scaled[:50], covariance[:50], noise, True) for _ in range(10)]
