@@ -26,6 +26,7 @@ COMMAND = ["g++", "-std=c++20", "-O3", "-march=native", "-fno-math-errno", "-fno
 CONSTANTS = ("A_A", "A_B", "q_min", "q_max", "p_s", "T_1", "k_u")
 
 
+@cache
 def missing() -> str | None:
     """Return what the compilation lacks."""
     if shutil.which(COMMAND[0]) is None:
