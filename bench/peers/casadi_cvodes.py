@@ -74,7 +74,7 @@ def _integrators(opens_a: bool, rtol: float, with_sensitivities: bool, count: in
     sizes = _sizes(with_sensitivities)
     scaled = ca.SX.sym("y", len(sizes))
     ode = ca.substitute(rates, states, scaled * sizes) / sizes * length
-    options = {
+    options: dict[str, Any] = {
         "reltol": rtol,
         "abstol": rtol,
         "linear_multistep_method": "adams",
