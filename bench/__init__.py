@@ -2,7 +2,8 @@
 
 Every claim is a ratio of times that were taken in turn in one run, at settings that meet the same accuracy; absolute times tell
 of the machine. `workload` has the task and `accuracy` what is asked of a solution; `scipy_peer` and `scipy_stacked` are the other
-side; `covariances`, `sensitivities`, `designs` and `memory` measure one thing each, and `tables` shows it.
+side; `covariances`, `sensitivities`, `designs` and `memory` measure one thing each, and `tables` shows it. `peers` holds other
+programs, with their own runner, and `scaling` the growth of the cost.
 """
 
 import os

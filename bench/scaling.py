@@ -47,8 +47,8 @@ def measure(quick: bool) -> list[Series]:
     return [
         _series("R", "predictive covariances", _over_nodes(most_levels), rounds, 0.95, 1.05),
         _series("M", "predictive covariances", _over_candidates(), rounds, 0.95, 1.05),
-        _series("L", "a candidate of the exchange, all L points in the design", _over_points(), rounds, None, 0.1),
-        _series("p", "a candidate of the exchange, p parameters", _over_parameters(), rounds, None, None),
+        _series("L", "500 candidates beside L points", _over_points(), rounds, None, 0.1),
+        _series("p", "500 candidates, p parameters", _over_parameters(), rounds, None, None),
         _series("threads", "predictive covariances", _over_threads(), rounds, None, None),
     ]
 

@@ -124,7 +124,7 @@ def _show_contenders(title: str, unit: str, ours: Mapping[int, Contender], peers
 def _show(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     table = Table(title=title, title_justify="left", title_style="bold", header_style="", min_width=min(len(title), 100))
     for i, name in enumerate(header):
-        table.add_column(name, justify="right" if i else "left")
+        table.add_column(name, justify="right" if i else "left", no_wrap=not i)
     for row in rows:
         table.add_row(*row)
     console.print(table, "")

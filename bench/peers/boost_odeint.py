@@ -38,6 +38,15 @@ def missing() -> str | None:
     return None
 
 
+def versions() -> dict[str, str]:
+    """Return those of Boost and of the compiler."""
+    command = [COMMAND[0], "-x", "c++", "-E", "-P", "-"]
+    source = "#include <boost/version.hpp>\nBOOST_LIB_VERSION\n__VERSION__\n"
+    printed = subprocess.run(command, input=source, capture_output=True, text=True, check=True).stdout
+    boost, compiler = (line.strip('"') for line in printed.split("\n")[-3:-1])
+    return {"Boost": boost.replace("_", "."), COMMAND[0]: compiler.split()[0]}
+
+
 @cache
 def library() -> ctypes.CDLL:
     """Compile the programs for this machine, unless that was done before, and load them."""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from ..timing import best_times
 from ..workload import MODEL, PRIOR, RULE, Array, Pairs, candidates, random_pairs
 from .ours import PEERS as OURS
 from .peer import Peer, Solution
-from .registry import ENTRIES, find_peer
+from .registry import ENTRIES
 
 RUN = 243
 """Neighbouring nodes of the large sample: those of five parameters on all levels, as a user's loop over the grid has them."""
@@ -48,6 +49,7 @@ class Comparison:
     states: list[PeerFigures]
     sensitivities: list[PeerFigures]
     skipped: dict[str, str]
+    versions: dict[str, str]
     reference_difference: float
 
 
@@ -125,11 +127,14 @@ def one_core() -> Iterator[None]:
 def measure(quick: bool, progress: Callable[[str], None]) -> Comparison:
     """Measure every program that is installed; `progress` is told what happens."""
     with one_core():
-        peers, skipped = [*OURS], {}
+        peers = [*OURS]
+        skipped: dict[str, str] = {}
+        versions: dict[str, str] = {}
         for entry in ENTRIES:
             missing = entry.missing()
             if missing is None:
                 peers += entry.load()
+                versions |= entry.versions()
             else:
                 skipped[entry.module] = missing
                 progress(f"{entry.module}: left out, for want of it: {missing}")
@@ -140,7 +145,7 @@ def measure(quick: bool, progress: Callable[[str], None]) -> Comparison:
             _measure_task(task, [p for p in peers if p.has_sensitivities or not task.with_sensitivities], quick, progress)
             for task in tasks(quick)
         )
-    return Comparison(states, sensitivities, skipped, float(output_errors(ours, independent).max()))
+    return Comparison(states, sensitivities, skipped, versions, float(output_errors(ours, independent).max()))
 
 
 def _measure_task(task: Task, peers: list[Peer], quick: bool, progress: Callable[[str], None]) -> list[PeerFigures]:
@@ -153,20 +158,22 @@ def _measure_task(task: Task, peers: list[Peer], quick: bool, progress: Callable
         progress(f"{'sensitivities' if task.with_sensitivities else 'states'}, {peer.name}: rtol {rtol:.1e}")
 
     timed = [task.timed(peer, rtol) for peer, rtol, _ in chosen]
-    best = best_times({str(i): work for i, (_, work) in enumerate(timed)}, 2 if quick else 7)
+    best = best_times({str(i): work for i, (_, work) in enumerate(timed)}, 2 if quick else 5)
     figures = []
     for i, (peer, rtol, solution) in enumerate(chosen):
         count, timing = timed[i][0], best[str(i)]
-        memory = None if quick else fresh_process.call(__name__, memory_of.__name__, peer.name, rtol, task.with_sensitivities)
+        where = type(peer).__module__, peer.name
+        memory = None if quick else fresh_process.call(__name__, memory_of.__name__, *where, rtol, task.with_sensitivities)
         errors = task.errors(peer, solution)[-1]
         sample = len(task.pairs(peer))
         figures.append(PeerFigures(peer.name, rtol, count / timing.seconds, timing.cores, sample, errors, solution.steps, memory))
     return figures
 
 
-def memory_of(name: str, rtol: float, with_sensitivities: bool) -> float:
+def memory_of(module: str, name: str, rtol: float, with_sensitivities: bool) -> float:
     """Return the MB by which the peak grows when a program is imported, compiled and set to work; for a process of its own."""
     task = tasks(True)[with_sensitivities]
     before = peak_memory()
-    task.timed(find_peer(name), rtol)[1]()
+    peer = next(peer for peer in import_module(module).PEERS if peer.name == name)
+    task.timed(peer, rtol)[1]()
     return peak_memory() - before

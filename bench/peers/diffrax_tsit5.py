@@ -24,7 +24,7 @@ LANES = 729
 
 
 class DiffraxTsit5(Peer):
-    name = "diffrax Tsit5, jit and vmap"
+    name = "diffrax Tsit5"
 
     def outputs(self, pairs: Pairs, rtol: float) -> Solution:
         columns, taken = arrays(pairs, LANES)

@@ -22,7 +22,7 @@ LANES = 729
 
 
 class JaxLanes(Peer):
-    name = "JAX lanes, shared-step RK45"
+    name = "JAX, shared-step RK45"
 
     def outputs(self, pairs: Pairs, rtol: float) -> Solution:
         columns, taken = arrays(pairs, LANES)

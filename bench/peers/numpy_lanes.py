@@ -32,7 +32,7 @@ ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 5
 
 
 class NumpyLanes(Peer):
-    name = "NumPy lanes, shared-step RK45"
+    name = "NumPy, shared-step RK45"
     has_sensitivities = False
 
     def outputs(self, pairs: Pairs, rtol: float) -> Solution:

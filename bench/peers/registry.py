@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib import import_module
+from importlib.metadata import version
 from importlib.util import find_spec
 
 from . import boost_odeint
@@ -24,6 +25,10 @@ class Entry:
         absent = [name for name in self.packages if find_spec(name) is None]
         return f"pip install {' '.join(absent)}" if absent else None
 
+    def versions(self) -> dict[str, str]:
+        """Return the versions of what is installed."""
+        return boost_odeint.versions() if self.module == "boost_odeint" else {name: version(name) for name in self.packages}
+
     def load(self) -> list[Peer]:
         peers: list[Peer] = import_module(f"{__package__}.{self.module}").PEERS
         return peers
@@ -40,13 +45,3 @@ ENTRIES = (
     Entry("casadi_cvodes", ("casadi",)),
     Entry("scipy_solvers"),
 )
-
-
-def find_peer(name: str) -> Peer:
-    """Return the program of a name; its module must be loadable."""
-    for entry in (OURS, *ENTRIES):
-        if entry.missing() is None:
-            for peer in entry.load():
-                if peer.name == name:
-                    return peer
-    raise LookupError(f"expected the name of a program that is installed, given {name!r}")

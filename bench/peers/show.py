@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-HEADER = ("", "rtol", "rate", "cores", "ratio", "median error", "99 %", "worst", "steps", "MB", "pairs")
+HEADER = ("", "rtol", "rate", "cores", "ratio", "median", "99 %", "worst", "steps", "MB", "pairs")
 UNITS = {"states": "trajectories/s", "sensitivities": "experiments/s"}
 TITLES = {
-    "states": "Trajectories while predictive covariances are made",
+    "states": "States alone, on the grid of the predictive covariances; errors are those of y",
     "sensitivities": "States and all nine sensitivities; errors are those of dy/dtheta",
 }
 
@@ -75,11 +75,12 @@ def scaling_rows(series: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, ...
 
 def markdown(report: Mapping[str, Any]) -> str:
     """Return the tables of a report of ``python -m bench peers`` or ``python -m bench scaling``, written with ``--json``."""
-    machine = report["machine"]
-    lines = [f"{machine['processor']}; {machine['system']}; Python {machine['python']}.", ""]
+    machine, comparison = report["machine"], report.get("peers", {})
+    versions = {name: machine[name] for name in ("python", "numpy", "scipy")} | comparison.get("versions", {})
+    taken = ", ".join(f"{name} {number}" for name, number in versions.items())
+    lines = [f"{machine['processor']}, {machine['cores']} cores, {machine['instruction set']}; {taken}.", ""]
     if "scaling" in report:
         return "\n".join(lines + _table(SCALING_HEADER, scaling_rows(report["scaling"])))
-    comparison = report["peers"]
     for task, title in TITLES.items():
         lines += [f"**{title}**", ""]
         lines += _table(header(task), rows(comparison[task]))

@@ -14,7 +14,7 @@ import fisherpoint as fp
 from bench.accuracy import output_errors, sensitivity_errors
 from bench.peers import show
 from bench.peers.peer import Peer, blocks
-from bench.peers.registry import ENTRIES, OURS, Entry, find_peer
+from bench.peers.registry import ENTRIES, OURS, Entry
 from bench.workload import MODEL, Pairs, random_pairs
 
 ALL = pytest.mark.parametrize("entry", [OURS, *ENTRIES], ids=lambda entry: entry.module)
@@ -66,11 +66,9 @@ def test_blocks_are_the_runs_of_equal_points_in_parts() -> None:
 
 
 def test_every_target_names_a_program() -> None:
-    for _, name, _ in show.TARGETS:
-        try:
-            assert find_peer(name).name == name
-        except LookupError:
-            assert any(entry.missing() for entry in ENTRIES)  # it may be one of those that are not installed
+    entries = [entry for entry in ENTRIES if entry.module in ("boost_odeint", "heyoka_batch")]
+    names = {peer.name for entry in entries for peer in load(entry)}
+    assert {name for _, name, _ in show.TARGETS} <= names
 
 
 def test_a_program_that_is_not_installed_says_what_to_install() -> None:
