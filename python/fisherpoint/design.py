@@ -44,6 +44,7 @@ class ExchangeSettings:
     time_limit: float | None
     max_redraws: int
     references: bool
+    screen: bool = False  # as in files that do not say
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -56,6 +57,7 @@ class ExchangeSettings:
             if not self.time_limit > 0:
                 raise ValueError(f"time_limit: expected a positive number of seconds, given {self.time_limit:g}")
         set_field(self, "references", bool(self.references))
+        set_field(self, "screen", bool(self.screen))
 
 
 @dataclass(frozen=True)

@@ -92,7 +92,7 @@ def efficiency_of(
 def random_designs(problem: DesignProblem, n_experiments: int, seed: int, threads: int) -> Array:
     """Log dets of random designs under the sensor noise, drawn from a pool of valid points, (RANDOM_DESIGNS,)."""
     rng = np.random.default_rng([seed, 1])
-    pool = CandidateSource(problem, rng, grid=False, threads=threads).draw_confirmed(4 * n_experiments)
+    pool = CandidateSource(problem, rng, threads).draw_confirmed(4 * n_experiments)
     d = criterion(problem, pool, threads, "noise")
     prepared = d.prepare(pool)
     result = np.empty(RANDOM_DESIGNS)

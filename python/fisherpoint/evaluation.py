@@ -10,7 +10,7 @@ import numpy as np
 from . import _core
 from .experiments import Experiments
 from .information import PointInformation, point_information
-from .output_covariance import Criterion, criterion, needs_grid
+from .output_covariance import Criterion, criterion, needs_covariances
 from .problem import DesignProblem
 from .quantity import Array, FrozenMapping, names_of
 
@@ -96,7 +96,7 @@ def evaluate_design(problem: DesignProblem, points: Experiments, threads: int | 
         raise TypeError(f"points: expected Experiments, given {type(points).__name__}")
     if not len(points):
         raise ValueError("points: expected at least one point, given none")
-    information = point_information(problem, points, needs_grid(str(problem.output_covariance)), threads)
+    information = point_information(problem, points, needs_covariances(str(problem.output_covariance)), threads)
     return evaluate_information(problem, information, criterion(problem, information, threads))
 
 

@@ -2,6 +2,9 @@
 
 Lines 11 and 13 print "arg min"; the reading is that the candidate with the largest Phi enters, and the point whose removal
 leaves the largest Phi leaves. That may be the candidate itself, so Phi never falls.
+
+Where D needs the predictive covariance of every candidate, that is what takes the time. Screening orders the candidates by Phi with
+their linearized covariances, which come with the sensitivities, and gives the rule only the best few.
 """
 
 from __future__ import annotations
@@ -18,11 +21,14 @@ from .candidates import CandidateSource
 from .design import Design, ExchangeSettings, TraceRecord
 from .efficiency import Efficiency, efficiency_of, random_designs
 from .evaluation import Evaluation, evaluate_information
-from .information import PointInformation
-from .output_covariance import Criterion, criterion, needs_grid
+from .information import PointInformation, with_linearized_covariance
+from .output_covariance import Criterion, criterion, needs_covariances
 from .problem import DesignProblem
-from .quantity import FrozenMapping
+from .quantity import Array, FrozenMapping
 from .trajectories import resolve_threads
+
+SHORTLIST = 5
+"""Candidates that screening leaves for the rule."""
 
 RIDGE = 1e-9
 """Share of the prior's information that is added to F as long as a design is singular, so that singular designs can be told
@@ -54,6 +60,7 @@ def exchange(
     time_limit: float | None = None,
     max_redraws: int = 1,
     references: bool = True,
+    screen: bool = True,
 ) -> Design:
     """Find the design with the largest det F by exchanging points for random candidates, Algorithm 1.
 
@@ -78,6 +85,9 @@ def exchange(
         How often candidates are drawn again where none improves Phi (lines 6 to 12); then the best of them is tried all the same.
     references : bool
         Also find what the design is compared with (`Efficiency`).
+    screen : bool
+        Where the output covariance is "pooled" or "pointwise": order candidates by their linearized covariances and take the rule
+        for the best few only. False takes it for all, as Algorithm 1 is written.
 
     Returns
     -------
@@ -91,7 +101,9 @@ def exchange(
     """
     if not isinstance(problem, DesignProblem):
         raise TypeError(f"problem: expected a DesignProblem, given {type(problem).__name__}")
-    settings = ExchangeSettings(n_experiments, n_candidates, max_iterations, seed, patience, time_limit, max_redraws, references)
+    settings = ExchangeSettings(
+        n_experiments, n_candidates, max_iterations, seed, patience, time_limit, max_redraws, references, screen
+    )
     if progress is not None and not callable(progress):
         raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
     threads = resolve_threads(threads)
@@ -126,8 +138,8 @@ class _Search:
 
     def __post_init__(self) -> None:
         self._started = time.perf_counter()
-        grid = needs_grid(str(self.problem.output_covariance))
-        self.source = CandidateSource(self.problem, np.random.default_rng(self.settings.seed), grid, self.threads)
+        self.source = CandidateSource(self.problem, np.random.default_rng(self.settings.seed), self.threads)
+        self.needs_covariances = needs_covariances(str(self.problem.output_covariance))
         start = self.source.draw_confirmed(self.settings.n_experiments)
         self.criterion: Criterion = criterion(self.problem, start, self.threads)
         prepared = self.criterion.prepare(start)
@@ -170,28 +182,27 @@ class _Search:
         self.trace.append(TraceRecord(iteration, self.best.log_det, bool(exchanged), self.source.drawn, self.seconds))
 
     def _log_det(self, prepared: PointInformation, ridge: float) -> float:
-        accumulator = self.criterion.accumulate(prepared)
-        d = accumulator.output_covariance(self.criterion.given, self.criterion.pooled)
-        fisher = accumulator.fisher(d)
+        return self._phi(self.criterion.accumulate(prepared), ridge)
+
+    def _phi(self, accumulator: _core.FisherAccumulator, ridge: float) -> float:
+        fisher = accumulator.fisher(accumulator.output_covariance(self.criterion.given, self.criterion.pooled))
         return _core.log_det(fisher + ridge * np.eye(len(fisher)))
 
     def _iterate(self) -> bool:
         """Lines 6 to 14: draw candidates until one improves Phi, let the best enter and the least useful point leave."""
         ridge = 0.0 if np.isfinite(self.best.log_det) else RIDGE
-        phi = self._log_det(self.best.prepared, ridge)
         accumulator = self.criterion.accumulate(self.best.prepared)
-        given, pooled = self.criterion.given, self.criterion.pooled
+        phi = self._phi(accumulator, ridge)
         best_phi, entering = -np.inf, None
         for _ in range(1 + self.settings.max_redraws):
-            candidates = self.source.draw(self.settings.n_candidates)
-            prepared = self.criterion.prepare(candidates)
-            phis = accumulator.log_det_with(prepared.sensitivity, prepared.covariance, given, pooled, ridge)
+            candidates, confirmed = self._candidates(accumulator, ridge)
+            phis = self._phis_with(accumulator, candidates, ridge)
             for m in np.argsort(-phis, kind="stable"):
                 if not phis[m] > best_phi:
                     break
-                exchanged = self._without_least(candidates[[m]], ridge)
+                exchanged = self._without_least(accumulator, candidates[m : m + 1], ridge)
                 # A candidate that would leave at once need not be tried on the nodes.
-                if exchanged is None or self.source.confirm(candidates[[m]]).all():
+                if exchanged is None or confirmed or len(self.source.confirm(candidates[m : m + 1])):
                     best_phi, entering = phis[m], exchanged
                     break
             if best_phi > phi:
@@ -199,26 +210,47 @@ class _Search:
         if entering is None:
             return False
         prepared = self.criterion.prepare(entering)
-        if not self._log_det(prepared, ridge) > phi:  # the same to rounding
+        log_det = self._log_det(prepared, 0.0)
+        if not (log_det if ridge == 0.0 else self._log_det(prepared, ridge)) > phi:  # the same to rounding
             return False
-        self.best = _Incumbent(entering, prepared, self._log_det(prepared, 0.0))
+        self.best = _Incumbent(entering, prepared, log_det)
         return True
 
-    def _without_least(self, candidate: PointInformation, ridge: float) -> PointInformation | None:
-        """The design with the candidate in the place of the point that is missed least; None where that is the candidate."""
-        joined = PointInformation.join([self.best.information, candidate])
-        prepared = self.criterion.prepare(joined)
-        accumulator = self.criterion.accumulate(prepared)
-        phis = accumulator.log_det_without(
+    def _candidates(self, accumulator: _core.FisherAccumulator, ridge: float) -> tuple[PointInformation, bool]:
+        """Candidates for one draw, and whether they are valid on all nodes and carry the rule's covariances."""
+        if not self.needs_covariances:
+            return self.source.draw(self.settings.n_candidates), False
+        if not self.settings.screen:
+            return self.source.draw_confirmed(self.settings.n_candidates), True
+        candidates = with_linearized_covariance(self.problem, self.source.draw(self.settings.n_candidates))
+        phis = self._phis_with(accumulator, candidates, ridge)
+        return self.source.confirm(candidates[np.argsort(-phis, kind="stable")[:SHORTLIST]]), True
+
+    def _phis_with(self, accumulator: _core.FisherAccumulator, candidates: PointInformation, ridge: float) -> Array:
+        """log det F with each candidate beside the design, (K,)."""
+        prepared = self.criterion.prepare(candidates)
+        phis: Array = accumulator.log_det_with(
             prepared.sensitivity, prepared.covariance, self.criterion.given, self.criterion.pooled, ridge
         )
+        return phis
+
+    def _without_least(
+        self, accumulator: _core.FisherAccumulator, candidate: PointInformation, ridge: float
+    ) -> PointInformation | None:
+        """The design with the candidate in the place of the point that is missed least; None where that is the candidate."""
+        added = self.criterion.prepare(candidate)
+        sensitivity = np.concatenate([self.best.prepared.sensitivity, added.sensitivity])
+        covariance = np.concatenate([self.best.prepared.covariance, added.covariance])
+        accumulator.add(added.sensitivity, added.covariance)
+        phis = accumulator.log_det_without(sensitivity, covariance, self.criterion.given, self.criterion.pooled, ridge)
+        accumulator.remove(added.sensitivity, added.covariance)
         leaving = int(np.argmax(phis))
-        last = len(joined) - 1
+        last = len(phis) - 1
         if leaving == last or not phis[leaving] > phis[last]:
             return None
         rows = np.arange(last)
         rows[leaving] = last
-        return joined[rows]
+        return PointInformation.join([self.best.information, candidate])[rows]
 
     def under_noise(self) -> Evaluation | None:
         if self.problem.noise_std is None:
@@ -257,6 +289,7 @@ def _references(search: _Search, under_noise: Evaluation | None) -> Efficiency:
         settings.patience,
         settings.time_limit,
         0,
+        False,
         False,
     )
     reference = _Search(problem, other, search.threads)

@@ -60,9 +60,25 @@ class Experiments:
     def __getitem__(self, index: int | slice | Sequence[int] | NDArray[Any]) -> Experiments:
         if isinstance(index, int | np.integer) and not -len(self) <= index < len(self):
             raise IndexError(f"points: expected an index below {len(self)}, given {index}")
-        chosen = np.asarray(index, dtype=None if len(index) else np.intp) if isinstance(index, list | tuple) else index
-        rows = np.arange(len(self))[chosen].reshape(-1)
-        return Experiments(self.x0[rows], self.u[rows], self.dt[rows], self.columns)
+        if isinstance(index, int | np.integer):
+            index = [int(index)]
+        rows = np.asarray(index, dtype=None if len(index) else np.intp) if isinstance(index, list | tuple) else index
+        return Experiments._of(self.x0[rows], self.u[rows], self.dt[rows], self.columns)
+
+    @classmethod
+    def _of(cls, x0: Array, u: Array, dt: Array, columns: tuple[str, ...] | None) -> Experiments:
+        """Points of which the parts are known to be valid."""
+        points = cls.__new__(cls)
+        points.x0, points.u, points.dt, points.columns = x0, u, dt, columns
+        for array in (x0, u, dt):
+            array.flags.writeable = False
+        return points
+
+    @staticmethod
+    def join(parts: Sequence[Experiments]) -> Experiments:
+        """Return the points of all parts, one after the other."""
+        x0, u, dt = (np.concatenate([getattr(part, name) for part in parts]) for name in ("x0", "u", "dt"))
+        return Experiments._of(x0, u, dt, parts[0].columns)
 
     def __iter__(self) -> Iterator[Experiments]:
         return (self[k] for k in range(len(self)))

@@ -31,16 +31,13 @@ class PointInformation:
         return PointInformation(self.points[rows], self.sensitivity[rows], self.covariance[rows])
 
     def of_outputs(self, used: NDArray[np.bool_]) -> PointInformation:
+        if used.all():
+            return self
         return PointInformation(self.points, self.sensitivity[:, used], self.covariance[:, used][:, :, used])
 
     @staticmethod
     def join(parts: Sequence[PointInformation]) -> PointInformation:
-        points = Experiments(
-            np.concatenate([part.points.x0 for part in parts]),
-            np.concatenate([part.points.u for part in parts]),
-            np.concatenate([part.points.dt for part in parts]),
-            parts[0].points.columns,
-        )
+        points = Experiments.join([part.points for part in parts])
         return PointInformation(
             points, np.concatenate([part.sensitivity for part in parts]), np.concatenate([part.covariance for part in parts])
         )
@@ -56,14 +53,19 @@ def point_sensitivities(problem: DesignProblem, points: Experiments, threads: in
 
 def with_covariance(problem: DesignProblem, given: PointInformation, threads: int | None) -> tuple[PointInformation, IntArray]:
     """The same points with their predictive covariances, and the statuses over all nodes of the rule."""
-    if isinstance(problem.rule, Linearized):  # the sensitivities are there
-        correlation = problem.prior.marginal(problem.estimated).correlation
-        ok = np.zeros(len(given), dtype=np.int32)
-        return PointInformation(given.points, given.sensitivity, linearized(given.sensitivity, correlation, ok).covariance), ok
+    if isinstance(problem.rule, Linearized):
+        return with_linearized_covariance(problem, given), np.zeros(len(given), dtype=np.int32)
     result = predictive_covariance(
         problem.model, given.points, problem.prior, problem.rule, problem.rtol, threads, problem.kinks, problem.estimated
     )
     return PointInformation(given.points, given.sensitivity, result.covariance), result.status
+
+
+def with_linearized_covariance(problem: DesignProblem, given: PointInformation) -> PointInformation:
+    """The same points with S Sigma S^T of the sensitivities that they have, in no time."""
+    correlation = problem.prior.marginal(problem.estimated).correlation
+    ok = np.zeros(len(given), dtype=np.int32)
+    return PointInformation(given.points, given.sensitivity, linearized(given.sensitivity, correlation, ok).covariance)
 
 
 def point_information(problem: DesignProblem, points: Experiments, grid: bool, threads: int | None) -> PointInformation:

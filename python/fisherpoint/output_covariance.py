@@ -61,7 +61,7 @@ class Criterion:
         return d
 
 
-def needs_grid(kind: str) -> bool:
+def needs_covariances(kind: str) -> bool:
     """Whether D needs the predictive covariance of every point."""
     return kind in ("pooled", "pointwise")
 
@@ -125,6 +125,6 @@ def check_regular(d: Array, names: tuple[str, ...], kind: str) -> None:
 def region_mean(problem: DesignProblem, threads: int | None) -> Array:
     """Mean predictive covariance (n_y, n_y) over a fixed sample of the region, the same for every design of the problem."""
     if problem not in _region_means:
-        source = CandidateSource(problem, np.random.default_rng(0), grid=True, threads=threads)
-        _region_means[problem] = source.draw(REGION_SAMPLE).covariance.mean(axis=0)
+        source = CandidateSource(problem, np.random.default_rng(0), threads)
+        _region_means[problem] = source.draw_confirmed(REGION_SAMPLE).covariance.mean(axis=0)
     return _region_means[problem]

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
+from . import _core
 from .experiments import Experiments
 from .kernels import kernels
 from .models import HydraulicCylinder
@@ -94,13 +96,13 @@ def predictive_covariance(
     if isinstance(chosen, str) or not chosen or any(name not in names for name in chosen):
         raise ValueError(f"parameters: expected a sequence of names of {', '.join(names)}; given {parameters!r}")
     varied = tuple(name for name in names if name in chosen)
-    ordered = prior.marginal(names)
     theta = model.theta({name: prior.mean[name] for name in names})
     if isinstance(rule, Linearized):
         result = sensitivities(model, points, theta, rtol, threads, kinks, method)
+        ordered = prior.marginal(names)
         scaled = result.dy_dtheta * np.array(list(ordered.std.values()))
         return linearized(scaled, rule.second_moments(ordered, varied), result.status)
-    nodes = rule.core_nodes(ordered, varied)
+    nodes = _nodes(rule, prior, names, varied)
     settings = checked_arguments(model, points, theta, rtol, threads, kinks, method)
     covariance, status, _, _, lost_weight = kernels.predictive_covariance(
         model.core, points.x0, points.u, points.dt, theta, nodes, *settings, max_lost=rule.max_lost_weight
@@ -109,6 +111,11 @@ def predictive_covariance(
     if rule.signed:
         covariance, projection = nearest_semidefinite(covariance)
     return PredictiveCovariance(covariance, status, projection, lost_weight)
+
+
+@lru_cache(maxsize=4)  # a search asks for the same nodes hundreds of times
+def _nodes(rule: Rule, prior: GaussianPrior, names: tuple[str, ...], varied: tuple[str, ...]) -> _core.PriorNodes:
+    return rule.core_nodes(prior.marginal(names), varied)
 
 
 def linearized(sensitivity: Array, correlation: Array, status: IntArray) -> PredictiveCovariance:

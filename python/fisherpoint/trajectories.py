@@ -118,8 +118,8 @@ def sensitivities(
 ) -> Sensitivities:
     """Simulate experiment points with the sensitivities of states and outputs, (8) and (9).
 
-    Arguments and errors are those of `simulate`. The sensitivities take part in the error control, each column by its own size. Where
-    the status is not ok they are zero.
+    Arguments and errors are those of `simulate`. The sensitivities take part in the error control, each column by its own size.
+    Where the status is not ok they are zero.
     """
     check_type(model, HydraulicCylinder, "model")
     theta = model.theta(theta)

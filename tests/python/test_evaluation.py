@@ -50,7 +50,7 @@ def direct(kind: str, noise: bool, points: fp.Experiments, rule: fp.TensorGrid) 
         d = r
     elif kind == "region":
         whole = problem(output_covariance="region", noise_std=NOISE if noise else None, rule=rule, rtol=RTOL)
-        sample = CandidateSource(whole, np.random.default_rng(0), grid=True, threads=1).draw(REGION_SAMPLE).points
+        sample = CandidateSource(whole, np.random.default_rng(0), threads=1).draw_confirmed(REGION_SAMPLE).points
         d = r + predictive(sample, rule).mean(axis=0)[np.ix_(used, used)]
     else:
         spread = predictive(points, rule)[:, used][:, :, used]

@@ -75,8 +75,8 @@ def test_every_point_of_a_design_survives_on_the_grid_and_lies_in_the_region() -
 def test_a_design_beats_random_ones(kind: str) -> None:
     given = problem(output_covariance=kind)
     design = fp.exchange(given, n_experiments=9, n_candidates=20, max_iterations=40, references=False)
-    source = CandidateSource(given, np.random.default_rng(99), grid=True, threads=1)
-    random = [fp.evaluate_design(given, source.draw(9).points).log_det for _ in range(20)]
+    source = CandidateSource(given, np.random.default_rng(99), threads=1)
+    random = [fp.evaluate_design(given, source.draw_confirmed(9).points).log_det for _ in range(20)]
     assert design.evaluation.log_det > max(random)
 
 
@@ -86,9 +86,9 @@ def test_a_design_beats_random_ones(kind: str) -> None:
 def brute_force(given: fp.DesignProblem, seed: int, n_experiments: int, n_candidates: int) -> tuple[fp.Experiments, bool]:
     """One iteration of Algorithm 1, every Phi from scratch by (7) and (17); whether a point was exchanged."""
     pooled = given.output_covariance == "pooled"
-    source = CandidateSource(given, np.random.default_rng(seed), grid=pooled, threads=1)
+    source = CandidateSource(given, np.random.default_rng(seed), threads=1)
     start = source.draw_confirmed(n_experiments).points
-    candidates = source.draw(n_candidates).points
+    candidates = (source.draw_confirmed if pooled else source.draw)(n_candidates).points
     columns = [NAMES.index(name) for name in given.estimated]
     std = np.array([PRIOR.std[name] for name in given.estimated])
     noise = np.diag([NOISE[name] ** 2 for name in OUTPUTS])
@@ -127,7 +127,7 @@ def test_one_iteration_is_the_exhaustive_search(kind: str) -> None:
     outcomes = set()
     for seed in range(25):
         expected, exchanged = brute_force(given, seed, n_experiments=2, n_candidates=3)
-        design = fp.exchange(given, 2, 3, 1, seed=seed, max_redraws=0, references=False)
+        design = fp.exchange(given, 2, 3, 1, seed=seed, max_redraws=0, references=False, screen=False)
         np.testing.assert_array_equal(design.points.table, expected.table)
         assert design.trace[-1].exchanged == exchanged
         outcomes.add(exchanged)
@@ -140,7 +140,7 @@ def test_one_iteration_is_the_exhaustive_search(kind: str) -> None:
 def test_no_iterations_are_the_random_start() -> None:
     design = fp.exchange(problem(), **QUICK | {"max_iterations": 0})
     assert len(design.trace) == 1 and design.stop_reason == "max_iterations"
-    start = CandidateSource(problem(), np.random.default_rng(0), grid=False, threads=1).draw_confirmed(9)
+    start = CandidateSource(problem(), np.random.default_rng(0), threads=1).draw_confirmed(9)
     assert same_bits(design.points.table, start.points.table)
 
 
@@ -209,7 +209,7 @@ problem = fp.DesignProblem(m, prior, region, rule=fp.TensorGrid(4), output_covar
 print("started", flush=True)
 def progress(p):
     print("iteration", p.iteration, flush=True)
-design = fp.exchange(problem, n_candidates=400, max_iterations=10**6, progress=progress)
+design = fp.exchange(problem, n_candidates=400, max_iterations=10**6, progress=progress, screen=False)
 print("returned", time.time(), design.stop_reason, len(design.points), design.evaluation.log_det == design.trace[-1].log_det,
       flush=True)
 """
@@ -333,6 +333,7 @@ def test_settings_are_kept() -> None:
         "time_limit": 60.0,
         "max_redraws": 2,
         "references": False,
+        "screen": True,
     }
     assert design.problem is given and given.rule == SMALL
     assert design.seconds >= design.trace[-1].seconds
