@@ -134,19 +134,16 @@ class PriorGrid final : public PriorNodes {
     }
     void refresh(std::size_t from) {
       for (std::size_t j = from; j < axes_.size(); ++j) {
-        const double value = axes_[j].values[digit_[j]];
+        parameter_[j] = axes_[j].values[digit_[j]];
         product_[j + 1] = product_[j] * axes_[j].probabilities[digit_[j]];
-        if (coordinates_)
-          add_column(j, value);
-        else
-          parameter_[j] = value;
       }
       weight_ = product_.back();
-      if (coordinates_)
-        for (std::size_t i = 0; i < axes_.size(); ++i) {
-          const double sum = partial_[axes_.size() * axes_.size() + i];
-          parameter_[i] = coordinates_->exponential[i] ? std::exp(sum) : sum;
-        }
+      if (!coordinates_) return;
+      for (std::size_t j = from; j < axes_.size(); ++j) add_column(j, axes_[j].values[digit_[j]]);
+      for (std::size_t i = 0; i < axes_.size(); ++i) {
+        const double sum = partial_[axes_.size() * axes_.size() + i];
+        parameter_[i] = coordinates_->exponential[i] ? std::exp(sum) : sum;
+      }
     }
     // center + the first j columns of the matrix times z are kept, so that a node does not depend on where the walk began.
     void add_column(std::size_t j, double z) {
