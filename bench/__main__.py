@@ -16,7 +16,7 @@ from typing import Any
 
 from fisherpoint.trajectories import resolve_threads
 
-from . import covariances, designs, machine, memory, scaling, sensitivities, tables
+from . import covariances, designs, machine, memory, scaling, screening, sensitivities, tables
 from .peers import compare, show
 
 TARGET = 500
@@ -53,6 +53,8 @@ def _all(options: argparse.Namespace, found: dict[str, str]) -> int:
     tables.show_sensitivities(of_sensitivities)
     of_designs = designs.measure(options.quick, threads)
     tables.show_designs(of_designs)
+    of_screening = screening.measure(options.quick)
+    tables.show_screening(of_screening)
     of_memory = memory.measure()
     tables.show_memory(of_memory)
     seconds = perf_counter() - begin
@@ -64,6 +66,7 @@ def _all(options: argparse.Namespace, found: dict[str, str]) -> int:
         "covariances": asdict(of_covariances),
         "sensitivities": asdict(of_sensitivities),
         "designs": [asdict(figures) for figures in of_designs],
+        "screening": [asdict(figures) for figures in of_screening],
         "memory": [asdict(figures) for figures in of_memory],
     }
     _save(options, report)

@@ -11,6 +11,7 @@ from typing import Any
 import fisherpoint as fp
 from fisherpoint import _core
 from fisherpoint.kernels import kernels
+from fisherpoint.rules import Rule
 
 RELATIVE_STD = dict(a_tau=0.3, b_tau=0.2, m_q=0.05, E_oil=0.2, p_t=0.2, B_v=0.1, c_L=0.3, V_0A=0.1, V_0B=0.1)
 REGION = fp.ExperimentRegion(
@@ -26,8 +27,7 @@ ACCUMULATOR = ("add", "remove", "fisher", "log_det_with", "log_det_without", "ou
 class DesignFigures:
     """One search: what it was, how long it took, and the shares of the trajectories and of the Fisher accumulator in that."""
 
-    output_covariance: str
-    references: bool
+    name: str
     threads: int
     iterations: int
     seconds: float
@@ -62,32 +62,44 @@ def timed_calls(owner: Any, names: tuple[str, ...]) -> Iterator[list[float]]:
             setattr(owner, name, original)
 
 
-def measure(quick: bool, threads: list[int]) -> list[DesignFigures]:
-    """Search with the sensor noise known, without and with the designs that the report compares it to, and in the paper's form."""
-    cases = [("noise", False, 200), ("noise", True, 200), ("pooled", False, 5)]
-    if quick:
-        cases = [("noise", False, 10), ("pooled", False, 1)]
-    best: dict[tuple[int, int], DesignFigures] = {}
-    for _ in range(1 if quick else 2):
-        for i, case in enumerate(cases):
-            for n in threads:
-                figures = _search(*case, n)
-                if (i, n) not in best or figures.seconds < best[i, n].seconds:
-                    best[i, n] = figures
-    return [best[i, n] for i in range(len(cases)) for n in threads]
+CASES = {
+    "D = R": ("noise", False, None),
+    "D = R, with references": ("noise", True, None),
+    "pooled": ("pooled", False, None),
+    "pooled, the paper's grid": ("pooled", False, fp.TensorGrid()),
+}
+"""Output covariance, whether the report's references are searched for too, and the rule where it is not the default."""
 
 
-def _search(output_covariance: str, references: bool, iterations: int, threads: int) -> DesignFigures:
+def default_problem(output_covariance: str, rule: Rule | None = None) -> fp.DesignProblem:
+    """The default cylinder with its sensors."""
     model = fp.HydraulicCylinder()
     prior = fp.GaussianPrior(mean=model.nominal, relative_std=RELATIVE_STD)
     problem = fp.DesignProblem(model, prior, REGION, noise_std=NOISE_STD, output_covariance=output_covariance)
+    return problem if rule is None else problem.replace(rule=rule)
+
+
+def measure(quick: bool, threads: list[int]) -> list[DesignFigures]:
+    """Search with the sensor noise known, without and with the designs that the report compares it to, and in the paper's form."""
+    best: dict[tuple[str, int], DesignFigures] = {}
+    for _ in range(1 if quick else 3):
+        for name in CASES:
+            for n in threads:
+                figures = _search(name, 20 if quick else 200, n)
+                if (name, n) not in best or figures.seconds < best[name, n].seconds:
+                    best[name, n] = figures
+    return [best[name, n] for name in CASES for n in threads]
+
+
+def _search(name: str, iterations: int, threads: int) -> DesignFigures:
+    output_covariance, references, rule = CASES[name]
+    problem = default_problem(output_covariance, rule)
     with timed_calls(kernels, KERNELS) as trajectories, timed_calls(_core.FisherAccumulator, ACCUMULATOR) as accumulator:
         begin, used = perf_counter(), process_time()
         design = fp.exchange(problem, max_iterations=iterations, threads=threads, references=references)
         seconds, cores = perf_counter() - begin, process_time() - used
     return DesignFigures(
-        output_covariance=output_covariance,
-        references=references,
+        name=name,
         threads=threads,
         iterations=iterations,
         seconds=seconds,

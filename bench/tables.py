@@ -8,6 +8,8 @@ from dataclasses import asdict
 from rich.console import Console
 from rich.table import Table
 
+from fisherpoint.exchange import SHORTLIST
+
 from .accuracy import ACCURACY_RULE, Errors
 from .covariances import Contender, CovarianceFigures
 from .designs import DesignFigures
@@ -15,6 +17,7 @@ from .memory import MemoryFigures
 from .peers import show
 from .peers.compare import Comparison
 from .scaling import Series
+from .screening import ScreeningFigures
 from .sensitivities import SensitivityFigures
 
 console = Console(highlight=False, width=max(Console().width, 120))  # narrower, the tables break their rows
@@ -62,7 +65,7 @@ def show_designs(figures: Sequence[DesignFigures]) -> None:
     header = ("D", "threads", "iterations", "seconds", "cores", "candidates/s", "trajectories", "Fisher accumulator", "Python")
     rows = [
         (
-            f.output_covariance + (" + references" if f.references else ""),
+            f.name,
             str(f.threads),
             str(f.iterations),
             f"{f.seconds:.2f}",
@@ -75,6 +78,16 @@ def show_designs(figures: Sequence[DesignFigures]) -> None:
         for f in figures
     ]
     _show("Designs of 12 points, 50 candidates per draw, default cylinder; shares of the time", header, rows)
+
+
+def show_screening(figures: Sequence[ScreeningFigures]) -> None:
+    """Print one line per output covariance."""
+    for f in figures:
+        console.print(
+            f"Screening, {f.output_covariance}: the best of 50 candidates under the rule was among the {SHORTLIST} that are left in"
+            f" {f.same} of {f.draws} draws ({f.share:.1%})."
+        )
+    console.print()
 
 
 def show_memory(figures: Sequence[MemoryFigures]) -> None:

@@ -27,8 +27,8 @@ from .problem import DesignProblem
 from .quantity import Array, FrozenMapping
 from .trajectories import resolve_threads
 
-SHORTLIST = 5
-"""Candidates that screening leaves for the rule."""
+SHORTLIST = 10
+"""Candidates that screening leaves for the rule; the best under the rule is nearly always among them (`bench/screening.py`)."""
 
 RIDGE = 1e-9
 """Share of the prior's information that is added to F as long as a design is singular, so that singular designs can be told
@@ -107,7 +107,7 @@ def exchange(
     if progress is not None and not callable(progress):
         raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
     threads = resolve_threads(threads)
-    search = _Search(problem, settings, threads)
+    search = ExchangeSearch(problem, settings, threads)
     stop_reason = search.run(progress)
     efficiency = None
     under_noise = search.under_noise()
@@ -128,7 +128,7 @@ class _Incumbent(NamedTuple):
 
 
 @dataclass
-class _Search:
+class ExchangeSearch:
     """The state of one run of Algorithm 1."""
 
     problem: DesignProblem
@@ -275,7 +275,7 @@ class _Search:
         )
 
 
-def _references(search: _Search, under_noise: Evaluation | None) -> Efficiency:
+def _references(search: ExchangeSearch, under_noise: Evaluation | None) -> Efficiency:
     """Find the noise-only optimum with the same settings and another seed, and the median random design."""
     if under_noise is None:
         return efficiency_of(search.problem, search.criterion, search.best.log_det, None, None, None)
@@ -292,7 +292,7 @@ def _references(search: _Search, under_noise: Evaluation | None) -> Efficiency:
         False,
         False,
     )
-    reference = _Search(problem, other, search.threads)
+    reference = ExchangeSearch(problem, other, search.threads)
     if reference.run(None) == "interrupted":
         raise KeyboardInterrupt
     random = random_designs(problem, settings.n_experiments, settings.seed, search.threads)

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .experiments import Experiments
 from .predictive import linearized, predictive_covariance
+from .prior import GaussianPrior
 from .problem import DesignProblem
-from .quantity import Array, IntArray
-from .rules import Linearized
+from .quantity import Array, IntArray, names_of
+from .rules import Linearized, Rule
 from .trajectories import Status, sensitivities
 
 
@@ -62,10 +64,17 @@ def with_covariance(problem: DesignProblem, given: PointInformation, threads: in
 
 
 def with_linearized_covariance(problem: DesignProblem, given: PointInformation) -> PointInformation:
-    """The same points with S Sigma S^T of the sensitivities that they have, in no time."""
-    correlation = problem.prior.marginal(problem.estimated).correlation
+    """The same points with S Sigma S^T of the sensitivities that they have, at once; Sigma is what the rule makes of the prior's."""
+    moments = _second_moments(problem.rule, problem.prior.marginal(names_of(problem.model.parameters)), problem.estimated)
+    columns = problem.estimated_columns
     ok = np.zeros(len(given), dtype=np.int32)
-    return PointInformation(given.points, given.sensitivity, linearized(given.sensitivity, correlation, ok).covariance)
+    covariance = linearized(given.sensitivity, moments[np.ix_(columns, columns)], ok).covariance
+    return PointInformation(given.points, given.sensitivity, covariance)
+
+
+@lru_cache(maxsize=4)  # a search asks for the same hundreds of times
+def _second_moments(rule: Rule, prior: GaussianPrior, varied: tuple[str, ...]) -> Array:
+    return rule.second_moments(prior, varied)
 
 
 def point_information(problem: DesignProblem, points: Experiments, grid: bool, threads: int | None) -> PointInformation:

@@ -18,6 +18,8 @@ import fisherpoint as fp
 from conftest import REGION
 from defaults import KINDS, MODEL, NAMES, NOISE, OUTPUTS, PRIOR, SMALL, grid, problem, same_bits
 from fisherpoint.candidates import CandidateSource
+from fisherpoint.exchange import SHORTLIST
+from fisherpoint.information import PointInformation
 
 QUICK: dict[str, Any] = {"n_experiments": 9, "n_candidates": 8, "max_iterations": 12, "references": False}
 
@@ -132,6 +134,31 @@ def test_one_iteration_is_the_exhaustive_search(kind: str) -> None:
         assert design.trace[-1].exchanged == exchanged
         outcomes.add(exchanged)
     assert outcomes == {True, False}  # both were tried
+
+
+@pytest.mark.parametrize("kind", ["pooled", "pointwise"])
+def test_screening_finds_the_same_design(kind: str) -> None:
+    """In a region of which every point is valid on all nodes, so that both ways see the same candidates."""
+    calm = dict(q=(0.1, 0.2), v=(0.1, 0.2), p_A=(8e6, 9e6), p_B=(12e6, 13e6), x_v=(0.2, 0.5), u=(-0.5, -0.2), dt=(1e-3, 3e-3))
+    given = problem(output_covariance=kind, region=fp.ExperimentRegion(calm))
+    screened, whole = (fp.exchange(given, 9, 30, 15, seed=3, references=False, screen=screen) for screen in (True, False))
+    assert not whole.rejected
+    assert same_bits(screened.points.table, whole.points.table)
+    assert sum(record.exchanged for record in whole.trace) > 5
+
+
+def test_screening_asks_the_rule_for_the_best_few_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+    confirm = CandidateSource.confirm
+
+    def counted(self: CandidateSource, chosen: PointInformation) -> PointInformation:
+        asked.append(len(chosen))
+        return confirm(self, chosen)
+
+    monkeypatch.setattr(CandidateSource, "confirm", counted)
+    fp.exchange(problem(output_covariance="pooled"), 9, 40, 5, references=False)
+    start = asked.index(SHORTLIST)
+    assert sum(asked[:start]) >= 9 and set(asked[start:]) == {SHORTLIST}
 
 
 # --- when to stop -------------------------------------------------------------------------------------------------------
