@@ -64,7 +64,7 @@ def with_covariance(problem: DesignProblem, given: PointInformation, threads: in
 
 
 def with_linearized_covariance(problem: DesignProblem, given: PointInformation) -> PointInformation:
-    """The same points with S Sigma S^T of the sensitivities that they have, at once; Sigma is what the rule makes of the prior's."""
+    """The same points with S Sigma S^T of the sensitivities that they have; Sigma is what the rule makes of the prior's."""
     moments = _second_moments(problem.rule, problem.prior.marginal(names_of(problem.model.parameters)), problem.estimated)
     columns = problem.estimated_columns
     ok = np.zeros(len(given), dtype=np.int32)

@@ -155,8 +155,8 @@ Dual<T, A> operator/(const S& s, const Dual<T, A>& a) {
 
 template <class T, Variables A>
 Dual<T, A> sqrt(const Dual<T, A>& a) {
-  const auto [root, inverse] = root_and_inverse(a.value);
-  return chain(root, T(0.5 * inverse), a);
+  const auto [root, slope] = root_and_slope(a.value);
+  return chain(root, slope, a);
 }
 
 // Value and variables of anything: a number without derivatives depends on none.

@@ -34,13 +34,21 @@ typedef std::int64_t NativeMask __attribute__((vector_size(16)));
 inline constexpr int native_lanes = register_bytes / sizeof(double);
 
 // Square root and quotient, to within one unit in the last place at every level. AVX-512 machines have one slow divider for
-// both, so there they come from the 14-bit estimates of the reciprocals, and run on the multipliers.
+// both, so there they come from the 14-bit estimates of the reciprocals, by one step of Newton's method to 28 bits and one that
+// corrects the result by its remainder, and run on the multipliers.
+#if defined(__AVX512F__)
+// sqrt(a) and 1 / (2 sqrt(a)), the latter to 28 bits; 0 and 0 for 0.
+inline std::pair<NativeVector, NativeVector> estimated_root(NativeVector a) {
+  const NativeVector y = _mm512_maskz_rsqrt14_pd(_mm512_cmp_pd_mask(a, _mm512_setzero_pd(), _CMP_NEQ_UQ), a);
+  const NativeVector g = a * y, h = 0.5 * y, r = 0.5 - g * h;
+  const NativeVector root = g + g * r, half_inverse = h + h * r;
+  return {root + (a - root * root) * half_inverse, half_inverse};
+}
+#endif
+
 inline NativeVector native_sqrt(NativeVector a) {
 #if defined(__AVX512F__)
-  const NativeVector y = _mm512_maskz_rsqrt14_pd(_mm512_cmp_pd_mask(a, _mm512_setzero_pd(), _CMP_NEQ_UQ), a);
-  const NativeVector t = a * y, e = 1.0 - t * y;              // a y^2 = 1 - e
-  const NativeVector root = t + (t * e) * (0.375 * e + 0.5);  // third order: 42 bits
-  return root + (a - root * root) * (0.5 * y);
+  return estimated_root(a).first;
 #elif defined(__AVX__)
   return _mm256_sqrt_pd(a);
 #elif defined(__x86_64__)
@@ -51,28 +59,21 @@ inline NativeVector native_sqrt(NativeVector a) {
 #endif
 }
 
-// The same root, and its inverse: what a derivative asks for next to the root.
-struct RootAndInverse {
-  NativeVector root, inverse;
-};
-inline RootAndInverse native_root_and_inverse(NativeVector a) {
+// sqrt(a) and its derivative 1 / (2 sqrt(a)).
+inline std::pair<NativeVector, NativeVector> native_root_and_slope(NativeVector a) {
 #if defined(__AVX512F__)
-  NativeVector y = _mm512_maskz_rsqrt14_pd(0xff, a);
-  const NativeVector e = 1.0 - (a * y) * y;
-  y = y + (y * e) * (0.375 * e + 0.5);
-  const NativeVector t = a * y, root = t + (a - t * t) * (0.5 * y);
-  return {root, y + y * (1.0 - root * y)};
+  const auto [root, h] = estimated_root(a);
+  return {root, h + h * (1.0 - 2.0 * (root * h))};
 #else
   const NativeVector root = native_sqrt(a);
-  return {root, 1.0 / root};
+  return {root, 0.5 / root};
 #endif
 }
 
 inline NativeVector native_quotient(NativeVector a, NativeVector b) {
 #if defined(__AVX512F__)
   NativeVector y = _mm512_maskz_rcp14_pd(0xff, b);
-  const NativeVector e = 1.0 - b * y;
-  y = y + (y * e) * (1.0 + e);  // third order: 42 bits
+  y = y + y * (1.0 - b * y);
   const NativeVector q = a * y;
   return q + (a - b * q) * y;
 #else
@@ -205,12 +206,12 @@ struct Pack {
     for (int k = 0; k < parts; ++k) a.part[k] = native_sqrt(a.part[k]);
     return a;
   }
-  friend std::pair<Pack, Pack> root_and_inverse(const Pack& a) {
+  friend std::pair<Pack, Pack> root_and_slope(const Pack& a) {
     std::pair<Pack, Pack> r;
     for (int k = 0; k < parts; ++k) {
-      const auto [root, inverse] = native_root_and_inverse(a.part[k]);
+      const auto [root, slope] = native_root_and_slope(a.part[k]);
       r.first.part[k] = root;
-      r.second.part[k] = inverse;
+      r.second.part[k] = slope;
     }
     return r;
   }
@@ -231,7 +232,7 @@ struct Pack {
 // The same vocabulary for one plain double.
 inline double select(bool m, double a, double b) { return m ? a : b; }
 inline double sqrt(double a) { return std::sqrt(a); }
-inline std::pair<double, double> root_and_inverse(double a) { return {std::sqrt(a), 1.0 / std::sqrt(a)}; }
+inline std::pair<double, double> root_and_slope(double a) { return {std::sqrt(a), 0.5 / std::sqrt(a)}; }
 inline double abs(double a) { return std::abs(a); }
 inline double min(double a, double b) { return a < b ? a : b; }
 inline double max(double a, double b) { return a > b ? a : b; }

@@ -23,6 +23,7 @@ struct Plan {
   std::vector<Stretch<M>> stretches;
   double largest_squared_error;                       // embedded; what is above it is not believed
   std::array<double, sizes<M>::outputs> nominal_y{};  // by the plan's own steps
+  std::vector<double> shared{};                       // stage by stage, the states that do not depend on theta (replay.hpp)
 
   template <class P>
   mask_of_lanes<P> believed(const Replayed<P>& replayed) const {
@@ -69,7 +70,7 @@ class Planner {
     std::vector<Stretch<M>> stretches = between_kinks(nominal);
     if (stretches.empty()) return std::nullopt;
 
-    // Twice as many steps in every stretch, until that changes nothing any more.
+    // As many steps as the nominal trajectory took, then twice as many, until that changes nothing any more.
     Ends end = ends(stretches), finer = end;
     double error = std::numeric_limits<double>::infinity(), last_error = error;
     while (true) {
@@ -85,7 +86,7 @@ class Planner {
     }
     if (stretches[0].steps > 1) {
       // The last two tries tell the order, and with it the longest step that may do; equal steps in all stretches are fewer.
-      const double order = std::isfinite(last_error) ? std::clamp(std::log2(last_error / error), 4.0, 12.0) : 8.0;
+      const double order = std::isfinite(last_error) ? std::clamp(std::log2(last_error / error), 4.0, 12.0) : 6.0;
       double longest = 0;
       for (const auto& stretch : stretches) longest = std::max(longest, stretch.duration / stretch.steps);
       std::vector<Stretch<M>> last;
@@ -107,6 +108,10 @@ class Planner {
     std::array<double, sizes<M>::inputs> u;
     get_lane(u_, 0, u.data());
     plan.nominal_y = to_array<double>(model_.output(end.x[0], u, pilots_.theta[0]));
+    std::array<double, n_x> x;
+    get_lane(x0_, 0, x.data());
+    const StateEquation<M, double> nominal_equation(model_, pilots_.theta[0], u);
+    Replay<M, double, Method>(nominal_equation).run(x, plan.stretches, Recorded{plan.shared});
     return plan;
   }
 
@@ -126,9 +131,10 @@ class Planner {
           if (turned && !Replay<M, P, Method>::template planned<m>()) fixed = false;
         });
         if (!fixed) return {};
-        stretches.push_back({0.0, 1, side});
+        stretches.push_back({0.0, 0, side});
       }
       stretches.back().duration += size;
+      ++stretches.back().steps;
     }
     return stretches;
   }

@@ -127,7 +127,9 @@ Chunk<sizes<M>::outputs> sum_over_nodes(const M& model, const PointOverPrior<M>&
     x = start;
     absolute_weight += abs(weight);
     auto believed = lanes_of<P>::none();
-    if (point.plan) believed = point.plan->believed(Replay<M, P, Method>(equation).run(x, point.plan->stretches));
+    if (point.plan)
+      believed = point.plan->believed(
+          Replay<M, P, Method>(equation).run(x, point.plan->stretches, Remembered{point.plan->shared.data()}));
     if (any(!believed & (duration > P(0.0)))) {
       duration = select(believed, P(0.0), duration);
       for (int lane = 0; lane < width; ++lane) chunk.redone += lanes_of<P>::get(duration, lane) > 0.0;

@@ -34,6 +34,19 @@ struct Replayed {
   mask_of_lanes<P> clear() const { return (clearance > P(0.0)) & (squared_error < P(1e300)); }
 };
 
+// Where the values come from that a state takes at the stages if it does not depend on theta, and so is the same in every lane.
+struct Computed {
+  auto operator()(auto&& compute) const { return compute(); }
+};
+struct Recorded {
+  std::vector<double>& values;
+  double operator()(auto&& compute) const { return values.emplace_back(compute()); }
+};
+struct Remembered {
+  const double* next;
+  auto operator()(auto&& compute) { return decltype(compute())(*next++); }
+};
+
 template <Model M, class P, class Method>
 class Replay {
   using Equation = StateEquation<M, P>;
@@ -47,7 +60,8 @@ class Replay {
  public:
   explicit Replay(const Equation& equation) : f_(equation) {}
 
-  FISHERPOINT_HOT Replayed<P> run(State& x, const std::vector<Stretch<M>>& stretches) {
+  template <class Source = Computed>
+  FISHERPOINT_HOT Replayed<P> run(State& x, const std::vector<Stretch<M>>& stretches, Source shared = {}) {
     Replayed<P> outcome{P(1.0), P(0.0)};
     State stage[Method::stages], ahead;
     Surfaces value = f_.surface_values(x), rate = value;
@@ -64,14 +78,21 @@ class Replay {
         rate = rate_here;
         for_each_index<last - 1>([&](auto before) {
           constexpr int s = before + 1;
-          for_each_index<states>([&](auto i) { ahead[i] = x[i] + step * weighted_sum<s>(Method::a[s], stage, i); });
+          for_each_index<states>([&](auto i) {
+            ahead[i] = own_or<i>(shared, [&] { return x[i] + step * weighted_sum<s>(Method::a[s], stage, i); });
+          });
           f_.derivative(ahead, side, stage[s]);
         });
-        for_each_index<states>([&](auto i) { x[i] += step * weighted_sum<last>(Method::a[last], stage, i); });
+        for_each_index<states>([&](auto i) {
+          x[i] = own_or<i>(shared, [&] { return x[i] + step * weighted_sum<last>(Method::a[last], stage, i); });
+        });
         if constexpr (end_counts<Method>()) f_.derivative(x, side, stage[last]);
         State error;
-        for_each_index<states>(
-            [&](auto i) { error[i] = step * weighted_sum<last + end_counts<Method>()>(Method::error, stage, i); });
+        for_each_index<states>([&](auto i) {
+          error[i] = P(0.0);
+          if constexpr (VariationalEquation<M, P>::state_depends(i) || !std::is_same_v<Source, Remembered>)
+            error[i] = step * weighted_sum<last + end_counts<Method>()>(Method::error, stage, i);
+        });
         outcome.squared_error += Equation::squared_size(error);
         previous = step;
       }
@@ -93,6 +114,14 @@ class Replay {
   }
 
  private:
+  template <int i>
+  static P own_or(auto& shared, auto&& compute) {
+    if constexpr (VariationalEquation<M, P>::state_depends(i))
+      return compute();
+    else
+      return shared(compute);
+  }
+
   static void check(P& clearance, const auto& sides, double step, const Surfaces& value0, const Surfaces& rate0,
                     const Surfaces& value1, const Surfaces& rate1) {
     for_each_index<surfaces>([&](auto m) {

@@ -99,6 +99,8 @@ class VariationalEquation {
     return detail::which(states, [j](int i) { return (reads[i] >> (states + j)) & 1; });
   }
   static constexpr bool depends(int i, int j) { return (row[i] >> j) & 1; }
+  // Whether state i depends on any parameter; one that does not is the same for every theta.
+  static constexpr bool state_depends(int i) { return row[i] != 0; }
   // The states that f_i reads and that depend on any parameter.
   static constexpr Variables coupled(int i) {
     return detail::which(states, [i](int k) { return ((reads[i] >> k) & 1) && row[k] != 0; });
