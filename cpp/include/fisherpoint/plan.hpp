@@ -48,7 +48,7 @@ struct Pilots {
 template <Model M, class P, class Method>
 class Planner {
   static constexpr int n_x = sizes<M>::states, p = sizes<M>::parameters;
-  static constexpr int width = lanes_of<P>::width, most_steps = 128;
+  static constexpr int width = lanes_of<P>::width, most_steps = 256;
   // Embedded errors of nodes may be so many times the pilots' largest.
   static constexpr double slack = 4.0;
 
@@ -74,7 +74,7 @@ class Planner {
     Ends end = ends(stretches), finer = end;
     double error = std::numeric_limits<double>::infinity(), last_error = error;
     while (true) {
-      if (stretches[0].steps > most_steps) return std::nullopt;
+      if (total_steps(stretches) > most_steps) return std::nullopt;
       std::vector<Stretch<M>> doubled = stretches;
       for (auto& stretch : doubled) stretch.steps *= 2;
       finer = ends(doubled);
@@ -84,7 +84,7 @@ class Planner {
       stretches = doubled;
       end = finer;
     }
-    if (stretches[0].steps > 1) {
+    if (total_steps(stretches) > static_cast<int>(stretches.size())) {
       // The last two tries tell the order, and with it the longest step that may do; equal steps in all stretches are fewer.
       const double order = std::isfinite(last_error) ? std::clamp(std::log2(last_error / error), 4.0, 12.0) : 6.0;
       double longest = 0;
