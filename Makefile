@@ -9,7 +9,7 @@ BIN := $(VENV)/bin
 PACKAGES := g++ cmake ninja-build make python3-dev python3-venv libeigen3-dev doctest-dev
 SOURCES := CMakeLists.txt pyproject.toml $(shell find cpp python -name '*.[ch]pp' -o -name '*.py' -o -name '*.pyi' -o -name '*.map')
 
-.PHONY: design test test-cpp test-python bench sanitize lint format stubs clean
+.PHONY: design test test-cpp test-python bench cost sanitize lint format stubs clean
 .DELETE_ON_ERROR:
 
 design: $(VENV)/.installed
@@ -27,6 +27,9 @@ test-python: $(VENV)/.installed
 
 bench: $(VENV)/.installed
 	$(BIN)/python -m bench
+
+cost: $(VENV)/.installed
+	$(BIN)/python -m bench cost
 
 sanitize: $(VENV)/.system
 	cmake --preset sanitize

@@ -1,6 +1,7 @@
 """``python -m bench``: measure, show and save. The exit code is 1 where fisherpoint misses the accuracy rule, otherwise 0.
 
 ``python -m bench peers`` and ``python -m bench scaling`` do the same for other programs and for how the cost grows;
+``python -m bench cost`` counts instructions per trajectory, and exits with 1 where they are a tenth more than recorded;
 ``python -m bench table FILE`` prints what they wrote with ``--json`` as Markdown.
 """
 
@@ -16,7 +17,7 @@ from typing import Any
 
 from fisherpoint.trajectories import resolve_threads
 
-from . import covariances, designs, machine, memory, scaling, screening, sensitivities, tables
+from . import cost, covariances, designs, machine, memory, scaling, screening, sensitivities, tables
 from .peers import compare, show
 
 TARGET = 500
@@ -31,6 +32,8 @@ def main() -> int:
         return 0
     found = machine.describe()
     tables.show_machine(found)
+    if options.task == "cost":
+        return _cost(options)
     if options.task == "peers":
         comparison = compare.measure(options.quick, tables.console.print)
         tables.show_comparison(comparison)
@@ -42,6 +45,22 @@ def main() -> int:
         _save(options, {"machine": found, "quick": options.quick, "scaling": [asdict(one) for one in series]})
         return 0
     return _all(options, found)
+
+
+def _cost(options: argparse.Namespace) -> int:
+    lacking = cost.missing()
+    if lacking is not None:
+        tables.console.print(f"Nothing counted, for want of {lacking}")
+        return 1
+    found, before = cost.measure(), cost.recorded()
+    tables.show_cost(found, before)
+    if options.record:
+        cost.record(found)
+        return 0
+    said, passed = cost.verdict(found, before)
+    for line in said:
+        tables.console.print(line)
+    return 0 if passed else 1
 
 
 def _all(options: argparse.Namespace, found: dict[str, str]) -> int:
@@ -92,13 +111,15 @@ def _options() -> argparse.Namespace:
     parser.add_argument(
         "task",
         nargs="?",
-        choices=("peers", "scaling", "table"),
-        help="other programs; how the cost grows; a report as Markdown; nothing for all of fisherpoint next to SciPy",
+        choices=("peers", "scaling", "cost", "table"),
+        help="other programs; how the cost grows; instructions per trajectory next to the recorded ones; a report as Markdown;"
+        " nothing for all of fisherpoint next to SciPy",
     )
     parser.add_argument("file", nargs="?", type=Path, help="the report for `table`")
     parser.add_argument("--quick", action="store_true", help="smaller samples and fewer rounds, for a look")
     parser.add_argument("--threads", type=thread_numbers, metavar="N,N", help="numbers of threads, the first for the ratios")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write all figures there")
+    parser.add_argument("--record", action="store_true", help="with `cost`: hold later runs against this one")
     options = parser.parse_args()
     if (options.task == "table") != (options.file is not None):
         parser.error("expected a FILE for `table`, and for it alone")

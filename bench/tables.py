@@ -10,6 +10,7 @@ from rich.table import Table
 
 from fisherpoint.exchange import SHORTLIST
 
+from . import cost
 from .accuracy import ACCURACY_RULE, Errors
 from .covariances import Contender, CovarianceFigures
 from .designs import DesignFigures
@@ -115,6 +116,14 @@ def show_comparison(comparison: Comparison) -> None:
 def show_scaling(found: Sequence[Series]) -> None:
     """Print one row per series."""
     _show("How the cost grows", show.SCALING_HEADER, show.scaling_rows([asdict(series) for series in found]))
+
+
+def show_cost(now: cost.Cost, before: cost.Cost) -> None:
+    """Print one row per kind of work."""
+    grown = cost.changes(now.instructions, before.instructions)
+    rows = [(kind, f"{before.instructions[kind]:,}", f"{now.instructions[kind]:,}", f"{grown[kind]:+.1%}") for kind in grown]
+    header = ("", f"recorded, {before.compiler}", f"now, {now.compiler}", "change")
+    _show("Instructions per trajectory, x86-64-v3", header, rows)
 
 
 def _show_contenders(title: str, unit: str, ours: Mapping[int, Contender], peers: Iterable[Contender]) -> None:
