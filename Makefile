@@ -9,13 +9,13 @@ BIN := $(VENV)/bin
 PACKAGES := g++ cmake ninja-build make python3-dev python3-venv libeigen3-dev doctest-dev
 SOURCES := CMakeLists.txt pyproject.toml $(shell find cpp python -name '*.[ch]pp' -o -name '*.py' -o -name '*.pyi' -o -name '*.map')
 
-.PHONY: design test test-cpp test-python bench cost sanitize lint format stubs clean
+.PHONY: design test test-cpp test-python test-levels bench cost sanitize lint format stubs clean
 .DELETE_ON_ERROR:
 
 design: $(VENV)/.installed
 	$(BIN)/fisherpoint design examples/paper.toml -o run/paper
 
-test: test-cpp test-python
+test: test-cpp test-python test-levels
 
 test-cpp: $(VENV)/.system
 	cmake --preset release
@@ -24,6 +24,12 @@ test-cpp: $(VENV)/.system
 
 test-python: $(VENV)/.installed
 	$(BIN)/python -m pytest
+
+# The kernels' tests on the levels that `test-python`, which takes the best one, leaves out.
+test-levels: $(VENV)/.installed
+	@set -e; for level in $$($(BIN)/python -c 'import fisherpoint as fp; print(*fp.available_isas()[:-1])'); do \
+	  echo "x86-64-$$level"; FISHERPOINT_ISA=$$level $(BIN)/python -m pytest -q -m kernels; \
+	done
 
 bench: $(VENV)/.installed
 	$(BIN)/python -m bench

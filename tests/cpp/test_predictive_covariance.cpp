@@ -21,7 +21,7 @@ TEST_CASE("the streamed sum is the plain one, for every remainder and any number
   const std::array u = {-0.5};
   const double dt = 4e-3;
   const Points point{1, x0.data(), u.data(), &dt};
-  for (const auto& [levels, varied] : {std::pair{1, 1}, {7, 1}, {3, 2}, {3, 7}}) {
+  for (const auto& [levels, varied] : {std::pair{1, 1}, {7, 1}, {2, 3}, {3, 2}, {3, 7}}) {
     const PriorGrid grid = grid_of(levels, varied);
     std::array<double, 16> covariance, again;
     Status status;

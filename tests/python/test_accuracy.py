@@ -18,6 +18,8 @@ from conftest import REGION, random_points
 from defaults import MODEL, PRIOR, SMALL, grid
 from oracle import OUTPUT_ROWS, STATE_SCALES, Cylinder, Floats
 
+pytestmark = pytest.mark.kernels
+
 TIGHT = 1e-12
 PROMISED, SHARE = 1e-6, 0.99  # of the scales, for 99 % of the points, at the default rtol
 WORST = 3e-5  # not promised; about one point in 30 000, whose pressure grazes a limit, is off by 5e-6 to 1e-5

@@ -16,6 +16,8 @@ import fisherpoint as fp
 from conftest import experiments, random_points
 from defaults import KINDS, MODEL, NAMES, NOISE, PRIOR, SMALL, grid, problem, same_bits
 
+pytestmark = pytest.mark.kernels
+
 PACKAGE = Path(fp.__file__).parent
 THREADS = (1, 2, 5)
 

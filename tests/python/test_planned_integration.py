@@ -10,6 +10,8 @@ from conftest import random_points
 from defaults import MODEL, PRIOR
 from oracle import OUTPUT_ROWS, STATE_SCALES
 
+pytestmark = pytest.mark.kernels
+
 RULE = fp.TensorGrid(levels=2, span=1.5)
 NODES, WEIGHTS = RULE.nodes(PRIOR)
 

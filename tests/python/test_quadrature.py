@@ -18,6 +18,8 @@ from fisherpoint.predictive import nearest_semidefinite
 from fisherpoint.rules import MAX_LOST_WEIGHT
 from oracle import OUTPUT_ROWS, STATE_SCALES, Floats
 
+pytestmark = pytest.mark.kernels
+
 POSITIVE = [fp.TensorGrid(2, 1.0), fp.GaussHermite(2), fp.Sobol(64)]
 ALL = [*POSITIVE, fp.SparseGaussHermite(1), fp.SparseGaussHermite(2), fp.Unscented(), fp.Linearized()]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ import fisherpoint as fp
 import oracle
 from conftest import experiments, random_points
 from oracle import OUTPUT_ROWS, PARAMETERS, STATE_SCALES, Cylinder, Floats
+
+pytestmark = pytest.mark.kernels
 
 RTOL = 1e-9
 STATE_ERROR, SENSITIVITY_ERROR = 1e-8, 1e-7  # relative to the states' scales; sensitivities times the prior's std
@@ -146,6 +149,7 @@ class Case:
         return fp.TensorGrid(levels=dict(zip(PARAMETERS, self.levels, strict=True)), span=self.span)
 
 
+@cache  # the search for points takes longer than the tests
 def random_case(seed: int) -> Case:
     """Constants and prior about the default cylinder, far enough to see each of them in the results."""
     rng = np.random.default_rng(seed)

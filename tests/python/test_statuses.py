@@ -15,6 +15,8 @@ import fisherpoint as fp
 from conftest import REGION, random_points
 from defaults import MODEL, NAMES, PRIOR, SMALL, grid, point, problem
 
+pytestmark = pytest.mark.kernels
+
 Status = fp.Status
 HUGE = {
     "q": (-1e6, 1e6),
