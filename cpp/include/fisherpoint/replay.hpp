@@ -62,20 +62,17 @@ class Replay {
 
   template <class Source = Computed>
   FISHERPOINT_HOT Replayed<P> run(State& x, const std::vector<Stretch<M>>& stretches, Source shared = {}) {
+    static_assert(Method::c[last - 1] == 1.0, "the slope at a step's end is that of the stage there");
     Replayed<P> outcome{P(1.0), P(0.0)};
     State stage[Method::stages], ahead;
-    Surfaces value = f_.surface_values(x), rate = value;
-    double previous = 0.0;  // the step before, whose end is checked with the slope that begins the next
+    Surfaces value = f_.surface_values(x);
     for (const Stretch<M>& stretch : stretches) {
       typename Equation::Side side;
       for_each_index<switching>([&](auto m) { side[m] = P(stretch.side[m]); });
       const double step = stretch.duration / stretch.steps;
       for (int n = 0; n < stretch.steps; ++n) {
         f_.derivative(x, side, stage[0]);
-        const Surfaces rate_here = f_.surface_rates(x, stage[0]);
-        if (previous > 0.0) check(outcome.clearance, side, previous, value, rate, f_.surface_values(x), rate_here);
-        value = f_.surface_values(x);
-        rate = rate_here;
+        const Surfaces rate = f_.surface_rates(x, stage[0]);
         for_each_index<last - 1>([&](auto before) {
           constexpr int s = before + 1;
           for_each_index<states>([&](auto i) {
@@ -86,6 +83,9 @@ class Replay {
         for_each_index<states>([&](auto i) {
           x[i] = own_or<i>(shared, [&] { return x[i] + step * weighted_sum<last>(Method::a[last], stage, i); });
         });
+        const Surfaces end = f_.surface_values(x);
+        check(outcome.clearance, side, step, value, rate, end, f_.surface_rates(x, stage[last - 1]));
+        value = end;
         if constexpr (end_counts<Method>()) f_.derivative(x, side, stage[last]);
         State error;
         for_each_index<states>([&](auto i) {
@@ -94,11 +94,6 @@ class Replay {
             error[i] = step * weighted_sum<last + end_counts<Method>()>(Method::error, stage, i);
         });
         outcome.squared_error += Equation::squared_size(error);
-        previous = step;
-      }
-      if (&stretch == &stretches.back()) {
-        f_.derivative(x, side, stage[0]);
-        check(outcome.clearance, side, previous, value, rate, f_.surface_values(x), f_.surface_rates(x, stage[0]));
       }
     }
     return outcome;
