@@ -1,4 +1,7 @@
-"""How the cost grows: with nodes R, candidates M, points L of a design, parameters p, and threads; ``python -m bench scaling``."""
+"""How the cost grows: ``python -m bench scaling``.
+
+With nodes R, candidates M, points L of a design, parameters p, points K at once, and threads.
+"""
 
 from __future__ import annotations
 
@@ -49,6 +52,7 @@ def measure(quick: bool) -> list[Series]:
         _series("M", "predictive covariances", _over_candidates(), rounds, 0.95, 1.05),
         _series("L", "500 candidates beside L points", _over_points(), rounds, None, 0.1),
         _series("p", "500 candidates, p parameters", _over_parameters(), rounds, None, None),
+        _series("K", "sensitivities of K points", _over_batches(), rounds, None, None),
         _series("threads", "predictive covariances", _over_threads(), rounds, None, None),
     ]
 
@@ -87,6 +91,14 @@ def _over_threads() -> dict[int, Callable[[], object]]:
     most = resolve_threads(None)
     counts = sorted({most, *(2**i for i in range(most.bit_length()))})
     return {n: partial(_covariances, candidates(), 3, n) for n in counts}
+
+
+def _over_batches() -> dict[int, Callable[[], object]]:
+    """From a point on its own, whose call costs more than it does, to packs that are always full."""
+    pairs = random_pairs(105, seed=9)
+    return {
+        count: partial(fp.sensitivities, MODEL, pairs.points[:count], pairs.theta[:count], threads=1) for count in (1, 3, 50, 10000)
+    }
 
 
 def _over_points() -> dict[int, Callable[[], object]]:
