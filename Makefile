@@ -43,14 +43,14 @@ sanitize: $(VENV)/.system
 	ctest --preset sanitize
 
 lint: $(VENV)/.installed
-	$(BIN)/clang-format --dry-run --Werror $$(find cpp tests/cpp -name '*.[ch]pp')
+	$(BIN)/clang-format --dry-run --Werror $$(find cpp tests/cpp bench -name '*.[ch]pp')
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python cpp/bindings/generate_stubs.py --check
 
 format: $(VENV)/.installed
-	$(BIN)/clang-format -i $$(find cpp tests/cpp -name '*.[ch]pp')
+	$(BIN)/clang-format -i $$(find cpp tests/cpp bench -name '*.[ch]pp')
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 

@@ -1,6 +1,7 @@
 """``python -m bench``: measure, show and save. The exit code is 1 where fisherpoint misses the accuracy rule, otherwise 0.
 
 ``python -m bench peers`` and ``python -m bench scaling`` do the same for other programs and for how the cost grows;
+``python -m bench packs`` for what the core's packs could be made of;
 ``python -m bench cost`` counts instructions per trajectory, and exits with 1 where they are a tenth more than recorded;
 ``python -m bench table FILE`` prints what they wrote with ``--json`` as Markdown.
 """
@@ -17,7 +18,7 @@ from typing import Any
 
 from fisherpoint.trajectories import resolve_threads
 
-from . import cost, covariances, designs, machine, memory, scaling, screening, sensitivities, tables
+from . import cost, covariances, designs, machine, memory, packs, scaling, screening, sensitivities, tables
 from .peers import compare, show
 
 TARGET = 500
@@ -38,6 +39,11 @@ def main() -> int:
         comparison = compare.measure(options.quick, tables.console.print)
         tables.show_comparison(comparison)
         _save(options, {"machine": found, "quick": options.quick, "peers": asdict(comparison)})
+        return 0
+    if options.task == "packs":
+        of_packs, left_out = packs.measure(options.quick)
+        tables.show_packs(of_packs, left_out)
+        _save(options, {"machine": found, "quick": options.quick, "packs": [asdict(figures) for figures in of_packs]})
         return 0
     if options.task == "scaling":
         series = scaling.measure(options.quick)
@@ -111,9 +117,9 @@ def _options() -> argparse.Namespace:
     parser.add_argument(
         "task",
         nargs="?",
-        choices=("peers", "scaling", "cost", "table"),
-        help="other programs; how the cost grows; instructions per trajectory next to the recorded ones; a report as Markdown;"
-        " nothing for all of fisherpoint next to SciPy",
+        choices=("peers", "scaling", "packs", "cost", "table"),
+        help="other programs; how the cost grows; kinds of vectors under the core; instructions per trajectory next to the"
+        " recorded ones; a report as Markdown; nothing for all of fisherpoint next to SciPy",
     )
     parser.add_argument("file", nargs="?", type=Path, help="the report for `table`")
     parser.add_argument("--quick", action="store_true", help="smaller samples and fewer rounds, for a look")

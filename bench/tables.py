@@ -10,7 +10,7 @@ from rich.table import Table
 
 from fisherpoint.exchange import SHORTLIST
 
-from . import cost
+from . import cost, packs
 from .accuracy import ACCURACY_RULE, Errors
 from .covariances import Contender, CovarianceFigures
 from .designs import DesignFigures
@@ -124,6 +124,17 @@ def show_cost(now: cost.Cost, before: cost.Cost) -> None:
     rows = [(kind, f"{before.instructions[kind]:,}", f"{now.instructions[kind]:,}", f"{grown[kind]:+.1%}") for kind in grown]
     header = ("", f"recorded, {before.compiler}", f"now, {now.compiler}", "change")
     _show("Instructions per trajectory, x86-64-v3", header, rows)
+
+
+def show_packs(figures: Sequence[packs.Figures], left_out: Iterable[str]) -> None:
+    """Print one row per kind of vector, width and instruction set."""
+    header = ("", "instruction set", "lanes", "trajectories/s", "ratio", "compilation, s")
+    rows = [
+        (f.name, f"x86-64-{f.level}", str(f.lanes), f"{f.rate:,.0f}", f"{f.ratio:.2f}", f"{f.compile_seconds:.1f}") for f in figures
+    ]
+    _show("The same trajectories on every kind of vector, one core", header, rows)
+    for reason in left_out:
+        console.print(f"Left out, for want of {reason}")
 
 
 def _show_contenders(title: str, unit: str, ours: Mapping[int, Contender], peers: Iterable[Contender]) -> None:

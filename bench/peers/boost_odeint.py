@@ -7,59 +7,42 @@ the system, into a folder of the user's cache. The scalar one is given hand-writ
 from __future__ import annotations
 
 import ctypes
-import hashlib
-import os
-import shutil
 import subprocess
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
-from .. import machine
+from .. import compiled, machine
 from ..workload import MODEL, STATE_SCALES, Array, Pairs
 from .peer import Peer, Solution, sensitivity_scales, table
 
 SOURCES = Path(__file__).parent / "odeint"
 # -ffast-math would lose the tests for failed steps; these two only let square roots be plain instructions.
-COMMAND = ["g++", "-std=c++20", "-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC"]
+OPTIONS = ["-std=c++20", "-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC"]
 CONSTANTS = ("A_A", "A_B", "q_min", "q_max", "p_s", "T_1", "k_u")
 
 
 @cache
 def missing() -> str | None:
     """Return what the compilation lacks."""
-    if shutil.which(COMMAND[0]) is None:
-        return "a C++ compiler: apt-get install g++"
-    test = [COMMAND[0], "-std=c++20", "-x", "c++", "-fsyntax-only", "-"]
-    include = b"#include <boost/version.hpp>\n#include <experimental/simd>\n"
-    if subprocess.run(test, input=include, capture_output=True).returncode:
-        return "Boost's headers: apt-get install libboost-dev"
-    return None
+    boost = "Boost's headers: apt-get install libboost-dev"
+    return compiled.missing({"boost/version.hpp": boost, "experimental/simd": boost})
 
 
 def versions() -> dict[str, str]:
     """Return those of Boost and of the compiler."""
-    command = [COMMAND[0], "-x", "c++", "-E", "-P", "-"]
-    source = "#include <boost/version.hpp>\nBOOST_LIB_VERSION\n__VERSION__\n"
+    command = [compiled.COMPILER, "-x", "c++", "-E", "-P", "-"]
+    source = "#include <boost/version.hpp>\nBOOST_LIB_VERSION\n"
     printed = subprocess.run(command, input=source, capture_output=True, text=True, check=True).stdout
-    boost, compiler = (line.strip('"') for line in printed.split("\n")[-3:-1])
-    return {"Boost": boost.replace("_", "."), COMMAND[0]: compiler.split()[0]}
+    return {"Boost": printed.split("\n")[-2].strip('"').replace("_", "."), compiled.COMPILER: compiled.version()}
 
 
 @cache
 def library() -> ctypes.CDLL:
     """Compile the programs for this machine, unless that was done before, and load them."""
-    sources = b"".join(path.read_bytes() for path in sorted(SOURCES.iterdir()))
-    key = hashlib.sha256(sources + repr((COMMAND, machine.describe()["processor"])).encode()).hexdigest()[:16]
-    cache_home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    built = cache_home / "fisherpoint-bench" / f"odeint-{key}.so"
-    if not built.exists():
-        built.parent.mkdir(parents=True, exist_ok=True)
-        unfinished = built.with_suffix(f".{os.getpid()}")
-        subprocess.run([*COMMAND, str(SOURCES / "odeint.cpp"), "-o", str(unfinished)], check=True)
-        unfinished.replace(built)
-    return ctypes.CDLL(str(built))
+    processor = machine.describe()["processor"]
+    return ctypes.CDLL(str(compiled.compiled("odeint", SOURCES / "odeint.cpp", OPTIONS, SOURCES.iterdir(), processor).path))
 
 
 class Odeint(Peer):

@@ -1,0 +1,98 @@
+// Replays the trajectories of experiment points over a prior grid on one kind of vector, and prints the trajectories per second
+// of processor time and the sum of the variances, which must not depend on the vectors.
+//
+// Reads the cylinder's constants, the parameters' means and standard deviations, and the points, until the input ends.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <iostream>
+#include <vector>
+
+#include "backing.hpp"
+#include "fisherpoint/hydraulic_cylinder.hpp"
+#include "fisherpoint/predictive_covariance.hpp"
+#include "fisherpoint/prior_grid.hpp"
+#include "fisherpoint/replay.hpp"
+
+using namespace fisherpoint;
+using M = HydraulicCylinder;
+using Equation = StateEquation<M, Number>;
+constexpr int width = Number::width, p = sizes<M>::parameters, n_y = sizes<M>::outputs;
+
+struct Point {
+  std::array<double, 5> x0;
+  double u, dt;
+};
+
+// Equal steps of at most 2 ms, which is what plans for the default tolerance take, on either side of x_v = 0.
+std::vector<Stretch<M>> stretches(const M& model, const Point& point) {
+  const double target = model.k_u * point.u, start = point.x0[4];
+  const double end = target + (start - target) * std::exp(-point.dt / model.T_1);
+  const double motion = point.x0[1] < 0 ? -1 : 1, spool = start < 0 ? -1 : 1;
+  const auto stretch = [&](double duration, double side) {
+    return Stretch<M>{duration, static_cast<int>(std::ceil(duration / 2e-3)), {motion, side}};
+  };
+  if (start * end > 0) return {stretch(point.dt, spool)};
+  const double zero = model.T_1 * std::log((start - target) / -target);
+  return {stretch(zero, spool), stretch(point.dt - zero, -spool)};
+}
+
+double sum_of_variances(const M& model, const Point& point, const PriorGrid& grid) {
+  Equation::State start;
+  for (int i = 0; i < 5; ++i) start[i] = Number(point.x0[i]);
+  const Equation::Input input{Number(point.u)};
+  const auto plan = stretches(model, point);
+  DeviationSum<n_y, Number> sum;
+  sum.product.fill(Number(0.0));
+  sum.weight = Number(0.0);
+  const auto node = grid.cursor(0);
+  for (std::size_t first = 0; first < grid.size(); first += width) {
+    double lanes[p][width], weights[width];
+    for (int lane = 0; lane < width; ++lane) {
+      for (int j = 0; j < p; ++j) lanes[j][lane] = node->theta()[j];
+      weights[lane] = first + lane < grid.size() ? node->weight() : 0.0;
+      if (first + lane + 1 < grid.size()) node->advance();
+    }
+    Equation::Theta theta;
+    for (int j = 0; j < p; ++j) theta[j] = Number::load(lanes[j]);
+    const Equation equation(model, theta, input);
+    auto x = start;
+    const auto clear = Replay<M, Number, DormandPrince853>(equation).run(x, plan).clear();
+    auto y = to_array<Number>(model.output(x, input, theta));
+    for (int i = 0; i < n_y; ++i) y[i] -= start[i < 1 ? i : i + 1];  // the outputs are q, p_A, p_B, x_v
+    sum.add(y, select(clear, Number::load(weights), Number(0.0)));
+  }
+  double total = 0.0;
+  for (const int diagonal : {0, 4, 7}) {
+    double parts[width];
+    sum.product[diagonal].store(parts);
+    for (const double part : parts) total += diagonal == 0 ? 1e14 * part : part;
+  }
+  return total;
+}
+
+int main() {
+  M model;
+  std::array<double, p> mean, std;
+  std::cin >> model.A_A >> model.A_B >> model.q_min >> model.q_max >> model.p_s >> model.T_1 >> model.k_u;
+  for (double& value : mean) std::cin >> value;
+  for (double& value : std) std::cin >> value;
+  std::vector<Point> points;
+  for (Point at; std::cin >> at.x0[0] >> at.x0[1] >> at.x0[2] >> at.x0[3] >> at.x0[4] >> at.u >> at.dt;) points.push_back(at);
+  std::vector<Axis> axes;
+  for (int j = 0; j < p; ++j) axes.push_back(cells(mean[j], std[j], j < 7 ? 3 : 1, 1.5));
+  const PriorGrid grid(axes);
+
+  double best = 1e300, spent = 0.0, total = 0.0;
+  while (spent < 0.4) {
+    const std::clock_t begin = std::clock();
+    total = 0.0;
+    for (const Point& point : points) total += sum_of_variances(model, point, grid);
+    const double seconds = double(std::clock() - begin) / CLOCKS_PER_SEC;
+    best = std::min(best, seconds);
+    spent += seconds;
+  }
+  std::printf("%.6g %.15g\n", static_cast<double>(points.size() * grid.size()) / best, total);
+}
