@@ -71,7 +71,7 @@ template <Model M>
 using PointPath = std::vector<PointStep<M>>;
 
 // The columns need finer steps than the states.
-inline constexpr double first_refinement = 1.2;
+inline constexpr double first_refinement = 1.4;
 
 // The same path in about `factor` times as many steps, whose sizes change along it as they did.
 template <Model M>
