@@ -127,7 +127,7 @@ struct Lanes {
   friend Lanes min(const Lanes& a, const Lanes& b) { return select(a < b, a, b); }
   friend Lanes sqrt(const Lanes& a) { return of(root(a.v)); }
   friend Lanes abs(const Lanes& a) { return of(magnitude(a.v)); }
-  friend std::pair<Lanes, Lanes> root_and_inverse(const Lanes& a) { return {sqrt(a), 1.0 / sqrt(a)}; }
+  friend std::pair<Lanes, Lanes> root_and_slope(const Lanes& a) { return {sqrt(a), 0.5 / sqrt(a)}; }
 };
 
 }  // namespace backing
