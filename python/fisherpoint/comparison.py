@@ -64,9 +64,9 @@ class RuleRow:
     projection: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class RuleComparison:
-    """What `compare_rules` finds; print it.
+    """What `compare_rules` finds; it shows itself as a table.
 
     Attributes
     ----------
@@ -99,6 +99,8 @@ class RuleComparison:
         cheapest = self.cheapest()
         enough = "none of these" if cheapest is None else f"{cheapest.rule}, the fastest that is"
         return "\n".join([*lines, f"within 1 % at the 90th percentile: {enough}"])
+
+    __repr__ = __str__
 
 
 def compare_rules(

@@ -66,6 +66,6 @@ consteval bool consistent(const DormandPrince& m) {
 
 }  // namespace detail
 
-static_assert(detail::consistent({}), "the tableau was mistyped");
+static_assert(detail::consistent(DormandPrince{}), "the tableau was mistyped");
 
 }  // namespace fisherpoint

@@ -35,7 +35,7 @@ inline constexpr int native_lanes = register_bytes / sizeof(double);
 
 // Square root and quotient, to within one unit in the last place at every level. AVX-512 machines have one slow divider for
 // both, so there they come from the 14-bit estimates of the reciprocals, by one step of Newton's method to 28 bits and one that
-// corrects the result by its remainder, and run on the multipliers.
+// corrects the result by its remainder, and run on the multipliers. There a quotient is NaN where the divisor is 0 or infinite.
 #if defined(__AVX512F__)
 // sqrt(a) and 1 / (2 sqrt(a)), the latter to 28 bits; 0 and 0 for 0.
 inline std::pair<NativeVector, NativeVector> estimated_root(NativeVector a) {
