@@ -8,7 +8,7 @@
 using namespace fisherpoint;
 using namespace fisherpoint::testing;
 
-TEST_CASE_TEMPLATE("the oscillator's sensitivity is the closed form's", Method, DormandPrince, DormandPrince853) {
+TEST_CASE_TEMPLATE("the oscillator's sensitivity is the closed form's", Method, FISHERPOINT_METHODS) {
   const double w = 1.7, t = 3.0;
   const auto r = run_sensitive<double, Method>(Oscillator{}, std::array{1.0, 0.0}, std::array{0.0}, t, std::array{w}, {1e-10});
   CHECK(r.status == Status::ok);
@@ -16,7 +16,7 @@ TEST_CASE_TEMPLATE("the oscillator's sensitivity is the closed form's", Method, 
   CHECK(r.dy[0][0] == r.dx[0][0]);
 }
 
-TEST_CASE_TEMPLATE("every column keeps to the tolerance, however small it is", Method, DormandPrince, DormandPrince853) {
+TEST_CASE_TEMPLATE("every column keeps to the tolerance, however small it is", Method, FISHERPOINT_METHODS) {
   // The spring's stiffness acts for a moment only: its column is 1e-4 of the other.
   const double s = -0.7, v = 2.1, g = 3.0, k = 5.0, t = 0.7;
   const std::array x0 = {s, v}, theta = {g, k};
@@ -80,8 +80,7 @@ TEST_CASE("f and its Jacobian, on one evaluation, against central differences") 
   }
 }
 
-TEST_CASE_TEMPLATE("the cylinder's sensitivities against central differences of the trajectory", Method, DormandPrince,
-                   DormandPrince853) {
+TEST_CASE_TEMPLATE("the cylinder's sensitivities against central differences of the trajectory", Method, FISHERPOINT_METHODS) {
   const std::array x0 = {0.0777, 0.178, 8.99e6, 1.03e7, -0.62};
   const std::array u = {-0.86};
   const double dt = 5.7e-3;

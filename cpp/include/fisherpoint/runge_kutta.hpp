@@ -19,21 +19,22 @@
 
 namespace fisherpoint {
 
-// start plus entry i of the first n stages, each times its weight; what has no weight is not computed.
-template <int n, std::size_t size, class State, class P>
+// start plus entry i of stages `first` to n - 1, each times its weight; what has no weight is not computed.
+template <int n, int first = 0, std::size_t size, class State, class P>
 P weighted_sum(P start, const std::array<double, size>& weights, const State* stage, int i) {
-  for_each_index<n>([&](auto r) {
+#if defined(FISHERPOINT_SANITIZED)  // a loop: hundreds of unrolled sums take minutes to compile with their checks
+  for (int r = first; r < n; ++r)
     if (weights[r] != 0) start += weights[r] * stage[r][i];
+#else
+  for_each_index<n - first>([&](auto r) {
+    if (weights[r + first] != 0) start += weights[r + first] * stage[r + first][i];
   });
+#endif
   return start;
 }
 template <int n, std::size_t size, class State>
 auto weighted_sum(const std::array<double, size>& weights, const State* stage, int i) {
-  auto sum = weights[0] * stage[0][i];
-  for_each_index<n - 1>([&](auto r) {
-    if (weights[r + 1] != 0) sum += weights[r + 1] * stage[r + 1][i];
-  });
-  return sum;
+  return weighted_sum<n, 1>(weights[0] * stage[0][i], weights, stage, i);
 }
 
 // Whether the derivative at the step's end takes part in an error.

@@ -4,6 +4,7 @@
 
 // Everything that a hot function calls is inlined into it; not under the sanitizers, whose checks would multiply without end.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define FISHERPOINT_SANITIZED
 #define FISHERPOINT_HOT [[gnu::noinline]]
 #else
 #define FISHERPOINT_HOT [[gnu::flatten, gnu::noinline]]
