@@ -51,30 +51,29 @@ static double slope(const std::vector<double>& errors) {  // of log2 over halvin
   return -sum / (n * (n * n - 1) / 12);
 }
 
-TEST_CASE("Dormand-Prince 5(4): orders by slope of the end, the error that controls the step, and the middle of a step") {
-  using M = DormandPrince;
+struct Orders {
+  double global, estimate, middle;
+};
+// By slope: from `steps` steps over three units of time on, doubled `doublings` times; locally from `h` on, halved four times.
+// Where the estimate is taken, none of the derivatives that it sees vanishes.
+template <class M>
+static Orders orders(int steps, int doublings, double h, double estimated_at, double estimated_h) {
   std::vector<double> global, estimate, middle;
-  for (int n = 32; n <= 256; n *= 2) global.push_back(std::abs(solve<M>(0, 1, 3, n) - exact(3)));
-  for (double h = 0.2; h > 0.02; h /= 2) {
-    const Tried step = tried<M>(0.3, exact(0.3), h);
-    estimate.push_back(step.error);
-    middle.push_back(std::abs(step.middle - exact(0.3 + h / 2)));
+  for (int n = steps; n <= steps << doublings; n *= 2) global.push_back(std::abs(solve<M>(0, 1, 3, n) - exact(3)));
+  for (int i = 0; i < 4; ++i, h /= 2, estimated_h /= 2) {
+    estimate.push_back(tried<M>(estimated_at, exact(estimated_at), estimated_h).error);
+    middle.push_back(std::abs(tried<M>(0.3, exact(0.3), h).middle - exact(0.3 + h / 2)));
   }
-  CHECK(slope(global) == doctest::Approx(5).epsilon(0.04));
-  CHECK(slope(estimate) == doctest::Approx(5).epsilon(0.04));
-  CHECK(slope(middle) == doctest::Approx(5).epsilon(0.04));
+  return {slope(global), slope(estimate), slope(middle)};
 }
 
-TEST_CASE("Dormand-Prince 8(5,3): the same") {
-  using M = DormandPrince853;
-  std::vector<double> global, estimate, middle;
-  for (int n = 6; n <= 24; n *= 2) global.push_back(std::abs(solve<M>(0, 1, 3, n) - exact(3)));
-  for (double h = 0.4; h > 0.04; h /= 2) {
-    const Tried step = tried<M>(0.3, exact(0.3), h);
-    estimate.push_back(tried<M>(1.5, exact(1.5), 2 * h).error);  // none of its derivatives vanishes there
-    middle.push_back(std::abs(step.middle - exact(0.3 + h / 2)));
-  }
-  CHECK(slope(global) == doctest::Approx(8).epsilon(0.05));
-  CHECK(slope(estimate) == doctest::Approx(8).epsilon(0.05));
-  CHECK(slope(middle) == doctest::Approx(7).epsilon(0.05));  // local: order six
+TEST_CASE("orders by slope of the end, the error that controls the step, and the middle of a step") {
+  const Orders of_54 = orders<DormandPrince>(32, 3, 0.2, 0.3, 0.2);
+  CHECK(of_54.global == doctest::Approx(5).epsilon(0.04));
+  CHECK(of_54.estimate == doctest::Approx(5).epsilon(0.04));
+  CHECK(of_54.middle == doctest::Approx(5).epsilon(0.04));
+  const Orders of_853 = orders<DormandPrince853>(6, 2, 0.4, 1.5, 0.8);
+  CHECK(of_853.global == doctest::Approx(8).epsilon(0.05));
+  CHECK(of_853.estimate == doctest::Approx(8).epsilon(0.05));
+  CHECK(of_853.middle == doctest::Approx(7).epsilon(0.05));  // local: order six
 }

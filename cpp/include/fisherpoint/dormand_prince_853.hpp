@@ -9,8 +9,8 @@ namespace fisherpoint {
 
 struct DormandPrince853 {
   static constexpr int order = 8, stages = 13;
-  static constexpr double most_growth = 6.0;   // of a step's size
-  static constexpr double overestimate = 5.0;  // of the error of sensitivities, typically
+  static constexpr double most_growth = 6.0;       // of a step's size
+  static constexpr double allowed_estimate = 5.0;  // of sensitivities, in tolerances
 
   static constexpr std::array<double, 13> c = {0,
                                                0.05260015195876773,

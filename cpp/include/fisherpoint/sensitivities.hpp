@@ -158,7 +158,7 @@ void follow_paths(const M& model, const Points& points, const Parameters& parame
   const auto dy = output_sensitivity<M, P>(model, tangents.x, tangents.s, pack.u, pack.theta);
   for (int lane = 0; lane < pack.used; ++lane) {
     const std::size_t k = rows[lane];
-    const double excess = lanes_of<P>::get(error, lane) / (Method::overestimate * tolerance.relative);
+    const double excess = lanes_of<P>::get(error, lane) / (Method::allowed_estimate * tolerance.relative);
     if (excess <= 1.0) {
       get_lane(tangents.x, lane, out.x + k * n_x);
       get_lane(y, lane, out.y + k * n_y);
