@@ -48,9 +48,7 @@ double sum_of_variances(const M& model, const std::array<double, p>& mean, const
   auto end = point.x0;
   std::vector<double> spool;  // the same at all nodes, so that they only remember it
   Replay<M, double, DormandPrince853>(nominal).run(end, plan, Recorded{spool});
-  DeviationSum<n_y, Number> sum;
-  sum.product.fill(Number(0.0));
-  sum.weight = Number(0.0);
+  DeviationSum<Number, Count<n_y>> sum({});
   const auto node = grid.cursor(0);
   for (std::size_t first = 0; first < grid.size(); first += width) {
     double lanes[p][width], weights[width];
@@ -66,7 +64,7 @@ double sum_of_variances(const M& model, const std::array<double, p>& mean, const
     const auto clear = Replay<M, Number, DormandPrince853>(equation).run(x, plan, Remembered{spool.data()}).clear();
     auto y = to_array<Number>(model.output(x, input, theta));
     for (int i = 0; i < n_y; ++i) y[i] -= start[i < 1 ? i : i + 1];  // the outputs are q, p_A, p_B, x_v
-    sum.add(y, select(clear, Number::load(weights), Number(0.0)));
+    sum.add(y, {}, select(clear, Number::load(weights), Number(0.0)));
   }
   double total = 0.0;
   for (const int diagonal : {0, 4, 7}) {

@@ -4,7 +4,7 @@
 #include <pybind11/stl.h>
 
 #include "arrays.hpp"
-#include "fisherpoint/hydraulic_cylinder.hpp"
+#include "fisherpoint/kernel_models.hpp"
 #include "fisherpoint/predictive_covariance.hpp"
 #include "fisherpoint/sensitivities.hpp"
 #include "fisherpoint/simulate.hpp"
@@ -36,34 +36,42 @@ Tolerance tolerance_of(double rtol, bool cross_kinks, const std::string& method)
   return tolerance;
 }
 
-template <Model M>
-Points checked_points(const Input& x0, const Input& u, const Input& dt) {
+// Numbers of states, outputs and parameters.
+template <class M>
+std::array<py::ssize_t, 3> sizes_of(const M& model) {
+  const auto& shape = shape_of(model);
+  return {shape.states, shape.outputs, shape.parameters};
+}
+
+template <class M>
+Points checked_points(const M& model, const Input& x0, const Input& u, const Input& dt) {
   const py::ssize_t count = dt.ndim() == 1 ? dt.shape(0) : -1;
   check_shape(dt, {-1}, "dt");
-  check_shape(x0, {count, sizes<M>::states}, "x0");
-  check_shape(u, {count, sizes<M>::inputs}, "u");
+  check_shape(x0, {count, shape_of(model).states}, "x0");
+  check_shape(u, {count, shape_of(model).inputs}, "u");
   return {static_cast<std::size_t>(count), x0.data(), u.data(), dt.data()};
 }
 
-template <Model M>
-Parameters checked_parameters(const Input& theta, py::ssize_t count) {
-  if (theta.ndim() == 2) check_shape(theta, {count, sizes<M>::parameters}, "theta");
-  if (theta.ndim() != 2) check_shape(theta, {sizes<M>::parameters}, "theta");
+template <class M>
+Parameters checked_parameters(const M& model, const Input& theta, py::ssize_t count) {
+  const py::ssize_t p = shape_of(model).parameters;
+  if (theta.ndim() == 2) check_shape(theta, {count, p}, "theta");
+  if (theta.ndim() != 2) check_shape(theta, {p}, "theta");
   return {theta.data(), theta.ndim() == 2};
 }
 
-template <Model M>
+template <class M>
 void bind_model(py::module_& m) {
   using namespace py::literals;
-  constexpr py::ssize_t n_x = sizes<M>::states, n_y = sizes<M>::outputs, p = sizes<M>::parameters;
 
   m.def(
       "simulate",
       [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& theta, double rtol, bool cross_kinks,
          const std::string& method, int threads) {
-        const Points points = checked_points<M>(x0, u, dt);
+        const auto [n_x, n_y, p] = sizes_of(model);
+        const Points points = checked_points(model, x0, u, dt);
         const auto count = static_cast<py::ssize_t>(points.count);
-        const Parameters parameters = checked_parameters<M>(theta, count);
+        const Parameters parameters = checked_parameters(model, theta, count);
         auto x = empty({count, n_x}), y = empty({count, n_y});
         py::array_t<std::int32_t> status(count);
         const Trajectories out{x.mutable_data(), y.mutable_data(), reinterpret_cast<Status*>(status.mutable_data())};
@@ -78,9 +86,10 @@ void bind_model(py::module_& m) {
       "sensitivities",
       [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& theta, double rtol, bool cross_kinks,
          const std::string& method, int threads) {
-        const Points points = checked_points<M>(x0, u, dt);
+        const auto [n_x, n_y, p] = sizes_of(model);
+        const Points points = checked_points(model, x0, u, dt);
         const auto count = static_cast<py::ssize_t>(points.count);
-        const Parameters parameters = checked_parameters<M>(theta, count);
+        const Parameters parameters = checked_parameters(model, theta, count);
         auto x = empty({count, n_x}), y = empty({count, n_y}), dx = empty({count, n_x, p}), dy = empty({count, n_y, p});
         py::array_t<std::int32_t> status(count);
         const SensitiveTrajectories out{x.mutable_data(), y.mutable_data(), dx.mutable_data(), dy.mutable_data(),
@@ -96,7 +105,8 @@ void bind_model(py::module_& m) {
       "predictive_covariance",
       [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& nominal, const PriorNodes& nodes,
          double rtol, bool cross_kinks, const std::string& method, int threads, double max_lost, bool keep_outputs) {
-        const Points points = checked_points<M>(x0, u, dt);
+        const auto [n_x, n_y, p] = sizes_of(model);
+        const Points points = checked_points(model, x0, u, dt);
         const auto count = static_cast<py::ssize_t>(points.count);
         check_shape(nominal, {p}, "theta");
         if (nodes.parameters() != p)
@@ -126,4 +136,5 @@ void bind_model(py::module_& m) {
 PYBIND11_MODULE(FISHERPOINT_MODULE, m) {
   pybind11::module_::import("fisherpoint._core");  // registers the types that the kernels take
   fisherpoint::bindings::bind_model<fisherpoint::HydraulicCylinder>(m);
+  fisherpoint::bindings::bind_model<fisherpoint::TapeModel>(m);
 }

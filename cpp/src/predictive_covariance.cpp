@@ -1,20 +1,22 @@
 #include "fisherpoint/predictive_covariance.hpp"
 
-#include "fisherpoint/hydraulic_cylinder.hpp"
+#include "fisherpoint/kernel_models.hpp"
 
 namespace fisherpoint {
 
-template <Model M>
+template <class M>
 void predictive_covariance(const M& model, const Points& points, const double* nominal_theta, const PriorNodes& nodes,
                            double max_lost, const Tolerance& tolerance, const Workers& workers,
                            const PredictiveCovariances& out) {
   with_method(tolerance.method, [&]<class Method>(Method) {
-    predictive_covariance_packs<Pack<native_lanes>, Method>(model, points, nominal_theta, nodes, max_lost, tolerance, workers,
+    predictive_covariance_packs<Pack<lanes_for<M>>, Method>(model, points, nominal_theta, nodes, max_lost, tolerance, workers,
                                                             out);
   });
 }
 
 template void predictive_covariance(const HydraulicCylinder&, const Points&, const double*, const PriorNodes&, double,
                                     const Tolerance&, const Workers&, const PredictiveCovariances&);
+template void predictive_covariance(const TapeModel&, const Points&, const double*, const PriorNodes&, double, const Tolerance&,
+                                    const Workers&, const PredictiveCovariances&);
 
 }  // namespace fisherpoint

@@ -1,18 +1,20 @@
 #include "fisherpoint/sensitivities.hpp"
 
-#include "fisherpoint/hydraulic_cylinder.hpp"
+#include "fisherpoint/kernel_models.hpp"
 
 namespace fisherpoint {
 
-template <Model M>
+template <class M>
 void sensitivities(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
                    const Workers& workers, const SensitiveTrajectories& out) {
   with_method(tolerance.method, [&]<class Method>(Method) {
-    sensitivity_packs<Pack<native_lanes>, Method>(model, points, parameters, tolerance, workers, out);
+    sensitivity_packs<Pack<lanes_for<M>>, Method>(model, points, parameters, tolerance, workers, out);
   });
 }
 
 template void sensitivities(const HydraulicCylinder&, const Points&, const Parameters&, const Tolerance&, const Workers&,
+                            const SensitiveTrajectories&);
+template void sensitivities(const TapeModel&, const Points&, const Parameters&, const Tolerance&, const Workers&,
                             const SensitiveTrajectories&);
 
 }  // namespace fisherpoint

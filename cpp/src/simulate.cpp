@@ -1,18 +1,20 @@
 #include "fisherpoint/simulate.hpp"
 
-#include "fisherpoint/hydraulic_cylinder.hpp"
+#include "fisherpoint/kernel_models.hpp"
 
 namespace fisherpoint {
 
-template <Model M>
+template <class M>
 void simulate(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
               const Workers& workers, const Trajectories& out) {
   with_method(tolerance.method, [&]<class Method>(Method) {
-    simulate_packs<Pack<native_lanes>, Method>(model, points, parameters, tolerance, workers, out);
+    simulate_packs<Pack<lanes_for<M>>, Method>(model, points, parameters, tolerance, workers, out);
   });
 }
 
 template void simulate(const HydraulicCylinder&, const Points&, const Parameters&, const Tolerance&, const Workers&,
+                       const Trajectories&);
+template void simulate(const TapeModel&, const Points&, const Parameters&, const Tolerance&, const Workers&,
                        const Trajectories&);
 
 }  // namespace fisherpoint

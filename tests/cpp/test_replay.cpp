@@ -94,7 +94,7 @@ static auto steps_of(const M& model, const std::array<double, n_x>& x0, double u
 TEST_CASE("a plan reaches the tolerance at every node, with steps that are not many more than needed") {
   std::vector<Axis> axes{cells(1.7, 0.2, 9, 1.5)};
   const double mean = 1.7, dt = 5.0, u = 0;
-  const Pilots<Oscillator> pilots(&mean, PriorGrid(axes));
+  const Pilots pilots(&mean, PriorGrid(axes));
   const std::array x0 = {1.0, 0.5};
   for (double rtol : {1e-4, 1e-6, 1e-9}) {
     const auto plan = Planner<Oscillator, P, DormandPrince853>({}, x0.data(), &u, pilots)
@@ -122,7 +122,7 @@ TEST_CASE("a trajectory unlike the pilots is not believed") {
   const double mean = 1.7, dt = 5.0, u = 0;
   const std::array x0 = {1.0, 0.5};
   const auto steps = steps_of(Oscillator{}, x0, u, dt, std::array{mean});
-  const Pilots<Oscillator> pilots(&mean, PriorGrid(axes));
+  const Pilots pilots(&mean, PriorGrid(axes));
   const auto plan = Planner<Oscillator, P, DormandPrince853>({}, x0.data(), &u, pilots).plan(steps, 1e-6);
   REQUIRE(plan);
   CHECK(!plan->believed(replay(Oscillator{}, x0, std::array{4.0}, dt, plan->stretches[0].steps).second)[0]);
@@ -140,7 +140,7 @@ TEST_CASE("the spool's zero is where it is in closed form, and ends a stretch") 
   const std::array u = {-0.5};  // k_u = -1: x_v goes to 0.5
   const double dt = 4e-3, zero = m.T_1 * std::log((0.5 + 0.3) / 0.5);
   const auto x = run<double>(m, x0, u, dt, cylinder_theta).first;
-  const Pilots<HydraulicCylinder> pilots(cylinder_theta.data(), PriorGrid(cylinder_axes(0.1)));
+  const Pilots pilots(cylinder_theta.data(), PriorGrid(cylinder_axes(0.1)));
   const Planner<HydraulicCylinder, P, DormandPrince853> planner(m, x0.data(), u.data(), pilots);
   const auto plan = planner.plan(steps_of(m, x0, u[0], dt, cylinder_theta), 1e-6);
   REQUIRE(plan);
@@ -154,13 +154,14 @@ TEST_CASE("the spool's zero is where it is in closed form, and ends a stretch") 
 
 TEST_CASE("a kink whose time depends on theta is not planned for") {
   using Spring = Ball<Kind::kink>;
-  static_assert(!Replay<Spring, P, DormandPrince853>::planned<0>());
-  static_assert(Replay<HydraulicCylinder, P, DormandPrince853>::planned<1>() &&
-                !Replay<HydraulicCylinder, P, DormandPrince853>::planned<0>());
+  using Cylinder = HydraulicCylinder;
+  static_assert(!planned(Shape<Spring>{}, Dependence<Spring>{}, Count<0>{}));
+  static_assert(!planned(Shape<Cylinder>{}, Dependence<Cylinder>{}, Count<0>{}) &&
+                planned(Shape<Cylinder>{}, Dependence<Cylinder>{}, Count<1>{}));
   const std::array x0 = {-0.5, 2.0};
   const std::array mean = {1.0, 3.0};
   const double u = 0, dt = 1.0;
-  const Pilots<Spring> pilots(mean.data(), PriorGrid({cells(1.0, 0.1, 3, 1.5), cells(3.0, 0.1, 3, 1.5)}));
+  const Pilots pilots(mean.data(), PriorGrid({cells(1.0, 0.1, 3, 1.5), cells(3.0, 0.1, 3, 1.5)}));
   const auto steps = steps_of(Spring{}, x0, u, dt, mean);
   CHECK(steps.front().side[0][0] == -1.0);
   CHECK(steps.back().side[0][0] == 1.0);

@@ -30,24 +30,26 @@ TEST_CASE_TEMPLATE("every column keeps to the tolerance, however small it is", M
 }
 
 TEST_CASE("the pattern of S follows from the types") {
-  using E = VariationalEquation<HydraulicCylinder, double>;
-  static_assert(std::tuple_size_v<E::Columns> == 4 * 9);  // the spool's row is zero
+  using E = Dependence<HydraulicCylinder>;
+  static_assert(E::in_columns == 4 * 9);  // the spool's row is zero
   for (int j = 0; j < 9; ++j) {
     CHECK_FALSE(E::depends(4, j));
     CHECK(E::depends(0, j));
   }
-  static_assert(E::output_depends<0>() && E::output_depends<1>() && E::output_depends<2>() && !E::output_depends<3>());
+  static_assert(E::output_depends(Count<0>{}) && E::output_depends(Count<1>{}) && E::output_depends(Count<2>{}));
+  static_assert(!E::output_depends(Count<3>{}));
 }
 
 TEST_CASE("f and its Jacobian, on one evaluation, against central differences") {
   using E = VariationalEquation<HydraulicCylinder, double>;
+  using D = Dependence<HydraulicCylinder>;
   using Plain = StateEquation<HydraulicCylinder, double>;
   const HydraulicCylinder model;
   const std::array x = {0.0777, 0.178, 8.99e6, 1.03e7, -0.62};
   const std::array u = {-0.86};
   const std::array side = {1.0, -1.0};
   E::State rate;
-  E::Jacobian jacobian;
+  Jacobian<HydraulicCylinder, double> jacobian;
   E(model, cylinder_theta, u).linearise(x, side, rate, jacobian);
   const auto plain = [&](auto x, auto theta) {
     Plain::State dx;
@@ -56,7 +58,7 @@ TEST_CASE("f and its Jacobian, on one evaluation, against central differences") 
   };
   for (int i = 0; i < 5; ++i) CHECK(rate[i] == doctest::Approx(plain(x, cylinder_theta)[i]).epsilon(1e-13));
   const auto difference = [&](int i, auto&& shifted, double h) { return (shifted(h)[i] - shifted(-h)[i]) / (2 * h); };
-  for (int i = 0; i < 5; ++i) {
+  for_each_index<5>([&](auto i) {
     for (int k = 0; k < 4; ++k) {
       const double h = 1e-5 * std::abs(x[k]);
       const auto by_state = [&](double h) {
@@ -64,20 +66,22 @@ TEST_CASE("f and its Jacobian, on one evaluation, against central differences") 
         at[k] += h;
         return plain(at, cylinder_theta);
       };
-      const double slope = (E::coupled(i) >> k) & 1 ? jacobian.by_state[E::state_place(i, k)] : 0.0;
+      const auto coupled = D::coupled(i);
+      const double slope = (coupled >> k) & 1 ? jacobian.by_state[D::state_start[i] + detail::below(coupled, k)] : 0.0;
       CHECK(slope * h == doctest::Approx(difference(i, by_state, h) * h).epsilon(1e-6));
     }
-    for (int j = 0; j < 9; ++j) {
+    for_each_index<9>([&](auto j) {
       const double h = 1e-5 * cylinder_theta[j];
       const auto by_theta = [&](double h) {
         auto theta = cylinder_theta;
         theta[j] += h;
         return plain(x, theta);
       };
-      const double slope = (E::driven(j) >> i) & 1 ? jacobian.by_theta[E::theta_place(j, i)] : 0.0;
+      const auto driven = D::driven(j);
+      const double slope = (driven >> i) & 1 ? jacobian.by_theta[D::theta_start[j] + detail::below(driven, i)] : 0.0;
       CHECK(slope * h == doctest::Approx(difference(i, by_theta, h) * h).epsilon(1e-6));
-    }
-  }
+    });
+  });
 }
 
 TEST_CASE_TEMPLATE("the cylinder's sensitivities against central differences of the trajectory", Method, FISHERPOINT_METHODS) {

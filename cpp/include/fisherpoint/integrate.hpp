@@ -17,6 +17,7 @@
 #include "pack.hpp"
 #include "quartic.hpp"
 #include "runge_kutta.hpp"
+#include "shape.hpp"
 #include "status.hpp"
 #include "unroll.hpp"
 
@@ -55,8 +56,8 @@ class Integrator {
   using Lanes = lanes_of<P>;
   using Mask = typename Lanes::mask;
   using State = typename Equation::State;
+  using Side = typename Equation::Side;
   using Surfaces = typename Equation::Surfaces;
-  static constexpr int jumps = Equation::jumps, switching = Equation::switching, surfaces = Equation::surfaces;
   static constexpr int last = Method::stages - 1;  // the stage at the step's end
   static constexpr double infinity = std::numeric_limits<double>::infinity();
 
@@ -65,7 +66,13 @@ class Integrator {
       : f_(equation),
         tolerance_(tolerance),
         weight_(1.0 / (local_share * tolerance.relative * local_share * tolerance.relative)),
-        landing_(0.1 * std::sqrt(tolerance.relative)) {}
+        landing_(0.1 * std::sqrt(tolerance.relative)) {
+    for (State& rates : stage_) fit(rates, f_.states);
+    fit(end_, f_.states);
+    fit(side_, f_.sides);
+    fit(landed_, f_.sides);
+    fit(along_, f_.surfaces);
+  }
 
   // Integrates y over `duration`; a lane of duration 0 rests. On return y is the end state or, where the status is not ok, the
   // last state that was reached. Where `first_step` is 0 the integrator chooses it. The steps that are taken are added to
@@ -93,24 +100,19 @@ class Integrator {
     rejected_ = broken_ = Lanes::none();
     value_ = f_.surface_values(y);
     // A start on a kink belongs to the side that it moves to; the sign of its rate needs some side first.
-    for_each_index<switching>([&](auto m) { side_[m] = select(value_[m] < P(0.0), P(-1.0), P(1.0)); });
+    for_each_index(f_.sides, [&](auto m) { side_[m] = select(value_[m] < P(0.0), P(-1.0), P(1.0)); });
     f_.derivative(y, side_, stage_[0]);
     rate_ = f_.surface_rates(y, stage_[0]);
     Mask outside = Lanes::none(), on_jump = Lanes::none();
-    for_each_index<surfaces>([&](auto m) {
-      if constexpr (m < switching) {
-        const Mask on_it = !((value_[m] < P(0.0)) | (value_[m] > P(0.0)));
-        if constexpr (m < jumps)
-          on_jump = on_jump | on_it;
-        else
-          side_[m] = select(on_it & (rate_[m] < P(0.0)), P(-1.0), side_[m]);
-      } else {
-        outside = outside | !(value_[m] > P(0.0));
-      }
-    });
+    const auto on_it = [&](int m) { return !((value_[m] < P(0.0)) | (value_[m] > P(0.0))); };
+    for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { on_jump = on_jump | on_it(m); });
+    for_each_index(f_.jumps_end, f_.kinks_end,
+                   [&](auto m) { side_[m] = select(on_it(m) & (rate_[m] < P(0.0)), P(-1.0), side_[m]); });
+    for_each_index(f_.kinks_end, f_.sides, [&](auto m) { outside = outside | on_it(m); });
+    for_each_index(f_.sides, f_.surfaces, [&](auto m) { outside = outside | !(value_[m] > P(0.0)); });
     stop(running_ & outside, Status::left_domain);
     stop(running_ & on_jump, Status::met_jump);
-    step_size_ = min(select(first_step > P(0.0), first_step, starting_step(y)), duration);
+    step_size_ = f_.states == 0 ? duration : min(select(first_step > P(0.0), first_step, starting_step(y)), duration);
   }
 
   // The starting step of Hairer, Norsett, Wanner, section II.4, from the states alone.
@@ -118,9 +120,10 @@ class Integrator {
     const P size = squared_weight() * f_.squared_size(y), slope = squared_weight() * f_.squared_size(stage_[0]);
     const P probe = 0.01 * sqrt(size / (slope + 1e-300));
     State ahead = y, change;
-    for_each_index<Equation::states>([&](auto i) { ahead[i] += probe * stage_[0][i]; });
+    fit(change, f_.states);
+    for_each_index(f_.states, [&](auto i) { ahead[i] += probe * stage_[0][i]; });
     f_.derivative(ahead, side_, change);
-    for_each_index<Equation::states>([&](auto i) { change[i] -= stage_[0][i]; });
+    for_each_index(f_.states, [&](auto i) { change[i] -= stage_[0][i]; });
     const P bend = squared_weight() * f_.squared_size(change) / (probe * probe + 1e-300);
     const P step = inverse_root(1e4 * max(slope, bend) * max(slope, bend) + 1e-300);
     return select(step > P(0.0), min(100.0 * probe, step), probe);
@@ -141,32 +144,33 @@ class Integrator {
     step_ = select(running_, select(ends_, remaining, wanted), P(0.0));
     for_each_index<Method::stages - 1>([&](auto previous) {
       constexpr int s = previous + 1;
-      for_each_index<Equation::states>([&](auto i) { end_[i] = y[i] + step_ * weighted_sum<s>(Method::a[s], stage_, i); });
+      for_each_index(f_.states, [&](auto i) { end_[i] = y[i] + step_ * weighted_sum<s>(Method::a[s], stage_, i); });
       f_.derivative(end_, side_, stage_[s]);
     });
-    State error;
-    for_each_index<Equation::states>([&](auto i) { error[i] = step_ * weighted_sum<last + 1>(Method::error, stage_, i); });
+    State error, middle;
+    fit(error, f_.states);
+    fit(middle, f_.states);
+    for_each_index(f_.states, [&](auto i) { error[i] = step_ * weighted_sum<last + 1>(Method::error, stage_, i); });
     squared_error_ = squared_weight() * f_.squared_size(error);
     if constexpr (requires { Method::coarse; }) {
-      for_each_index<Equation::states>(
-          [&](auto i) { error[i] = end_[i] - y[i] - step_ * weighted_sum<last>(Method::coarse, stage_, i); });
+      for_each_index(f_.states,
+                     [&](auto i) { error[i] = end_[i] - y[i] - step_ * weighted_sum<last>(Method::coarse, stage_, i); });
       squared_error_ = Method::squared_error(squared_error_, squared_weight() * f_.squared_size(error));
     }
 
-    State middle;
-    for_each_index<Equation::states>([&](auto i) {
+    for_each_index(f_.states, [&](auto i) {
       middle[i] = 0.5 * (y[i] + end_[i]) +
                   step_ * (0.125 * (stage_[0][i] - stage_[last][i]) + weighted_sum<last + 1>(Method::bow, stage_, i));
     });
     const Surfaces middle_value = f_.surface_values(middle);
     end_value_ = f_.surface_values(end_);
     end_rate_ = f_.surface_rates(end_, stage_[last]);
-    for_each_index<surfaces>([&](auto m) {
-      P side(1.0);
-      if constexpr (m < switching) side = side_[m];
+    const auto along = [&](int m, const P& side) {
       along_[m] = Quartic<P>::through(side * value_[m], side * step_ * rate_[m], side * middle_value[m], side * end_value_[m],
                                       side * step_ * end_rate_[m]);
-    });
+    };
+    for_each_index(Count<0>{}, f_.sides, [&](auto m) { along(m, side_[m]); });
+    for_each_index(f_.sides, f_.surfaces, [&](auto m) { along(m, P(1.0)); });
   }
 
   // Decides about the tried step, takes it where it is good, and chooses the next one.
@@ -174,18 +178,16 @@ class Integrator {
     const P zero(0.0);
     const Mask good = running_ & (squared_error_ <= P(1.0));  // false where the error is NaN
 
-    std::array<Mask, switching> landed{};
     Mask to_kink = Lanes::none(), stopped = Lanes::none(), unsure = Lanes::none(), lands = Lanes::none();
     P next_cap(infinity);
-    for_each_index<surfaces>([&](auto m) {
-      constexpr bool kink = m >= jumps && m < switching;
+    for_each_index(f_.surfaces, [&](auto m) {
       const Quartic<P>& h = along_[m];
       Mask crossed = good & !(h.b4 > zero);
-      if constexpr (kink) {
+      if (m >= f_.jumps_end && m < f_.kinks_end) {
         const P slope = 4.0 * (h.b4 - h.b3);  // of the whole step
-        landed[m] = good & (abs(h.b4) <= -landing_ * slope) & !(ends_ & (h.b4 > zero));
-        lands = lands | landed[m];
-        crossed = crossed & !landed[m];
+        landed_[m] = good & (abs(h.b4) <= -landing_ * slope) & !(ends_ & (h.b4 > zero));
+        lands = lands | landed_[m];
+        crossed = crossed & !landed_[m];
         to_kink = to_kink | crossed;
         if (any(crossed)) next_cap = select(crossed, min(next_cap, h.zero() * step_), next_cap);
       } else {
@@ -203,7 +205,7 @@ class Integrator {
     next_cap = select(unsure, 0.5 * step_, next_cap);
 
     const Mask taken = good & running_ & !to_kink & !unsure;
-    if (any(lands & taken)) settle(landed, taken);
+    if (any(lands & taken)) settle(taken);
     const Mask bad = running_ & !good;
     if (any(running_ & !taken)) stop_stuck(running_ & !taken & (step_ <= 1e-13 * duration));
 
@@ -220,45 +222,44 @@ class Integrator {
     outcome_.first_step = select(taken & (time_ <= zero), step_, outcome_.first_step);
 
     time_ = select(taken, time_ + step_, time_);
-    for_each_index<Equation::states>([&](auto i) {
+    for_each_index(f_.states, [&](auto i) {
       y[i] = select(taken, end_[i], y[i]);
       stage_[0][i] = select(taken, stage_[last][i], stage_[0][i]);
     });
-    for_each_index<surfaces>([&](auto m) {
+    for_each_index(f_.surfaces, [&](auto m) {
       value_[m] = select(taken, end_value_[m], value_[m]);
       rate_[m] = select(taken, end_rate_[m], rate_[m]);
     });
     if (steps_) steps_->push_back({select(taken, step_, zero), side_});
     running_ = running_ & !(taken & ends_);
-    if (any(lands & taken & running_)) turn(y, landed, taken);
+    if (any(lands & taken & running_)) turn(y, taken);
     if (any(broken_ & running_)) approach_limits(duration);
   }
 
   // Moves the ends of steps that landed next to a kink onto it, along the slope there: an error of the second order.
-  [[gnu::noinline]] void settle(const std::array<Mask, switching>& landed, const Mask& taken) {
-    for_each_index<switching>([&](auto m) {
-      if constexpr (m >= jumps) {
-        const P rest = select(landed[m] & taken, -end_value_[m] / end_rate_[m], P(0.0));
-        for_each_index<Equation::states>([&](auto i) { end_[i] += rest * stage_[last][i]; });
-        step_ += rest;
-        ends_ = ends_ & !(rest < P(0.0));  // the trajectory goes on behind the kink
-      }
+  [[gnu::noinline]] void settle(const Mask& taken) {
+    for_each_index(f_.jumps_end, f_.kinks_end, [&](auto m) {
+      const P rest = select(landed_[m] & taken, -end_value_[m] / end_rate_[m], P(0.0));
+      for_each_index(f_.states, [&](auto i) { end_[i] += rest * stage_[last][i]; });
+      step_ += rest;
+      ends_ = ends_ & !(rest < P(0.0));  // the trajectory goes on behind the kink
     });
   }
 
   // Turns the sides of the kinks that were landed on, and takes stage 1 anew; the other lanes keep theirs to the last bit.
-  [[gnu::noinline]] void turn(const State& y, const std::array<Mask, switching>& landed, const Mask& taken) {
+  [[gnu::noinline]] void turn(const State& y, const Mask& taken) {
     Mask turned = Lanes::none();
-    for_each_index<switching>([&](auto m) {
-      const Mask here = landed[m] & taken & running_;
+    for_each_index(f_.jumps_end, f_.kinks_end, [&](auto m) {
+      const Mask here = landed_[m] & taken & running_;
       side_[m] = select(here, -side_[m], side_[m]);
       turned = turned | here;
     });
     State fresh;
+    fit(fresh, f_.states);
     f_.derivative(y, side_, fresh);
-    for_each_index<Equation::states>([&](auto i) { stage_[0][i] = select(turned, fresh[i], stage_[0][i]); });
+    for_each_index(f_.states, [&](auto i) { stage_[0][i] = select(turned, fresh[i], stage_[0][i]); });
     const Surfaces value = f_.surface_values(y), rate = f_.surface_rates(y, stage_[0]);
-    for_each_index<surfaces>([&](auto m) {
+    for_each_index(f_.surfaces, [&](auto m) {
       value_[m] = select(turned, value[m], value_[m]);
       rate_[m] = select(turned, rate[m], rate_[m]);
     });
@@ -275,13 +276,12 @@ class Integrator {
   [[gnu::noinline]] void stop_crossed(const Mask& lanes) {
     P first(infinity);
     Mask by_jump = Lanes::none();
-    for_each_index<surfaces>([&](auto m) {
-      if constexpr (m < jumps || m >= switching) {
-        const P at = along_[m].b0 / (along_[m].b0 - along_[m].b4);
-        const Mask earlier = !(along_[m].b4 > P(0.0)) & (at < first);
-        first = select(earlier, at, first);
-        by_jump = m < jumps ? by_jump | earlier : by_jump & !earlier;
-      }
+    for_each_index(f_.surfaces, [&](auto m) {
+      if (m >= f_.jumps_end && m < f_.kinks_end) return;
+      const P at = along_[m].b0 / (along_[m].b0 - along_[m].b4);
+      const Mask earlier = !(along_[m].b4 > P(0.0)) & (at < first);
+      first = select(earlier, at, first);
+      by_jump = m < f_.jumps_end ? by_jump | earlier : by_jump & !earlier;
     });
     stop(lanes & by_jump, Status::met_jump);
     stop(lanes & !by_jump, Status::left_domain);
@@ -291,9 +291,11 @@ class Integrator {
   // leaves the domain; what is next to it leaves.
   [[gnu::noinline]] void approach_limits(const P& duration) {
     P reach(infinity);
-    for_each_index<surfaces>([&](auto m) {
-      if constexpr (m >= switching) reach = min(reach, select(rate_[m] < P(0.0), -value_[m] / rate_[m], P(infinity)));
-    });
+    const auto approach = [&](int m, const P& side) {
+      reach = min(reach, select(side * rate_[m] < P(0.0), -value_[m] / rate_[m], P(infinity)));
+    };
+    for_each_index(f_.kinks_end, f_.sides, [&](auto m) { approach(m, side_[m]); });
+    for_each_index(f_.sides, f_.surfaces, [&](auto m) { approach(m, P(1.0)); });
     stop(broken_ & running_ & (reach <= brink * duration), Status::left_domain);
     step_size_ = select(broken_, min(step_size_, 0.9 * reach), step_size_);
   }
@@ -316,7 +318,7 @@ class Integrator {
   Mask running_, rejected_;   // rejected: the last try failed its error test
   Mask broken_;               // a try was not finite
   P time_, step_size_, cap_;  // cap: a limit for the next try alone
-  typename Equation::Side side_;
+  Side side_;
   Surfaces value_, rate_;  // of the surfaces at the start of the step, rates per second
 
   // The step that is tried.
@@ -324,7 +326,9 @@ class Integrator {
   P step_, squared_error_;
   State stage_[Method::stages], end_;
   Surfaces end_value_, end_rate_;
-  std::array<Quartic<P>, surfaces> along_;
+  // Of every surface along the step, positive on its own side; and where the step ends next to a kink.
+  Retyped<Surfaces, Quartic<P>> along_;
+  Retyped<Side, Mask> landed_;
 };
 
 }  // namespace fisherpoint

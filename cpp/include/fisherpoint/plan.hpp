@@ -18,11 +18,11 @@
 
 namespace fisherpoint {
 
-template <Model M>
+template <class M>
 struct Plan {
   std::vector<Stretch<M>> stretches;
   double largest_squared_error;                       // embedded; what is above it is not believed
-  std::array<double, sizes<M>::outputs> nominal_y{};  // by the plan's own steps
+  typename ArraysOf<M, double>::Outputs nominal_y{};  // by the plan's own steps
   std::vector<double> shared{};                       // stage by stage, the states that do not depend on theta (replay.hpp)
 
   template <class P>
@@ -32,43 +32,46 @@ struct Plan {
 };
 
 // Whose trajectories stand for those of all nodes: the mean's, then the nodes' own pilots.
-template <Model M>
 struct Pilots {
-  static constexpr int p = sizes<M>::parameters, most = 1 + PriorNodes::most_pilots;
   std::size_t nodes;  // that they stand for
-  int count = 1;
-  std::array<std::array<double, p>, most> theta;
+  int count;
+  std::vector<double> theta;  // row by row
 
-  Pilots(const double* mean, const PriorNodes& nodes) : nodes(nodes.size()) {
-    std::copy_n(mean, p, theta[0].begin());
+  Pilots(const double* mean, const PriorNodes& nodes) : nodes(nodes.size()), theta(mean, mean + nodes.parameters()) {
     const std::vector<double> others = nodes.pilots();
-    for (std::size_t at = 0; at + p <= others.size(); at += p) std::copy_n(others.begin() + at, p, theta[count++].begin());
+    theta.insert(theta.end(), others.begin(), others.end());
+    count = static_cast<int>(theta.size() / nodes.parameters());
   }
+  const double* operator[](int k) const { return theta.data() + k * (theta.size() / count); }
 };
 
-template <Model M, class P, class Method>
+template <class M, class P, class Method>
 class Planner {
-  static constexpr int n_x = sizes<M>::states, p = sizes<M>::parameters;
+  using Equation = StateEquation<M, P>;
   static constexpr int width = lanes_of<P>::width, most_steps = 256;
   // Embedded errors of nodes may be so many times the pilots' largest.
   static constexpr double slack = 4.0;
   static constexpr std::size_t many_nodes = 2000;
 
   struct Ends {
-    std::array<std::array<double, n_x>, Pilots<M>::most> x;
-    std::array<bool, Pilots<M>::most> clear;
+    std::vector<typename ArraysOf<M, double>::States> x;
+    std::vector<bool> clear;
     double squared_error;  // the largest of those that are clear
   };
 
  public:
   // `pilots` must outlive the planner.
-  Planner(const M& model, const double* x0, const double* u, const Pilots<M>& pilots) : model_(model), pilots_(pilots) {
-    for (int lane = 0; lane < width; ++lane) set_lane(x0_, lane, x0), set_lane(u_, lane, u);
+  Planner(const M& model, const double* x0, const double* u, const Pilots& pilots)
+      : model_(model), shape_(shape_of(model)), pilots_(pilots) {
+    fit(x0_, shape_.states);
+    fit(u_, shape_.inputs);
+    set_lanes(x0_, x0);
+    set_lanes(u_, u);
   }
 
   // `nominal`: the steps of the nominal trajectory, in lane 0. None where too many pilots are no trajectories, or no number of
   // steps is enough: then every node is for the adaptive loop.
-  std::optional<Plan<M>> plan(const std::vector<Step<StateEquation<M, P>>>& nominal, double rtol) const {
+  std::optional<Plan<M>> plan(const std::vector<Step<Equation>>& nominal, double rtol) const {
     std::vector<Stretch<M>> stretches = between_kinks(nominal);
     if (stretches.empty()) return std::nullopt;
 
@@ -116,30 +119,26 @@ class Planner {
     if (!end.clear[0]) return std::nullopt;
     // What is estimated below the tolerance is believed in any case: the estimate is of a lower order.
     Plan<M> plan{stretches, std::max(slack * slack * end.squared_error, rtol * rtol)};
-    std::array<double, sizes<M>::inputs> u;
-    get_lane(u_, 0, u.data());
-    plan.nominal_y = to_array<double>(model_.output(end.x[0], u, pilots_.theta[0]));
-    std::array<double, n_x> x;
-    get_lane(x0_, 0, x.data());
-    const StateEquation<M, double> nominal_equation(model_, pilots_.theta[0], u);
-    Replay<M, double, Method>(nominal_equation).run(x, plan.stretches, Recorded{plan.shared});
+    const StateEquation<M, double> equation(model_, of_row(pilots_[0], shape_.parameters), of_lane(u_, shape_.inputs));
+    plan.nominal_y = equation.output(end.x[0]);
+    auto x = of_lane(x0_, shape_.states);
+    Replay<M, double, Method>(equation).run(x, plan.stretches, Recorded{plan.shared});
     return plan;
   }
 
  private:
   // One stretch for every run of steps on the same sides; none where the time of a kink on the way depends on theta.
-  static std::vector<Stretch<M>> between_kinks(const std::vector<Step<StateEquation<M, P>>>& steps) {
+  std::vector<Stretch<M>> between_kinks(const std::vector<Step<Equation>>& steps) const {
     std::vector<Stretch<M>> stretches;
     for (const auto& step : steps) {
       const double size = lanes_of<P>::get(step.size, 0);
       if (size == 0.0) continue;
-      std::array<double, sizes<M>::switching> side;
-      get_lane(step.side, 0, side.data());
+      const auto side = of_lane(step.side, shape_.sides);
       if (stretches.empty() || stretches.back().side != side) {
         bool fixed = true;
-        for_each_index<sizes<M>::switching>([&](auto m) {
+        for_each_index(shape_.sides, [&](auto m) {
           const bool turned = !stretches.empty() && stretches.back().side[m] != side[m];
-          if (turned && !Replay<M, P, Method>::template planned<m>()) fixed = false;
+          if (turned && !planned(shape_, dependence_of(model_), m)) fixed = false;
         });
         if (!fixed) return {};
         stretches.push_back({0.0, 0, side});
@@ -165,18 +164,19 @@ class Planner {
   }
 
   Ends ends(const std::vector<Stretch<M>>& stretches) const {
-    Ends result{{}, {}, 0.0};
+    Ends result;
+    result.squared_error = 0.0;
+    typename Equation::Theta theta;
+    fit(theta, shape_.parameters);
     for (int first = 0; first < pilots_.count; first += width) {
-      std::array<P, p> theta;
-      for (int lane = 0; lane < width; ++lane)
-        set_lane(theta, lane, pilots_.theta[std::min(first + lane, pilots_.count - 1)].data());
-      const StateEquation<M, P> equation(model_, theta, u_);
+      for (int lane = 0; lane < width; ++lane) set_lane(theta, lane, pilots_[std::min(first + lane, pilots_.count - 1)]);
+      const Equation equation(model_, theta, u_);
       auto x = x0_;
       const auto replayed = Replay<M, P, Method>(equation).run(x, stretches);
       for (int lane = 0; lane < width && first + lane < pilots_.count; ++lane) {
-        get_lane(x, lane, result.x[first + lane].data());
-        result.clear[first + lane] = lanes_of<P>::get(replayed.clear(), lane);
-        if (result.clear[first + lane])
+        result.x.push_back(of_lane(x, shape_.states, lane));
+        result.clear.push_back(lanes_of<P>::get(replayed.clear(), lane));
+        if (result.clear.back())
           result.squared_error = std::max(result.squared_error, lanes_of<P>::get(replayed.squared_error, lane));
       }
     }
@@ -192,15 +192,18 @@ class Planner {
       if (!fine.clear[k]) continue;
       ++compared;
       if (!coarse.clear[k]) return std::numeric_limits<double>::infinity();
-      for (int i = 0; i < n_x; ++i) largest = std::max(largest, std::abs(coarse.x[k][i] - fine.x[k][i]) / M::states[i].scale);
+      for_each_index(shape_.states, [&](auto i) {
+        largest = std::max(largest, std::abs(coarse.x[k][i] - fine.x[k][i]) * inverse_scale(model_, i));
+      });
     }
     return compared < pilots_.count / 4 ? std::numeric_limits<double>::infinity() : largest;
   }
 
   const M& model_;
-  std::array<P, n_x> x0_;
-  std::array<P, sizes<M>::inputs> u_;
-  const Pilots<M>& pilots_;
+  decltype(shape_of(std::declval<const M&>())) shape_;
+  typename Equation::State x0_;
+  typename Equation::Input u_;
+  const Pilots& pilots_;
 };
 
 }  // namespace fisherpoint

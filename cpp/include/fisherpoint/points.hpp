@@ -8,8 +8,8 @@
 #include <span>
 #include <vector>
 
-#include "model.hpp"
 #include "pack.hpp"
+#include "shape.hpp"
 #include "workers.hpp"
 
 namespace fisherpoint {
@@ -27,32 +27,52 @@ struct Parameters {
 };
 
 // Lane `lane` of n packs from n numbers.
-template <class P, std::size_t n>
-void set_lane(std::array<P, n>& packs, int lane, const double* from) {
-  for (std::size_t i = 0; i < n; ++i) lanes_of<P>::set(packs[i], lane, from[i]);
+void set_lane(auto& packs, int lane, const double* from) {
+  for (auto& pack : packs) lanes_of<std::remove_cvref_t<decltype(pack)>>::set(pack, lane, *from++);
 }
-template <class P, std::size_t n>
-void get_lane(const std::array<P, n>& packs, int lane, double* to) {
-  for (std::size_t i = 0; i < n; ++i) to[i] = lanes_of<P>::get(packs[i], lane);
+void get_lane(const auto& packs, int lane, double* to) {
+  for (const auto& pack : packs) *to++ = lanes_of<std::remove_cvref_t<decltype(pack)>>::get(pack, lane);
+}
+// One lane as plain numbers, `n` of them.
+template <class N>
+Numbers<double, N> of_lane(const auto& packs, N n, int lane = 0) {
+  Numbers<double, N> values;
+  fit(values, n);
+  get_lane(packs, lane, values.data());
+  return values;
+}
+template <class N>
+Numbers<double, N> of_row(const double* row, N n) {
+  Numbers<double, N> values;
+  fit(values, n);
+  std::copy_n(row, int{n}, values.begin());
+  return values;
+}
+// All lanes alike.
+void set_lanes(auto& packs, const double* from) {
+  for (auto& pack : packs) pack = std::remove_cvref_t<decltype(pack)>(*from++);
 }
 
 // Lanes = points[rows[0]], points[rows[1]], ...; the lanes behind the last rest.
-template <Model M, class P>
+template <class M, class P>
 struct PointPack {
   static constexpr int width = lanes_of<P>::width;
-  std::array<P, sizes<M>::states> x0;
-  std::array<P, sizes<M>::inputs> u;
-  std::array<P, sizes<M>::parameters> theta;
+  typename ArraysOf<M, P>::States x0;
+  typename ArraysOf<M, P>::Inputs u;
+  typename ArraysOf<M, P>::Parameters theta;
   P dt{0.0};
   int used;
 
-  PointPack(const Points& points, const Parameters& parameters, std::span<const std::size_t> rows)
+  PointPack(const Shape<M>& shape, const Points& points, const Parameters& parameters, std::span<const std::size_t> rows)
       : used(static_cast<int>(rows.size())) {
+    fit(x0, shape.states);
+    fit(u, shape.inputs);
+    fit(theta, shape.parameters);
     for (int lane = 0; lane < width; ++lane) {
       const std::size_t k = rows[std::min(lane, used - 1)];
-      set_lane(x0, lane, points.x0 + k * sizes<M>::states);
-      set_lane(u, lane, points.u + k * sizes<M>::inputs);
-      set_lane(theta, lane, parameters.of(k, sizes<M>::parameters));
+      set_lane(x0, lane, points.x0 + k * shape.states);
+      set_lane(u, lane, points.u + k * shape.inputs);
+      set_lane(theta, lane, parameters.of(k, shape.parameters));
       lanes_of<P>::set(dt, lane, lane < used ? points.dt[k] : 0.0);
     }
   }

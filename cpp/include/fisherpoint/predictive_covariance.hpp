@@ -13,7 +13,6 @@
 #include "points.hpp"
 #include "prior_nodes.hpp"
 #include "replay.hpp"
-#include "sensitivity.hpp"
 #include "state_equation.hpp"
 #include "workers.hpp"
 
@@ -27,47 +26,50 @@ struct PredictiveCovariances {
   double* y = nullptr;   // (count, nodes, n_y) where the outputs are wanted too
 };
 
-// Weighted sum of products of the deviations y - y~, upper triangle, and the sum of the weights.
-template <int n_y, class T>
-struct DeviationSum {
-  static constexpr int products = n_y * (n_y + 1) / 2;
-  std::array<T, products> product{};
-  T weight{};
+// Weighted sum of products of the deviations y - y~, upper triangle, and the sum of the weights; N counts the outputs.
+template <int n>
+constexpr Count<n*(n + 1) / 2> triangle(Count<n>) {
+  return {};
+}
+constexpr int triangle(int n) { return n * (n + 1) / 2; }
 
-  void add(const std::array<T, n_y>& deviation, const T& w) {
+template <class T, class N>
+struct DeviationSum {
+  Numbers<T, decltype(triangle(N{}))> product;
+  T weight;
+
+  explicit DeviationSum(N n) : weight(0.0) {
+    fit(product, triangle(n));
+    product.fill(T(0.0));
+  }
+  void add(const Numbers<T, N>& deviation, N n, const T& w) {
     int at = 0;
-    for (int i = 0; i < n_y; ++i) {
+    for (int i = 0; i < n; ++i) {
       const T weighted = w * deviation[i];
-      for (int j = i; j < n_y; ++j) product[at++] += weighted * deviation[j];
+      for (int j = i; j < n; ++j) product[at++] += weighted * deviation[j];
     }
     weight += w;
   }
-  void add(const DeviationSum& other) {
-    for (int i = 0; i < products; ++i) product[i] += other.product[i];
-    weight += other.weight;
+  template <class S>
+  void add_lanes(const DeviationSum<S, N>& other) {
+    for (int lane = 0; lane < lanes_of<S>::width; ++lane) {
+      for (std::size_t i = 0; i < product.size(); ++i) product[i] += lanes_of<S>::get(other.product[i], lane);
+      weight += lanes_of<S>::get(other.weight, lane);
+    }
   }
 };
 
-template <int n_y, class P>
-DeviationSum<n_y, double> sum_lanes(const DeviationSum<n_y, P>& packed) {
-  DeviationSum<n_y, double> sum;
-  for (int lane = 0; lane < lanes_of<P>::width; ++lane) {
-    for (int i = 0; i < packed.products; ++i) sum.product[i] += lanes_of<P>::get(packed.product[i], lane);
-    sum.weight += lanes_of<P>::get(packed.weight, lane);
-  }
-  return sum;
-}
-
 // What one chunk of the nodes adds to the covariance of one point.
-template <int n_y>
+template <class N>
 struct Chunk {
-  DeviationSum<n_y, double> sum;
+  DeviationSum<double, N> sum;
   Status status = Status::ok;  // of the first node that is not ok
   std::int64_t redone = 0;
   double lost = 0.0, absolute_weight = 0.0;  // of the nodes that are not ok, and of all
 
+  explicit Chunk(N outputs) : sum(outputs) {}
   void add(const Chunk& other) {
-    sum.add(other.sum);
+    sum.add_lanes(other.sum);
     if (status == Status::ok) status = other.status;
     redone += other.redone;
     lost += other.lost;
@@ -76,13 +78,13 @@ struct Chunk {
 };
 
 // Where the trajectories of one point over the prior begin, and how they are computed.
-template <Model M>
+template <class M>
 struct PointOverPrior {
   const double *x0, *u;
   double dt;
   double first_step = 0.0;      // of the adaptive loop
   std::optional<Plan<M>> plan;  // none: every node is integrated adaptively
-  std::array<double, sizes<M>::outputs> nominal_y;
+  typename ArraysOf<M, double>::Outputs nominal_y;
 };
 
 // Integrates the lanes of positive duration adaptively and puts their ends into x; the statuses of the lanes.
@@ -91,26 +93,30 @@ template <class Method, class Equation, class P>
                             const P& duration, const P& first_step, typename Equation::State& x) {
   auto end = start;
   const auto outcome = Integrator<Equation, Method>(equation, tolerance).run(end, duration, first_step);
-  for_each_index<Equation::states>([&](auto i) { x[i] = select(duration > P(0.0), end[i], x[i]); });
+  for_each_index(equation.states, [&](auto i) { x[i] = select(duration > P(0.0), end[i], x[i]); });
   return outcome.status;
 }
 
 // With `strict` the work ends at the first node that is not ok; otherwise such nodes count with weight zero.
-template <class P, class Method, Model M>
-Chunk<sizes<M>::outputs> sum_over_nodes(const M& model, const PointOverPrior<M>& point, const PriorNodes& nodes,
-                                        std::size_t begin, std::size_t end, const Tolerance& tolerance, bool strict,
-                                        double* y) {
-  constexpr int width = lanes_of<P>::width, n_y = sizes<M>::outputs;
+template <class P, class Method, class M>
+auto sum_over_nodes(const M& model, const PointOverPrior<M>& point, const PriorNodes& nodes, std::size_t begin, std::size_t end,
+                    const Tolerance& tolerance, bool strict, double* y) {
+  constexpr int width = lanes_of<P>::width;
   using Equation = StateEquation<M, P>;
+  const auto shape = shape_of(model);
+  const auto n_y = shape.outputs;
+  using N = std::remove_const_t<decltype(n_y)>;
   typename Equation::State start, x;
   typename Equation::Input input;
   typename Equation::Theta theta;
-  for (int lane = 0; lane < width; ++lane) set_lane(start, lane, point.x0), set_lane(input, lane, point.u);
+  fit(start, shape.states);
+  fit(input, shape.inputs);
+  fit(theta, shape.parameters);
+  set_lanes(start, point.x0);
+  set_lanes(input, point.u);
 
-  Chunk<n_y> chunk;
-  DeviationSum<n_y, P> sum;
-  sum.product.fill(P(0.0));
-  sum.weight = P(0.0);
+  Chunk<N> chunk(n_y);
+  DeviationSum<P, N> sum(n_y);
   P absolute_weight(0.0);
   const auto node = nodes.cursor(begin);
   for (std::size_t first = begin; first < end; first += width) {
@@ -143,33 +149,38 @@ Chunk<sizes<M>::outputs> sum_over_nodes(const M& model, const PointOverPrior<M>&
         lanes_of<P>::set(counts, lane, 0.0);
       }
     }
-    auto deviation = to_array<P>(model.output(x, input, theta));
+    auto deviation = equation.output(x);
     if (y)
       for (int lane = 0; lane < width && first + lane < end; ++lane) get_lane(deviation, lane, y + (first + lane) * n_y);
-    for_each_index<n_y>([&](auto i) {
-      if constexpr (VariationalEquation<M, P>::template output_depends<i>())
+    for_each_index(n_y, [&](auto i) {
+      if (equation.dependence.output_depends(i))
         deviation[i] -= P(point.nominal_y[i]);
       else
         deviation[i] = P(0.0);  // not even by the rounding of other steps
     });
     if (any(!(counts > P(0.0))))  // where a trajectory has no end, there may be no output
-      for_each_index<n_y>([&](auto i) { deviation[i] = select(counts > P(0.0), deviation[i], P(0.0)); });
-    sum.add(deviation, weight);
+      for_each_index(n_y, [&](auto i) { deviation[i] = select(counts > P(0.0), deviation[i], P(0.0)); });
+    sum.add(deviation, n_y, weight);
   }
-  chunk.sum = sum_lanes<n_y>(sum);
+  chunk.sum.add_lanes(sum);
   for (int lane = 0; lane < width; ++lane) chunk.absolute_weight += lanes_of<P>::get(absolute_weight, lane);
   return chunk;
 }
 
 // The nominal trajectory and, where it is ok, the plan for the others.
-template <class P, class Method, Model M>
-Status prepare(const M& model, const Pilots<M>& pilots, const Tolerance& tolerance, PointOverPrior<M>& point) {
+template <class P, class Method, class M>
+Status prepare(const M& model, const Pilots& pilots, const Tolerance& tolerance, PointOverPrior<M>& point) {
   using Equation = StateEquation<M, P>;
   typename Equation::State x;
   typename Equation::Input u;
   typename Equation::Theta theta;
-  for (int lane = 0; lane < lanes_of<P>::width; ++lane)
-    set_lane(x, lane, point.x0), set_lane(u, lane, point.u), set_lane(theta, lane, pilots.theta[0].data());
+  const auto shape = shape_of(model);
+  fit(x, shape.states);
+  fit(u, shape.inputs);
+  fit(theta, shape.parameters);
+  set_lanes(x, point.x0);
+  set_lanes(u, point.u);
+  set_lanes(theta, pilots[0]);
   P duration(0.0);
   lanes_of<P>::set(duration, 0, point.dt);
   const Equation equation(model, theta, u);
@@ -177,23 +188,24 @@ Status prepare(const M& model, const Pilots<M>& pilots, const Tolerance& toleran
   const auto outcome = Integrator<Equation, Method>(equation, tolerance).run(x, duration, P(0.0), &steps);
   if (outcome.status[0] != Status::ok) return outcome.status[0];
   point.first_step = lanes_of<P>::get(outcome.first_step, 0);
-  get_lane(to_array<P>(model.output(x, u, theta)), 0, point.nominal_y.data());
+  point.nominal_y = of_lane(equation.output(x), shape.outputs);
   point.plan = Planner<M, P, Method>(model, point.x0, point.u, pilots).plan(steps, tolerance.relative);
   if (point.plan) point.nominal_y = point.plan->nominal_y;
   return Status::ok;
 }
 
 // Nodes that are not ok exclude their point where their share of the absolute weight exceeds `max_lost`; with 0 any one does.
-template <class P, class Method, Model M>
+template <class P, class Method, class M>
 void predictive_covariance_packs(const M& model, const Points& points, const double* nominal_theta, const PriorNodes& nodes,
                                  double max_lost, const Tolerance& tolerance, const Workers& workers,
                                  const PredictiveCovariances& out) {
-  constexpr int n_x = sizes<M>::states, n_u = sizes<M>::inputs, n_y = sizes<M>::outputs;
-  const Pilots<M> pilots(nominal_theta, nodes);
+  const auto shape = shape_of(model);
+  const int n_y = shape.outputs;
+  const Pilots pilots(nominal_theta, nodes);
   std::vector<PointOverPrior<M>> point(points.count);
   workers.for_each(points.count, [&](std::size_t k) {
-    point[k].x0 = points.x0 + k * n_x;
-    point[k].u = points.u + k * n_u;
+    point[k].x0 = points.x0 + k * shape.states;
+    point[k].u = points.u + k * shape.inputs;
     point[k].dt = points.dt[k];
     out.status[k] = prepare<P, Method>(model, pilots, tolerance, point[k]);
   });
@@ -203,10 +215,11 @@ void predictive_covariance_packs(const M& model, const Points& points, const dou
   constexpr std::size_t chunk_nodes = 1024, batch = 4096;
   const bool strict = max_lost == 0;
   const std::size_t chunks = (nodes.size() + chunk_nodes - 1) / chunk_nodes, items = points.count * chunks;
-  std::vector<Chunk<n_y>> total(points.count);
+  const Chunk none(shape.outputs);
+  std::vector<std::remove_const_t<decltype(none)>> total(points.count, none);
   std::vector<std::atomic<std::size_t>> failed(points.count);  // first chunk that ended early: later ones need not be done
   for (auto& chunk : failed) chunk = chunks;
-  std::vector<Chunk<n_y>> part(std::min(batch, items));
+  std::vector<std::remove_const_t<decltype(none)>> part(std::min(batch, items), none);
   for (std::size_t from = 0; from < items; from += batch) {
     const std::size_t count = std::min(batch, items - from);
     workers.for_each(count, [&](std::size_t item) {
@@ -226,7 +239,7 @@ void predictive_covariance_packs(const M& model, const Points& points, const dou
     }
   }
   for (std::size_t k = 0; k < points.count; ++k) {
-    const Chunk<n_y>& all = total[k];
+    const auto& all = total[k];
     double* covariance = out.covariance + k * n_y * n_y;
     std::fill_n(covariance, n_y * n_y, 0.0);
     out.redone[k] = all.redone;
@@ -245,7 +258,7 @@ void predictive_covariance_packs(const M& model, const Points& points, const dou
 }
 
 // Compiled once per model and instruction set (cpp/src/predictive_covariance.cpp).
-template <Model M>
+template <class M>
 void predictive_covariance(const M& model, const Points& points, const double* nominal_theta, const PriorNodes& nodes,
                            double max_lost, const Tolerance& tolerance, const Workers& workers,
                            const PredictiveCovariances& out);

@@ -25,56 +25,21 @@ struct SensitiveTrajectories {
   Status* status;                 // (count,)
 };
 
-// dy/dtheta = g_x S + g_theta.
-template <Model M, class P>
-auto output_sensitivity(const M& model, const typename VariationalEquation<M, P>::State& x,
-                        const typename VariationalEquation<M, P>::Columns& columns,
-                        const typename VariationalEquation<M, P>::Input& u,
-                        const typename VariationalEquation<M, P>::Theta& theta) {
-  using Equation = VariationalEquation<M, P>;
-  constexpr int n_x = sizes<M>::states, n_y = sizes<M>::outputs, p = sizes<M>::parameters;
-  const auto g = model.output(as_variables<0, n_x, P>(x), u, as_variables<n_x, p, P>(theta));
-  std::array<P, n_y * p> s;
-  for_each_index<n_y>([&](auto i) {
-    for_each_index<p>([&](auto j) {
-      const auto& g_i = std::get<i>(g);
-      P sum = slope_of<n_x + j, P>(g_i);
-      for_each_index<n_x>([&](auto k) {
-        if constexpr ((variables_of<std::remove_cvref_t<decltype(g_i)>> >> k) & 1)
-          sum += slope_of<k, P>(g_i) * Equation::template entry<k, j>(columns);
-      });
-      s[i * p + j] = sum;
-    });
-  });
-  return s;
-}
-
-// dx/dtheta row by row, with its zeros.
-template <Model M, class P>
-auto state_sensitivity(const typename VariationalEquation<M, P>::Columns& columns) {
-  constexpr int n_x = sizes<M>::states, p = sizes<M>::parameters;
-  std::array<P, n_x * p> s;
-  for_each_index<n_x>([&](auto i) {
-    for_each_index<p>([&](auto j) { s[i * p + j] = VariationalEquation<M, P>::template entry<i, j>(columns); });
-  });
-  return s;
-}
-
-template <Model M>
+template <class M>
 struct PointStep {
   double size;
-  std::array<double, sizes<M>::switching> side;
+  typename ArraysOf<M, double>::Sides side;
 };
 
 // The steps that a point takes; none where nothing is to be done any more.
-template <Model M>
+template <class M>
 using PointPath = std::vector<PointStep<M>>;
 
 // The columns need finer steps than the states.
 inline constexpr double first_refinement = 1.4;
 
 // The same path in about `factor` times as many steps, whose sizes change along it as they did.
-template <Model M>
+template <class M>
 PointPath<M> refined(const PointPath<M>& steps, double factor) {
   PointPath<M> finer;
   finer.reserve(static_cast<std::size_t>(factor * steps.size()) + 4);
@@ -97,19 +62,20 @@ PointPath<M> refined(const PointPath<M>& steps, double factor) {
 }
 
 // Into the paths of points[rows[0]], points[rows[1]], ...: as many as the pack has lanes.
-template <class P, class Method, Model M>
+template <class P, class Method, class M>
 void find_paths(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
                 std::span<const std::size_t> rows, std::vector<PointPath<M>>& paths, const SensitiveTrajectories& out) {
   using Equation = StateEquation<M, P>;
-  constexpr int n_x = sizes<M>::states, n_y = sizes<M>::outputs, p = sizes<M>::parameters;
+  const auto shape = shape_of(model);
+  const std::size_t n_x = shape.states, n_y = shape.outputs, p = shape.parameters;
   static thread_local std::vector<Step<Equation>> steps;  // kept, so that a pack allocates nothing
   static thread_local PointPath<M> taken;
-  const PointPack<M, P> pack(points, parameters, rows);
+  const PointPack<M, P> pack(shape, points, parameters, rows);
   const Equation equation(model, pack.theta, pack.u);
   auto x = pack.x0;
   steps.clear();
   const auto outcome = Integrator<Equation, Method>(equation, tolerance).run(x, pack.dt, P(0.0), &steps);
-  const auto y = to_array<P>(model.output(x, pack.u, pack.theta));
+  const auto y = equation.output(x);
   for (int lane = 0; lane < pack.used; ++lane) {
     const std::size_t k = rows[lane];
     out.status[k] = outcome.status[lane];
@@ -122,19 +88,19 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
     for (const auto& step : steps) {
       const double size = lanes_of<P>::get(step.size, lane);
       if (size == 0.0) continue;
-      taken.push_back({size, {}});
-      get_lane(step.side, lane, taken.back().side.data());
+      taken.push_back({size, of_lane(step.side, shape.sides, lane)});
     }
     paths[k] = refined<M>(taken, first_refinement);
   }
 }
 
 // S along the paths of points[rows[0]], ...; a path that turns out too coarse is refined instead.
-template <class P, class Method, Model M>
+template <class P, class Method, class M>
 void follow_paths(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
                   std::span<const std::size_t> rows, std::vector<PointPath<M>>& paths, const SensitiveTrajectories& out) {
-  constexpr int n_x = sizes<M>::states, n_y = sizes<M>::outputs, p = sizes<M>::parameters;
-  const PointPack<M, P> pack(points, parameters, rows);
+  const auto shape = shape_of(model);
+  const std::size_t n_x = shape.states, n_y = shape.outputs, p = shape.parameters;
+  const PointPack<M, P> pack(shape, points, parameters, rows);
   const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
   Tangents<M, P, Method> tangents(equation, pack.x0);
   std::size_t longest = 0;
@@ -142,6 +108,7 @@ void follow_paths(const M& model, const Points& points, const Parameters& parame
   for (std::size_t n = 0; n < longest; ++n) {
     P size(0.0);
     typename VariationalEquation<M, P>::Side side;
+    fit(side, shape.sides);
     side.fill(P(1.0));
     for (int lane = 0; lane < pack.used; ++lane) {
       const auto& path = paths[rows[lane]];
@@ -153,9 +120,19 @@ void follow_paths(const M& model, const Points& points, const Parameters& parame
   }
 
   const P error = tangents.relative_error();
-  const auto dx = state_sensitivity<M, P>(tangents.s);
-  const auto y = to_array<P>(model.output(tangents.x, pack.u, pack.theta));
-  const auto dy = output_sensitivity<M, P>(model, tangents.x, tangents.s, pack.u, pack.theta);
+  typename StateEquation<M, P>::Output y;
+  fit(y, shape.outputs);
+  static thread_local std::vector<P> dx, dy;
+  dx.resize(n_x * p);
+  dy.resize(n_y * p);
+  equation.output(tangents.x, tangents.s, y, dy);
+  for_each_index(shape.states, [&](auto i) {
+    for_each_index(shape.parameters, [&](auto j) {
+      dx[i * p + j] = P(0.0);
+      if (equation.dependence.depends(i, j))
+        dx[i * p + j] = tangents.s[equation.dependence.column_start[j] + detail::below(equation.dependence.rows(j), i)];
+    });
+  });
   for (int lane = 0; lane < pack.used; ++lane) {
     const std::size_t k = rows[lane];
     const double excess = lanes_of<P>::get(error, lane) / (Method::allowed_estimate * tolerance.relative);
@@ -178,7 +155,7 @@ void follow_paths(const M& model, const Points& points, const Parameters& parame
   }
 }
 
-template <class P, class Method, Model M>
+template <class P, class Method, class M>
 void sensitivity_packs(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
                        const Workers& workers, const SensitiveTrajectories& out) {
   constexpr std::size_t width = lanes_of<P>::width;
@@ -194,7 +171,7 @@ void sensitivity_packs(const M& model, const Points& points, const Parameters& p
 }
 
 // Compiled once per model and instruction set (cpp/src/sensitivities.cpp).
-template <Model M>
+template <class M>
 void sensitivities(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
                    const Workers& workers, const SensitiveTrajectories& out);
 

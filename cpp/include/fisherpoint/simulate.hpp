@@ -13,26 +13,27 @@ struct Trajectories {
   Status* status;  // (count,)
 };
 
-template <class P, class Method, Model M>
+template <class P, class Method, class M>
 void simulate_packs(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
                     const Workers& workers, const Trajectories& out) {
   using Equation = StateEquation<M, P>;
+  const auto shape = shape_of(model);
   in_packs(workers, by_duration(points), lanes_of<P>::width, [&](std::span<const std::size_t> rows) {
-    const PointPack<M, P> pack(points, parameters, rows);
+    const PointPack<M, P> pack(shape, points, parameters, rows);
     const Equation equation(model, pack.theta, pack.u);
     auto x = pack.x0;
     const auto outcome = Integrator<Equation, Method>(equation, tolerance).run(x, pack.dt, P(0.0));
-    const auto y = to_array<P>(model.output(x, pack.u, pack.theta));
+    const auto y = equation.output(x);
     for (int lane = 0; lane < pack.used; ++lane) {
-      get_lane(x, lane, out.x + rows[lane] * sizes<M>::states);
-      get_lane(y, lane, out.y + rows[lane] * sizes<M>::outputs);
+      get_lane(x, lane, out.x + rows[lane] * shape.states);
+      get_lane(y, lane, out.y + rows[lane] * shape.outputs);
       out.status[rows[lane]] = outcome.status[lane];
     }
   });
 }
 
 // Compiled once per model and instruction set (cpp/src/simulate.cpp).
-template <Model M>
+template <class M>
 void simulate(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
               const Workers& workers, const Trajectories& out);
 

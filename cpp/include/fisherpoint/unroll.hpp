@@ -1,5 +1,5 @@
-// Loops over compile-time indices, for what differs in type from one index to the next or must stay in registers; and the mark
-// for the functions that they are inlined into.
+// Loops over compile-time indices, for what differs in type from one index to the next or must stay in registers; the same
+// loops where the count is known at run time only; and the mark for the functions that they are inlined into.
 #pragma once
 
 // Everything that a hot function calls is inlined into it; not under the sanitizers, whose checks would multiply without end.
@@ -21,6 +21,26 @@ void for_each_index(F&& f) {
   [&]<int... i>(std::integer_sequence<int, i...>) {
     (f(std::integral_constant<int, i>{}), ...);
   }(std::make_integer_sequence<int, n>{});
+}
+
+// A count that is known to the compiler.
+template <int n>
+using Count = std::integral_constant<int, n>;
+
+// The same for a count of either kind, and from `first` to `last - 1`.
+template <int n>
+void for_each_index(Count<n>, auto&& f) {
+  for_each_index<n>(f);
+}
+void for_each_index(int n, auto&& f) {
+  for (int i = 0; i < n; ++i) f(i);
+}
+template <int first, int last>
+void for_each_index(Count<first>, Count<last>, auto&& f) {
+  for_each_index<last - first>([&](auto i) { f(Count<first + i>{}); });
+}
+void for_each_index(int first, int last, auto&& f) {
+  for (int i = first; i < last; ++i) f(i);
 }
 
 }  // namespace fisherpoint

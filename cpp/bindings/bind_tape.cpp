@@ -1,0 +1,154 @@
+#include <pybind11/stl.h>
+
+#include "arrays.hpp"
+#include "bindings.hpp"
+#include "fisherpoint/tape_equation.hpp"
+
+namespace fisherpoint::bindings {
+namespace {
+
+using Described = std::tuple<std::string, std::string, std::string, double>;  // name, unit, description, scale
+using Rows = py::array_t<std::int32_t, py::array::c_style | py::array::forcecast>;
+
+std::vector<Instruction> instructions(const Rows& rows, const char* name) {
+  if (rows.ndim() != 2 || rows.shape(1) != 5)
+    throw py::value_error(std::string(name) + ": expected rows (operation, out, a, b, c), given another shape");
+  std::vector<Instruction> result;
+  for (py::ssize_t k = 0; k < rows.shape(0); ++k) {
+    const std::int32_t* row = rows.data(k, 0);
+    result.push_back({static_cast<Operation>(row[0]), row[1], row[2], row[3], row[4]});
+  }
+  return result;
+}
+
+// A tape with what the core need not know: names, units.
+struct NamedTape : TapeModel {
+  std::string name;
+  std::vector<Described> states, inputs, outputs, parameters;
+  std::vector<std::string> jumps, kinks, domain;
+};
+
+int length(const auto& all) { return static_cast<int>(all.size()); }
+
+NamedTape named_tape(std::string name, std::vector<Described> states, std::vector<Described> inputs,
+                     std::vector<Described> outputs, std::vector<Described> parameters, std::vector<std::string> jumps,
+                     std::vector<std::string> kinks, std::vector<std::string> domain, Program rates, Program output,
+                     Program surfaces, Program surface_rates, Program rate_jacobian, Program output_jacobian,
+                     const std::vector<std::pair<int, int>>& rate_entries,
+                     const std::vector<std::pair<int, int>>& output_entries, const std::vector<std::vector<int>>& surface_reads,
+                     int poles) {
+  if (poles < 0 || poles > length(domain))
+    throw py::value_error("poles: expected at most the number of limits, given " + std::to_string(poles));
+  const int jumps_end = length(jumps), kinks_end = jumps_end + length(kinks), sides = kinks_end + poles;
+  const Shape<TapeModel> shape{length(states), length(inputs), length(outputs), length(parameters),
+                               jumps_end,      kinks_end,      sides,           kinks_end + length(domain)};
+  std::vector<double> scales;
+  for (const auto& [state, unit, description, scale] : states) scales.push_back(scale);
+  const auto entries = [](const std::vector<std::pair<int, int>>& pairs) {
+    std::vector<Entry> result;
+    for (const auto& [row, variable] : pairs) result.push_back({row, variable});
+    return result;
+  };
+  return {TapeModel(shape, scales,
+                    {std::move(rates), std::move(output), std::move(surfaces), std::move(surface_rates),
+                     std::move(rate_jacobian), std::move(output_jacobian)},
+                    entries(rate_entries), entries(output_entries), surface_reads),
+          std::move(name),
+          std::move(states),
+          std::move(inputs),
+          std::move(outputs),
+          std::move(parameters),
+          std::move(jumps),
+          std::move(kinks),
+          std::move(domain)};
+}
+
+using Equation = StateEquation<TapeModel, double>;
+
+// function(equation, x), with `width` values, for every row.
+py::array_t<double> map_rows(const NamedTape& model, const Input& x, const Input& u, const Input& theta, int width,
+                             const auto& function) {
+  const auto& shape = model.shape();
+  const py::ssize_t count = x.ndim() == 2 ? x.shape(0) : -1;
+  check_shape(x, {count, shape.states}, "x");
+  check_shape(u, {count, shape.inputs}, "u");
+  check_shape(theta, {count, shape.parameters}, "theta");
+  auto result = empty({count, width});
+  for (py::ssize_t k = 0; k < count; ++k) {
+    const Equation equation(model, of_row(theta.data() + k * shape.parameters, shape.parameters),
+                            of_row(u.data() + k * shape.inputs, shape.inputs));
+    const auto values = function(equation, of_row(x.data() + k * shape.states, shape.states));
+    std::copy_n(values.begin(), width, result.mutable_data() + k * width);
+  }
+  return result;
+}
+
+}  // namespace
+
+void bind_tape(py::module_& m) {
+  using namespace py::literals;
+  py::dict operations;
+  for (int code = 0; code < static_cast<int>(Operation::count); ++code) operations[operation_names[code]] = code;
+  m.attr("operations") = operations;
+
+  py::class_<Program>(m, "Program")
+      .def(py::init([](std::vector<double> literals, const Rows& setup, const Rows& stage, std::vector<std::int32_t> outputs,
+                       std::int32_t registers) {
+             return Program{std::move(literals), instructions(setup, "setup"), instructions(stage, "stage"), std::move(outputs),
+                            registers};
+           }),
+           "literals"_a, "setup"_a, "stage"_a, "outputs"_a, "registers"_a);
+
+  py::class_<TapeModel>(m, "Tape");
+  py::class_<NamedTape, TapeModel>(m, "TapeModel")
+      .def(py::init(&named_tape), "name"_a, "states"_a, "inputs"_a, "outputs"_a, "parameters"_a, "jumps"_a, "kinks"_a,
+           "domain"_a, "rates"_a, "output"_a, "surfaces"_a, "surface_rates"_a, "rate_jacobian"_a, "output_jacobian"_a,
+           "rate_entries"_a, "output_entries"_a, "surface_reads"_a, "poles"_a = 0)
+      .def_readonly("name", &NamedTape::name)
+      .def_readonly("states", &NamedTape::states)
+      .def_readonly("inputs", &NamedTape::inputs)
+      .def_readonly("outputs", &NamedTape::outputs)
+      .def_readonly("parameters", &NamedTape::parameters)
+      .def_readonly("jumps", &NamedTape::jumps)
+      .def_readonly("kinks", &NamedTape::kinks)
+      .def_readonly("domain", &NamedTape::domain)
+      .def(
+          "rhs",
+          [](const NamedTape& model, const Input& x, const Input& u, const Input& theta) {
+            return map_rows(model, x, u, theta, model.shape().states, [&](const Equation& f, const Equation::State& x) {
+              auto side = f.surface_values(x);
+              for (double& s : side) s = sign(s);
+              Equation::State rates(f.states);
+              f.derivative(x, side, rates);
+              return rates;
+            });
+          },
+          "x"_a, "u"_a, "theta"_a)
+      .def(
+          "output",
+          [](const NamedTape& model, const Input& x, const Input& u, const Input& theta) {
+            return map_rows(model, x, u, theta, model.shape().outputs,
+                            [](const Equation& f, const Equation::State& x) { return f.output(x); });
+          },
+          "x"_a, "u"_a, "theta"_a)
+      .def(
+          "switching",
+          [](const NamedTape& model, const Input& x, const Input& u, const Input& theta) {
+            return map_rows(model, x, u, theta, model.shape().kinks_end,
+                            [](const Equation& f, const Equation::State& x) { return f.surface_values(x); });
+          },
+          "x"_a, "u"_a, "theta"_a)
+      .def(
+          "limits",
+          [](const NamedTape& model, const Input& x, const Input& u, const Input& theta) {
+            const auto& shape = model.shape();
+            return map_rows(model, x, u, theta, shape.surfaces - shape.kinks_end,
+                            [&](const Equation& f, const Equation::State& x) {
+                              const auto all = f.surface_values(x);
+                              return std::vector<double>(all.begin() + shape.kinks_end, all.end());
+                            });
+          },
+          "x"_a, "u"_a, "theta"_a);
+}
+
+}  // namespace fisherpoint::bindings
