@@ -19,18 +19,33 @@
 
 namespace fisherpoint {
 
-// start plus entry i of stages `first` to n - 1, each times its weight; what has no weight is not computed.
-template <int n, int first = 0, std::size_t size, class State, class P>
-P weighted_sum(P start, const std::array<double, size>& weights, const State* stage, int i) {
+namespace detail {
+
+template <int n, int first, class T>
+T weighted_sum(T start, const auto& weights, auto&& stage) {
 #if defined(FISHERPOINT_SANITIZED)  // a loop: hundreds of unrolled sums take minutes to compile with their checks
   for (int r = first; r < n; ++r)
-    if (weights[r] != 0) start += weights[r] * stage[r][i];
+    if (weights[r] != 0) start += weights[r] * stage(r);
 #else
   for_each_index<n - first>([&](auto r) {
-    if (weights[r + first] != 0) start += weights[r + first] * stage[r + first][i];
+    if (weights[r + first] != 0) start += weights[r + first] * stage(r + first);
   });
 #endif
   return start;
+}
+
+}  // namespace detail
+
+// start plus entry i of stages `first` to n - 1, each times its weight; what has no weight is not computed.
+template <int n, int first = 0, std::size_t size, class State, class P>
+P weighted_sum(P start, const std::array<double, size>& weights, const State* stage, int i) {
+  if constexpr (requires { requires P::parts > 1; }) {  // vector by vector, so that every sum stays in its register
+    for (int k = 0; k < P::parts; ++k)
+      start.part[k] = detail::weighted_sum<n, first>(start.part[k], weights, [&](int r) { return stage[r][i].part[k]; });
+    return start;
+  } else {
+    return detail::weighted_sum<n, first>(start, weights, [&](int r) -> const P& { return stage[r][i]; });
+  }
 }
 template <int n, std::size_t size, class State>
 auto weighted_sum(const std::array<double, size>& weights, const State* stage, int i) {

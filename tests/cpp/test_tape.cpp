@@ -1,0 +1,191 @@
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "fisherpoint/predictive_covariance.hpp"
+#include "fisherpoint/prior_grid.hpp"
+#include "fisherpoint/simulate.hpp"
+#include "fisherpoint/tape_equation.hpp"
+#include "models.hpp"
+
+using namespace fisherpoint;
+using namespace fisherpoint::testing;
+using Narrow = Pack<native_lanes>;
+using Wide = Pack<4 * native_lanes>;
+using O = Operation;
+
+namespace {
+
+// The ball of models.hpp as lists of operations. Registers: the literals 0, 1, floor, -1; g, k; u; s, v; side; ds, dv; then
+// what is computed. With `pole` the height is a denominator's value, which may have either sign.
+TapeModel ball(Kind kind, double floor, bool pole = false) {
+  enum { zero, one, bottom, minus, g, k, u, s, v, side, ds, dv, free };  // a limit has no side
+  const bool kink = kind == Kind::kink;
+  const int shift = kind == Kind::limit ? -1 : 0, ds_at = ds + shift, first = free + shift;
+  const std::vector<double> literals = {0.0, 1.0, floor, -1.0};
+  const int height = first, above = first + 1, minus_g = first + 2, minus_k = first + 3, fall = first + 4, slope = first + 5,
+            minus_above = first + 6, registers = first + 7;
+  Program rates{literals, {{O::neg, minus_g, g, 0, 0}}, {}, {v, minus_g}, registers};
+  Program rate_jacobian{literals, {{O::neg, minus_g, g, 0, 0}}, {}, {v, minus_g, one, minus}, registers};
+  std::vector<Entry> entries = {{0, 1}, {1, 2}};
+  if (kink) {
+    rates.stage = {
+        {O::sub, height, s, bottom, 0}, {O::select, above, side, height, zero}, {O::sub_mul, fall, k, above, minus_g}};
+    rates.outputs[1] = fall;
+    rate_jacobian.setup.push_back({O::neg, minus_k, k, 0, 0});
+    rate_jacobian.stage = rates.stage;
+    rate_jacobian.stage.push_back({O::select, slope, side, minus_k, zero});
+    rate_jacobian.stage.push_back({O::neg, minus_above, above, 0, 0});
+    rate_jacobian.outputs = {v, fall, one, slope, minus, minus_above};
+    entries = {{0, 1}, {1, 0}, {1, 2}, {1, 3}};
+  }
+  const Program surfaces{literals, {}, {{O::sub, height, s, bottom, 0}}, {height}, registers};
+  const Shape<TapeModel> shape{2, 1, 1, 2, kind == Kind::jump, kind != Kind::limit, kind != Kind::limit || pole, 1};
+  return TapeModel(shape, {1.0, 1.0},
+                   {rates,
+                    {literals, {}, {}, {s}, registers},
+                    surfaces,
+                    {literals, {}, {}, {ds_at}, registers},
+                    rate_jacobian,
+                    {literals, {}, {}, {s, one}, registers}},
+                   entries, {{0, 0}},
+                   kind == Kind::limit ? std::vector<std::vector<int>>{} : std::vector<std::vector<int>>{{0}});
+}
+
+struct Throws {
+  std::vector<double> x0, u, dt, theta;
+  Points points() const { return {dt.size(), x0.data(), u.data(), dt.data()}; }
+  Parameters parameters() const { return {theta.data(), true}; }
+
+  explicit Throws(int count, double floor) {
+    for (int i = 0; i < count; ++i) {
+      const double t = (i + 0.5) / count, wave = std::sin(40 * t);
+      x0.push_back(floor - 1.0 + 0.7 * wave);
+      x0.push_back(3.0 * t);
+      u.push_back(0.0);
+      dt.push_back(0.2 + 2.0 * std::abs(std::cos(31 * t)));
+      theta.push_back(2.0 + wave);
+      theta.push_back(4.0 + 3 * t);
+    }
+  }
+};
+
+struct Results {
+  std::vector<double> x, y, dx, dy;
+  std::vector<Status> status;
+};
+template <class P, class M>
+Results sensitive(const M& model, const Throws& throws) {
+  const std::size_t n = throws.dt.size();
+  Results r{std::vector<double>(2 * n), std::vector<double>(n), std::vector<double>(4 * n), std::vector<double>(2 * n),
+            std::vector<Status>(n)};
+  sensitivity_packs<P, DormandPrince853>(model, throws.points(), throws.parameters(), Tolerance{}, Workers(1),
+                                         {r.x.data(), r.y.data(), r.dx.data(), r.dy.data(), r.status.data()});
+  return r;
+}
+
+void check_same(const std::vector<double>& a, const std::vector<double>& b) {
+  REQUIRE(a.size() == b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) CHECK(a[i] == doctest::Approx(b[i]).epsilon(1e-11));
+}
+
+template <Kind kind>
+void check_against_compiled() {
+  const double floor = 0.3;
+  const Throws throws(61, floor);
+  const Results compiled = sensitive<Narrow>(Ball<kind>{floor}, throws);
+  const Results wide = sensitive<Wide>(ball(kind, floor), throws);
+  CHECK(wide.status == compiled.status);
+  if (kind == Kind::jump) CHECK(std::count(wide.status.begin(), wide.status.end(), Status::met_jump) > 10);
+  check_same(wide.x, compiled.x);
+  check_same(wide.y, compiled.y);
+  check_same(wide.dx, compiled.dx);
+  check_same(wide.dy, compiled.dy);
+}
+
+}  // namespace
+
+TEST_CASE("a tape's trajectories, sensitivities and statuses are the compiled model's") {
+  check_against_compiled<Kind::kink>();
+  check_against_compiled<Kind::jump>();
+}
+
+TEST_CASE("a point's result does not depend on what shares its pack, to the last bit") {
+  const TapeModel model = ball(Kind::kink, 0.3);
+  const Throws throws(61, 0.3);
+  const Results all = sensitive<Wide>(model, throws);
+  for (const std::size_t k : {0, 17, 60}) {
+    Throws one(1, 0.3);
+    one.x0 = {throws.x0[2 * k], throws.x0[2 * k + 1]};
+    one.dt = {throws.dt[k]};
+    one.theta = {throws.theta[2 * k], throws.theta[2 * k + 1]};
+    const Results alone = sensitive<Wide>(model, one);
+    CHECK(alone.status[0] == all.status[k]);
+    for (int i = 0; i < 2; ++i) CHECK(alone.x[i] == all.x[2 * k + i]);
+    for (int i = 0; i < 4; ++i) CHECK(alone.dx[i] == all.dx[4 * k + i]);
+  }
+}
+
+TEST_CASE("a tape's predictive covariances are the compiled model's") {
+  const double floor = 0.3, mean[2] = {2.0, 4.0}, u = 0.0, dt = 1.1;
+  const PriorGrid grid({cells(2.0, 0.2, 7, 1.5), cells(4.0, 0.4, 5, 1.5)});
+  for (const double v : {0.3, 1.9, 3.0}) {
+    const double x0[2] = {floor - 0.5, v};
+    double covariance[2], lost[2];
+    Status status[2];
+    std::int64_t redone[2];
+    const auto run = [&](auto tag, const auto& model, int k) {
+      using P = decltype(tag);
+      predictive_covariance_packs<P, DormandPrince853>(model, {1, x0, &u, &dt}, mean, grid, 0.0, Tolerance{}, Workers(1),
+                                                       {&covariance[k], &status[k], &redone[k], &lost[k]});
+    };
+    run(Narrow{}, Ball<Kind::kink>{floor}, 0);
+    run(Wide{}, ball(Kind::kink, floor), 1);
+    CHECK(status[0] == Status::ok);
+    CHECK(status[1] == Status::ok);
+    CHECK(redone[1] == redone[0]);
+    CHECK(covariance[1] == doctest::Approx(covariance[0]).epsilon(1e-9));
+  }
+}
+
+TEST_CASE("a limit forbids one side, a pole only the change of sides") {
+  const double theta[2] = {2.0, 0.0}, u = 0.0, dt = 0.4, floor = 0.3;
+  const auto status = [&](const TapeModel& model, double s, double v) {
+    const double x0[2] = {s, v};
+    double x[2], y;
+    Status result;
+    simulate_packs<Narrow, DormandPrince853>(model, {1, x0, &u, &dt}, {theta, false}, Tolerance{}, Workers(1),
+                                             {x, &y, &result});
+    return result;
+  };
+  const TapeModel limit = ball(Kind::limit, floor), pole = ball(Kind::limit, floor, true);
+  CHECK(status(limit, floor + 1, 0.0) == Status::ok);
+  CHECK(status(limit, floor - 1, 0.0) == Status::left_domain);
+  CHECK(status(limit, floor + 0.01, -1.0) == Status::left_domain);
+  CHECK(status(pole, floor + 1, 0.0) == Status::ok);
+  CHECK(status(pole, floor - 1, 0.0) == Status::ok);
+  CHECK(status(pole, floor, 0.0) == Status::left_domain);
+  CHECK(status(pole, floor + 0.01, -1.0) == Status::left_domain);
+  CHECK(status(pole, floor - 0.01, 2.0) == Status::left_domain);
+}
+
+TEST_CASE("lists that would read or write what they must not are refused") {
+  const Shape<TapeModel> shape{1, 0, 1, 1, 0, 0, 0, 0};
+  const auto model = [&](const Program& rates) {
+    const Program none{{}, {}, {}, {}, 3}, x{{}, {}, {}, {1}, 3}, jacobian{{}, {}, {}, {1, 0}, 3};
+    return TapeModel(shape, {1.0}, {rates, x, none, none, jacobian, {{}, {}, {}, {1, 1}, 3}}, {{0, 1}}, {{0, 0}}, {});
+  };
+  // theta, x, dx, then what is computed.
+  CHECK_NOTHROW(model({{}, {}, {{O::mul, 3, 0, 1, 0}}, {3}, 4}));
+  CHECK_THROWS_AS(model({{}, {}, {{O::mul, 4, 0, 1, 0}}, {4}, 4}), std::invalid_argument);   // no such register
+  CHECK_THROWS_AS(model({{}, {}, {{O::mul, 0, 0, 1, 0}}, {0}, 4}), std::invalid_argument);   // a leaf
+  CHECK_THROWS_AS(model({{}, {}, {{O::mul, 3, 0, -1, 0}}, {3}, 4}), std::invalid_argument);  // out of range
+  CHECK_THROWS_AS(model({{}, {}, {{O::mul, 3, 0, 4, 0}, {O::mul, 4, 0, 1, 0}}, {3}, 5}),
+                  std::invalid_argument);                                                                       // not yet known
+  CHECK_THROWS_AS(model({{}, {{O::mul, 3, 1, 1, 0}}, {}, {3}, 4}), std::invalid_argument);                      // setup reads x
+  CHECK_THROWS_AS(model({{}, {{O::mul, 3, 0, 0, 0}}, {{O::mul, 3, 3, 1, 0}}, {3}, 4}), std::invalid_argument);  // spoils it
+  CHECK_THROWS_AS(model({{}, {}, {{O::count, 3, 0, 1, 0}}, {3}, 4}), std::invalid_argument);
+  CHECK_THROWS_AS(model({{}, {}, {{O::mul, 3, 0, 1, 0}}, {3, 3}, 4}), std::invalid_argument);
+}
