@@ -5,45 +5,13 @@
 
 #include <algorithm>
 #include <array>
-#include <memory>
 #include <type_traits>
 
+#include "heap_array.hpp"
 #include "model.hpp"
 #include "unroll.hpp"
 
 namespace fisherpoint {
-
-// n numbers on the heap, not set to anything at first.
-template <class T>
-class HeapArray {
- public:
-  HeapArray() = default;
-  explicit HeapArray(int n) : size_(n), values_(new T[n]) {}
-  HeapArray(const HeapArray& other) : HeapArray(other.size_) { std::copy(other.begin(), other.end(), begin()); }
-  HeapArray(HeapArray&&) = default;
-  HeapArray& operator=(const HeapArray& other) {
-    if (size_ != other.size_) *this = HeapArray(other.size_);
-    std::copy(other.begin(), other.end(), begin());
-    return *this;
-  }
-  HeapArray& operator=(HeapArray&&) = default;
-
-  std::size_t size() const { return size_; }
-  T* data() { return values_.get(); }
-  const T* data() const { return values_.get(); }
-  T* begin() { return data(); }
-  T* end() { return data() + size_; }
-  const T* begin() const { return data(); }
-  const T* end() const { return data() + size_; }
-  T& operator[](int i) { return values_[i]; }
-  const T& operator[](int i) const { return values_[i]; }
-  void fill(const T& value) { std::fill(begin(), end(), value); }
-  friend bool operator==(const HeapArray& a, const HeapArray& b) { return std::equal(a.begin(), a.end(), b.begin(), b.end()); }
-
- private:
-  int size_ = 0;
-  std::unique_ptr<T[]> values_;
-};
 
 namespace detail {
 template <class T, class N>

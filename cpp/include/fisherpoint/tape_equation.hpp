@@ -9,122 +9,128 @@
 
 namespace fisherpoint {
 
-// A program with the registers that it works on.
+// A program with the registers that it works on. Leaves are read where the caller keeps them.
 template <class P>
 class Machine {
  public:
   using Array = HeapArray<P>;
 
+  // `theta` and `u` must outlive the machine.
   Machine(const Program& program, const Shape<TapeModel>& shape, const Array& theta, const Array& u)
-      : program_(program), registers_(program.registers) {
-    x_ = std::copy(
-        u.begin(), u.end(),
-        std::copy(theta.begin(), theta.end(), std::copy(program.literals.begin(), program.literals.end(), registers_.data())));
+      : program_(program), own_(program.registers - theta.size() - u.size()), at_(program.registers) {
+    const P** next = at_.begin();
+    P* own = own_.begin();
+    for (const double literal : program.literals) *own = P(literal), *next++ = own++;
+    next = refer(next, theta);
+    x_ = next = refer(next, u);
     side_ = x_ + shape.states;
     dx_ = side_ + shape.kinks_end;
-    carry_out(program.setup, registers_.data());
+    for (next = dx_ + shape.states; next != at_.end();) *next++ = own++;
+    carry_out(program.setup, at_.data());
   }
 
   void run(const Array& x) {
-    std::copy(x.begin(), x.end(), x_);
-    carry_out(program_.stage, registers_.data());
+    refer(x_, x);
+    carry_out(program_.stage, at_.data());
   }
   void run(const Array& x, const Array& side) {
-    std::copy(side.begin(), side.begin() + (dx_ - side_), side_);
+    for (const P** place = side_; place != dx_; ++place) *place = &side[place - side_];
     run(x);
   }
   void run_along(const Array& x, const Array& dx) {
-    std::copy(dx.begin(), dx.end(), dx_);
+    refer(dx_, dx);
     run(x);
   }
 
-  const P& output(int i) const { return registers_[program_.outputs[i]]; }
+  const P& output(int i) const { return *at_[program_.outputs[i]]; }
 
  private:
-  [[gnu::noinline]] static void carry_out(const std::vector<Instruction>& instructions, P* r) {
+  [[gnu::noinline]] static void carry_out(const std::vector<Instruction>& instructions, const P* const* at) {
     using O = Operation;
-    for (const auto [operation, out, a, b, c] : instructions) {
+    for (const auto& [operation, out, first, second, third] : instructions) {
+      const P &a = *at[first], &b = *at[second], &c = *at[third];
+      P& result = const_cast<P&>(*at[out]);  // of what is computed, which is our own
       switch (operation) {
         case O::add:
-          r[out] = r[a] + r[b];
+          result = a + b;
           break;
         case O::sub:
-          r[out] = r[a] - r[b];
+          result = a - b;
           break;
         case O::mul:
-          r[out] = r[a] * r[b];
+          result = a * b;
           break;
         case O::div:
-          r[out] = r[a] / r[b];
+          result = a / b;
           break;
         case O::neg:
-          r[out] = -r[a];
+          result = -a;
           break;
         case O::mul_add:
-          r[out] = r[a] * r[b] + r[c];
+          result = a * b + c;
           break;
         case O::mul_sub:
-          r[out] = r[a] * r[b] - r[c];
+          result = a * b - c;
           break;
         case O::sub_mul:
-          r[out] = r[c] - r[a] * r[b];
+          result = c - a * b;
           break;
         case O::sqrt:
-          r[out] = sqrt(r[a]);
+          result = sqrt(a);
           break;
         case O::exp:
-          r[out] = each_lane(r[a], std::exp);
+          result = each_lane(a, std::exp);
           break;
         case O::log:
-          r[out] = each_lane(r[a], std::log);
+          result = each_lane(a, std::log);
           break;
         case O::sin:
-          r[out] = each_lane(r[a], std::sin);
+          result = each_lane(a, std::sin);
           break;
         case O::cos:
-          r[out] = each_lane(r[a], std::cos);
+          result = each_lane(a, std::cos);
           break;
         case O::tan:
-          r[out] = each_lane(r[a], std::tan);
+          result = each_lane(a, std::tan);
           break;
         case O::asin:
-          r[out] = each_lane(r[a], std::asin);
+          result = each_lane(a, std::asin);
           break;
         case O::acos:
-          r[out] = each_lane(r[a], std::acos);
+          result = each_lane(a, std::acos);
           break;
         case O::atan:
-          r[out] = each_lane(r[a], std::atan);
+          result = each_lane(a, std::atan);
           break;
         case O::sinh:
-          r[out] = each_lane(r[a], std::sinh);
+          result = each_lane(a, std::sinh);
           break;
         case O::cosh:
-          r[out] = each_lane(r[a], std::cosh);
+          result = each_lane(a, std::cosh);
           break;
         case O::tanh:
-          r[out] = each_lane(r[a], std::tanh);
+          result = each_lane(a, std::tanh);
           break;
         case O::pow:
-          r[out] = power(r[a], r[b]);
+          result = power(a, b);
           break;
         case O::abs:
-          r[out] = abs(r[a]);
+          result = abs(a);
           break;
         case O::sign:
-          r[out] = sign(r[a]);
+          result = sign(a);
           break;
         case O::min:
-          r[out] = min(r[a], r[b]);
+          result = min(a, b);
           break;
         case O::max:
-          r[out] = max(r[a], r[b]);
+          result = max(a, b);
           break;
         case O::select:
-          r[out] = select(r[a] > P(0.0), r[b], r[c]);
+          result = select(a > P(0.0), b, c);
           break;
         case O::copy:
-          r[out] = r[a];
+          result = a;
           break;
         case O::count:
           break;
@@ -132,9 +138,15 @@ class Machine {
     }
   }
 
+  static const P** refer(const P** place, const Array& leaves) {
+    for (const P& leaf : leaves) *place++ = &leaf;
+    return place;
+  }
+
   const Program& program_;
-  Array registers_;
-  P *x_, *side_, *dx_;  // places of these leaves
+  Array own_;                    // literals and what is computed
+  HeapArray<const P*> at_;       // where every register is
+  const P **x_, **side_, **dx_;  // where these leaves are told
 };
 
 template <class P>
@@ -150,15 +162,18 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
   using Input = Array;
   using Output = Array;
 
-  // `model` must outlive the equation.
+  // `model` must outlive the equation, whose machines refer to what it holds.
+  StateEquation(const StateEquation&) = delete;
   StateEquation(const TapeModel& model, const Theta& theta, const Input& u)
       : Shape<TapeModel>(model.shape()),
         dependence(model.dependence()),
         model_(model),
-        rates_(model.programs().rates, model.shape(), theta, u),
-        output_(model.programs().output, model.shape(), theta, u),
-        surfaces_(model.programs().surfaces, model.shape(), theta, u),
-        surface_rates_(model.programs().surface_rates, model.shape(), theta, u) {}
+        theta_(theta),
+        u_(u),
+        rates_(model.programs().rates, model.shape(), theta_, u_),
+        output_(model.programs().output, model.shape(), theta_, u_),
+        surfaces_(model.programs().surfaces, model.shape(), theta_, u_),
+        surface_rates_(model.programs().surface_rates, model.shape(), theta_, u_) {}
 
   const Dependence<TapeModel>& dependence;
 
@@ -197,6 +212,8 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
   }
 
   const TapeModel& model_;
+  Theta theta_;
+  Input u_;
   mutable Machine<P> rates_, output_, surfaces_, surface_rates_;  // each with its own registers: not for two threads
 };
 
@@ -210,13 +227,16 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
   using Input = typename Plain::Input;
   using State = typename Plain::State;
 
-  // `model` must outlive the equation.
+  // `model` must outlive the equation, whose machines refer to what it holds.
+  VariationalEquation(const VariationalEquation&) = delete;
   VariationalEquation(const TapeModel& model, const Theta& theta, const Input& u)
       : Shape<TapeModel>(model.shape()),
         dependence(model.dependence()),
         model_(model),
-        rates_(model.programs().rate_jacobian, model.shape(), theta, u),
-        output_(model.programs().output_jacobian, model.shape(), theta, u) {}
+        theta_(theta),
+        u_(u),
+        rates_(model.programs().rate_jacobian, model.shape(), theta_, u_),
+        output_(model.programs().output_jacobian, model.shape(), theta_, u_) {}
 
   const Dependence<TapeModel>& dependence;
 
@@ -249,6 +269,8 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
 
  private:
   const TapeModel& model_;
+  Theta theta_;
+  Input u_;
   mutable Machine<P> rates_, output_;
 };
 
