@@ -11,6 +11,6 @@ template <class M>
 inline constexpr int lanes_for = native_lanes;
 // Enough for the arithmetic to outweigh the decoding of an operation, few enough for the registers to stay in the cache.
 template <>
-inline constexpr int lanes_for<TapeModel> = 32;
+inline constexpr int lanes_for<TapeModel> = native_lanes < 8 ? 8 * native_lanes : 32;
 
 }  // namespace fisherpoint

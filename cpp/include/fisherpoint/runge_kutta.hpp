@@ -40,6 +40,7 @@ T weighted_sum(T start, const auto& weights, auto&& stage) {
 template <int n, int first = 0, std::size_t size, class State, class P>
 P weighted_sum(P start, const std::array<double, size>& weights, const State* stage, int i) {
   if constexpr (requires { requires P::parts > 1; }) {  // vector by vector, so that every sum stays in its register
+#pragma GCC unroll 1
     for (int k = 0; k < P::parts; ++k)
       start.part[k] = detail::weighted_sum<n, first>(start.part[k], weights, [&](int r) { return stage[r][i].part[k]; });
     return start;
