@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import reduce
 
@@ -63,7 +64,21 @@ def _term(graph: Graph, scale: int, seed: int) -> tuple[int, int]:
 
 
 def _scale(graph: Graph, tangent: Tangent, factor: int) -> Tangent:
-    return {variable: _term(graph, graph.mul(scale, factor), seed) for variable, (scale, seed) in tangent.items()}
+    """Multiply all derivatives by a factor. Scales that no two variables have in common become seeds, so that they have the next."""
+    alone = Counter(scale for scale, _ in tangent.values())
+    terms = {
+        variable: (graph.one, graph.mul(scale, seed)) if alone[scale] == 1 and _is_unit(graph, seed) else (scale, seed)
+        for variable, (scale, seed) in tangent.items()
+    }
+    if len(terms) == 1:
+        ((variable, (scale, seed)),) = terms.items()
+        if scale == graph.one and _is_unit(graph, seed):
+            return {variable: (scale, graph.mul(seed, factor))}
+    return {variable: _term(graph, graph.mul(scale, factor), seed) for variable, (scale, seed) in terms.items()}
+
+
+def _is_unit(graph: Graph, seed: int) -> bool:
+    return graph.unsigned(seed)[1] == graph.one
 
 
 def _sum(graph: Graph, a: Tangent, b: Tangent) -> Tangent:
