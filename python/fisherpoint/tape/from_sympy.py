@@ -30,7 +30,7 @@ def nodes_of(graph: Graph, expressions: Sequence[Any], symbols: Mapping[Any, int
     ValueError
         For a symbol that is not in `symbols`, a function that is not in the list, or a number that is not real and finite.
     """
-    # By identity, as deep expressions are slow to compare, and equal nodes meet in the graph; parts are kept, so are their identities.
+    # By identity: deep expressions are slow to compare, and equal nodes meet in the graph. The parts are kept, so are identities.
     known: dict[int, tuple[Any, int]] = {}
     return [_node_of(graph, sympy.sympify(expression), symbols, known) for expression in expressions]
 
