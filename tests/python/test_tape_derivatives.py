@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fisherpoint.tape.differentiate import gradient, rates_along
@@ -53,16 +53,18 @@ def test_every_operation_is_tested() -> None:
 
 
 @pytest.mark.parametrize("name", DOMAINS)
+@settings(deadline=None)
 @given(data=st.data())
 def test_functions_agree_with_complex_steps(name: str, data: st.DataObject) -> None:
     a = data.draw(st.floats(*DOMAINS[name]))
     value, slope = values_and_slopes(lambda graph, a, _: graph.operation(name, a), [[a, 1.0]])
     stepped = OPERATIONS[name].compute(np.complex128(complex(a, STEP)))
-    assert value[0] == pytest.approx(stepped.real, rel=1e-14, abs=1e-300)
+    assert value[0] == pytest.approx(stepped.real, rel=1e-14, abs=1e-30)
     assert slope[0] == pytest.approx([stepped.imag / STEP, 0.0], rel=1e-11, abs=1e-14)
 
 
 @pytest.mark.parametrize("name", BINARY)
+@settings(deadline=None)
 @given(data=st.data())
 def test_operations_of_two_agree_with_complex_steps(name: str, data: st.DataObject) -> None:
     a, b = (data.draw(st.floats(*BINARY[name])) for _ in range(2))
@@ -74,6 +76,7 @@ def test_operations_of_two_agree_with_complex_steps(name: str, data: st.DataObje
     assert slope[0] == pytest.approx([by_a, by_b], rel=1e-12, abs=1e-14)
 
 
+@settings(deadline=None)
 @given(a=st.floats(0.1, 2.0), b=st.floats(0.1, 2.0))
 def test_a_mixture_agrees_with_complex_steps(a: float, b: float) -> None:
     def build(graph: Graph, a: int, b: int) -> int:
@@ -129,11 +132,8 @@ def test_the_branch_that_is_not_taken_may_have_no_value(a: float) -> None:
     assert slope[0].tolist() == [4.0, 2 * a * 2.0]
 
 
-@pytest.mark.parametrize("exponent", range(-4, 8))
-@pytest.mark.parametrize("a", [-1.5, 0.0, 1.5])
+@pytest.mark.parametrize(("exponent", "a"), [(n, a) for n in range(-4, 8) for a in (-1.5, 0.0, 1.5) if n >= 0 or a])
 def test_integer_powers_of_any_base(exponent: int, a: float) -> None:
-    if exponent < 0 and a == 0:
-        pytest.skip("no value")
     value, slope = values_and_slopes(lambda g, a, _: g.pow(a, g.literal(exponent)), [[a, 0.0]])
     assert value[0] == pytest.approx(a**exponent, rel=1e-14)
     assert slope[0, 0] == pytest.approx(exponent * a ** (exponent - 1) if exponent else 0.0, rel=1e-14)
@@ -160,6 +160,7 @@ def test_the_slope_of_a_root_at_zero_is_infinite() -> None:
     assert values_and_slopes(lambda g, a, _: g.call("sqrt", a), [[0.0, 0.0]])[1][0, 0] == math.inf
 
 
+@settings(deadline=None)
 @given(x=st.tuples(st.floats(0.1, 3), st.floats(-3, 3)), dx=st.tuples(st.floats(-3, 3), st.floats(-3, 3)))
 def test_rates_along_dx_are_directional_derivatives(x: tuple[float, float], dx: tuple[float, float]) -> None:
     graph, a, b = small_graph()

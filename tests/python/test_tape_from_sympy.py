@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fisherpoint.tape.branch import Select
@@ -52,6 +52,7 @@ EXPRESSIONS = [
 
 
 @pytest.mark.parametrize("expression", EXPRESSIONS, ids=str)
+@settings(deadline=None, max_examples=25)
 @given(x=st.floats(0.05, 3.0), y=st.floats(0.05, 3.0))
 def test_values_and_slopes_are_those_of_sympy(expression: sp.Expr, x: float, y: float) -> None:
     """Slopes by SymPy's differentiation, branches by SymPy's comparisons; all at a distance of kinks."""

@@ -6,7 +6,7 @@ import pickle
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fisherpoint.tape.graph import STAGE, Graph, Leaves
@@ -51,22 +51,18 @@ def run(program: Program, leaves: Floats) -> Floats:
     return program.evaluate(*areas)
 
 
+@settings(deadline=None)
 @given(graphs(), st.integers(0, 2**32 - 1))
 def test_a_program_computes_what_its_graph_does(case: tuple[Graph, list[int]], seed: int) -> None:
+    """To the last bit, as products in sums are rounded here as outside of them."""
     graph, results = case
     leaves = np.random.default_rng(seed).uniform(-2, 2, (5, LEAVES.count))
-    expected = values_of(graph, leaves, results)
-    got = run(schedule(graph, results), leaves)
-    size = 1 + np.abs(values_of(graph, leaves, graph.needed(results))).max(axis=1, keepdims=True)
-    clear = np.isfinite(expected) & np.isfinite(size)
-    stable = ~np.isin([graph.names[node] for node in graph.needed(results)], ["select", "sin"]).any()
-    if stable:  # rounding may else take another branch, or turn a large angle
-        assert np.all(np.abs(got - expected)[clear] <= (1e-12 * size * np.ones_like(expected))[clear])
-    else:
-        close = np.abs(got - expected) <= 1e-9 * size
-        assert close[clear].mean() >= 0.8 if clear.any() else True
+    with np.errstate(all="ignore"):
+        expected = values_of(graph, leaves, results)
+    assert np.array_equal(run(schedule(graph, results), leaves), expected, equal_nan=True)
 
 
+@settings(deadline=None)
 @given(graphs())
 def test_setup_reads_nothing_that_moves_and_is_not_overwritten(case: tuple[Graph, list[int]]) -> None:
     graph, results = case
@@ -82,6 +78,7 @@ def test_setup_reads_nothing_that_moves_and_is_not_overwritten(case: tuple[Graph
     assert len(program.outputs) == len(results) and (program.outputs < program.registers).all()
 
 
+@settings(deadline=None)
 @given(graphs())
 def test_the_stage_does_only_what_moves(case: tuple[Graph, list[int]]) -> None:
     graph, results = case

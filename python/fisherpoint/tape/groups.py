@@ -9,7 +9,6 @@ from collections.abc import Iterable, Iterator
 
 from .graph import STAGE, Graph
 
-
 MANY = 12
 """Of more terms or factors, pairs are not looked up."""
 
