@@ -8,7 +8,7 @@ from .evaluation import Evaluation, evaluate_design, evaluate_under_noise
 from .exchange import Progress, exchange
 from .experiments import Experiments
 from .kernels import available_isas, isa
-from .models import HydraulicCylinder
+from .models import HydraulicCylinder, Model
 from .predictive import PredictiveCovariance, predictive_covariance
 from .prior import GaussianPrior
 from .problem import DesignProblem
@@ -38,6 +38,7 @@ __all__ = [
     "GaussianPrior",
     "HydraulicCylinder",
     "Linearized",
+    "Model",
     "PredictiveCovariance",
     "Progress",
     "Quantity",

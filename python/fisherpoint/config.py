@@ -63,8 +63,7 @@ class Config(Table):
         elif self.design.output_covariance == "noise":
             fail('design.output_covariance: expected a table [noise_std] with "noise", given none')
         if self.region is not None:
-            axes = (*model.states, *model.inputs, fp.Quantity("dt", "s", "duration"))
-            _check_table("region", self.region.bounds, axes, missing="[lower, upper]", also=("constraints",))
+            _check_table("region", self.region.bounds, model.axes, missing="[lower, upper]", also=("constraints",))
             for name, axis in self.region.bounds.items():
                 pair = axis.bounds
                 if len(pair) != 2 or pair[0] > pair[1]:
@@ -87,7 +86,7 @@ class Config(Table):
                 fail(f"design.parameters: expected names out of {listed(parameters, name)}, given {toml(name)}")
         return self
 
-    def build_model(self) -> fp.HydraulicCylinder:
+    def build_model(self) -> fp.Model:
         """The model with the file's constants."""
         with self._names_key("model.constants"):
             return MODELS[self.model.name](**{name: entry.value for name, entry in self.model.constants.items()})
