@@ -60,9 +60,10 @@ class ExperimentRegion:
     def check(self, model: Model) -> None:
         """Raise unless the region bounds exactly what a point of `model` consists of, and some point may be one."""
         check_names(self.bounds, names_of(model.axes), "region")
-        for surface in (*model.jumps, *model.kinks, *model.poles):
-            if self.bounds.get(surface) == (0.0, 0.0):
-                raise ValueError(f"region[{surface!r}]: expected bounds off {surface} = 0, where points are none; given (0, 0)")
+        for kind, zeros in (("switching surface", (*model.jumps, *model.kinks)), ("pole", model.poles)):
+            for zero in zeros:
+                if self.bounds.get(zero) == (0.0, 0.0):
+                    raise ValueError(f"region[{zero!r}]: expected bounds off the {kind} {zero} = 0, given (0, 0)")
 
     def draw(self, model: Model, count: int, rng: np.random.Generator) -> Experiments:
         """Draw `count` points uniformly from the box; the constraints are not looked at."""
