@@ -1,5 +1,7 @@
 """Which short experiments to run so that the parameters of a nonlinear state space model come out as precise as possible."""
 
+from typing import Any
+
 from .comparison import RuleComparison, compare_rules
 from .constraints import Constraint
 from .design import Design, ExchangeSettings, TraceRecord
@@ -62,3 +64,18 @@ __all__ = [
     "sensitivities",
     "simulate",
 ]
+
+_SYMBOLIC = {"SymbolicModel": "symbolic", "model": "decorator", "load_model": "toml"}
+
+
+def __getattr__(name: str) -> Any:
+    """What needs SymPy is imported when it is asked for: models as equations, and the functions that these use."""
+    from importlib import import_module
+
+    if name in _SYMBOLIC:
+        return getattr(import_module(f".models.{_SYMBOLIC[name]}", __name__), name)
+    if not name.startswith("_"):
+        functions = import_module(".functions", __name__).FUNCTIONS
+        if name in functions:
+            return functions[name]
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Hashable, Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..quantity import Array, FrozenMapping, Quantity, as_floats, in_order, names_of
+
+if TYPE_CHECKING:
+    from .symbolic import SymbolicModel
 
 DURATION = Quantity("dt", "s", "duration")
 
@@ -117,6 +120,24 @@ class Model(ABC):
         if array.size:
             self._check_theta(np.atleast_2d(array))
         return array
+
+    def symbolic(self) -> SymbolicModel:
+        """The model as equations.
+
+        Raises
+        ------
+        TypeError
+            Where it has none.
+        """
+        raise TypeError(f"{self.name}: expected a model with equations, given {type(self).__name__}")
+
+    def estimate(self, *names: str) -> SymbolicModel:
+        """Return the model with known constants made parameters; their values become nominal ones."""
+        return self.symbolic().estimate(*names)
+
+    def fix(self, **values: float) -> SymbolicModel:
+        """Return the model with parameters made known constants of these values, SI units."""
+        return self.symbolic().fix(**values)
 
     @abstractmethod
     def _check_theta(self, rows: Array) -> None:

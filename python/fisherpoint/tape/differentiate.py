@@ -41,9 +41,7 @@ def derivatives(graph: Graph, roots: Sequence[int], seeds: Mapping[int, Mapping[
             parts = [tangents.get(operand, {}) for operand in graph.operands[node]]
             tangent = _RULES[graph.names[node]](graph, node, parts)
             tangents[node] = {variable: term for variable, term in tangent.items() if graph.zero not in term}
-    return [
-        {variable: graph.mul(*term) for variable, term in sorted(tangents.get(root, {}).items())} for root in roots
-    ]
+    return [{variable: graph.mul(*term) for variable, term in sorted(tangents.get(root, {}).items())} for root in roots]
 
 
 def gradient(graph: Graph, roots: Sequence[int], leaves: Iterable[int]) -> list[dict[int, int]]:

@@ -120,7 +120,12 @@ def build_programs(
 
 
 def _check(
-    rates: Sequence[Any], surfaces: Sequence[Any], states: Sequence[Any], parameters: Sequence[Any], sides: Sequence[Any], poles: int
+    rates: Sequence[Any],
+    surfaces: Sequence[Any],
+    states: Sequence[Any],
+    parameters: Sequence[Any],
+    sides: Sequence[Any],
+    poles: int,
 ) -> None:
     if len(rates) != len(states):
         raise ValueError(f"rates: expected one for each of {len(states)} states, given {len(rates)}")

@@ -41,7 +41,9 @@ def schedule(graph: Graph, results: Sequence[int]) -> Program:
     )
 
 
-def _stage(steps: Steps, results: Sequence[int], registers: dict[int, int], first: int) -> tuple[list[list[int]], int, dict[int, int]]:
+def _stage(
+    steps: Steps, results: Sequence[int], registers: dict[int, int], first: int
+) -> tuple[list[list[int]], int, dict[int, int]]:
     registers = dict(registers)
     return *_allocate(steps, set(results), registers, first), registers
 
