@@ -65,15 +65,15 @@ __all__ = [
     "simulate",
 ]
 
-_SYMBOLIC = {"SymbolicModel": "symbolic", "model": "decorator", "load_model": "toml"}
+_LAZY = {"SymbolicModel": ".models.symbolic", "model": ".models.decorator", "load_model": ".config"}
 
 
 def __getattr__(name: str) -> Any:
     """What needs SymPy is imported when it is asked for: models as equations, and the functions that these use."""
     from importlib import import_module
 
-    if name in _SYMBOLIC:
-        return getattr(import_module(f".models.{_SYMBOLIC[name]}", __name__), name)
+    if name in _LAZY:
+        return getattr(import_module(_LAZY[name], __name__), name)
     if not name.startswith("_"):
         functions = import_module(".functions", __name__).FUNCTIONS
         if name in functions:

@@ -12,7 +12,9 @@ from typing import Any
 import sympy
 from sympy.logic.boolalg import Boolean
 
-__all__ = ["FUNCTIONS", "NAMES"]
+__all__ = ["ARGUMENTS", "FUNCTIONS", "NAMES", "heaviside", "sign", "sqrt", "where"]
+
+heaviside, sign, sqrt = sympy.Heaviside, sympy.sign, sympy.sqrt
 
 
 def where(condition: Any, a: Any, b: Any) -> Any:
@@ -43,7 +45,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{name: getattr(sympy, name) for name in ("sqrt", "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "atan2")},
     **{name: getattr(sympy, name) for name in ("sinh", "cosh", "tanh", "sign")},
     "abs": sympy.Abs,
-    "heaviside": lambda argument: sympy.Heaviside(argument),
+    "heaviside": heaviside,
     "min": _extreme(sympy.Min, lambda given: reduce(lambda a, b: a if a <= b else b, given)),
     "max": _extreme(sympy.Max, lambda given: reduce(lambda a, b: a if a >= b else b, given)),
     "where": where,

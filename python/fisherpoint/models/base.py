@@ -139,6 +139,12 @@ class Model(ABC):
         """Return the model with parameters made known constants of these values, SI units."""
         return self.symbolic().fix(**values)
 
+    def to_toml(self) -> str:
+        """The model as the table [model] of a TOML file; `load_model` reads it back."""
+        from .toml import model_to_toml
+
+        return model_to_toml(self)
+
     @abstractmethod
     def _check_theta(self, rows: Array) -> None:
         """Raise where one of the rows (K, p), K > 0, makes no sense."""

@@ -71,7 +71,7 @@ def model(
             raise TypeError(f"model: expected a function of x, u, p, given {type(function).__name__}")
         known = constants_of(constants)[0]
         names = {kind: [q.name for q in quantities_of(given, kind)] for kind, given in _kinds(states, inputs, parameters)}
-        own_name = name or getattr(function, "__name__", "model")
+        own_name = name if name is not None else str(getattr(function, "__name__", "model"))
         spaces = (
             Namespace("x", names["states"]),
             Namespace("u", names["inputs"]),
@@ -93,7 +93,7 @@ def _returned(function: Callable[..., Any], spaces: tuple[Namespace, ...], name:
     except (TypeError, AttributeError, ValueError, ZeroDivisionError) as error:
         what = " ".join(str(error).split())
         if not isinstance(error, UnknownName):
-            what = f"expected + - * / ** and functions such as fisherpoint.sqrt and fisherpoint.where of SymPy expressions; given {what}"
+            what = f"expected + - * / ** and functions such as fisherpoint.sqrt and fisherpoint.where, given: {what}"
         raise ValueError(f"{name}{_line(error, getattr(function, '__code__', None))}: {what}") from error
     if not isinstance(result, tuple) or len(result) not in (2, 3):
         raise ValueError(f"{name}: expected it to return f, g or f, g, domain; given {result!r:.80}")

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .. import _core
 from ..quantity import Array, FrozenMapping, Quantity, as_float, names_of
 from .base import Model, quantities
+
+if TYPE_CHECKING:
+    from .symbolic import SymbolicModel
 
 
 class HydraulicCylinder(Model):
@@ -98,6 +101,12 @@ class HydraulicCylinder(Model):
         p_t = rows[:, names.index("p_t")].max()
         if not p_t < self._core.p_s:
             raise ValueError(f"p_t: expected less than the supply pressure p_s = {self._core.p_s:g} Pa, given {p_t:g} Pa")
+
+    def symbolic(self) -> SymbolicModel:
+        """The cylinder as equations, of which constants and parameters can be exchanged."""
+        from .cylinder_equations import symbolic_cylinder
+
+        return symbolic_cylinder(self)
 
     def _identity(self) -> Hashable:
         return (self.name, *self.constants.values())

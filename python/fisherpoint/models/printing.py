@@ -12,6 +12,10 @@ class _EquationPrinter(StrPrinter):  # type: ignore[misc]
     def _print_Float(self, number: Any) -> str:
         return repr(float(number))
 
+    def _as_ordered_terms(self, expression: Any, order: Any = None) -> list[Any]:
+        terms = list(super()._as_ordered_terms(expression, order=order))
+        return sorted(terms, key=lambda term: term is not next((t for t in terms if not t.could_extract_minus_sign()), None))
+
     def _call(self, name: str, arguments: Any) -> str:
         return f"{name}({', '.join(self._print(argument) for argument in arguments)})"
 

@@ -1,4 +1,4 @@
-"""What a user writes about states, inputs, parameters, constants and outputs, made into quantities, with checks of names and units."""
+"""What a user writes about states, inputs, parameters, constants and outputs, made into quantities: checks of names and units."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def quantities_of(described: Described | None, kind: str) -> tuple[Quantity, ...
                 raise TypeError(f"{kind}: expected a mapping of names to units, or Quantities, given {entry!r:.60}")
         entries = [(_name(entry.name, kind), entry) for entry in given]
     quantities = tuple(_quantity(name, entry, f"{kind}.{name}") for name, entry in entries)
-    check_distinct(((quantity.name, kind) for quantity in quantities))
+    check_distinct((quantity.name, kind) for quantity in quantities)
     return quantities
 
 

@@ -29,7 +29,7 @@ def shown(model: SymbolicModel) -> str:
 def _table(kind: str, rows: Iterable[tuple[Quantity, float | None]]) -> Iterator[str]:
     for i, (quantity, value) in enumerate(rows):
         number = "" if value is None else f" = {value:g}"
-        size = "" if quantity.scale is None else f", natural size {quantity.scale:g}"
+        size = "" if quantity.scale in (None, 1.0) else f", natural size {quantity.scale:g}"
         description = f": {quantity.description}" if quantity.description else ""
         yield f"{kind if i == 0 else '':<12}{quantity.name}{number} [{quantity.unit}]{size}{description}"
 
@@ -39,6 +39,8 @@ def _equations(model: SymbolicModel) -> Iterator[str]:
     for quantity, text in zip(model.states, f, strict=True):
         yield f"d{quantity.name}/dt = {text}"
     for quantity, text in zip(model.outputs, g, strict=True):
+        if text == quantity.name:
+            continue  # an output that is a state or an input
         yield f"{quantity.name} = {text}"
 
 

@@ -155,12 +155,6 @@ class SymbolicModel(Model):
             nominal={name: value for name, value in self.nominal.items() if name not in values},
         )
 
-    def to_toml(self) -> str:
-        """The model as the table [model] of a TOML file; `load_model` reads it back."""
-        from .toml import model_to_toml
-
-        return model_to_toml(self)
-
     def _replaced(
         self,
         parameters: tuple[Quantity, ...],
