@@ -27,6 +27,8 @@ from .config_tables import (
     ModelConstant,
     ModelTable,
     NoiseStd,
+    OutputEntry,
+    ParameterEntry,
     PriorEntry,
     QuantityEntry,
     RegionTable,
@@ -246,8 +248,8 @@ def _keys_of(place: tuple[str, ...]) -> list[str]:
     """The keys that the table at this place may have."""
     if len(place) > 1:
         entries: dict[str, type[BaseModel]] = {"prior": PriorEntry, "noise_std": NoiseStd, "region": Bounds}
-        in_model = ModelConstant if place[1] == "constants" else QuantityEntry
-        return list(entries.get(place[0], in_model).model_fields)
+        in_model = {"constants": ModelConstant, "parameters": ParameterEntry, "outputs": OutputEntry}
+        return list(entries.get(place[0], in_model.get(place[1], QuantityEntry)).model_fields)
     tables: dict[str, type[BaseModel]] = {"": Config, "model": ModelTable, "rule": RuleTable, "design": DesignTable}
     return list(tables["".join(place)].model_fields)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import Annotated, Any, Literal
 
@@ -87,11 +88,10 @@ class ModelConstant(Constant):
 
 
 class QuantityEntry(Table):
-    """A state, input, parameter or output: a unit, or a table with its natural size, a usual value and a description too."""
+    """A state or an input: a unit, or a table with its natural size and a description too."""
 
     unit: str
     scale: Positive | None = None
-    nominal: Number | None = None
     description: str = ""
 
     @model_validator(mode="before")
@@ -104,15 +104,27 @@ class QuantityEntry(Table):
         return given
 
 
+class ParameterEntry(QuantityEntry):
+    """A parameter: as any quantity, with a usual value."""
+
+    nominal: Number | None = None
+
+
+class OutputEntry(QuantityEntry):
+    """An output: as any quantity, with its equation where it has the name of a state but is another."""
+
+    equation: str | None = None
+
+
 class ModelTable(Table):
     """Which model and its known constants where they differ from the defaults, or a model's equations and quantities."""
 
     name: str
     states: dict[str, QuantityEntry] = Field(default_factory=dict)
     inputs: dict[str, QuantityEntry] = Field(default_factory=dict)
-    parameters: dict[str, QuantityEntry] = Field(default_factory=dict)
+    parameters: dict[str, ParameterEntry] = Field(default_factory=dict)
     constants: dict[str, ModelConstant] = Field(default_factory=dict)
-    outputs: dict[str, QuantityEntry] = Field(default_factory=dict)
+    outputs: dict[str, OutputEntry] = Field(default_factory=dict)
     equations: dict[str, str] | None = None
     domain: list[str] = Field(default_factory=list)
 
@@ -126,7 +138,7 @@ class ModelTable(Table):
         return self
 
     @property
-    def quantities(self) -> dict[str, dict[str, QuantityEntry]]:
+    def quantities(self) -> dict[str, Mapping[str, QuantityEntry]]:
         """States, inputs, parameters and outputs."""
         return {"states": self.states, "inputs": self.inputs, "parameters": self.parameters, "outputs": self.outputs}
 

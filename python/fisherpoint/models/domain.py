@@ -44,9 +44,16 @@ class Domain:
         """All limits, poles first; a divisor that a limit keeps from zero is none."""
         kept = {(form, guards) for form, sign, guards in self._limits if sign is not None}
         everywhere = {(form, sign) for form, sign, guards in self._limits if not guards}
+        positive = {
+            limit.expression: sympy.Dummy(positive=True)
+            for (_, sign, guards), limit in self._limits.items()
+            if sign == 1 and not guards and limit.expression.is_Symbol
+        }
         poles, others = [], []
         for (form, sign, guards), limit in self._limits.items():
             if guards and (form, sign) in everywhere:
+                continue
+            if limit.expression not in positive and limit.expression.xreplace(positive).is_positive:
                 continue
             if not limit.pole:
                 others.append(limit)

@@ -36,7 +36,7 @@ class SymbolicModel(Model):
         A unit is a text such as ``"m3/(s sqrt(Pa))"``; ``(unit, scale)`` tells the natural size too, to which tolerances refer, and
         a `Quantity` more. Symbols of the equations are known by these names.
     outputs : mapping of name to unit
-        An output with the name of a state or an input must be that. Default: y or y_1, y_2, ... without unit.
+        Default: y or y_1, y_2, ... without unit.
     constants : mapping of name to (value, unit), optional
         Known constants.
     domain : sequence of sympy.Expr or str, optional
@@ -190,11 +190,8 @@ class SymbolicModel(Model):
     def _check_outputs(self, output: list[Any], symbols: Mapping[str, Any]) -> None:
         constants = {symbols[name] for name in self.constants}
         for quantity, expression in zip(self.outputs, output, strict=True):
-            place, own = self._place_of(quantity), symbols.get(quantity.name)
-            if own is not None and expression != own:
-                raise ValueError(f"{place}: expected the quantity of this name itself, given {to_text(expression):.60}")
             if not expression.free_symbols - constants:
-                raise ValueError(f"{place}: expected an output that depends on something, given {to_text(expression):.60}")
+                raise ValueError(f"{self._place_of(quantity)}: expected an output that depends on something, given {to_text(expression):.60}")
 
     def _check_theta(self, rows: Array) -> None:
         self.structure.check_theta(rows)

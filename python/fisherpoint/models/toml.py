@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from ..quantity import Quantity, names_of
@@ -26,10 +26,11 @@ def model_to_toml(model: Model) -> str:
     for kind in ("states", "inputs", "parameters"):
         lines += _table(kind, [(q.name, _entry(q, nominal=model.nominal.get(q.name))) for q in getattr(model, kind)])
     lines += _table("constants", constants)
-    lines += _table("outputs", [(q.name, _entry(q)) for q in model.outputs])
-    own = names_of((*model.states, *model.inputs))
-    equations = [*zip(names_of(model.states), f, strict=True)]
-    equations += [(name, text) for name, text in zip(names_of(model.outputs), g, strict=True) if name not in own]
+    states = names_of(model.states)
+    own = {q.name: text for q, text in zip(model.outputs, g, strict=True) if q.name in states and text != q.name}
+    lines += _table("outputs", [(q.name, _entry(q, equation=own.get(q.name))) for q in model.outputs])
+    equations = [*zip(states, f, strict=True)]
+    equations += [(q.name, text) for q, text in zip(model.outputs, g, strict=True) if q.name not in states]
     return "\n".join([*lines, *_table("equations", [(name, _string(text)) for name, text in equations]), ""])
 
 
@@ -39,8 +40,8 @@ def _table(name: str, entries: list[tuple[str, str]]) -> Iterator[str]:
         yield from (f"{key if key.isascii() else _string(key)} = {entry}" for key, entry in entries)
 
 
-def _entry(quantity: Quantity, **numbers: float | None) -> str:
-    given: dict[str, Any] = {**numbers, "unit": quantity.unit, "scale": quantity.scale, "description": quantity.description or None}
+def _entry(quantity: Quantity, **others: float | str | None) -> str:
+    given: dict[str, Any] = {**others, "unit": quantity.unit, "scale": quantity.scale, "description": quantity.description or None}
     known = {key: value for key, value in given.items() if value is not None}
     if list(known) == ["unit"]:
         return _string(quantity.unit)
@@ -66,23 +67,24 @@ def model_of_table(table: ModelTable) -> SymbolicModel:
     constants = {
         name: (entry.value, Quantity(name, entry.unit or "1", entry.description)) for name, entry in table.constants.items()
     }
-    nominal = {name: entry.nominal for name, entry in table.quantities["parameters"].items() if entry.nominal is not None}
-    f, g = _equations(table.equations or {}, described)
+    nominal = {name: entry.nominal for name, entry in table.parameters.items() if entry.nominal is not None}
+    f, g = _equations(table)
     return SymbolicModel(f, g, **described, constants=constants, domain=table.domain, name=table.name, nominal=nominal)
 
 
-def _equations(equations: Mapping[str, str], described: Mapping[str, Mapping[str, Any]]) -> tuple[list[str], list[str]]:
-    states, inputs, outputs = (described[kind] for kind in ("states", "inputs", "outputs"))
+def _equations(table: ModelTable) -> tuple[list[str], list[str]]:
+    equations, states, outputs = table.equations or {}, table.states, table.outputs
     expected = list(dict.fromkeys([*states, *outputs]))
     for name in equations:
         if name not in expected:
-            raise ValueError(
-                f"equations.{name}: expected an equation for each of {', '.join(expected)}; given one for {name!r:.60}"
-            )
+            raise ValueError(f"equations.{name}: expected an equation for each of {', '.join(expected)}; given one for {name!r:.60}")
     for name in expected:
-        if name not in equations and (name in states or name not in inputs):
+        if name not in equations and (name in states or name not in table.inputs):
             what = f"the rate of {name}" if name in states else name
             raise ValueError(f"equations.{name}: expected {what} as a text, given none")
-    f = [equations[name] for name in states]
-    # An output with the name of a state or an input is that.
-    return f, [name if name in states else equations.get(name, name) for name in outputs]
+    for name, output in outputs.items():
+        if output.equation is not None and name not in states:
+            raise ValueError(f"outputs.{name}.equation: expected only for an output with the name of a state, given {name!r:.60}")
+    # Without an equation, an output with the name of a state or an input is that.
+    g = [entry.equation or (name if name in states else equations.get(name, name)) for name, entry in outputs.items()]
+    return [equations[name] for name in states], g

@@ -10,7 +10,7 @@ import sympy
 
 from .evaluate import evaluate
 
-_POINTS, _NEGLIGIBLE = 12, 1e-8
+_POINTS, _NEGLIGIBLE, _ROUNDING = 12, 1e-8, 1e-11
 
 
 def normal_form(expression: Any) -> tuple[Any, int]:
@@ -34,6 +34,7 @@ def reduced(expression: Any) -> tuple[Any, int]:
     if rest == 1:
         return expression, 1
     sign = -1 if coefficient < 0 else 1
+    rest = rest.primitive()[1]
     if rest.is_Add and sum(bool(term.could_extract_minus_sign()) for term in rest.args) == len(rest.args):
         rest, sign = -rest, -sign
     return rest, sign
@@ -49,15 +50,22 @@ def vanish_on(differences: Sequence[tuple[Any, Any]], surface: Any, states: Sequ
     decided = 0
     for _ in range(_POINTS):
         values = {symbol: _random(symbol, rng) for symbol in symbols}
+        beside = _pairs(undecided, values)
         if not _move_onto(surface, values, states):
             continue
-        flat = np.array(evaluate([side for pair in undecided for side in pair], values), dtype=complex).reshape(-1, 2)
-        if not np.isfinite(flat).all():
+        on = _pairs(undecided, values)
+        if not np.isfinite(on).all():
             continue
         decided += 1
-        if (np.abs(flat[:, 0] - flat[:, 1]) > _NEGLIGIBLE * (1e-300 + np.abs(flat).sum(axis=1))).any():
+        # What is beside the surface tells what is small on it.
+        size = _NEGLIGIBLE * np.abs(np.diff(beside)[:, 0]) + _ROUNDING * np.abs(beside).sum(axis=1)
+        if (np.abs(np.diff(on)[:, 0]) > np.nan_to_num(size)).any():
             return False
     return decided > 0  # where no point is found, the worse is assumed
+
+
+def _pairs(pairs: Sequence[tuple[Any, Any]], values: dict[Any, Any]) -> Any:
+    return np.array(evaluate([side for pair in pairs for side in pair], values), dtype=complex).reshape(-1, 2)
 
 
 def _cancel(difference: Any, surface: Any, states: Sequence[Any]) -> bool:
