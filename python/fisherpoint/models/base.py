@@ -38,7 +38,7 @@ class Model(ABC):
     domain : tuple of str
         What must stay positive so that f and g have a value.
     poles : tuple of str
-        The first of `domain`: divisors, which may have either sign but must not change it.
+        The first of `domain`: divisors and the like, which may have either sign but must not change it.
     """
 
     name: str
