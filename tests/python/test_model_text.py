@@ -149,7 +149,9 @@ def test_what_is_no_equation_is_refused_at_once_in_one_line(text: str) -> None:
     assert "\n" not in message and len(message) < 400
 
 
-def test_the_column_counts_characters_not_bytes() -> None:
+def test_the_column_counts_characters_not_bytes_from_the_text_as_given() -> None:
+    with pytest.raises(ValueError, match="column 9: expected the names"):
+        parse("  x  +\n foo")
     with pytest.raises(ValueError, match="column 5: expected the names ä; given 'b'"):
         parse_equation("2*ä*b", {"ä": symbol("ä")}, "equations.ä")
 

@@ -166,7 +166,9 @@ def test_limits_of_parameters_are_checked_with_them() -> None:
 def test_a_start_at_a_pole_or_on_a_surface_is_refused_by_name() -> None:
     found = model("1/y + sign(v)")
     points = fp.Experiments([[1.0, 1.0, 1.0], [1.0, 0.0, 1.0]], [0.0, 0.0], [0.1, 0.1])
-    with pytest.raises(ValueError, match=r"points: expected starts off y = 0, a divisor of the model or an argument of its roots; .* points\[1\]"):
+    with pytest.raises(
+        ValueError, match=r"points: expected starts off y = 0, a divisor of the model or an argument of its roots; .* points\[1\]"
+    ):
         fp.simulate(found, points, np.ones(3))
     on_surface = fp.Experiments([[1.0, 1.0, 0.0]], [0.0], [0.1])
     with pytest.raises(ValueError, match=r"off the switching surface v = 0, .* given v = 0 in points\[0\]"):

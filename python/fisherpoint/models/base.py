@@ -19,7 +19,7 @@ DURATION = Quantity("dt", "s", "duration")
 
 def quantities(described: Iterable[tuple[str, str, str, float]]) -> tuple[Quantity, ...]:
     """Quantities as the core describes them."""
-    return tuple(Quantity(*entries) for entries in described)
+    return tuple(Quantity(name, unit, text, None if scale == 1 else scale) for name, unit, text, scale in described)
 
 
 class Model(ABC):
