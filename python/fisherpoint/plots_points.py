@@ -75,7 +75,8 @@ def plot_trajectories(design: Evaluated, max_points: int = 24, max_nodes: int = 
     max_points
         So many points are shown, from the first on.
     max_nodes
-        So many nodes of the rule are drawn by their weight, or of `Sobol` where weights are negative; the shade is their 5 to 95 % range.
+        So many nodes of the rule are drawn by their weight, or of `Sobol` where weights are negative; the
+        shade is their 5 to 95 % range.
     seed
         Of that draw.
     """
