@@ -82,9 +82,9 @@ py::array_t<double> map_rows(const TapeModel& model, const Input& x, const Input
 
 void bind_tape(py::module_& m) {
   using namespace py::literals;
-  py::dict operations;
-  for (int code = 0; code < static_cast<int>(Operation::count); ++code) operations[operation_names[code]] = code;
-  m.attr("operations") = operations;
+  m.def(
+      "operations", [] { return std::vector<std::string>(std::begin(operation_names), std::end(operation_names)); },
+      "Names of what a program can do; their places are the codes.");
 
   py::class_<Program>(m, "Program")
       .def(py::init([](std::vector<double> literals, const Rows& setup, const Rows& stage, std::vector<std::int32_t> outputs,

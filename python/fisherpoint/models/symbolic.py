@@ -135,17 +135,23 @@ class SymbolicModel(Model):
         programs = self.structure.programs
         return _core.TapeModel(
             self.name,
-            *([(q.name, q.unit, q.description, q.scale or 1.0) for q in of] for of in self._quantities()[:2]),
-            *([(q.name, q.unit, q.description, q.scale or 1.0) for q in of] for of in (self.outputs, self.parameters)),
-            list(self.jumps),
-            list(self.kinks),
-            list(self.domain),
-            *map(to_core, (programs.rates, programs.output, programs.surfaces, programs.surface_rates)),
-            *map(to_core, (programs.rate_jacobian, programs.output_jacobian)),
-            programs.rate_entries,
-            programs.output_entries,
-            programs.surface_reads,
-            programs.poles,
+            states=_described(self.states),
+            inputs=_described(self.inputs),
+            outputs=_described(self.outputs),
+            parameters=_described(self.parameters),
+            jumps=list(self.jumps),
+            kinks=list(self.kinks),
+            domain=list(self.domain),
+            rates=to_core(programs.rates),
+            output=to_core(programs.output),
+            surfaces=to_core(programs.surfaces),
+            surface_rates=to_core(programs.surface_rates),
+            rate_jacobian=to_core(programs.rate_jacobian),
+            output_jacobian=to_core(programs.output_jacobian),
+            rate_entries=programs.rate_entries,
+            output_entries=programs.output_entries,
+            surface_reads=programs.surface_reads,
+            poles=programs.poles,
         )
 
     _library: Path | None = None
@@ -246,6 +252,10 @@ class SymbolicModel(Model):
 
 
 _KINDS = ("state", "input", "parameter", "output")
+
+
+def _described(quantities: tuple[Quantity, ...]) -> list[tuple[str, str, str, float]]:
+    return [(q.name, q.unit, q.description, q.scale or 1.0) for q in quantities]
 
 
 def _listed(given: Any, place: str) -> list[Any]:
