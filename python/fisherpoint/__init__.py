@@ -1,5 +1,7 @@
 """Which short experiments to run so that the parameters of a nonlinear state space model come out as precise as possible."""
 
+from typing import Any
+
 from .comparison import RuleComparison, compare_rules
 from .constraints import Constraint
 from .design import Design, ExchangeSettings, TraceRecord
@@ -8,7 +10,7 @@ from .evaluation import Evaluation, evaluate_design, evaluate_under_noise
 from .exchange import Progress, exchange
 from .experiments import Experiments
 from .kernels import available_isas, isa
-from .models import HydraulicCylinder
+from .models import HydraulicCylinder, Model
 from .predictive import PredictiveCovariance, predictive_covariance
 from .prior import GaussianPrior
 from .problem import DesignProblem
@@ -38,6 +40,7 @@ __all__ = [
     "GaussianPrior",
     "HydraulicCylinder",
     "Linearized",
+    "Model",
     "PredictiveCovariance",
     "Progress",
     "Quantity",
@@ -61,3 +64,18 @@ __all__ = [
     "sensitivities",
     "simulate",
 ]
+
+_LAZY = {"SymbolicModel": ".models.symbolic", "model": ".models.decorator", "load_model": ".config"}
+
+
+def __getattr__(name: str) -> Any:
+    """What needs SymPy is imported when it is asked for: models as equations, and the functions that these use."""
+    from importlib import import_module
+
+    if name in _LAZY:
+        return getattr(import_module(_LAZY[name], __name__), name)
+    if not name.startswith("_"):
+        functions = import_module(".functions", __name__).FUNCTIONS
+        if name in functions:
+            return functions[name]
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -162,7 +162,7 @@ def info() -> int:
     print(f"instruction set  {fp.isa()} (available: {', '.join(fp.available_isas())})")
     print(f"processors       {os.cpu_count()}")
     print(f"Python           {platform.python_version()} on {platform.system()} {platform.machine()}")
-    for package in ("numpy", "scipy", "pydantic", "typer", "rich", "pandas", "matplotlib"):
+    for package in ("numpy", "scipy", "sympy", "pydantic", "typer", "rich", "pandas", "matplotlib"):
         try:
             print(f"{package:<15}  {version(package)}")
         except PackageNotFoundError:

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, Field, PrivateAttr, ValidationError, model_validator
@@ -24,24 +24,53 @@ from .config_tables import (
     Constant,
     Correlation,
     DesignTable,
+    ModelConstant,
     ModelTable,
     NoiseStd,
+    OutputEntry,
+    ParameterEntry,
     PriorEntry,
+    QuantityEntry,
     RegionTable,
     RuleTable,
     Table,
 )
 from .models import MODELS
 
-__all__ = ["Config", "ConfigError", "load_config"]
+__all__ = ["Config", "ConfigError", "load_config", "load_model", "model_from_toml"]
+
+Validated = TypeVar("Validated", bound=BaseModel)
 
 _PROBLEM_KEYS = {"output_covariance", "parameters", "kinks"}
 
 
-class Config(Table):
-    """A whole configuration file; made by :func:`load_config`."""
+class ModelFile(Table):
+    """A file with a model, whatever else it has."""
 
     model: ModelTable
+
+    _source: str = PrivateAttr("configuration")
+    _model: fp.Model | None = PrivateAttr(None)
+
+    @model_validator(mode="after")
+    def _build_model(self) -> ModelFile:
+        if self.model.equations is None:
+            _check_table("model.constants", self.model.constants, MODELS[self.model.name].constant_quantities)
+        try:
+            self._model = self.model.build()
+        except (ValueError, TypeError) as error:
+            key = "model.constants: " if self.model.equations is None else "model."
+            fail(key + " ".join(str(error).split()))
+        return self
+
+    def build_model(self) -> fp.Model:
+        """The model of the file."""
+        return self._model or self.model.build()
+
+
+class Config(ModelFile):
+    """A whole configuration file; made by :func:`load_config`."""
+
     prior: dict[str, PriorEntry]
     prior_correlation: dict[str, Correlation] = Field(default_factory=dict)
     noise_std: dict[str, NoiseStd] | None = None
@@ -49,22 +78,16 @@ class Config(Table):
     rule: RuleTable = RuleTable()
     design: DesignTable = DesignTable()
 
-    _source: str = PrivateAttr("configuration")
-
     @model_validator(mode="after")
     def _check_against_model(self) -> Config:
-        if self.model.name not in MODELS:
-            fail(f"model.name: expected one of {listed(MODELS)}, given {toml(self.model.name)}")
-        model = MODELS[self.model.name]()
-        _check_table("model.constants", self.model.constants, model.constant_quantities)
+        model = self.build_model()
         _check_table("prior", self.prior, model.parameters, missing="{mean = ..., std = ... or relative_std = ...}")
         if self.noise_std is not None:
             _check_table("noise_std", self.noise_std, model.outputs, missing="a number > 0")
         elif self.design.output_covariance == "noise":
             fail('design.output_covariance: expected a table [noise_std] with "noise", given none')
         if self.region is not None:
-            axes = (*model.states, *model.inputs, fp.Quantity("dt", "s", "duration"))
-            _check_table("region", self.region.bounds, axes, missing="[lower, upper]", also=("constraints",))
+            _check_table("region", self.region.bounds, model.axes, missing="[lower, upper]", also=("constraints",))
             for name, axis in self.region.bounds.items():
                 pair = axis.bounds
                 if len(pair) != 2 or pair[0] > pair[1]:
@@ -87,14 +110,9 @@ class Config(Table):
                 fail(f"design.parameters: expected names out of {listed(parameters, name)}, given {toml(name)}")
         return self
 
-    def build_model(self) -> fp.HydraulicCylinder:
-        """The model with the file's constants."""
-        with self._names_key("model.constants"):
-            return MODELS[self.model.name](**{name: entry.value for name, entry in self.model.constants.items()})
-
     def build_prior(self) -> fp.GaussianPrior:
         """The prior, in the model's order of parameters."""
-        names = [quantity.name for quantity in MODELS[self.model.name]().parameters]
+        names = [quantity.name for quantity in self.build_model().parameters]
         entries = [self.prior[name] for name in names]
         mean = {name: entry.mean for name, entry in zip(names, entries, strict=True)}
         std = [entry.std if entry.std is not None else (entry.relative_std or 0.0) * abs(entry.mean) for entry in entries]
@@ -178,6 +196,29 @@ def load_config(path: str | Path) -> Config:
         If the file cannot be read, is not TOML, or has an unknown key, a wrong unit, a bound upside down, a missing
         parameter, ...: one line that names the file, the key and what was expected.
     """
+    config = _validated(Config, _read(path), path)
+    config._source = str(path)
+    return config
+
+
+def load_model(path: str | Path) -> fp.Model:
+    """Read a model from the table [model] of a TOML file, such as `Model.to_toml` writes; other tables are not looked at.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read or the model has a mistake: one line that names the file, the key and the place.
+    """
+    data = _read(path)
+    return _validated(ModelFile, {"model": data["model"]} if "model" in data else {}, path).build_model()
+
+
+def model_from_toml(text: str) -> fp.Model:
+    """The model that `Model.to_toml` wrote."""
+    return _validated(ModelFile, tomllib.loads(text), "model").build_model()
+
+
+def _read(path: str | Path) -> dict[str, Any]:
     try:
         text = Path(path).read_text(encoding="utf-8")
     except FileNotFoundError:
@@ -189,27 +230,26 @@ def load_config(path: str | Path) -> Config:
     except OSError as error:
         raise ConfigError(f"{path}: expected a readable TOML file, given: {error.strerror}") from error
     try:
-        data = tomllib.loads(text)
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{path}: not valid TOML: {error}") from None
+    except (RecursionError, ValueError) as error:  # brackets without end, a number of too many digits
+        raise ConfigError(f"{path}: not valid TOML: {str(error)[:80]}") from None
+
+
+def _validated(kind: type[Validated], data: dict[str, Any], path: str | Path) -> Validated:
     try:
-        config = Config.model_validate(data)
+        return kind.model_validate(data)
     except ValidationError as error:
         raise ConfigError(f"{path}: {describe(error, _keys_of)}") from None
-    config._source = str(path)
-    return config
 
 
 def _keys_of(place: tuple[str, ...]) -> list[str]:
     """The keys that the table at this place may have."""
     if len(place) > 1:
-        entries: dict[str, type[BaseModel]] = {
-            "prior": PriorEntry,
-            "noise_std": NoiseStd,
-            "region": Bounds,
-            "model": Constant,
-        }
-        return list(entries[place[0]].model_fields)
+        entries: dict[str, type[BaseModel]] = {"prior": PriorEntry, "noise_std": NoiseStd, "region": Bounds}
+        in_model = {"constants": ModelConstant, "parameters": ParameterEntry, "outputs": OutputEntry}
+        return list(entries.get(place[0], in_model.get(place[1], QuantityEntry)).model_fields)
     tables: dict[str, type[BaseModel]] = {"": Config, "model": ModelTable, "rule": RuleTable, "design": DesignTable}
     return list(tables["".join(place)].model_fields)
 

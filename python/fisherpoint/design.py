@@ -19,7 +19,7 @@ from .efficiency import Efficiency
 from .evaluation import Evaluation
 from .experiments import Experiments
 from .kernels import isa
-from .models import MODELS
+from .models import MODELS, Model
 from .prior import GaussianPrior
 from .problem import DesignProblem
 from .quantity import Array, FrozenMapping, as_float, check_positive_int
@@ -181,7 +181,7 @@ def _problem_to_json(problem: DesignProblem) -> dict[str, Any]:
         "constraints": [constraint if isinstance(constraint, str) else None for constraint in region.constraints],
     }
     return {
-        "model": {"name": problem.model.name, "constants": dict(problem.model.constants)},
+        "model": _model_to_json(problem.model),
         "prior": {
             "mean": dict(problem.prior.mean),
             "std": dict(problem.prior.std),
@@ -196,6 +196,21 @@ def _problem_to_json(problem: DesignProblem) -> dict[str, Any]:
         "kinks": problem.kinks,
         "rtol": problem.rtol,
     }
+
+
+def _model_to_json(model: Model) -> dict[str, Any]:
+    data = {"name": model.name, "constants": dict(model.constants)}
+    return data if type(model) in MODELS.values() else data | {"toml": model.to_toml()}
+
+
+def _model_from_json(data: dict[str, Any]) -> Model:
+    if "toml" in data:
+        from .config import model_from_toml
+
+        return model_from_toml(data["toml"])
+    if data["name"] not in MODELS:
+        raise ValueError(f"model: expected one of {', '.join(MODELS)}, given {data['name']!r}")
+    return MODELS[data["name"]](**data["constants"])
 
 
 def _prior_from_json(data: dict[str, Any]) -> GaussianPrior:
@@ -223,11 +238,9 @@ def _constraint_not_saved(columns: Mapping[str, Array]) -> NDArray[np.bool_]:
 
 
 def _problem_from_json(data: dict[str, Any]) -> DesignProblem:
-    if data["model"]["name"] not in MODELS:
-        raise ValueError(f"model: expected one of {', '.join(MODELS)}, given {data['model']['name']!r}")
     region = data["region"]
     return DesignProblem(
-        MODELS[data["model"]["name"]](**data["model"]["constants"]),
+        _model_from_json(data["model"]),
         _prior_from_json(data["prior"]),
         region and ExperimentRegion(region["bounds"], [_constraint_not_saved if c is None else c for c in region["constraints"]]),
         noise_std=data["noise_std"],

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .models import HydraulicCylinder
+from .models import Model
 from .quantity import Array, as_floats, names_of
 
 
@@ -23,8 +23,8 @@ class Experiments:
         Start states, SI units.
     u : array_like, (K, n_u)
         Inputs, held constant; (K,) is taken for a single input.
-    dt : array_like, (K,)
-        Durations, s.
+    dt : array_like, (K,), optional
+        Durations, s. Points without a state need none; they get 1.
     columns : tuple of str, optional
         Names of the states and inputs, for files; the model's, where the points come from one.
 
@@ -34,8 +34,8 @@ class Experiments:
         For wrong shapes, numbers that are not finite, or a duration that is not positive.
     """
 
-    def __init__(self, x0: ArrayLike, u: ArrayLike, dt: ArrayLike, columns: tuple[str, ...] | None = None) -> None:
-        self.x0, self.u, self.dt = as_floats(x0, "x0"), as_floats(u, "u"), as_floats(dt, "dt")
+    def __init__(self, x0: ArrayLike, u: ArrayLike, dt: ArrayLike | None = None, columns: tuple[str, ...] | None = None) -> None:
+        self.x0, self.u = as_floats(x0, "x0"), as_floats(u, "u")
         if self.x0.ndim != 2:
             raise ValueError(f"x0: expected shape (K, n_x), given {self.x0.shape}")
         count = len(self.x0)
@@ -43,6 +43,9 @@ class Experiments:
             self.u = self.u.reshape(count, 1)
         if self.u.ndim != 2 or len(self.u) != count:
             raise ValueError(f"u: expected shape ({count}, n_u), given {self.u.shape}")
+        if dt is None and self.x0.shape[1]:
+            raise ValueError("dt: expected durations in s, given none")
+        self.dt = np.ones(count) if dt is None else as_floats(dt, "dt")
         if self.dt.shape != (count,):
             raise ValueError(f"dt: expected shape ({count},), given {self.dt.shape}")
         if not (self.dt > 0).all():
@@ -98,18 +101,22 @@ class Experiments:
         """All numbers, one row per point: x0, u, dt; shape (K, n_x + n_u + 1)."""
         return np.column_stack([self.x0, self.u, self.dt])
 
-    def to_csv(self, path: str | Path, model: HydraulicCylinder | None = None) -> None:
-        """Write one row per point under a header of the state and input names and dt; every digit is kept."""
+    def to_csv(self, path: str | Path, model: Model | None = None) -> None:
+        """Write one row per point under a header of the state and input names and dt; every digit is kept.
+
+        Points without a state have no column dt.
+        """
         columns = _columns(model) if model is not None else self.columns
         if columns is None:
-            columns = (*(f"x0_{i}" for i in range(self.x0.shape[1])), *(f"u_{i}" for i in range(self.u.shape[1])))
+            columns = _places(self.x0.shape[1], self.u.shape[1])
+        header = (*columns, "dt") if self.x0.shape[1] else columns
         with Path(path).open("w", newline="") as file:
             writer = csv.writer(file)
-            writer.writerow([*columns, "dt"])
-            writer.writerows([[repr(float(value)) for value in row] for row in self.table])
+            writer.writerow(header)
+            writer.writerows([[repr(float(value)) for value in row[: len(header)]] for row in self.table])
 
     @classmethod
-    def from_csv(cls, path: str | Path, model: HydraulicCylinder) -> Experiments:
+    def from_csv(cls, path: str | Path, model: Model) -> Experiments:
         """Read points of `model`; columns are found by name (or by place where written without a model).
 
         Raises
@@ -119,16 +126,18 @@ class Experiments:
         ValueError
             Where a column is missing or unknown, or an entry is no number; the message names row and column.
         """
-        names = (*_columns(model), "dt")
+        names = names_of(model.axes)
         try:
             with Path(path).open(newline="", encoding="utf-8-sig") as file:
                 header, *rows = [row for row in csv.reader(file) if row] or [[]]
         except UnicodeDecodeError as error:
             raise ValueError(f"{path}: expected a CSV text file, given bytes that are no text") from error
         header = [name.strip() for name in header]
-        n_x = len(model.states)
-        places = (*(f"x0_{i}" for i in range(n_x)), *(f"u_{i}" for i in range(len(model.inputs))), "dt")
-        expected = places if "x0_0" in header else names
+        n_x, n_u = len(model.states), len(model.inputs)
+        places = (*_places(n_x, n_u), *names[n_x + n_u :])
+        expected = places if places[0] in header and names[0] not in header else names
+        if "dt" in header and "dt" not in expected:
+            expected = (*expected, "dt")
         missing = [name for name in expected if name not in header]
         unknown = [name for name in header if name not in expected]
         if missing or unknown or len(set(header)) != len(header):
@@ -149,8 +158,14 @@ class Experiments:
                 if not np.isfinite(table[k, j]) or (name == "dt" and not table[k, j] > 0):
                     kind = "positive duration in s" if name == "dt" else "finite number"
                     raise ValueError(f"{path}: row {k + 1}, column {name}: expected a {kind}, given {table[k, j]:g}")
-        return cls(table[:, :n_x], table[:, n_x:-1], table[:, -1], _columns(model))
+        dt = table[:, -1] if "dt" in expected else None
+        return cls(table[:, :n_x], table[:, n_x : n_x + n_u], dt, _columns(model))
 
 
-def _columns(model: HydraulicCylinder) -> tuple[str, ...]:
+def _columns(model: Model) -> tuple[str, ...]:
     return (*names_of(model.states), *names_of(model.inputs))
+
+
+def _places(n_x: int, n_u: int) -> tuple[str, ...]:
+    """Names of the columns of points without names."""
+    return (*(f"x0_{i}" for i in range(n_x)), *(f"u_{i}" for i in range(n_u)))

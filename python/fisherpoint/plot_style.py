@@ -33,6 +33,8 @@ def scale(quantity: fp.Quantity, values: ArrayLike) -> tuple[float, str]:
     """Factor and unit that make the values easy to read: MPa for 2e7 Pa, ms for 0.01 s."""
     largest = float(np.nanmax(np.abs(np.asarray(values)), initial=0.0))
     for factor, prefix in ((1e-6, "M"), (1e-3, "k"), (1.0, ""), (1e3, "m"), (1e6, "µ")):
+        if quantity.unit == "s" and factor < 1:
+            continue  # nobody reads kiloseconds
         if quantity.unit in ("m", "s", "Pa", "N", "V", "A", "W") and largest * factor >= 0.1:
             return factor, prefix + quantity.unit
     return 1.0, quantity.unit

@@ -159,6 +159,8 @@ def save_all(design: Evaluated, directory: str | Path) -> list[Path]:
         "correlation": plot_correlation,
         "trajectories": plot_trajectories,
     }
+    if not design.problem.model.states:
+        del plots["trajectories"]  # nothing moves
     if isinstance(design, fp.Design):
         plots = {"criterion": plot_criterion, **plots}
     paths = []

@@ -25,31 +25,40 @@ Floats = NDArray[np.float64]
 
 
 def plot_points(design: Evaluated) -> Figure:
-    """The points in the state space, from start (numbered) to end (arrow), coloured by the first input."""
+    """The points in the state space, from start (numbered) to end (arrow), coloured by the first input, or else by dt.
+
+    Points without a state are shown over the inputs, a single input with the first output.
+    """
     model, points = design.problem.model, design.points
     fractions = np.linspace(0.0, 1.0, 17)
-    paths = _trajectories(design.problem, points, fractions, _mean(design)[None])[0][:, 0]
-    values = {quantity.name: paths[:, :, i] for i, quantity in enumerate(model.states)}
+    paths, outputs = (path[:, 0] for path in _trajectories(design.problem, points, fractions, _mean(design)[None]))
+    if not model.states:
+        outputs = outputs[:, :1]
+    values = {quantity.name: outputs[:, :, i] for i, quantity in enumerate(model.outputs)}
+    values |= {quantity.name: paths[:, :, i] for i, quantity in enumerate(model.states)}
     values |= {quantity.name: points.u[:, [i]] for i, quantity in enumerate(model.inputs)}
     values["dt"] = points.dt[:, None]
-    quantities = [*model.states, *model.inputs, fp.Quantity("dt", "s", "")]
-    panels = _panels(quantities, len(model.states))
+    panels = _panels(model)
+    held = (*model.inputs, *model.axes[-1:])[0]
 
     with mpl.rc_context(STYLE):
         columns = min(2, len(panels))
         rows = -(-len(panels) // columns)
         figure = Figure(figsize=(4.6 * columns + 0.8, 3.9 * rows), layout="constrained")
         grid = figure.subplots(rows, columns, squeeze=False).ravel()
-        shade = ScalarMappable(Normalize(*_limits(design, model.inputs[0].name, points.u[:, 0])), "coolwarm")
-        colors = shade.to_rgba(points.u[:, 0])
+        factor, unit = scale(held, values[held.name])
+        limits = _limits(design, held.name, values[held.name])
+        shade = ScalarMappable(Normalize(factor * limits[0], factor * limits[1]), "coolwarm")
+        colors = shade.to_rgba(factor * values[held.name][:, 0])
         for axes, (horizontal, vertical) in zip(grid, panels, strict=False):
             _point_panel(axes, design, horizontal, vertical, values, colors)
         for axes in grid[len(panels) :]:
             axes.remove()
         bar = figure.colorbar(shade, ax=list(grid[: len(panels)]), shrink=0.5, aspect=30, pad=0.02)
-        bar.set_label(f"{model.inputs[0].name} [{model.inputs[0].unit}]")
+        bar.set_label(f"{held.name} [{unit}]")
         dashed = "" if design.problem.region is None else "; dashed: the region"
-        figure.suptitle(f"Experiment points: start (numbered) to end (arrow){dashed}", x=0.01, ha="left")
+        shown = "start (numbered) to end (arrow)" if model.states else "numbered"
+        figure.suptitle(f"Experiment points: {shown}{dashed}", x=0.01, ha="left")
         figure.draw_without_rendering()  # the layout decides where labels have room
         for axes, (horizontal, vertical) in zip(grid, panels, strict=False):
             _number_points(axes, *_coordinates(design, horizontal, vertical, values))
@@ -79,6 +88,7 @@ def plot_trajectories(design: Evaluated, max_points: int = 24, max_nodes: int = 
     spread = _trajectories(design.problem, points, fractions, np.asarray(theta)[draw])[1]
     low, high = np.nanpercentile(spread, [5.0, 95.0], axis=1)
     noise_std = design.problem.noise_std
+    per_second, time_unit = scale(fp.Quantity("t", "s"), points.dt)
 
     with mpl.rc_context({**STYLE, "font.size": 8.0}):
         figure = Figure(figsize=(2.5 * len(model.outputs) + 0.6, 1.25 * len(points) + 1.0), layout="constrained")
@@ -86,7 +96,7 @@ def plot_trajectories(design: Evaluated, max_points: int = 24, max_nodes: int = 
         for j, output in enumerate(model.outputs):
             factor, unit = scale(output, nominal[:, :, j])
             for k, axes in enumerate(grid[:, j]):
-                time = 1e3 * points.dt[k] * fractions
+                time = per_second * points.dt[k] * fractions
                 band = axes.fill_between(time, factor * low[k, :, j], factor * high[k, :, j], color=NOISE, alpha=0.3, linewidth=0)
                 (line,) = axes.plot(time, factor * nominal[k, :, j], color=NOISE, linewidth=1.3)
                 handles = [line, band]
@@ -102,7 +112,7 @@ def plot_trajectories(design: Evaluated, max_points: int = 24, max_nodes: int = 
                 if k == 0:
                     axes.set_title(f"{output.name} [{unit}]", loc="center")
                 if k == len(points) - 1:
-                    axes.set_xlabel("t [ms]")
+                    axes.set_xlabel(f"t [{time_unit}]")
                 if j == 0:
                     axes.set_ylabel(f"{k + 1}", rotation=0, ha="right", va="center", fontsize=11, fontweight="bold")
         figure.align_ylabels()
@@ -110,13 +120,22 @@ def plot_trajectories(design: Evaluated, max_points: int = 24, max_nodes: int = 
     return figure
 
 
-def _panels(quantities: Sequence[fp.Quantity], n_x: int) -> list[tuple[fp.Quantity, fp.Quantity]]:
-    """Pairs of axes: the states two by two, a state that is left over with the first input, dt with every input."""
-    states, inputs, dt = quantities[:n_x], quantities[n_x:-1], quantities[-1]
-    pairs = [(states[i], states[i + 1]) for i in range(0, n_x - 1, 2)]
-    if n_x % 2:
-        pairs.append((states[-1], inputs[0]))
-    return pairs + [(dt, u) for u in inputs]
+def _panels(model: fp.Model) -> list[tuple[fp.Quantity, fp.Quantity]]:
+    """Pairs of axes: the states two by two, one that is left over with the first input, dt with every input.
+
+    Without inputs dt is shown with the first state; without states the inputs are shown two by two, one that is left over with the
+    first output.
+    """
+    if not model.states:
+        return _pairs(model.inputs, model.outputs[:1])
+    dt = model.axes[-1]
+    return _pairs(model.states, model.inputs[:1]) + [(dt, other) for other in model.inputs or model.states[:1]]
+
+
+def _pairs(quantities: Sequence[fp.Quantity], partner: Sequence[fp.Quantity]) -> list[tuple[fp.Quantity, fp.Quantity]]:
+    """Two by two; what is left over, with the partner where there is one."""
+    last = [(quantities[-1], partner[0])] if len(quantities) % 2 and partner else []
+    return [*zip(quantities[:-1:2], quantities[1::2], strict=True), *last]
 
 
 def _point_panel(
@@ -131,7 +150,8 @@ def _point_panel(
     limits_x, limits_y = (_limits(design, q.name, values[q.name]) for q in (horizontal, vertical))
     factor_x, unit_x = scale(horizontal, limits_x)
     factor_y, unit_y = scale(vertical, limits_y)
-    if design.problem.region is not None:
+    bounds = {} if design.problem.region is None else design.problem.region.bounds
+    if horizontal.name in bounds and vertical.name in bounds:
         low = (factor_x * limits_x[0], factor_y * limits_y[0])
         size = (factor_x * (limits_x[1] - limits_x[0]), factor_y * (limits_y[1] - limits_y[0]))
         axes.add_patch(Rectangle(low, *size, fill=False, edgecolor=PRIOR, linestyle="--", linewidth=0.8))
@@ -184,7 +204,7 @@ def _coordinates(
 
 def _limits(design: Evaluated, name: str, values: Floats) -> tuple[float, float]:
     """The region's bounds of a quantity, or the range of its values where there is no region."""
-    if design.problem.region is not None:
+    if design.problem.region is not None and name in design.problem.region.bounds:
         low, high = design.problem.region.bounds[name]
         return float(low), float(high)
     return float(np.nanmin(values)), float(np.nanmax(values))

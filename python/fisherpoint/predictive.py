@@ -10,7 +10,7 @@ import numpy as np
 from . import _core
 from .experiments import Experiments
 from .kernels import kernels
-from .models import HydraulicCylinder
+from .models import Model
 from .prior import GaussianPrior
 from .quantity import Array, IntArray, check_names, names_of
 from .rules import Linearized, Rule
@@ -51,7 +51,7 @@ class PredictiveCovariance(_CovarianceAndStatus):
 
 
 def predictive_covariance(
-    model: HydraulicCylinder,
+    model: Model,
     points: Experiments,
     prior: GaussianPrior,
     rule: Rule,
@@ -86,7 +86,7 @@ def predictive_covariance(
     TypeError, ValueError
         As `simulate`; and where the rule does not fit the prior.
     """
-    check_type(model, HydraulicCylinder, "model")
+    check_type(model, Model, "model")
     check_type(prior, GaussianPrior, "prior")
     if not isinstance(rule, Rule):
         raise TypeError(f"rule: expected a rule such as fisherpoint.SparseGaussHermite(2), given {type(rule).__name__}")

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .models import HydraulicCylinder
+from .models import Model
 from .prior import GaussianPrior
 from .quantity import Array, FrozenMapping, check_names, in_order, names_of
 from .region import ExperimentRegion
@@ -25,7 +25,7 @@ class DesignProblem:
 
     Parameters
     ----------
-    model : HydraulicCylinder
+    model : Model
     prior : GaussianPrior
         One mean and standard deviation for every parameter of the model.
     region : ExperimentRegion or None
@@ -50,7 +50,7 @@ class DesignProblem:
         For anything that does not fit together, naming the quantity.
     """
 
-    model: HydraulicCylinder
+    model: Model
     prior: GaussianPrior
     region: ExperimentRegion | None
     noise_std: Mapping[str, float] | None = None
@@ -61,7 +61,7 @@ class DesignProblem:
     rtol: float = 1e-6
 
     def __post_init__(self) -> None:
-        for name, kind in (("model", HydraulicCylinder), ("prior", GaussianPrior), ("rule", Rule)):
+        for name, kind in (("model", Model), ("prior", GaussianPrior), ("rule", Rule)):
             if not isinstance(getattr(self, name), kind):
                 raise TypeError(f"{name}: expected a {kind.__name__}, given {type(getattr(self, name)).__name__}")
         if self.region is not None and not isinstance(self.region, ExperimentRegion):

@@ -38,11 +38,15 @@ class FrozenMapping(Mapping[str, Value]):
 
 @dataclass(frozen=True)
 class Quantity:
-    """A state, input, output, parameter or constant: its name, SI unit and description."""
+    """A state, input, output, parameter or constant: its name, SI unit and description.
+
+    `scale` is a state's or output's natural size, in its unit, to which tolerances refer; None is taken as 1.
+    """
 
     name: str
     unit: str
-    description: str
+    description: str = ""
+    scale: float | None = None
 
 
 def names_of(quantities: Iterable[Quantity]) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .constraints import Constraint, parse_constraint
 from .experiments import Experiments
-from .models import HydraulicCylinder
+from .models import Model
 from .quantity import Array, FrozenMapping, as_floats, check_names, names_of
 
 
@@ -19,7 +19,7 @@ class ExperimentRegion:
     Parameters
     ----------
     bounds : mapping of name to (lower, upper)
-        One pair for every state, every input and ``"dt"``, SI units; equal bounds fix the value.
+        One pair for every state, every input and ``"dt"``, SI units; equal bounds fix the value. A model without state has no dt.
     constraints : sequence of str or callable
         Each a comparison such as ``"p_A + p_B < 2.5e7"``, or a function that takes a mapping of name to array (K,) and returns a
         boolean array (K,). A point must satisfy all.
@@ -57,25 +57,26 @@ class ExperimentRegion:
             parse_constraint(c, checked) if isinstance(c, str) else c for c in self.constraints
         ]
 
-    def check(self, model: HydraulicCylinder) -> None:
+    def check(self, model: Model) -> None:
         """Raise unless the region bounds exactly what a point of `model` consists of, and some point may be one."""
-        check_names(self.bounds, (*names_of(model.states), *names_of(model.inputs), "dt"), "region")
-        for surface in (*model.jumps, *model.kinks):
-            if self.bounds.get(surface) == (0.0, 0.0):
-                raise ValueError(f"region[{surface!r}]: expected bounds off the switching surface {surface} = 0, given (0, 0)")
+        check_names(self.bounds, names_of(model.axes), "region")
+        for kind, zeros in (("switching surface", (*model.jumps, *model.kinks)), ("pole", model.poles)):
+            for zero in zeros:
+                if self.bounds.get(zero) == (0.0, 0.0):
+                    raise ValueError(f"region[{zero!r}]: expected bounds off the {kind} {zero} = 0, given (0, 0)")
 
-    def draw(self, model: HydraulicCylinder, count: int, rng: np.random.Generator) -> Experiments:
+    def draw(self, model: Model, count: int, rng: np.random.Generator) -> Experiments:
         """Draw `count` points uniformly from the box; the constraints are not looked at."""
-        states, inputs = names_of(model.states), names_of(model.inputs)
-        order = (*states, *inputs, "dt")
+        order, n_x, n_u = names_of(model.axes), len(model.states), len(model.inputs)
         lower, upper = np.array([self.bounds[name] for name in order]).T
         table = np.clip(lower + (upper - lower) * rng.random((count, len(order))), lower, upper)
-        n_x = len(states)
-        return Experiments(table[:, :n_x], table[:, n_x:-1], table[:, -1], (*states, *inputs))
+        dt = table[:, -1] if n_x else None
+        return Experiments(table[:, :n_x], table[:, n_x : n_x + n_u], dt, order[: n_x + n_u])
 
-    def satisfied(self, model: HydraulicCylinder, points: Experiments) -> NDArray[np.bool_]:
+    def satisfied(self, model: Model, points: Experiments) -> NDArray[np.bool_]:
         """Return which points satisfy all constraints, (K,)."""
-        columns = dict(zip((*names_of(model.states), *names_of(model.inputs), "dt"), points.table.T, strict=True))
+        names = names_of(model.axes)
+        columns = dict(zip(names, points.table.T[: len(names)], strict=True))
         result = np.ones(len(points), dtype=bool)
         for constraint, holds in zip(self.constraints, self._holds, strict=True):
             mask = np.asarray(holds(FrozenMapping(columns)))

@@ -42,15 +42,16 @@ def evaluation_report(evaluated: Evaluated) -> Group:
     return Group(*parts, *_warnings(evaluated, None))
 
 
-def simulation_report(model: fp.HydraulicCylinder, points: fp.Experiments, y: NDArray[Any], status: NDArray[Any]) -> Group:
+def simulation_report(model: fp.Model, points: fp.Experiments, y: NDArray[Any], status: NDArray[Any]) -> Group:
     """The report of `fisherpoint simulate`: the outputs at dt and how the trajectories ended, with advice."""
-    table = _table(f"Outputs after dt at the prior mean, {len(points)} points", ["#"])
-    columns = [(quantity, y[:, i]) for i, quantity in enumerate(model.outputs)]
-    for quantity in [fp.Quantity("dt", "s", ""), *model.outputs]:
+    duration = [quantity for quantity in model.axes if quantity.name == "dt"]
+    after = " after dt" if duration else ""
+    table = _table(f"Outputs{after} at the prior mean, {len(points)} points", ["#"])
+    for quantity in [*duration, *model.outputs]:
         table.add_column(_header(quantity), justify="right")
     table.add_column("status")
     names = [fp.Status(int(code)).name for code in status]
-    cells = [column_text(points.dt), *(column_text(values) for _, values in columns), names]
+    cells = [*(column_text(points.dt) for _ in duration), *(column_text(values) for values in y.T), names]
     for k, row in enumerate(zip(*(cell[:_ROWS] for cell in cells), strict=True)):
         table.add_row(str(k + 1), *row, style=None if names[k] == "ok" else "yellow")
     counts = pd.Series(names).value_counts()
@@ -143,10 +144,11 @@ def _headline(evaluated: Evaluated) -> Text:
 
 def _points_table(evaluated: Evaluated) -> RenderableType:
     model, points = evaluated.problem.model, evaluated.points
-    table = _table("Points: start in this state, hold u, sample the outputs after dt", ["#"])
-    for quantity in (*model.states, *model.inputs, fp.Quantity("dt", "s", "")):
+    start, held = "start in this state, " if model.states else "", "hold the inputs, " if model.inputs else ""
+    table = _table(f"Points: {start}{held}sample the outputs{' after dt' if model.states else ''}", ["#"])
+    for quantity in model.axes:
         table.add_column(_header(quantity), justify="right")
-    columns = [column_text(column[:_ROWS]) for column in np.column_stack([points.x0, points.u, points.dt]).T]
+    columns = [column_text(column[:_ROWS]) for column in points.table.T[: len(model.axes)]]
     for k, row in enumerate(zip(*columns, strict=True)):
         table.add_row(str(k + 1), *row)
     return Group(table, *_more(len(points)))

@@ -43,10 +43,10 @@ def evaluate_points(problem: fp.DesignProblem, points: fp.Experiments, threads: 
     return EvaluatedPoints(problem, points, evaluation, fp.evaluate_under_noise(problem, points, threads=threads))
 
 
-def simulation_frame(model: fp.HydraulicCylinder, points: fp.Experiments, y: NDArray[Any], status: NDArray[Any]) -> pd.DataFrame:
+def simulation_frame(model: fp.Model, points: fp.Experiments, y: NDArray[Any], status: NDArray[Any]) -> pd.DataFrame:
     """The points with their outputs at dt (``y_...``) and the names of their statuses, one row per point."""
-    names = [*(quantity.name for quantity in (*model.states, *model.inputs)), "dt"]
-    frame = pd.DataFrame(np.column_stack([points.x0, points.u, points.dt]), columns=names)
+    names = [quantity.name for quantity in model.axes]
+    frame = pd.DataFrame(points.table[:, : len(names)], columns=names)
     for i, quantity in enumerate(model.outputs):
         frame[f"y_{quantity.name}"] = y[:, i]
     return frame.assign(status=[fp.Status(int(code)).name for code in status])

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .experiments import Experiments
 from .kernels import kernels
-from .models import HydraulicCylinder
+from .models import Model
 from .quantity import Array, IntArray, as_float, check_positive_int
 
 MAX_THREADS = 4096
@@ -36,11 +36,11 @@ class Status(IntEnum):
 
 _ADVICE = {
     Status.ok: "The trajectory reached its end.",
-    Status.met_jump: "The right-hand side jumps on the way (the velocity changes its sign): start faster or sample earlier.",
-    Status.left_domain: "A pressure reached tank or supply, past which f has no value: start further inside or sample earlier.",
+    Status.met_jump: "The right-hand side jumps on the way, at one of the model's jumps: start further from it or sample earlier.",
+    Status.left_domain: "The state reached a limit past which the model has no value: start further inside or sample earlier.",
     Status.step_limit: "The tolerance asks for more or smaller steps than allowed: loosen rtol or sample earlier.",
     Status.not_finite: "The right-hand side overflowed inside the domain: check the constants and parameters.",
-    Status.met_kink: "The trajectory crosses a kink (the valve passes its centre), which kinks='exclude' forbids.",
+    Status.met_kink: "The trajectory crosses one of the model's kinks, which kinks='exclude' forbids.",
 }
 
 
@@ -66,7 +66,7 @@ class Sensitivities(NamedTuple):
 
 
 def simulate(
-    model: HydraulicCylinder,
+    model: Model,
     points: Experiments,
     theta: Mapping[str, float] | ArrayLike,
     rtol: float = 1e-6,
@@ -78,13 +78,13 @@ def simulate(
 
     Parameters
     ----------
-    model : HydraulicCylinder
+    model : Model
     points : Experiments
         K points.
     theta : mapping by name, or array_like (p,) or (K, p)
         Parameters in SI units, one set for all points or one each.
     rtol : float
-        Tolerance of x(dt), in units of the states' natural scales (0.5 m, 1 m/s, 1e7 Pa, 1).
+        Tolerance of x(dt), in units of the states' natural sizes (`Quantity.scale`).
     threads : int, optional
         Number of threads; the default is every core. The result does not depend on it.
     kinks : {"cross", "exclude"}
@@ -101,14 +101,14 @@ def simulate(
     ValueError
         For misuse, and for a point that starts on a switching surface, which is named.
     """
-    check_type(model, HydraulicCylinder, "model")
+    check_type(model, Model, "model")
     theta = model.theta(theta)
     arguments = checked_arguments(model, points, theta, rtol, threads, kinks, method)
     return Trajectories(*kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *arguments))
 
 
 def sensitivities(
-    model: HydraulicCylinder,
+    model: Model,
     points: Experiments,
     theta: Mapping[str, float] | ArrayLike,
     rtol: float = 1e-6,
@@ -121,7 +121,7 @@ def sensitivities(
     Arguments and errors are those of `simulate`. The sensitivities take part in the error control, each column by its own size.
     Where the status is not ok they are zero.
     """
-    check_type(model, HydraulicCylinder, "model")
+    check_type(model, Model, "model")
     theta = model.theta(theta)
     arguments = checked_arguments(model, points, theta, rtol, threads, kinks, method)
     return Sensitivities(*kernels.sensitivities(model.core, points.x0, points.u, points.dt, theta, *arguments))
@@ -143,7 +143,7 @@ def resolve_threads(threads: int | None) -> int:
 
 
 def checked_arguments(
-    model: HydraulicCylinder,
+    model: Model,
     points: Experiments,
     theta: Array,
     rtol: float,
@@ -178,16 +178,20 @@ def check_kinks(kinks: str) -> bool:
     return kinks == "cross"
 
 
-def on_surface(model: HydraulicCylinder, points: Experiments, theta: Array) -> dict[str, NDArray[np.intp]]:
-    """Return for each switching surface the indices of the points that start on it."""
-    values = model.switching(points.x0, points.u, theta) if len(points) else np.empty((0, len(model.jumps + model.kinks)))
-    surfaces = (*model.jumps, *model.kinks)
+def on_surface(model: Model, points: Experiments, theta: Array) -> dict[str, NDArray[np.intp]]:
+    """Return for each switching surface, and each divisor, the indices of the points that start where it is zero."""
+    if not len(points):
+        return {}
+    surfaces, values = (*model.jumps, *model.kinks, *model.poles), model.switching(points.x0, points.u, theta)
+    if model.poles:
+        values = np.column_stack([values, model.limits(points.x0, points.u, theta)[:, : len(model.poles)]])
     return {name: np.flatnonzero(values[:, m] == 0) for m, name in enumerate(surfaces) if (values[:, m] == 0).any()}
 
 
-def refuse_starts_on_surfaces(model: HydraulicCylinder, points: Experiments, theta: Array) -> None:
+def refuse_starts_on_surfaces(model: Model, points: Experiments, theta: Array) -> None:
     for surface, rows in on_surface(model, points, theta).items():
-        raise ValueError(
-            f"points: expected starts off the switching surface {surface} = 0, where the model is not differentiable; "
-            f"given {surface} = 0 in {', '.join(f'points[{k}]' for k in rows[:5])}{' ...' if len(rows) > 5 else ''}"
-        )
+        where = f"off {surface} = 0, where the model divides by zero"
+        if surface in (*model.jumps, *model.kinks):
+            where = f"off the switching surface {surface} = 0, where the model is not differentiable"
+        listed = ", ".join(f"points[{k}]" for k in rows[:5]) + (" ..." if len(rows) > 5 else "")
+        raise ValueError(f"points: expected starts {where}; given {surface} = 0 in {listed}")

@@ -1,0 +1,9 @@
+"""Models x' = f(x, u, theta), y = g(x, u, theta): what one is, and those that come with the package."""
+
+from .base import Model
+from .hydraulic_cylinder import HydraulicCylinder
+
+MODELS: dict[str, type[HydraulicCylinder]] = {HydraulicCylinder.name: HydraulicCylinder}
+"""Those that come with the package, by name."""
+
+__all__ = ["MODELS", "HydraulicCylinder", "Model"]

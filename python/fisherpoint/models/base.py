@@ -1,0 +1,187 @@
+"""What every model is: named quantities, the functions f and g, and where they are smooth and defined."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Hashable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..quantity import Array, FrozenMapping, Quantity, as_floats, in_order, names_of
+
+if TYPE_CHECKING:
+    from .symbolic import SymbolicModel
+
+DURATION = Quantity("dt", "s", "duration")
+
+
+def quantities(described: Iterable[tuple[str, str, str, float]]) -> tuple[Quantity, ...]:
+    """Quantities as the core describes them."""
+    return tuple(Quantity(*entries) for entries in described)
+
+
+class Model(ABC):
+    """A state space model x' = f(x, u, theta), y = g(x, u, theta); without states it is y = g(u, theta).
+
+    Attributes
+    ----------
+    name : str
+    states, inputs, outputs, parameters, constant_quantities : tuple of Quantity
+    constants : mapping of name to float
+        Values of the known constants, SI units.
+    nominal : mapping of name to float
+        A usual value of each parameter; empty where none is known.
+    jumps, kinks : tuple of str
+        What is zero where f itself jumps, and where f has a corner.
+    domain : tuple of str
+        What must stay positive so that f and g have a value.
+    poles : tuple of str
+        The first of `domain`: divisors, which may have either sign but must not change it.
+    """
+
+    name: str
+    states: tuple[Quantity, ...]
+    inputs: tuple[Quantity, ...]
+    outputs: tuple[Quantity, ...]
+    parameters: tuple[Quantity, ...]
+    constant_quantities: tuple[Quantity, ...] = ()
+    jumps: tuple[str, ...] = ()
+    kinks: tuple[str, ...] = ()
+    domain: tuple[str, ...] = ()
+    poles: tuple[str, ...] = ()
+    nominal: Mapping[str, float] = FrozenMapping({})
+
+    @property
+    @abstractmethod
+    def core(self) -> Any:
+        """The model as the compiled kernels take it."""
+
+    @property
+    @abstractmethod
+    def constants(self) -> Mapping[str, float]:
+        """The known constants by name, SI units."""
+
+    @abstractmethod
+    def _identity(self) -> Hashable:
+        """What two equal models share."""
+
+    @property
+    def axes(self) -> tuple[Quantity, ...]:
+        """What an experiment point consists of: states, inputs and, where there is a state, the duration dt."""
+        return (*self.states, *self.inputs, *((DURATION,) if self.states else ()))
+
+    def rhs(self, x: ArrayLike, u: ArrayLike, theta: Mapping[str, float] | ArrayLike) -> Array:
+        """Right-hand side f(x, u, theta).
+
+        Parameters
+        ----------
+        x : array_like, (n_x,) or (K, n_x)
+        u : array_like, (n_u,) or (K, n_u); a scalar for a single input
+        theta : mapping by name, or array_like (p,) or (K, p)
+
+        Returns
+        -------
+        ndarray, (n_x,) or (K, n_x)
+            State derivatives in SI units. On a switching surface that is written as sign or heaviside, their value there.
+
+        Raises
+        ------
+        ValueError
+            For wrong shapes, non-finite numbers, or a state outside the domain.
+        """
+        return self._map(self.core.rhs, x, u, theta)
+
+    def output(self, x: ArrayLike, u: ArrayLike, theta: Mapping[str, float] | ArrayLike) -> Array:
+        """Output g(x, u, theta); shapes as in `rhs`, with n_y in the place of n_x."""
+        return self._map(self.core.output, x, u, theta)
+
+    def switching(self, x: ArrayLike, u: ArrayLike, theta: Array) -> Array:
+        """Values of the surfaces where f is not smooth, jumps then kinks: (K, number of surfaces)."""
+        return self._map(self.core.switching, x, u, theta)
+
+    def limits(self, x: ArrayLike, u: ArrayLike, theta: Array) -> Array:
+        """Values of what must stay positive, in the order of `domain`: (K, number of limits)."""
+        return self._map(self.core.limits, x, u, theta)
+
+    def theta(self, values: Mapping[str, float] | ArrayLike) -> Array:
+        """Return parameters as an array in the order of `parameters`, (p,) or (K, p), after a check of their sense.
+
+        Raises
+        ------
+        ValueError
+            Where a parameter is missing, not finite, or one with which the model has no value.
+        """
+        names = names_of(self.parameters)
+        array = in_order(values, names, "theta") if isinstance(values, Mapping) else as_floats(values, "theta")
+        if array.ndim not in (1, 2) or array.shape[-1] != len(names):
+            raise ValueError(f"theta: expected shape ({len(names)},) or (K, {len(names)}), given {array.shape}")
+        if array.size:
+            self._check_theta(np.atleast_2d(array))
+        return array
+
+    def symbolic(self) -> SymbolicModel:
+        """The model as equations.
+
+        Raises
+        ------
+        TypeError
+            Where it has none.
+        """
+        raise TypeError(f"{self.name}: expected a model with equations, given {type(self).__name__}")
+
+    def estimate(self, *names: str) -> SymbolicModel:
+        """Return the model with known constants made parameters; their values become nominal ones."""
+        return self.symbolic().estimate(*names)
+
+    def fix(self, **values: float) -> SymbolicModel:
+        """Return the model with parameters made known constants of these values, SI units."""
+        return self.symbolic().fix(**values)
+
+    def to_toml(self) -> str:
+        """The model as the table [model] of a TOML file; `load_model` reads it back."""
+        from .toml import model_to_toml
+
+        return model_to_toml(self)
+
+    @abstractmethod
+    def _check_theta(self, rows: Array) -> None:
+        """Raise where one of the rows (K, p), K > 0, makes no sense."""
+
+    def _map(self, function: Any, x: ArrayLike, u: ArrayLike, theta: Mapping[str, float] | ArrayLike) -> Array:
+        x, theta = as_floats(x, "x"), self.theta(theta)
+        u = as_floats(u, "u")
+        single = x.ndim == 1 and theta.ndim == 1 and u.ndim <= 1
+        if x.ndim not in (1, 2) or x.shape[-1] != len(self.states):
+            raise ValueError(f"x: expected shape ({len(self.states)},) or (K, {len(self.states)}), given {x.shape}")
+        if u.ndim == 0:
+            u = u.reshape(1)
+        if u.ndim not in (1, 2) or u.shape[-1] != len(self.inputs):
+            raise ValueError(f"u: expected shape ({len(self.inputs)},) or (K, {len(self.inputs)}), given {u.shape}")
+        try:
+            (count,) = np.broadcast_shapes(*(a.shape[:-1] for a in (x, u, theta)), (1,))
+        except ValueError as error:
+            raise ValueError(f"x, u, theta: expected one number of rows, given {x.shape}, {u.shape}, {theta.shape}") from error
+        x, u, theta = (np.ascontiguousarray(np.broadcast_to(a, (count, a.shape[-1]))) for a in (x, u, theta))
+        result: Array = function(x, u, theta)
+        if not np.isfinite(result).all():
+            self._refuse_outside(int(np.argwhere(~np.isfinite(result).all(axis=1))[0, 0]), x, u, theta)
+        return result[0] if single else result
+
+    def _refuse_outside(self, row: int, x: Array, u: Array, theta: Array) -> None:
+        """Raise for a row at which the model has no finite value."""
+        limits = self.core.limits(x, u, theta)[row]
+        given = f"given x = {x[row]}, u = {u[row]} in row {row}"
+        poles = len(self.poles)
+        crossed = [f"{name} other than 0" for name, value in zip(self.poles, limits[:poles], strict=True) if value == 0]
+        crossed += [f"{name} > 0" for name, value in zip(self.domain[poles:], limits[poles:], strict=True) if not value > 0]
+        if not crossed:
+            raise ValueError(f"x: expected a state at which the model has a finite value, {given}")
+        raise ValueError(f"x: expected {', '.join(crossed)}; {given}")
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Model) and type(self) is type(other) and self._identity() == other._identity()
+
+    def __hash__(self) -> int:
+        return hash(self._identity())

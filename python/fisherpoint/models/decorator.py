@@ -1,0 +1,106 @@
+"""The decorator `fisherpoint.model`: equations written as a Python function."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from types import CodeType
+from typing import Any
+
+from .expressions import symbol
+from .quantities import Described, constants_of, quantities_of
+from .symbolic import SymbolicModel
+
+
+class UnknownName(AttributeError, ValueError):
+    """A name that is not among the quantities of a namespace."""
+
+
+class Namespace:
+    """Symbols as attributes, and by place: ``x.h1``, ``x[0]``, ``h1, h2 = x``."""
+
+    def __init__(self, kind: str, names: Sequence[str]) -> None:
+        self.__dict__.update({"_kind": kind, "_symbols": {name: symbol(name) for name in names}})
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__") or name not in self._symbols:
+            known = ", ".join(self._symbols) or "none"
+            raise UnknownName(f"{self._kind}: expected one of {known}; given unknown {name!r}")
+        return self._symbols[name]
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise UnknownName(f"{self._kind}: expected nothing to be changed, given {name!r}")
+
+    def __getitem__(self, place: int) -> Any:
+        return list(self._symbols.values())[place]
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self._symbols.values())
+
+    def __len__(self) -> int:
+        return len(self._symbols)
+
+
+def model(
+    *,
+    states: Described | None = None,
+    inputs: Described | None = None,
+    parameters: Described,
+    outputs: Described | None = None,
+    constants: Mapping[str, Any] | None = None,
+    name: str | None = None,
+    nominal: Mapping[str, float] | None = None,
+) -> Callable[[Callable[..., Any]], SymbolicModel]:
+    """Make a model of a function ``(x, u, p) -> f, g`` or ``(x, u, p) -> f, g, domain``.
+
+    The function is called once, with the symbols of the states, the inputs, and the parameters and known constants as attributes;
+    it uses + - * / ** and the functions ``fisherpoint.sqrt``, ``fisherpoint.where`` and so on. `domain` lists what must stay
+    positive beside the arguments of roots and logarithms. A model without states returns ``None`` or ``[]`` for f.
+
+    Arguments and errors are those of `SymbolicModel`; the name is by default the function's.
+
+    Examples
+    --------
+    >>> @fp.model(states={"c": "mol/L"}, parameters={"k": "1/s"}, outputs={"c": "mol/L"})
+    ... def decay(x, u, p):
+    ...     return [-p.k * x.c], [x.c]
+    """
+
+    def make(function: Callable[..., Any]) -> SymbolicModel:
+        if not callable(function):
+            raise TypeError(f"model: expected a function of x, u, p, given {type(function).__name__}")
+        known = constants_of(constants)[0]
+        names = {kind: [q.name for q in quantities_of(given, kind)] for kind, given in _kinds(states, inputs, parameters)}
+        own_name = name if name is not None else str(getattr(function, "__name__", "model"))
+        spaces = (
+            Namespace("x", names["states"]),
+            Namespace("u", names["inputs"]),
+            Namespace("p", [*names["parameters"], *(q.name for q in known)]),
+        )
+        f, g, domain = _returned(function, spaces, own_name)
+        return SymbolicModel(f, g, states or {}, inputs or {}, parameters, outputs, constants, domain, own_name, nominal)
+
+    return make
+
+
+def _kinds(states: Any, inputs: Any, parameters: Any) -> list[tuple[str, Any]]:
+    return [("states", states), ("inputs", inputs), ("parameters", parameters)]
+
+
+def _returned(function: Callable[..., Any], spaces: tuple[Namespace, ...], name: str) -> tuple[Any, Any, Any]:
+    try:
+        result = function(*spaces)
+    except (TypeError, AttributeError, ValueError, ZeroDivisionError) as error:
+        what = " ".join(str(error).split())
+        if not isinstance(error, UnknownName):
+            what = f"expected + - * / ** and functions such as fisherpoint.sqrt and fisherpoint.where, given: {what}"
+        raise ValueError(f"{name}{_line(error, getattr(function, '__code__', None))}: {what}") from error
+    if not isinstance(result, tuple) or len(result) not in (2, 3):
+        raise ValueError(f"{name}: expected it to return f, g or f, g, domain; given {result!r:.80}")
+    return (*result, ()) if len(result) == 2 else result
+
+
+def _line(error: BaseException, code: CodeType | None) -> str:
+    """The line of the function where an error comes from."""
+    numbers = [line for frame, line in traceback.walk_tb(error.__traceback__) if frame.f_code is code]
+    return f", line {numbers[-1] - code.co_firstlineno + 1}" if numbers and code is not None else ""

@@ -1,0 +1,120 @@
+"""Where f and g have a value: what must stay positive, and divisors, which may have either sign but must not reach zero."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import sympy
+
+from ..tape.branch import Select
+from .printing import to_text
+from .zeros import normal_form, reduced
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What must stay positive, or other than zero for a pole. In a branch that is not taken its expression is 1."""
+
+    name: str
+    expression: Any
+    pole: bool
+
+
+Guards = tuple[tuple[Any, bool], ...]
+
+
+class Domain:
+    """Collects the limits of expressions without nested branches on anything but `Select`.
+
+    Parameters
+    ----------
+    constants : mapping of sympy.Symbol to float
+        What helps to see that an expression is positive.
+    """
+
+    def __init__(self, constants: Mapping[Any, float]) -> None:
+        self._constants = {symbol: sympy.Float(value) for symbol, value in constants.items()}
+        self._limits: dict[tuple[Any, int | None, Guards], Limit] = {}
+        self._visited: set[Any] = set()
+
+    @property
+    def limits(self) -> list[Limit]:
+        """All limits, poles first; a divisor that a limit keeps from zero is none."""
+        kept = {(form, guards) for form, sign, guards in self._limits if sign is not None}
+        everywhere = {(form, sign) for form, sign, guards in self._limits if not guards}
+        positive = {
+            limit.expression: sympy.Dummy(positive=True)
+            for (_, sign, guards), limit in self._limits.items()
+            if sign == 1 and not guards and limit.expression.is_Symbol
+        }
+        poles, others = [], []
+        for (form, sign, guards), limit in self._limits.items():
+            if guards and (form, sign) in everywhere:
+                continue
+            if limit.expression not in positive and limit.expression.xreplace(positive).is_positive:
+                continue
+            if not limit.pole:
+                others.append(limit)
+            elif (form, guards) not in kept and (form, ()) not in kept:
+                poles.append(limit)
+        return poles + others
+
+    def declare(self, expression: Any, written: Any) -> None:
+        """Add a condition of the user's: the expression must stay positive."""
+        self._add(expression, written, (), pole=False)
+
+    def read(self, expression: Any, origin: Mapping[Any, Any]) -> None:
+        """Add the limits of an expression; `origin` tells how its parts were written."""
+        stack: list[tuple[Any, Guards]] = [(expression, ())]
+        while stack:
+            part, guards = stack.pop()
+            if (part, guards) in self._visited:
+                continue
+            self._visited.add((part, guards))
+            if isinstance(part, Select):
+                condition, a, b = part.args
+                stack += [(b, (*guards, (condition, False))), (a, (*guards, (condition, True))), (condition, guards)]
+                continue
+            for argument, written, pole in _limits_of(part, origin):
+                self._add(argument, written, guards, pole)
+            stack += [(argument, guards) for argument in reversed(part.args)]
+
+    def _add(self, expression: Any, written: Any, guards: Guards, pole: bool) -> None:
+        for shown in (written, expression):
+            known = shown.xreplace(self._constants)
+            if known.is_positive or (pole and known.is_nonzero):
+                return
+        form, sign = normal_form(expression)
+        shown, turned = reduced(written) if not expression.is_number else (written, 1)
+        if turned < 0 and not pole:
+            shown = -shown
+        for condition, taken in reversed(guards):
+            expression = Select(condition, *((expression, sympy.S.One) if taken else (sympy.S.One, expression)))
+        self._limits.setdefault((form, None if pole else sign, guards), Limit(to_text(shown), expression, pole))
+
+
+def _limits_of(part: Any, origin: Mapping[Any, Any]) -> Sequence[tuple[Any, Any, bool]]:
+    """What must be positive, or other than zero, for this part to have a value: (expression, as it was written, pole)."""
+    if not part.args:
+        return ()
+    argument = part.args[0]
+    written = origin.get(argument, argument)
+    if isinstance(part, sympy.Pow):
+        if part.exp.is_Integer:
+            return [(argument, written, True)] if part.exp < 0 else ()
+        return [(argument, written, False)]
+    if isinstance(part, sympy.log):
+        return [(argument, written, False)]
+    if isinstance(part, sympy.asin | sympy.acos):
+        return [(1 - argument, 1 - written, False), (1 + argument, 1 + written, False)]
+    if isinstance(part, sympy.tan):
+        return [(sympy.cos(argument), sympy.cos(written), True)]
+    if isinstance(part, sympy.atan2):
+        # Off the negative x axis, where it jumps, and off the origin.
+        pairs = zip(part.args, (origin.get(other, other) for other in part.args), strict=True)
+        (y, y_written), (x, x_written) = pairs
+        ahead = [x + (1 - 1e-6) * sympy.sqrt(x * x + y * y) for y, x in ((y, x), (y_written, x_written))]
+        return [(ahead[0], ahead[1], False)]
+    return ()

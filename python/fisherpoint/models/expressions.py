@@ -1,0 +1,115 @@
+"""SymPy expressions as models have them: which parts may occur, with real symbols and numbers that a double can hold."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import sympy
+from sympy.core.function import AppliedUndef
+from sympy.core.relational import Equality, Relational, Unequality
+from sympy.logic.boolalg import BooleanFalse, BooleanTrue
+
+from ..functions import NAMES
+
+MAX_EXPONENT = 1000
+"""The largest number as an exponent; sympy works powers of numbers out to the last digit."""
+
+_ARITHMETIC = (sympy.Symbol, sympy.Number, sympy.Add, sympy.Mul, sympy.Pow)
+_CALLS = tuple(getattr(sympy, name) for name in NAMES if hasattr(sympy, name) and isinstance(getattr(sympy, name), type))
+_CASES = (sympy.Abs, sympy.Heaviside, sympy.Min, sympy.Max, sympy.Piecewise, sympy.functions.elementary.piecewise.ExprCondPair)
+_LOGIC = (Relational, sympy.And, sympy.Or, sympy.Not, BooleanTrue, BooleanFalse)
+_KNOWN = (*_ARITHMETIC, *_CALLS, *_CASES, *_LOGIC)
+
+
+def symbol(name: str) -> sympy.Symbol:
+    """The symbol of a quantity."""
+    return sympy.Symbol(name, real=True)
+
+
+def parts(expression: Any) -> Iterator[Any]:
+    """Every part of an expression once, parts before what they are part of; depth does not matter."""
+    seen: set[Any] = set()
+    stack = [(expression, False)]
+    while stack:
+        part, expanded = stack.pop()
+        if expanded:
+            yield part
+        elif part not in seen:
+            seen.add(part)
+            stack.append((part, True))
+            stack.extend((argument, False) for argument in part.args)
+
+
+def checked(expression: Any, symbols: Mapping[str, sympy.Symbol], place: str) -> Any:
+    """Return an equation in our symbols, found by name, and with numbers that a double holds.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name, a function that is not in the list, or a number that is none; the message names the place.
+    """
+    try:
+        expression = sympy.sympify(expression, strict=True)
+    except sympy.SympifyError:
+        raise ValueError(f"{place}: expected an expression, given {expression!r:.60}") from None
+    if not isinstance(expression, sympy.Expr):
+        raise ValueError(f"{place}: expected an expression, given {expression!s:.60}")
+    replaced: dict[Any, Any] = {}
+    for part in list(parts(expression)):
+        if isinstance(part, sympy.Symbol | AppliedUndef):
+            replaced[part] = _known(part, symbols, place)
+        elif isinstance(part, Equality | Unequality) or not isinstance(part, (*_KNOWN, sympy.NumberSymbol)):
+            what = str(part) if isinstance(part, Relational) else part.func.__name__
+            if part not in (sympy.I, sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
+                raise ValueError(f"{place}: expected the functions {', '.join(NAMES)}; given {what:.60}")
+        if isinstance(part, sympy.Heaviside):
+            replaced[part] = sympy.Heaviside(part.args[0])  # its value at zero is never asked for
+    # All at once, so that no state changes its name twice.
+    expression = expression.xreplace({part: new for part, new in replaced.items() if part != new})
+    expression = expression.xreplace({part: _number(part, place) for part in list(parts(expression)) if _is_number(part)})
+    # A root that is written with a decimal number is a root all the same.
+    expression = expression.replace(_is_decimal_root, lambda power: power.base ** sympy.Rational(int(2 * power.exp), 2))
+    for part in parts(expression):
+        if part.is_Number:
+            _number(part, place)
+        if part.is_Pow and part.exp.is_Number and abs(part.exp) > MAX_EXPONENT:
+            raise ValueError(f"{place}: expected exponents of at most {MAX_EXPONENT}, given {float(part.exp):g}")
+        if isinstance(part, sympy.Piecewise) and part.args[-1][1] != sympy.true:
+            raise ValueError(f"{place}: expected a Piecewise whose last condition is True, given {part!s:.60}")
+    return expression
+
+
+def _is_number(part: Any) -> bool:
+    return bool(part.is_number and isinstance(part, sympy.Expr) and not isinstance(part, sympy.Integer | sympy.Rational))
+
+
+def _is_decimal_root(part: Any) -> bool:
+    return bool(part.is_Pow and part.exp.is_Float and abs(part.exp) <= MAX_EXPONENT and float(2 * part.exp).is_integer())
+
+
+def _known(part: Any, symbols: Mapping[str, sympy.Symbol], place: str) -> sympy.Symbol:
+    name = part.func.__name__ if isinstance(part, AppliedUndef) else part.name
+    if name not in symbols:
+        raise ValueError(f"{place}: expected the names {', '.join(symbols)}; given unknown {name!r:.60}")
+    return symbols[name]
+
+
+def _number(part: Any, place: str) -> Any:
+    """A number of which a double holds the value; what is exact stays exact where it is short."""
+    try:
+        value = float(part)
+    except (TypeError, OverflowError):
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"{place}: expected finite real numbers, given {_shortened(part)}")
+    if part.is_Rational and max(abs(part.p), part.q) < 2**53:
+        return part
+    return sympy.Float(value)
+
+
+def _shortened(part: Any) -> str:
+    if part == sympy.zoo or part == sympy.nan:
+        return "a division by zero"
+    return "a number of more than 308 digits" if part.is_Rational else f"{part!s:.60}"

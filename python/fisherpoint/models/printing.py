@@ -1,0 +1,65 @@
+"""Expressions as text that `text.parse_equation` reads back, and as a user would write them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import sympy
+from sympy.printing.str import StrPrinter
+
+
+class _EquationPrinter(StrPrinter):  # type: ignore[misc]
+    def _print_Float(self, number: Any) -> str:
+        return repr(float(number))
+
+    def _as_ordered_terms(self, expression: Any, order: Any = None) -> list[Any]:
+        terms = list(super()._as_ordered_terms(expression, order=order))
+        return sorted(terms, key=lambda term: term is not next((t for t in terms if not t.could_extract_minus_sign()), None))
+
+    def _call(self, name: str, arguments: Any) -> str:
+        return f"{name}({', '.join(self._print(argument) for argument in arguments)})"
+
+    def _print_Abs(self, call: Any) -> str:
+        return self._call("abs", call.args)
+
+    def _print_Max(self, call: Any) -> str:
+        return self._call("max", call.args)
+
+    def _print_Min(self, call: Any) -> str:
+        return self._call("min", call.args)
+
+    def _print_Heaviside(self, call: Any) -> str:
+        return self._call("heaviside", call.args[:1])
+
+    def _print_Piecewise(self, cases: Any) -> str:
+        *branches, (last, _) = cases.args
+        text: str = self._print(last)
+        for value, condition in reversed(branches):
+            text = f"where({self._print(condition)}, {self._print(value)}, {text})"
+        return text
+
+    def _joined(self, word: str, condition: Any) -> str:
+        parts = (
+            f"({self._print(part)})" if part.is_Boolean and not part.is_Relational else self._print(part) for part in condition.args
+        )
+        return f" {word} ".join(parts)
+
+    def _print_And(self, condition: Any) -> str:
+        return self._joined("and", condition)
+
+    def _print_Or(self, condition: Any) -> str:
+        return self._joined("or", condition)
+
+    def _print_Not(self, condition: Any) -> str:
+        return f"not ({self._print(condition.args[0])})"
+
+    def _print_Relational(self, comparison: Any) -> str:
+        return f"{self._print(comparison.lhs)} {comparison.rel_op} {self._print(comparison.rhs)}"
+
+
+_PRINTER = _EquationPrinter()
+
+
+def to_text(expression: Any) -> str:
+    """The expression in the language of equations."""
+    return str(_PRINTER.doprint(sympy.sympify(expression)))

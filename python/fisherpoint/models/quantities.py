@@ -1,0 +1,92 @@
+"""What a user writes about states, inputs, parameters, constants and outputs, made into quantities: checks of names and units."""
+
+from __future__ import annotations
+
+import keyword
+import math
+import unicodedata
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from ..functions import NAMES
+from ..quantity import Quantity, as_float
+from .units import check_unit
+
+RESERVED = (*NAMES, "pi", "dt")
+
+Described = Mapping[Any, Any] | Iterable[Any]
+
+
+def quantities_of(described: Described | None, kind: str) -> tuple[Quantity, ...]:
+    """Quantities of ``{name: unit}``, ``{name: (unit, scale)}`` or ``{name: Quantity}``, or of a sequence of quantities.
+
+    Raises
+    ------
+    ValueError
+        For a name that is none, twice the same, or a unit that cannot be read; the message names the place.
+    """
+    if described is None:
+        return ()
+    if isinstance(described, Mapping):
+        entries = [(_name(key, kind), entry) for key, entry in described.items()]
+    elif isinstance(described, str) or not isinstance(described, Iterable):
+        raise TypeError(f"{kind}: expected a mapping of names to units, given {described!r:.60}")
+    else:
+        given = list(described)
+        for entry in given:
+            if not isinstance(entry, Quantity):
+                raise TypeError(f"{kind}: expected a mapping of names to units, or Quantities, given {entry!r:.60}")
+        entries = [(_name(entry.name, kind), entry) for entry in given]
+    quantities = tuple(_quantity(name, entry, f"{kind}.{name}") for name, entry in entries)
+    check_distinct((quantity.name, kind) for quantity in quantities)
+    return quantities
+
+
+def constants_of(described: Mapping[Any, Any] | None) -> tuple[tuple[Quantity, ...], dict[str, float]]:
+    """Quantities and values of ``{name: (value, unit)}`` or ``{name: value}``; a Quantity may stand for the unit."""
+    if described is None:
+        return (), {}
+    if not isinstance(described, Mapping):
+        raise TypeError(f"constants: expected a mapping of names to (value, unit), given {described!r:.60}")
+    units, values = {}, {}
+    for key, entry in described.items():
+        name = _name(key, "constants")
+        value, unit = entry if isinstance(entry, tuple) and len(entry) == 2 else (entry, "1")
+        units[name], values[name] = unit, as_float(value, f"constants.{name}")
+    return quantities_of(units, "constants"), values
+
+
+def check_distinct(named: Iterable[tuple[str, str]]) -> None:
+    """Raise where a name comes twice among (name, kind)."""
+    seen: dict[str, str] = {}
+    for name, kind in named:
+        if name in seen:
+            raise ValueError(f"{kind}.{name}: expected a name of its own, given one that is among the {seen[name]} too")
+        seen[name] = kind
+
+
+def _name(key: Any, kind: str) -> str:
+    name = key if isinstance(key, str) else str(getattr(key, "name", None) or getattr(getattr(key, "func", None), "__name__", key))
+    place = f"{kind}.{name!r}"[:80]
+    if not name.isidentifier() or name.startswith("_") or unicodedata.normalize("NFKC", name) != name:
+        raise ValueError(f"{place}: expected a name of letters, digits and _ that starts with a letter, given {name!r:.60}")
+    if keyword.iskeyword(name) or name in RESERVED:
+        raise ValueError(f"{place}: expected a name that is free, given {name!r}, which means something else in equations")
+    return name
+
+
+def _quantity(name: str, entry: Any, place: str) -> Quantity:
+    if isinstance(entry, Quantity):
+        unit, scale, description = entry.unit, entry.scale, entry.description
+        if entry.name != name:
+            raise ValueError(f"{place}: expected the quantity of this name, given {entry.name!r:.60}")
+    elif isinstance(entry, tuple) and len(entry) == 2:
+        (unit, scale), description = entry, ""
+    else:
+        unit, scale, description = entry, None, ""
+    check_unit(unit, place)
+    if scale is not None:
+        scale = as_float(scale, f"{place}.scale")
+        if not 0 < scale < math.inf:
+            raise ValueError(f"{place}.scale: expected a positive number, given {scale:g}")
+    return Quantity(name, unit, str(description), scale)

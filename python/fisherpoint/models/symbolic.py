@@ -1,0 +1,266 @@
+"""Models given by their equations, as SymPy expressions or as text."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Mapping
+from functools import cached_property
+from typing import Any
+
+import sympy
+
+from .. import _core
+from ..quantity import Array, FrozenMapping, Quantity, as_float, names_of
+from ..tape.program import to_core
+from ..tape.programs import LIMIT
+from .base import Model
+from .expressions import checked, symbol
+from .printing import to_text
+from .quantities import Described, check_distinct, constants_of, quantities_of
+from .show import latex, shown
+from .structure import Equations, Structure
+from .text import parse_equation
+
+
+class SymbolicModel(Model):
+    """A model x' = f(x, u, theta), y = g(x, u, theta) given by its equations.
+
+    Where f is not smooth and where f and g have no value is found in the equations: see `jumps`, `kinks` and `domain`.
+
+    Parameters
+    ----------
+    f : sequence or matrix of sympy.Expr or str
+        Rates of the states, SI units; empty for a static model y = g(u, theta).
+    g : sequence or matrix of sympy.Expr or str
+        Outputs.
+    states, inputs, parameters : mapping of name to unit
+        A unit is a text such as ``"m3/(s sqrt(Pa))"``; ``(unit, scale)`` tells the natural size too, to which tolerances refer, and
+        a `Quantity` more. Symbols of the equations are known by these names.
+    outputs : mapping of name to unit
+        Default: y or y_1, y_2, ... without unit.
+    constants : mapping of name to (value, unit), optional
+        Known constants.
+    domain : sequence of sympy.Expr or str, optional
+        What else must stay positive, beside the arguments of roots and logarithms.
+    name : str
+    nominal : mapping of parameter name to float, optional
+        Usual values.
+
+    Raises
+    ------
+    ValueError
+        For a mistake in the equations, names or units: one line that names the equation or quantity.
+    """
+
+    def __init__(
+        self,
+        f: Any,
+        g: Any,
+        states: Described,
+        inputs: Described,
+        parameters: Described,
+        outputs: Described | None = None,
+        constants: Mapping[str, Any] | None = None,
+        domain: Iterable[Any] = (),
+        name: str = "model",
+        nominal: Mapping[str, float] | None = None,
+    ) -> None:
+        if not isinstance(name, str) or not name.strip() or not name.isprintable():
+            raise ValueError(f"name: expected a name, given {name!r:.60}")
+        self.name = name
+        given_f, given_g, given_domain = _listed(f, "f"), _listed(g, "g"), _listed(domain, "domain")
+        self.states, self.inputs = quantities_of(states, "states"), quantities_of(inputs, "inputs")
+        self.parameters = quantities_of(parameters, "parameters")
+        self.constant_quantities, values = constants_of(constants)
+        self.outputs = quantities_of(_default_outputs(len(given_g)) if outputs is None else outputs, "outputs")
+        self._constants = FrozenMapping(values)
+        self._check_quantities()
+        self.nominal = FrozenMapping(_checked_nominal(nominal, names_of(self.parameters)))
+
+        _check_count(given_f, "f", self.states)
+        _check_count(given_g, "g", self.outputs)
+        symbols = {name: symbol(name) for name in self._names()}
+        rates = [_equation(e, symbols, f"equations.{q.name}") for e, q in zip(given_f, self.states, strict=True)]
+        output = [_equation(e, symbols, self._place_of(q)) for e, q in zip(given_g, self.outputs, strict=True)]
+        conditions = [_condition(e, symbols, f"domain[{i}]") for i, e in enumerate(given_domain)]
+        self._check_outputs(output, symbols)
+        of = {kind: tuple(symbols[q.name] for q in getattr(self, kind)) for kind in ("states", "inputs", "parameters")}
+        self.equations = Equations(
+            tuple(rates), tuple(output), tuple(conditions), **of, constants={symbols[n]: v for n, v in values.items()}
+        )
+        self.texts = tuple(
+            tuple(_text(e, new) for e, new in zip(given, news, strict=True))
+            for given, news in ((given_f, rates), (given_g, output), (given_domain, conditions))
+        )
+        self.structure = Structure(self.equations)
+        surfaces, limits = self.structure.surfaces, self.structure.limits
+        self.jumps = tuple(surface.name for surface in surfaces if surface.jump)
+        self.kinks = tuple(surface.name for surface in surfaces if not surface.jump)
+        self.domain = tuple(limit.name for limit in limits)
+        self.poles = tuple(limit.name for limit in limits if limit.pole)
+        if len(surfaces) + len(limits) > LIMIT:
+            raise ValueError(f"f: expected at most {LIMIT} switching surfaces and limits, given {len(surfaces) + len(limits)}")
+
+    @property
+    def constants(self) -> Mapping[str, float]:
+        """The known constants by name, SI units."""
+        return self._constants
+
+    @cached_property
+    def core(self) -> Any:
+        """The model's programs, as the compiled kernels interpret them."""
+        programs = self.structure.programs
+        return _core.TapeModel(
+            self.name,
+            *([(q.name, q.unit, q.description, q.scale or 1.0) for q in of] for of in self._quantities()[:2]),
+            *([(q.name, q.unit, q.description, q.scale or 1.0) for q in of] for of in (self.outputs, self.parameters)),
+            list(self.jumps),
+            list(self.kinks),
+            list(self.domain),
+            *map(to_core, (programs.rates, programs.output, programs.surfaces, programs.surface_rates)),
+            *map(to_core, (programs.rate_jacobian, programs.output_jacobian)),
+            programs.rate_entries,
+            programs.output_entries,
+            programs.surface_reads,
+            programs.poles,
+        )
+
+    def symbolic(self) -> SymbolicModel:
+        """The model itself."""
+        return self
+
+    def estimate(self, *names: str) -> SymbolicModel:
+        """Return the model with known constants made parameters; their values become nominal ones."""
+        for name in names:
+            if name not in self.constants:
+                raise ValueError(f"estimate: expected names of constants, {', '.join(self.constants) or 'none'}; given {name!r}")
+        moved = tuple(q for q in self.constant_quantities if q.name in names)
+        return self._replaced(
+            parameters=(*self.parameters, *moved),
+            constant_quantities=tuple(q for q in self.constant_quantities if q not in moved),
+            values=self.constants,
+            nominal={**self.nominal, **{q.name: self.constants[q.name] for q in moved}},
+        )
+
+    def fix(self, **values: float) -> SymbolicModel:
+        """Return the model with parameters made known constants of these values, SI units."""
+        names = names_of(self.parameters)
+        for name in values:
+            if name not in names:
+                raise ValueError(f"fix: expected names of parameters, {', '.join(names)}; given {name!r}")
+        moved = tuple(q for q in self.parameters if q.name in values)
+        return self._replaced(
+            parameters=tuple(q for q in self.parameters if q not in moved),
+            constant_quantities=(*self.constant_quantities, *moved),
+            values={**self.constants, **values},
+            nominal={name: value for name, value in self.nominal.items() if name not in values},
+        )
+
+    def _replaced(
+        self,
+        parameters: tuple[Quantity, ...],
+        constant_quantities: tuple[Quantity, ...],
+        values: Mapping[str, float],
+        nominal: Mapping[str, float],
+    ) -> SymbolicModel:
+        constants = {q.name: (values[q.name], q) for q in constant_quantities}
+        f, g, domain = self.texts
+        return SymbolicModel(f, g, self.states, self.inputs, parameters, self.outputs, constants, domain, self.name, nominal)
+
+    def _quantities(self) -> tuple[tuple[Quantity, ...], ...]:
+        return self.states, self.inputs, self.parameters, self.constant_quantities
+
+    def _names(self) -> list[str]:
+        return [quantity.name for quantities in self._quantities() for quantity in quantities]
+
+    def _check_quantities(self) -> None:
+        kinds = ("states", "inputs", "parameters", "constants")
+        check_distinct((q.name, kind) for kind, of in zip(kinds, self._quantities(), strict=True) for q in of)
+        for kind, least in (("parameters", 1), ("outputs", 1)):
+            if len(getattr(self, kind)) < least:
+                raise ValueError(f"{kind}: expected at least one, given none")
+        if not self.states and not self.inputs:
+            raise ValueError("states: expected a state or an input, given neither")
+        for kind in ("states", "parameters"):
+            if len(getattr(self, kind)) > LIMIT:
+                raise ValueError(f"{kind}: expected at most {LIMIT}, given {len(getattr(self, kind))}")
+
+    def _place_of(self, output: Quantity) -> str:
+        return f"{'outputs' if output.name in names_of(self.states) else 'equations'}.{output.name}"
+
+    def _check_outputs(self, output: list[Any], symbols: Mapping[str, Any]) -> None:
+        constants = {symbols[name] for name in self.constants}
+        for quantity, expression in zip(self.outputs, output, strict=True):
+            if not expression.free_symbols - constants:
+                raise ValueError(f"{self._place_of(quantity)}: expected an output that depends on something, given {to_text(expression):.60}")
+
+    def _check_theta(self, rows: Array) -> None:
+        self.structure.check_theta(rows)
+
+    def _identity(self) -> Hashable:
+        equations = self.equations
+        described = (self.outputs, tuple(self.constants.items()), frozenset(self.nominal.items()))
+        return (self.name, equations.rates, equations.output, equations.conditions, *self._quantities(), *described)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        constants = {q.name: (self.constants[q.name], q) for q in self.constant_quantities}
+        quantities = (self.states, self.inputs, self.parameters, self.outputs, constants)
+        return (SymbolicModel, (*self.texts[:2], *quantities, self.texts[2], self.name, dict(self.nominal)))
+
+    def __repr__(self) -> str:
+        counts = ((len(of), kind) for of, kind in zip((*self._quantities()[:3], self.outputs), _KINDS, strict=True))
+        return f"SymbolicModel({self.name!r}, {', '.join(f'{n} {kind}{chr(115) * (n != 1)}' for n, kind in counts)})"
+
+    def __str__(self) -> str:
+        return shown(self)
+
+    def _repr_latex_(self) -> str:
+        return latex(self)
+
+
+_KINDS = ("state", "input", "parameter", "output")
+
+
+def _listed(given: Any, place: str) -> list[Any]:
+    """The equations of a matrix, a sequence, or one alone."""
+    if given is None:
+        return []
+    if isinstance(given, sympy.MatrixBase):
+        return list(given.flat())
+    if isinstance(given, str | sympy.Basic):
+        return [given]
+    if isinstance(given, Mapping) or not isinstance(given, Iterable):
+        raise TypeError(f"{place}: expected a sequence of equations, given {given!r:.60}")
+    return list(given)
+
+
+def _default_outputs(count: int) -> dict[str, str]:
+    return {"y": "1"} if count == 1 else {f"y_{i + 1}": "1" for i in range(count)}
+
+
+def _check_count(given: list[Any], place: str, quantities: tuple[Quantity, ...]) -> None:
+    if len(given) != len(quantities):
+        one_for_each = f", one for each of {', '.join(names_of(quantities))}" if quantities else ""
+        raise ValueError(f"{place}: expected {len(quantities)} equations{one_for_each}; given {len(given)}")
+
+
+def _checked_nominal(nominal: Mapping[str, float] | None, names: tuple[str, ...]) -> dict[str, float]:
+    for name in nominal or {}:
+        if name not in names:
+            raise ValueError(f"nominal: expected the names {', '.join(names)}; given unknown {name!r:.60}")
+    return {name: as_float((nominal or {})[name], f"nominal[{name!r}]") for name in names if name in (nominal or {})}
+
+
+def _equation(given: Any, symbols: Mapping[str, Any], place: str) -> Any:
+    return parse_equation(given, symbols, place) if isinstance(given, str) else checked(given, symbols, place)
+
+
+def _condition(given: Any, symbols: Mapping[str, Any], place: str) -> Any:
+    if isinstance(given, sympy.StrictGreaterThan | sympy.GreaterThan):
+        given = given.lhs - given.rhs
+    elif isinstance(given, sympy.StrictLessThan | sympy.LessThan):
+        given = given.rhs - given.lhs
+    return _equation(given, symbols, place)
+
+
+def _text(given: Any, expression: Any) -> str:
+    return given if isinstance(given, str) else to_text(expression)

@@ -1,0 +1,137 @@
+"""From SymPy expressions to nodes of a graph."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial, reduce
+from typing import Any
+
+import sympy
+from sympy.logic.boolalg import BooleanFalse, BooleanTrue
+
+from .branch import Select
+from .graph import Graph
+from .groups import product_of, sum_of
+
+
+def nodes_of(graph: Graph, expressions: Sequence[Any], symbols: Mapping[Any, int]) -> list[int]:
+    """Nodes of SymPy expressions.
+
+    Parameters
+    ----------
+    graph : Graph
+    expressions : sequence of sympy.Expr
+    symbols : mapping from sympy.Symbol to node
+        What the symbols stand for: leaves, or literals for known constants.
+
+    Raises
+    ------
+    ValueError
+        For a symbol that is not in `symbols`, a function that is not in the list, or a number that is not real and finite.
+    """
+    # By identity, as deep expressions are slow to compare, and equal nodes meet in the graph; parts are kept, so are their identities.
+    known: dict[int, tuple[Any, int]] = {}
+    return [_node_of(graph, sympy.sympify(expression), symbols, known) for expression in expressions]
+
+
+def _node_of(graph: Graph, expression: Any, symbols: Mapping[Any, int], known: dict[int, tuple[Any, int]]) -> int:
+    open_parts = [expression]  # a stack of our own: depth does not matter
+    while open_parts:
+        part = open_parts[-1]
+        if id(part) not in known:
+            operands = _operands(part)
+            if missing := [operand for operand in operands if id(operand) not in known]:
+                open_parts += missing
+                continue
+            known[id(part)] = part, _build(graph, part, [known[id(operand)][1] for operand in operands], symbols)
+        open_parts.pop()
+    return known[id(expression)][1]
+
+
+def _operands(part: Any) -> tuple[Any, ...]:
+    if isinstance(part, sympy.Piecewise):
+        return tuple(operand for pair in part.args for operand in pair.args)
+    return tuple(part.args)
+
+
+def _build(graph: Graph, part: Any, operands: list[int], symbols: Mapping[Any, int]) -> int:
+    if isinstance(part, sympy.Symbol):
+        if part not in symbols:
+            raise ValueError(f"symbol: expected one of {', '.join(map(str, symbols))}; given {part}")
+        return symbols[part]
+    if isinstance(part, sympy.Number | sympy.NumberSymbol):
+        value = float(part)
+        if not math.isfinite(value):
+            raise ValueError(f"number: expected a finite number, given {part}")
+        return graph.literal(value)
+    builder = _BUILDERS.get(part.func)
+    if builder is None:
+        names = ", ".join(kind.__name__ for kind in _BUILDERS)
+        raise ValueError(f"function: expected one of {names}; given {part.func.__name__}")
+    return builder(graph, *operands)
+
+
+def _atan2(graph: Graph, y: int, x: int) -> int:
+    """The angle of (x, y) by the arc tangent of whichever quotient is at most 1 in size; 0 at the origin."""
+    pi, half = graph.literal(math.pi), graph.literal(math.pi / 2)
+    flat = graph.sub(graph.call("abs", x), graph.call("abs", y))
+    below, left = graph.neg(y), graph.neg(x)
+    numerator, denominator = graph.select(flat, y, left), graph.select(flat, x, y)
+    behind = graph.select(below, graph.neg(pi), pi)
+    turn = graph.select(flat, graph.select(left, behind, graph.zero), graph.select(below, graph.neg(half), half))
+    angle = graph.add(turn, graph.call("atan", graph.div(numerator, denominator)))
+    return graph.select(graph.call("abs", denominator), angle, graph.zero)
+
+
+def _piecewise(graph: Graph, *operands: int) -> int:
+    value = graph.literal(math.nan)  # where no condition holds
+    for expression, condition in reversed(list(zip(operands[::2], operands[1::2], strict=True))):
+        value = graph.select(condition, expression, value)
+    return value
+
+
+# A condition is a node that is positive where the condition holds.
+
+
+def _equal(graph: Graph, a: int, b: int) -> int:
+    return graph.sub(graph.one, graph.call("sign", _unequal(graph, a, b)))
+
+
+def _unequal(graph: Graph, a: int, b: int) -> int:
+    return graph.call("abs", graph.sub(a, b))
+
+
+def _all_in_turn(operation: Callable[[Graph, int, int], int]) -> Callable[..., int]:
+    return lambda graph, *operands: reduce(partial(operation, graph), operands)
+
+
+def _function(name: str) -> Callable[[Graph, int], int]:
+    return lambda graph, a: graph.call(name, a)
+
+
+_BUILDERS: dict[Any, Callable[..., int]] = {
+    sympy.Add: lambda graph, *terms: sum_of(graph, terms),
+    sympy.Mul: lambda graph, *factors: product_of(graph, factors),
+    sympy.Pow: Graph.pow,
+    **{getattr(sympy, name): _function(name) for name in ("exp", "log", "sin", "cos", "tan", "asin", "acos", "atan")},
+    **{getattr(sympy, name): _function(name) for name in ("sinh", "cosh", "tanh", "sign")},
+    sympy.atan2: _atan2,
+    sympy.Abs: _function("abs"),
+    sympy.Heaviside: lambda graph, a, _: graph.select(a, graph.one, graph.zero),
+    sympy.Min: _all_in_turn(Graph.min),
+    sympy.Max: _all_in_turn(Graph.max),
+    Select: Graph.select,
+    sympy.Piecewise: _piecewise,
+    sympy.StrictGreaterThan: Graph.sub,
+    sympy.GreaterThan: Graph.sub,
+    sympy.StrictLessThan: lambda graph, a, b: graph.sub(b, a),
+    sympy.LessThan: lambda graph, a, b: graph.sub(b, a),
+    sympy.Equality: _equal,
+    sympy.Unequality: _unequal,
+    sympy.And: _all_in_turn(Graph.min),
+    sympy.Or: _all_in_turn(Graph.max),
+    sympy.Not: Graph.neg,
+    BooleanTrue: lambda graph: graph.one,
+    BooleanFalse: lambda graph: graph.neg(graph.one),
+}

@@ -1,0 +1,108 @@
+"""The operations that a set of results needs, with signs and products taken into the sums that use them."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from .graph import STAGE, Graph
+
+
+@dataclass(frozen=True)
+class Step:
+    """An operation by name with its operands' nodes."""
+
+    name: str
+    operands: tuple[int, ...]
+
+
+def steps_of(graph: Graph, results: Sequence[int]) -> dict[int, Step]:
+    """Steps by the node that they compute, in an order in which operands come first; leaves and literals have none."""
+    steps = {
+        node: Step(graph.names[node], graph.operands[node])
+        for node in graph.needed(results)
+        if graph.names[node] not in ("leaf", "literal")
+    }
+    _share_divisions(graph, steps)
+    _absorb_signs(graph, steps)
+    steps = _alive(graph, steps, results)
+    _fuse(graph, steps, results)
+    return _alive(graph, steps, results)
+
+
+def _share_divisions(graph: Graph, steps: dict[int, Step]) -> None:
+    """One division for each divisor: a division takes as long as several products."""
+    quotients: dict[int, list[int]] = defaultdict(list)
+    for node, step in steps.items():
+        if step.name == "div":
+            quotients[step.operands[1]].append(node)
+    for divisor, nodes in quotients.items():
+        if len(nodes) > 1:
+            inverse = graph.operation("div", graph.one, divisor)
+            steps[inverse] = Step("div", (graph.one, divisor))
+            for node in nodes:
+                if node != inverse:
+                    steps[node] = Step("mul", (steps[node].operands[0], inverse))
+
+
+def _absorb_signs(graph: Graph, steps: dict[int, Step]) -> None:
+    """-(a - b) is b - a, and -(a / b) is (-a) / b where -a is known before the stage."""
+    for node, step in list(steps.items()):
+        inner = steps.get(step.operands[0]) if step.name == "neg" else None
+        if inner is None:
+            continue
+        if inner.name == "sub":
+            steps[node] = Step("sub", inner.operands[::-1])
+        elif inner.name == "div" and graph.levels[inner.operands[0]] < STAGE == graph.levels[node]:
+            numerator = graph.neg(inner.operands[0])
+            if graph.names[numerator] == "neg":
+                steps[numerator] = Step("neg", graph.operands[numerator])
+            steps[node] = Step("div", (numerator, inner.operands[1]))
+
+
+def _fuse(graph: Graph, steps: dict[int, Step], results: Sequence[int]) -> None:
+    """Make a product and a sum one operation where all that use the product are sums, so that it need not be formed."""
+    users: dict[int, list[int]] = defaultdict(list)
+    for node, step in steps.items():
+        for operand in step.operands:
+            users[operand].append(node)
+    kept = set(results)
+    products = [node for node, step in steps.items() if step.name == "mul" and node not in kept]
+    for product in sorted(products, key=lambda node: len(users[node])):
+        level = graph.levels[product]
+        fused = {node: _with_product(graph, steps[node], product, steps[product]) for node in users[product]}
+        if all(step is not None and graph.levels[node] == level for node, step in fused.items()):
+            steps.update({node: step for node, step in fused.items() if step is not None})
+
+
+def _with_product(graph: Graph, step: Step, product: int, factors: Step) -> Step | None:
+    a, b = factors.operands
+    if step.name == "neg":
+        return Step("sub_mul", (a, b, graph.zero))
+    if step.name == "add" and step.operands.count(product) == 1:
+        (other,) = (operand for operand in step.operands if operand != product)
+        return Step("mul_add", (a, b, other))
+    if step.name == "sub":
+        first, second = step.operands
+        return Step("mul_sub", (a, b, second)) if first == product else Step("sub_mul", (a, b, first))
+    return None
+
+
+def _alive(graph: Graph, steps: dict[int, Step], results: Sequence[int]) -> dict[int, Step]:
+    """Only the steps that results need, in an order in which operands come first, by depth first search from the results."""
+    ordered: dict[int, Step] = {}
+    for result in results:
+        open_nodes = [result]
+        while open_nodes:
+            node = open_nodes[-1]
+            if node in ordered or node not in steps:
+                open_nodes.pop()
+                continue
+            missing = [operand for operand in steps[node].operands if operand in steps and operand not in ordered]
+            if missing:
+                open_nodes += reversed(missing)
+            else:
+                ordered[node] = steps[node]
+                open_nodes.pop()
+    return ordered

@@ -1,0 +1,172 @@
+"""All programs of a model, from its equations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from .differentiate import gradient, rates_along
+from .from_sympy import nodes_of
+from .graph import Graph, Leaves
+from .program import Program
+from .schedule import schedule
+
+LIMIT = 64
+"""The most states, parameters and surfaces that the core takes."""
+
+Entries = tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True)
+class Programs:
+    """What the core runs a model by.
+
+    Entries (i, k) are places of derivatives of component i by variable k, which is state k for k < n_x, else parameter k - n_x. They
+    come with their values, by states first and sorted by (i, k), then by parameters and sorted by (k, i).
+
+    Attributes
+    ----------
+    rates, output : Program
+        f (n_x) and g (n_y).
+    surfaces, surface_rates : Program
+        Values of jumps, kinks and domain limits, and their rates of change where the state moves at the rate dx.
+    rate_jacobian, output_jacobian : Program
+        f or g followed by its derivatives at the entries.
+    rate_entries, output_entries : tuple of (int, int)
+        Derivatives that are not zero by structure, without those by states that no parameter ever reaches.
+    surface_reads : tuple of tuple of int
+        For each jump and kink the variables that it reads.
+    poles : int
+        How many of the domain limits, the first ones, are denominators of either sign.
+    """
+
+    rates: Program
+    output: Program
+    surfaces: Program
+    surface_rates: Program
+    rate_jacobian: Program
+    output_jacobian: Program
+    rate_entries: Entries
+    output_entries: Entries
+    surface_reads: tuple[tuple[int, ...], ...]
+    poles: int
+
+
+def build_programs(
+    rates: Sequence[Any],
+    output: Sequence[Any],
+    surfaces: Sequence[Any],
+    states: Sequence[Any],
+    inputs: Sequence[Any],
+    parameters: Sequence[Any],
+    sides: Sequence[Any] = (),
+    constants: Mapping[Any, float] | None = None,
+    poles: int = 0,
+) -> Programs:
+    """Programs of x' = f(x, u, theta), y = g(x, u, theta).
+
+    Parameters
+    ----------
+    rates, output : sequence of sympy.Expr
+        f, one for each state, and g.
+    surfaces : sequence of sympy.Expr
+        What is zero on jumps and kinks, in the order of `sides`, then what must stay positive.
+    states, inputs, parameters : sequence of sympy.Symbol
+    sides : sequence of sympy.Symbol
+        For each jump and kink the symbol that stands for the side it is on, +1 or -1, in the branches of f.
+    constants : mapping from sympy.Symbol to float
+        Known constants.
+    poles : int
+        How many of the domain limits, the first ones, are denominators of either sign.
+
+    Raises
+    ------
+    ValueError
+        For lengths that do not fit, too many states, parameters or surfaces, an output that reads a side, and what cannot be
+        expressed: an unknown symbol or function.
+    """
+    constants = constants or {}
+    _check(rates, surfaces, states, parameters, sides, poles)
+    leaves = Leaves(len(parameters), len(inputs), len(states), len(sides))
+    graph = Graph(leaves)
+    symbols = dict(zip([*parameters, *inputs, *states, *sides], range(leaves.dx.start), strict=True))
+    symbols |= {symbol: graph.literal(float(value)) for symbol, value in constants.items()}
+    if len(symbols) < leaves.dx.start + len(constants):
+        raise ValueError("symbols: expected each to be one of states, inputs, parameters, sides and constants, given one twice")
+    f, g, h = (nodes_of(graph, expressions, symbols) for expressions in (rates, output, surfaces))
+    for i, node in enumerate(g):
+        if _reads_any(graph, node, leaves.side):
+            raise ValueError(f"output: expected no side of a surface, given {output[i]}")
+
+    variables = [*_reached(graph, f, h[: len(sides)]), *leaves.theta]
+    rate_entries, rate_nodes = _entries(graph, f, variables)
+    output_entries, output_nodes = _entries(graph, g, variables)
+    return Programs(
+        rates=schedule(graph, f),
+        output=schedule(graph, g),
+        surfaces=schedule(graph, h),
+        surface_rates=schedule(graph, rates_along(graph, h)),
+        rate_jacobian=schedule(graph, f + rate_nodes),
+        output_jacobian=schedule(graph, g + output_nodes),
+        rate_entries=rate_entries,
+        output_entries=output_entries,
+        surface_reads=tuple(
+            tuple(k for k, leaf in enumerate([*leaves.x, *leaves.theta]) if _reads_any(graph, node, [leaf]))
+            for node in h[: len(sides)]
+        ),
+        poles=poles,
+    )
+
+
+def _check(
+    rates: Sequence[Any],
+    surfaces: Sequence[Any],
+    states: Sequence[Any],
+    parameters: Sequence[Any],
+    sides: Sequence[Any],
+    poles: int,
+) -> None:
+    if len(rates) != len(states):
+        raise ValueError(f"rates: expected one for each of {len(states)} states, given {len(rates)}")
+    if not len(sides) + poles <= len(surfaces):
+        raise ValueError(f"surfaces: expected at least {len(sides)} with sides and {poles} poles, given {len(surfaces)}")
+    for name, given in (("states", states), ("parameters", parameters), ("surfaces", surfaces)):
+        if len(given) > LIMIT:
+            raise ValueError(f"{name}: expected at most {LIMIT}, given {len(given)}")
+
+
+def _reads_any(graph: Graph, node: int, leaves: Sequence[int]) -> bool:
+    return any(graph.reads[node] >> leaf & 1 for leaf in leaves)
+
+
+def _reached(graph: Graph, rates: Sequence[int], switching: Sequence[int]) -> list[int]:
+    """Leaves of the states that a parameter reaches: through rates, and through surfaces, by the time at which f switches."""
+    leaves = graph.leaves
+    reads = []
+    for node in rates:
+        bits = graph.reads[node]
+        for side, surface in zip(leaves.side, switching, strict=True):
+            if graph.reads[node] >> side & 1:
+                bits |= graph.reads[surface]
+        reads.append(bits)
+    reached, before = (1 << len(leaves.theta)) - 1, -1
+    while reached != before:
+        before = reached
+        for leaf, bits in zip(leaves.x, reads, strict=True):
+            reached |= (1 << leaf) if bits & reached else 0
+    return [leaf for leaf in leaves.x if reached >> leaf & 1]
+
+
+def _entries(graph: Graph, nodes: Sequence[int], variables: Sequence[int]) -> tuple[Entries, list[int]]:
+    leaves = graph.leaves
+    states: dict[tuple[int, int], int] = {}
+    parameters: dict[tuple[int, int], int] = {}
+    for i, row in enumerate(gradient(graph, nodes, variables)):
+        for leaf, node in row.items():
+            if leaf in leaves.x:
+                states[i, leaf - leaves.x.start] = node
+            else:
+                parameters[i, leaf + leaves.states] = node
+    found = sorted(states.items()) + sorted(parameters.items(), key=lambda item: item[0][::-1])
+    return tuple(place for place, _ in found), [node for _, node in found]

@@ -1,0 +1,97 @@
+"""From nodes to programs: what is hoisted, in which order operations come, and which registers they use."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from .fusion import Step, steps_of
+from .graph import STAGE, Graph
+from .operations import CODES
+from .program import Integers, Program
+
+Steps = dict[int, Step]
+
+
+def schedule(graph: Graph, results: Sequence[int]) -> Program:
+    """Program that computes the given nodes."""
+    steps = steps_of(graph, results)
+    setup = {node: step for node, step in steps.items() if graph.levels[node] < STAGE}
+    stage = {node: step for node, step in steps.items() if graph.levels[node] == STAGE}
+    read = dict.fromkeys(operand for step in steps.values() for operand in step.operands) | dict.fromkeys(results)
+    literals = [node for node in read if graph.is_literal(node)]
+    registers = {node: register for register, node in enumerate(literals)}
+    registers |= {leaf: len(literals) + leaf for leaf in range(graph.leaves.count)}
+    first = len(registers)
+
+    hoisted = {operand for step in stage.values() for operand in step.operands} | set(results)
+    setup_rows, setup_end = _allocate(setup, hoisted, registers, first)
+    stage_rows, end, registers = min(
+        (_stage(order, results, registers, setup_end) for order in (stage, _by_pressure(stage, set(results)))),
+        key=lambda found: found[1],
+    )
+    return Program(
+        literals=np.array([graph.values[node] for node in literals], dtype=np.float64),
+        setup=_array(setup_rows),
+        stage=_array(stage_rows),
+        outputs=np.array([registers[node] for node in results], dtype=np.int32),
+        registers=end,
+    )
+
+
+def _stage(
+    steps: Steps, results: Sequence[int], registers: dict[int, int], first: int
+) -> tuple[list[list[int]], int, dict[int, int]]:
+    registers = dict(registers)
+    return *_allocate(steps, set(results), registers, first), registers
+
+
+def _allocate(steps: Steps, kept: Iterable[int], registers: dict[int, int], first: int) -> tuple[list[list[int]], int]:
+    """Rows of the steps, and the end of the registers from `first` on that they write; a register is free after its last use."""
+    uses = Counter(operand for step in steps.values() for operand in set(step.operands))
+    uses.update(kept)  # one use that never comes
+    rows, free, end = [], list[int](), first
+    for node, step in steps.items():
+        operands = [registers[operand] for operand in step.operands]
+        for operand in set(step.operands):
+            uses[operand] -= 1
+            if not uses[operand] and operand in steps:
+                free.append(registers[operand])
+        if not free:
+            free.append(end)
+            end += 1
+        registers[node] = free.pop()  # the one used last, which is still near
+        rows.append([CODES[step.name], registers[node], *operands, *[0] * (3 - len(operands))])
+    return rows, end
+
+
+def _by_pressure(steps: Steps, kept: set[int]) -> Steps:
+    """The steps in another order: next is always one that frees the most registers, of these the first in the given order."""
+    uses = Counter(operand for step in steps.values() for operand in set(step.operands))
+    uses.update(kept)
+    waiting = {node: {operand for operand in step.operands if operand in steps} for node, step in steps.items()}
+    users: dict[int, list[int]] = {node: [] for node in steps}
+    for node, operands in waiting.items():
+        for operand in operands:
+            users[operand].append(node)
+    missing = {node: len(operands) for node, operands in waiting.items()}
+    place = {node: i for i, node in enumerate(steps)}
+    ready = [node for node, count in missing.items() if not count]
+    ordered: Steps = {}
+    while ready:
+        node = max(ready, key=lambda n: (sum(uses[operand] == 1 for operand in waiting[n]), -place[n]))
+        ready.remove(node)
+        ordered[node] = steps[node]
+        for operand in waiting[node]:
+            uses[operand] -= 1
+        for user in users[node]:
+            missing[user] -= 1
+            if not missing[user]:
+                ready.append(user)
+    return ordered
+
+
+def _array(rows: list[list[int]]) -> Integers:
+    return np.array(rows, dtype=np.int32).reshape(-1, 5)
