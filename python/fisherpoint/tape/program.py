@@ -67,4 +67,4 @@ class Program:
 
 def to_core(program: Program) -> Any:
     """Return the program as the core takes it."""
-    return _core.Program(program.literals, program.setup, program.stage, program.outputs, program.registers)  # type: ignore[attr-defined]
+    return _core.Program(program.literals, program.setup, program.stage, program.outputs, program.registers)
