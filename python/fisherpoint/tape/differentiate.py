@@ -62,7 +62,7 @@ def _term(graph: Graph, scale: int, seed: int) -> tuple[int, int]:
 
 
 def _scale(graph: Graph, tangent: Tangent, factor: int) -> Tangent:
-    """Multiply all derivatives by a factor. Scales that no two variables have in common become seeds, so that they have the next."""
+    """Multiply derivatives by a factor. Scales that no two variables share become seeds, so that these variables share the next."""
     alone = Counter(scale for scale, _ in tangent.values())
     terms = {
         variable: (graph.one, graph.mul(scale, seed)) if alone[scale] == 1 and _is_unit(graph, seed) else (scale, seed)

@@ -30,7 +30,7 @@ def nodes_of(graph: Graph, expressions: Sequence[Any], symbols: Mapping[Any, int
     ValueError
         For a symbol that is not in `symbols`, a function that is not in the list, or a number that is not real and finite.
     """
-    # By identity, as deep expressions are slow to compare, and equal nodes meet in the graph; parts are kept, so are their identities.
+    # By identity: deep expressions are slow to compare, and equal nodes meet in the graph. The parts are kept, so are identities.
     known: dict[int, tuple[Any, int]] = {}
     return [_node_of(graph, sympy.sympify(expression), symbols, known) for expression in expressions]
 
@@ -40,11 +40,11 @@ def _node_of(graph: Graph, expression: Any, symbols: Mapping[Any, int], known: d
     while open_parts:
         part = open_parts[-1]
         if id(part) not in known:
-            operands = _operands(part)
+            builder, operands = _builder(part, symbols), _operands(part)
             if missing := [operand for operand in operands if id(operand) not in known]:
                 open_parts += missing
                 continue
-            known[id(part)] = part, _build(graph, part, [known[id(operand)][1] for operand in operands], symbols)
+            known[id(part)] = part, builder(graph, *(known[id(operand)][1] for operand in operands))
         open_parts.pop()
     return known[id(expression)][1]
 
@@ -55,21 +55,21 @@ def _operands(part: Any) -> tuple[Any, ...]:
     return tuple(part.args)
 
 
-def _build(graph: Graph, part: Any, operands: list[int], symbols: Mapping[Any, int]) -> int:
+def _builder(part: Any, symbols: Mapping[Any, int]) -> Callable[..., int]:
+    """What makes the node of a part from those of its operands."""
     if isinstance(part, sympy.Symbol):
         if part not in symbols:
             raise ValueError(f"symbol: expected one of {', '.join(map(str, symbols))}; given {part}")
-        return symbols[part]
+        return lambda _: symbols[part]
     if isinstance(part, sympy.Number | sympy.NumberSymbol):
         value = float(part)
         if not math.isfinite(value):
             raise ValueError(f"number: expected a finite number, given {part}")
-        return graph.literal(value)
-    builder = _BUILDERS.get(part.func)
-    if builder is None:
+        return lambda graph: graph.literal(value)
+    if part.func not in _BUILDERS:
         names = ", ".join(kind.__name__ for kind in _BUILDERS)
         raise ValueError(f"function: expected one of {names}; given {part.func.__name__}")
-    return builder(graph, *operands)
+    return _BUILDERS[part.func]
 
 
 def _atan2(graph: Graph, y: int, x: int) -> int:

@@ -56,8 +56,8 @@ class Leaves:
 class Graph:
     """A graph of operations; nodes are numbers, operands come before what uses them, and leaves come first.
 
-    `names[n]` is the operation of node n ("leaf" and "literal" are the others), `operands[n]` its operands, `values[n]` the value of a
-    literal, `reads[n]` a set of bits, one for every leaf that its value depends on, and `levels[n]` how often that value changes.
+    `names[n]` is the operation of node n, or "leaf" or "literal"; `operands[n]` are its operands, `values[n]` is the value of a
+    literal, `reads[n]` a set of bits, one for every leaf that its value depends on, and `levels[n]` says how often that changes.
 
     The methods named after operations simplify what is exact but for rounding: they fold literals, drop neutral elements, and pull
     signs outwards, where sums absorb them, and factors that the state does not enter, where they meet others of their kind.

@@ -9,6 +9,9 @@ from collections.abc import Iterable, Iterator
 
 from .graph import STAGE, Graph
 
+MANY = 12
+"""Of more terms or factors, pairs are not looked up."""
+
 
 def sum_of(graph: Graph, terms: Iterable[int]) -> int:
     """Node of a sum."""
@@ -65,6 +68,8 @@ def _multiply_all(graph: Graph, factors: list[int]) -> int:
 def _share(graph: Graph, items: list[int], name: str) -> list[int]:
     """Replace pairs whose sum or product is a node already by that node."""
     items = list(items)
+    if len(items) > MANY:
+        return items
     while pair := next(_known_pairs(graph, items, name), None):
         i, j, node = pair
         items = [item for k, item in enumerate(items) if k not in (i, j)] + [node]

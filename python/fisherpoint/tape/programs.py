@@ -22,8 +22,8 @@ Entries = tuple[tuple[int, int], ...]
 class Programs:
     """What the core runs a model by.
 
-    Entries (i, k) are places of derivatives of component i by variable k, which is state k for k < n_x, else parameter k - n_x. They
-    come with their values, by states first and sorted by (i, k), then by parameters and sorted by (k, i).
+    Entries (i, k) are places of derivatives of component i by variable k: state k for k < n_x, else parameter k - n_x. Those by
+    states come first, sorted by (i, k), then those by parameters, sorted by (k, i).
 
     Attributes
     ----------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from heapq import heappop, heappush
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from .operations import CODES
 from .program import Integers, Program
 
 Steps = dict[int, Step]
+Registers = dict[int, int]  # by node
+Rows = list[list[int]]
 
 
 def schedule(graph: Graph, results: Sequence[int]) -> Program:
@@ -41,14 +44,18 @@ def schedule(graph: Graph, results: Sequence[int]) -> Program:
     )
 
 
+<<<<<<< HEAD
 def _stage(
     steps: Steps, results: Sequence[int], registers: dict[int, int], first: int
 ) -> tuple[list[list[int]], int, dict[int, int]]:
+=======
+def _stage(steps: Steps, results: Sequence[int], registers: Registers, first: int) -> tuple[Rows, int, Registers]:
+>>>>>>> fa76d6ab7addc0e2212b0d29b96f846ee95c2d3c
     registers = dict(registers)
     return *_allocate(steps, set(results), registers, first), registers
 
 
-def _allocate(steps: Steps, kept: Iterable[int], registers: dict[int, int], first: int) -> tuple[list[list[int]], int]:
+def _allocate(steps: Steps, kept: Iterable[int], registers: Registers, first: int) -> tuple[Rows, int]:
     """Rows of the steps, and the end of the registers from `first` on that they write; a register is free after its last use."""
     uses = Counter(operand for step in steps.values() for operand in set(step.operands))
     uses.update(kept)  # one use that never comes
@@ -69,29 +76,38 @@ def _allocate(steps: Steps, kept: Iterable[int], registers: dict[int, int], firs
 
 def _by_pressure(steps: Steps, kept: set[int]) -> Steps:
     """The steps in another order: next is always one that frees the most registers, of these the first in the given order."""
-    uses = Counter(operand for step in steps.values() for operand in set(step.operands))
-    uses.update(kept)
-    waiting = {node: {operand for operand in step.operands if operand in steps} for node, step in steps.items()}
+    operands = {node: {operand for operand in step.operands if operand in steps} for node, step in steps.items()}
     users: dict[int, list[int]] = {node: [] for node in steps}
-    for node, operands in waiting.items():
-        for operand in operands:
+    for node, read in operands.items():
+        for operand in read:
             users[operand].append(node)
-    missing = {node: len(operands) for node, operands in waiting.items()}
+    uses = {node: len(users[node]) + (node in kept) for node in steps}
+    missing = {node: len(read) for node, read in operands.items()}
     place = {node: i for i, node in enumerate(steps)}
-    ready = [node for node, count in missing.items() if not count]
+    ready: list[tuple[int, int, int]] = []
+
+    def offer(node: int) -> None:  # anew when it frees more; the older offer is passed over
+        if not missing[node] and node not in ordered:
+            heappush(ready, (-sum(uses[operand] == 1 for operand in operands[node]), place[node], node))
+
     ordered: Steps = {}
+    for node in steps:
+        offer(node)
     while ready:
-        node = max(ready, key=lambda n: (sum(uses[operand] == 1 for operand in waiting[n]), -place[n]))
-        ready.remove(node)
+        *_, node = heappop(ready)
+        if node in ordered:
+            continue
         ordered[node] = steps[node]
-        for operand in waiting[node]:
-            uses[operand] -= 1
         for user in users[node]:
             missing[user] -= 1
-            if not missing[user]:
-                ready.append(user)
+            offer(user)
+        for operand in operands[node]:
+            uses[operand] -= 1
+            if uses[operand] == 1:
+                for user in users[operand]:
+                    offer(user)
     return ordered
 
 
-def _array(rows: list[list[int]]) -> Integers:
+def _array(rows: Rows) -> Integers:
     return np.array(rows, dtype=np.int32).reshape(-1, 5)
