@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Hashable, Iterable, Mapping
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike
 from ..quantity import Array, FrozenMapping, Quantity, as_floats, in_order, names_of
 
 if TYPE_CHECKING:
+    from .dependence import Dependence
     from .symbolic import SymbolicModel
 
 DURATION = Quantity("dt", "s", "duration")
@@ -138,6 +140,33 @@ class Model(ABC):
     def fix(self, **values: float) -> SymbolicModel:
         """Return the model with parameters made known constants of these values, SI units."""
         return self.symbolic().fix(**values)
+
+    @property
+    def reaches(self) -> Mapping[str, tuple[str, ...]]:
+        """For each parameter the outputs that it reaches, directly or through states, by the structure of the equations."""
+        return self._dependence.reaches
+
+    @property
+    def idle(self) -> tuple[str, ...]:
+        """Parameters that reach no output."""
+        return self._dependence.idle
+
+    @property
+    def blocks(self) -> tuple[tuple[str, ...], ...]:
+        """Groups of parameters that can be identified independently of each other, by the structure of the equations.
+
+        An equation of which all states are known from the measured outputs separates: a state that is an output is known, and so
+        is v in q' = v with q known. Parameters belong together where they stand in the same equation, or in equations that share
+        a state that is not known. This holds for outputs that are measured without gap or error, not for a design: see
+        `fisherpoint.models.dependence.blocks_of` for the rule, and `fisherpoint.identifiability` for what a region shows.
+        """
+        return self._dependence.blocks
+
+    @cached_property
+    def _dependence(self) -> Dependence:
+        from .dependence import Dependence
+
+        return Dependence(self.symbolic())
 
     def to_toml(self) -> str:
         """The model as the table [model] of a TOML file; `load_model` reads it back."""
