@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import qr
 
 from .quantity import Array
 
 
-def column_scaled_svd(matrix: Array) -> tuple[Array, Array, Array]:
-    """Singular values, largest first (p,), right singular vectors as rows (p, p), and the columns' lengths (p,), of (m, p)."""
+def column_scaled_svd(matrix: Array, length: Array | None = None) -> tuple[Array, Array, Array]:
+    """Singular values, largest first (p,), right singular vectors as rows (p, p), and the columns' lengths (p,), of (m, p).
+
+    Other lengths than the columns' own may be given to divide by.
+    """
     rows, p = matrix.shape
-    length = np.linalg.norm(matrix, axis=0)
+    length = np.linalg.norm(matrix, axis=0) if length is None else length
     _, found, directions = np.linalg.svd(matrix / np.where(length > 0, length, 1.0), full_matrices=rows < p)
     singular_values = np.zeros(p)
     singular_values[: len(found)] = found
@@ -25,16 +29,15 @@ def unscaled(v: Array, length: Array) -> Array:
     return direction
 
 
-def reduced_basis(directions: Array) -> Array:
-    """Another basis (d, p) of the space of d orthonormal rows, in which each has a one where the others have zeros.
+def pivots(directions: Array) -> list[int]:
+    """Columns, one for each of d independent rows (d, p), by which the space of these rows is best told."""
+    chosen: list[int] = qr(directions, mode="r", pivoting=True)[1][: len(directions)].tolist()
+    return chosen
+
+
+def reduced_basis(directions: Array, columns: list[int]) -> Array:
+    """The basis (d, p) of the same space in which each row has a one in its own of the given d columns and zeros in the others.
 
     A direction along a few axes is found as such, whatever mixture of directions was given.
     """
-    basis = directions.copy()
-    for step in range(len(basis)):
-        row, column = np.unravel_index(np.argmax(np.abs(basis[step:])), basis[step:].shape)
-        basis[[step, step + row]] = basis[[step + row, step]]
-        basis[step] /= basis[step, column]
-        others = np.arange(len(basis)) != step
-        basis[others] -= np.outer(basis[others, column], basis[step])
-    return basis
+    return np.asarray(np.linalg.solve(directions[:, columns], directions), dtype=np.float64)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..kernels import Kernels, kernels
 from ..quantity import Array, FrozenMapping, Quantity, as_floats, in_order, names_of
 
 if TYPE_CHECKING:
@@ -64,6 +65,11 @@ class Model(ABC):
     @abstractmethod
     def constants(self) -> Mapping[str, float]:
         """The known constants by name, SI units."""
+
+    @property
+    def kernels(self) -> Kernels:
+        """What runs `core`: the compiled kernels for this machine."""
+        return kernels
 
     @abstractmethod
     def _identity(self) -> Hashable:
@@ -140,6 +146,13 @@ class Model(ABC):
     def fix(self, **values: float) -> SymbolicModel:
         """Return the model with parameters made known constants of these values, SI units."""
         return self.symbolic().fix(**values)
+
+    def free_start(self, *names: str) -> Model:
+        """Return the model in which these states start off their x0 by a further parameter each: they come last, nominally 0.
+
+        Its sensitivities by these parameters are those by the start.
+        """
+        return self.symbolic().free_start(*names)
 
     @property
     def reaches(self) -> Mapping[str, tuple[str, ...]]:
