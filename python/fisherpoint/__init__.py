@@ -68,7 +68,12 @@ __all__ = [
     "simulate",
 ]
 
-_LAZY = {"CallableModel": ".models.callable", "SymbolicModel": ".models.symbolic", "model": ".models.decorator", "load_model": ".config"}
+_LAZY = {
+    "CallableModel": ".models.callable",
+    "SymbolicModel": ".models.symbolic",
+    "model": ".models.decorator",
+    "load_model": ".config",
+}
 
 
 def __getattr__(name: str) -> Any:

@@ -24,17 +24,24 @@ class Columns(np.ndarray[Any, Any]):
     """
 
     def __new__(cls, rows: NDArray[Any], names: Sequence[str], constants: Mapping[str, float] | None = None) -> Columns:
-        self = np.asarray(rows).view(cls)
-        self.__dict__.update(_names=names, _constants=constants or {})
+        plain = np.asarray(rows)
+        self = plain.view(cls)
+        self.__dict__.update(_rows=plain, _places={name: j for j, name in enumerate(names)}, _constants=constants or {})
         return self
 
     def __getattribute__(self, name: str) -> Any:
         known = object.__getattribute__(self, "__dict__")
-        if name in known.get("_names", ()):
-            return np.asarray(self)[:, known["_names"].index(name)]
-        if name in known.get("_constants", ()):
-            return known["_constants"][name]
+        if known:
+            if name in known["_places"]:
+                return known["_rows"][:, known["_places"][name]]
+            if name in known["_constants"]:
+                return known["_constants"][name]
         return object.__getattribute__(self, name)
+
+    def __getattr__(self, name: str) -> Any:
+        known = self.__dict__
+        names = ", ".join([*known.get("_places", ()), *known.get("_constants", ())])
+        raise AttributeError(f"expected one of {names or 'no names'}; given unknown {name!r}")
 
 
 class CallableModel(Model):
@@ -89,8 +96,8 @@ class CallableModel(Model):
         self.outputs = quantities_of({"y": "1"} if outputs is None else outputs, "outputs")
         self.constant_quantities, values = constants_of(constants)
         self._constants = FrozenMapping(values)
-        kinds = ("states", "inputs", "parameters", "constant_quantities")
-        check_distinct((q.name, kind.split("_")[0]) for kind in kinds for q in getattr(self, kind))
+        kinds = {"states": self.states, "inputs": self.inputs, "parameters": self.parameters, "constants": self.constant_quantities}
+        check_distinct((q.name, kind) for kind, of in kinds.items() for q in of)
         for kind in ("parameters", "outputs"):
             if not getattr(self, kind):
                 raise ValueError(f"{kind}: expected at least one, given none")
@@ -164,8 +171,10 @@ class CallableModel(Model):
         return (CallableModel, (self.f, self.g, *quantities, domain, jumps, kinks, self.name, dict(self.nominal)))
 
     def __repr__(self) -> str:
-        counts = (len(self.states), len(self.inputs), len(self.parameters), len(self.outputs))
-        return "CallableModel({!r}, {} states, {} inputs, {} parameters, {} outputs)".format(self.name, *counts)
+        kinds = {"state": self.states, "input": self.inputs, "parameter": self.parameters, "output": self.outputs}
+        return (
+            f"CallableModel({self.name!r}, {', '.join(f'{len(of)} {kind}' + 's' * (len(of) != 1) for kind, of in kinds.items())})"
+        )
 
 
 class _Shifted:
@@ -239,17 +248,21 @@ class CallableCore:
         values = [self._call(function, label, 1, *rows) for label, function in functions.items()]
         return np.hstack(values) if values else np.empty((len(rows[0]), 0))
 
-    def _call(
-        self, function: Function, label: str, n: int, x: NDArray[Any], u: NDArray[Any], theta: NDArray[Any]
-    ) -> NDArray[Any]:
+    def _call(self, function: Function, label: str, n: int, x: NDArray[Any], u: NDArray[Any], theta: NDArray[Any]) -> NDArray[Any]:
         arguments = Columns(x, self._states), Columns(u, self._inputs), Columns(theta, self._parameters, self._constants)
         count = len(x)
-        with np.errstate(all="ignore"):
-            result = function(*arguments)
+        try:
+            with np.errstate(all="ignore"):
+                result = function(*arguments)
+        except (AttributeError, IndexError, NameError, TypeError, ValueError) as error:
+            what = f"{type(error).__name__}: {error}"
+            raise ValueError(f"{label}: expected a function of x, u, p, given one that raises {what}") from error
         if isinstance(result, list | tuple):
             if len(result) != n:
                 raise ValueError(f"{label}: expected {n} entries, given {len(result)}")
-            result = np.stack([np.broadcast_to(np.asarray(entry), (count,)) for entry in result], axis=1)
+            entries, result = result, np.empty((count, n), np.result_type(np.float64, *result))
+            for i, entry in enumerate(entries):
+                result[:, i] = entry
         rows = np.asarray(result)
         if n == 1 and rows.shape in ((), (count,)):
             rows = np.broadcast_to(rows, (count,)).reshape(count, 1)

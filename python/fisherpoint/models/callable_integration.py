@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +24,8 @@ LOCAL_SHARE = 0.1
 FLOOR = 1e-3
 """Size of a sensitivity, as a share of the state's natural size, below which its error is absolute."""
 
-BRINK = 1e-6
-"""Share of its first value to which a limit has fallen where steps end in front of it."""
+BRINK = 1e-4
+"""Share of its first value to which a limit has fallen where steps end in front of it; differences reach past it."""
 
 
 class _TooMany(Exception):
@@ -57,6 +57,7 @@ def integrate(
         return z0, NOT_FINITE
     local = max(LOCAL_SHARE * rtol, 3e-14)
     size = np.concatenate([model.scale, FLOOR * np.repeat(model.scale, len(z0) // n_x - 1)])
+    chosen: Any = "RK45" if method == "RK45" else "DOP853"
     calls = 0
 
     def counted(_: float, z: Array) -> Array:
@@ -66,28 +67,30 @@ def integrate(
             raise _TooMany
         return derivative(z)
 
+    def solve(t: float, end: float, z: Array, events: list[Callable[[float, Array], float]], **options: Any) -> Any:
+        return solve_ivp(counted, (t, end), z, chosen, rtol=local, atol=local * size, events=events or None, **options)
+
     t, z, first = 0.0, z0, model.limits(z0[None, :n_x], u, theta)[0]
     for _ in range(MAX_CROSSINGS):
-        events = [_event(model, m, side[m], t, u, theta) for m in range(len(side))]
         try:
-            found = solve_ivp(
-                counted, (t, dt), z, "RK45" if method == "RK45" else "DOP853", rtol=local, atol=local * size, events=events or None
-            )
+            found = solve(t, dt, z, [_event(model, m, side[m], t, u, theta) for m in range(len(side))])
+            t, z = float(found.t[-1]), found.y[:, -1]
+            if found.status == 0:
+                return z, OK
+            if found.status < 0:
+                return z, _stuck(model, derivative, z, u, theta, first)
+            m = next(m for m, times in enumerate(found.t_events) if len(times))
+            if m >= model.n_surfaces:
+                return z, LEFT_DOMAIN
+            if m < model.n_jumps:
+                return z, MET_JUMP
+            if not cross_kinks:
+                return z, MET_KINK
+            side[m] = -side[m]
+            if t > found.t[-2]:  # once more, with a step that ends here: the last one reached past the kink
+                z = solve(found.t[-2], t, found.y[:, -2], [], first_step=t - found.t[-2]).y[:, -1]
         except _TooMany:
             return z, STEP_LIMIT
-        t, z = float(found.t[-1]), found.y[:, -1]
-        if found.status == 0:
-            return z, OK
-        if found.status < 0:
-            return z, _stuck(model, derivative, z, u, theta, first)
-        m = next(m for m, times in enumerate(found.t_events) if len(times))
-        if m >= model.n_surfaces:
-            return z, LEFT_DOMAIN
-        if m < model.n_jumps:
-            return z, MET_JUMP
-        if not cross_kinks:
-            return z, MET_KINK
-        side[m] = -side[m]
     return z, STEP_LIMIT
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +48,8 @@ def sensitivities(
 
         def derivative(z: Array, k: int = k, size: Array = size) -> Array:
             state, s = z[:n_x], z[n_x:].reshape(n_x, p)
-            return np.concatenate([(rates := tangents(model.rhs, state, s, u[k], rows[k], size, model.scale, by_complex_step))[0], rates[1].ravel()])
+            rates, along = tangents(model.rhs, state, s, u[k], rows[k], size, model.scale, by_complex_step)
+            return np.concatenate([rates, along.ravel()])
 
         if n_x:
             z0 = np.concatenate([x0[k], np.zeros(n_x * p)])
@@ -65,7 +66,9 @@ def sensitivities(
     dx[status != OK], dy[status != OK] = 0.0, 0.0
     if count:
         kind = "complex step" if by_complex_step else "central differences (the functions do not take complex numbers)"
-        what = f"1 integration of {n_x * (p + 1)} states per point, with {(p if by_complex_step else 2 * p) + 1} rows per evaluation"
+        what = (
+            f"1 integration of {n_x * (p + 1)} states per point, with {(p if by_complex_step else 2 * p) + 1} rows per evaluation"
+        )
         _warn(model, f"sensitivities by {kind}", what, (perf_counter() - start) / count)
     return x, y, dx, dy, status
 
@@ -134,8 +137,8 @@ def _end(model: CallableCore, x0: Array, u: Array, dt: float, theta: Array, sett
 def _outputs(model: CallableCore, x: Array, u: Array, theta: Array, status: IntArray) -> tuple[Array, IntArray]:
     """Outputs and statuses: where an output is not finite it is zero, and the status says so."""
     y = np.asarray(model.output(x, u, theta), dtype=np.float64)
-    bad = ~np.isfinite(y).all(axis=1)
-    return np.where(bad[:, None], 0.0, y), np.where(bad & (status == OK), NOT_FINITE, status).astype(np.int32)
+    bad = np.any(~np.isfinite(y), axis=1)
+    return np.where(bad.reshape(-1, 1), 0.0, y), np.where(bad & (status == OK), NOT_FINITE, status).astype(np.int32)
 
 
 def _rows(theta: Array, count: int) -> Array:
@@ -149,4 +152,6 @@ def _warn(model: CallableCore, what: str, cost: str, seconds: float) -> None:
         return
     model.warned.add(kind)
     advice = "a SymbolicModel is hundreds of times faster"
-    warnings.warn(f"CallableModel {model.name!r}: {what}: {cost}, {1e3 * seconds:.3g} ms per point; {advice}", UserWarning, stacklevel=4)
+    warnings.warn(
+        f"CallableModel {model.name!r}: {what}: {cost}, {1e3 * seconds:.3g} ms per point; {advice}", UserWarning, stacklevel=4
+    )
