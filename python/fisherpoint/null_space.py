@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import qr
 
 from .quantity import Array
 
@@ -31,6 +30,8 @@ def unscaled(v: Array, length: Array) -> Array:
 
 def pivots(directions: Array) -> list[int]:
     """Columns, one for each of d independent rows (d, p), by which the space of these rows is best told."""
+    from scipy.linalg import qr  # slow to import, and seldom needed
+
     chosen: list[int] = qr(directions, mode="r", pivoting=True)[1][: len(directions)].tolist()
     return chosen
 
