@@ -107,5 +107,6 @@ def test_designs_are_saved_reported_and_drawn(problem: fp.DesignProblem, tmp_pat
     assert drawn == {"criterion", "points", "standard_errors", "correlation"} | (
         {"trajectories"} if problem.model.states else set()
     )
-    labels = [axes.get_xlabel() for axes in plots.plot_points(design).axes]
-    assert labels[0] == ("d [mol/L]" if problem.model is dose else "c [mol/L]")
+    axes = plots.plot_points(design).axes[0]
+    shown = ("d [mol/L]", "E [1]") if problem.model is dose else ("dt [s]", "c [mol/L]")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == shown
