@@ -55,7 +55,7 @@ class Identifiability:
     n_points, n_theta : int
         Starts and sets of parameters that were used.
     left_out : mapping of reason to int
-        Draws that were no points, by the names of their statuses.
+        Draws that were not taken: by the names of their statuses, or as "inaccurate" where the tolerance matters too much.
     """
 
     parameters: tuple[str, ...]
@@ -123,8 +123,8 @@ def identifiability(
     prior : GaussianPrior, optional
         Where theta is drawn: within one standard deviation of the mean. Default: within 40 % of the model's nominal values.
     region : ExperimentRegion, optional
-        Where points are drawn. Default: states between 0.1 and 1 and inputs between -1 and 1 natural sizes (`Quantity.scale`), and
-        durations in which states change by about as much.
+        Where points are drawn. Default: states and inputs up to their natural sizes (`Quantity.scale`), of either sign where the
+        model takes that, and durations in which states change by about as much.
     n_points : int, optional
         Starts at each theta. Default: four times what p parameters need, at least 20.
     n_theta : int

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .experiments import Experiments
 from .models import Model
@@ -16,6 +18,9 @@ from .trajectories import Status, on_surface, sensitivities
 
 TIGHT, LOOSE = 1e-10, 1e-8
 """Tolerances of the sensitivities, and of others that show how far off these may be."""
+
+AGREEMENT = 1e-5
+"""What the two may differ by, as a share of the largest at any point."""
 
 RECORD = 8
 """Samples of a record, where starts are not known."""
@@ -129,13 +134,23 @@ class Sampler:
         results = [sensitivities(self._freed, records, full, rtol, self._threads) for rtol in (TIGHT, LOOSE)]
         status = np.max([result.status.reshape(-1, samples) for result in results], axis=(0, 2), initial=0)
         self.left_out.update(Status(value).name for value in status.tolist() if value)
-        self.left_out = +self.left_out
+        shape = (len(points), samples, len(self._model.outputs), len(self._all_columns))
+        near, far = (result.dy_dtheta[:, :, self._all_columns].reshape(shape) for result in results)
         ok = status == Status.ok
-        near, far = (
-            result.dy_dtheta[:, :, self._all_columns].reshape(len(points), samples, -1, len(self._all_columns))[ok]
-            for result in results
-        )
-        return points.x0[ok], near, far
+        accurate = _agree(near, far, ok)
+        self.left_out.update({"inaccurate": int((ok & ~accurate).sum())})
+        self.left_out = +self.left_out  # without those that did not occur
+        return points.x0[accurate], near[accurate], far[accurate]
+
+
+def _agree(near: Array, far: Array, ok: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which of the ok points have sensitivities (K, samples, n_y, columns) that do not hang on the tolerance.
+
+    One that grazes a kink may; it would hide small singular values.
+    """
+    size = np.abs(near[ok]).max(axis=(0, 1), initial=0.0)
+    agreed: NDArray[np.bool_] = ok & (np.abs(near - far) <= AGREEMENT * size).all(axis=(1, 2, 3))
+    return agreed
 
 
 def draw_theta(model: Model, prior: GaussianPrior | None, count: int, rng: np.random.Generator) -> Array:
@@ -173,15 +188,26 @@ def draw_theta(model: Model, prior: GaussianPrior | None, count: int, rng: np.ra
 
 
 def default_region(model: Model, theta: Array) -> ExperimentRegion:
-    """A box in natural sizes: states in 0.1 to 1, inputs in -1 to 1, and durations in which a state changes by about its size."""
+    """A box in natural sizes: states and inputs of either sign where the model takes that, and durations to match.
+
+    In its durations states change by about their natural size.
+    """
     size = {q.name: q.scale or 1.0 for q in (*model.states, *model.inputs)}
-    bounds = {q.name: (0.1 * size[q.name], size[q.name]) for q in model.states}
-    bounds |= {q.name: (-size[q.name], size[q.name]) for q in model.inputs}
+    bounds = {name: (0.1 * one, one) for name, one in size.items()}
+    both = [name for name, (low, high) in bounds.items() if len(_rates(model, bounds | {name: (-high, -low)}, theta))]
+    bounds |= {name: (-size[name], size[name]) for name in both}
     if not model.states:
         return ExperimentRegion(bounds)
-    sample = ExperimentRegion(bounds | {"dt": (1.0, 1.0)}).draw(model, 200, np.random.default_rng(0))
-    rates = model.core.rhs(sample.x0, sample.u, np.broadcast_to(theta, (len(sample), len(theta))).copy())
-    fastest = np.abs(rates / [size[q.name] for q in model.states]).max(axis=1)
-    usual = fastest[np.isfinite(fastest) & (fastest > 0)]
-    duration = 1 / float(np.median(usual)) if len(usual) else 1.0
+    fastest = np.abs(_rates(model, bounds, theta) / [size[q.name] for q in model.states]).max(axis=1)
+    duration = 1 / float(np.median(fastest[fastest > 0])) if fastest.any() else 1.0
     return ExperimentRegion(bounds | {"dt": (0.1 * duration, duration)})
+
+
+def _rates(model: Model, bounds: Mapping[str, tuple[float, float]], theta: Array) -> Array:
+    """f (n, n_x) at those of 200 random points at which the model has a value."""
+    dt = {"dt": (1.0, 1.0)} if model.states else {}
+    sample = ExperimentRegion({**bounds, **dt}).draw(model, 200, np.random.default_rng(0))
+    arguments = (sample.x0, sample.u, np.tile(theta, (len(sample), 1)))
+    rates, output, limits = (function(*arguments) for function in (model.core.rhs, model.core.output, model.core.limits))
+    inside = np.isfinite(rates).all(axis=1) & np.isfinite(output).all(axis=1) & (limits[:, len(model.poles) :] > 0).all(axis=1)
+    return np.asarray(rates[inside], dtype=np.float64)

@@ -11,6 +11,7 @@ import fisherpoint as fp
 from conftest import random_points
 from defaults import MODEL, NAMES, PRIOR
 from fisherpoint.null_space import column_scaled_svd, pivots, reduced_basis
+from fisherpoint.sensitivity_stack import _agree, default_region
 
 TANKS = ["-k1*sqrt(h1) + k4*u", "k2*sqrt(h1) - k3*sqrt(h2)"]
 WEIR = ["-k1*sqrt(h1) + k4*u - k5*max(h1 - level, 0)", "k2*sqrt(h1) - k3*sqrt(h2) + k5*max(h1 - level, 0)"]
@@ -280,3 +281,29 @@ def test_the_scaled_svd_has_p_values_for_any_number_of_rows(rows: int) -> None:
     np.testing.assert_allclose(vectors @ vectors.T, np.eye(4), atol=1e-12)
     assert (values > 1e-9).sum() == min(rows, 3)
     np.testing.assert_allclose(length, np.linalg.norm(matrix, axis=0))
+
+
+def test_points_whose_sensitivities_hang_on_the_tolerance_are_left_out() -> None:
+    near = np.random.default_rng(0).normal(size=(5, 2, 3, 4)) * np.array([1e9, 1.0, 1e-9, 0.0])
+    far = near * (1 + 1e-7)
+    far[1, 0, 2, 2] += 1e-3 * np.abs(near[:, :, 2, 2]).max()
+    ok = np.array([True, True, True, False, True])
+    assert _agree(near, far, ok).tolist() == [True, False, True, False, True]
+
+
+def test_the_default_region_has_either_sign_where_the_model_takes_it() -> None:
+    region = default_region(MODEL, MODEL.theta(MODEL.nominal))
+    signs = {name: np.sign(low) for name, (low, _) in region.bounds.items()}
+    assert signs == {"q": 1, "v": -1, "p_A": 1, "p_B": 1, "x_v": -1, "u": -1, "dt": 1}
+    assert region.bounds["p_A"] == (1e6, 1e7) and 1e-5 < region.bounds["dt"][1] < 1e-1
+
+
+def test_friction_and_an_offset_are_told_apart_by_motion_to_both_sides() -> None:
+    nominal = {"Fv": 2.0, "Fc": 0.2, "b": -0.1, "M": 0.9}
+    f = ["v", "(u - Fv*v - Fc*sign(v) - b)/M"]
+    axis = fp.SymbolicModel(f, ["q"], {"q": "m", "v": "m/s"}, {"u": "V"}, dict.fromkeys(nominal, "1"), nominal=nominal)
+    assert fp.identifiability(axis).identifiable
+    forward = fp.ExperimentRegion({"q": (0.0, 1.0), "v": (0.5, 1.0), "u": (0.5, 1.0), "dt": (0.01, 0.1)})
+    assert fp.identifiability(axis, region=forward).null_directions == (
+        "Fc up by 1, b down by 1: no output changes; only Fc + b can be told",
+    )
