@@ -79,6 +79,14 @@ def test_a_chain_of_derivatives_is_known() -> None:
     assert model(["b", "c", "-j*c - k*a", "-m*d*b"], ["a", "d"], "j k m").blocks == (("j", "k"), ("m",))
 
 
+def test_a_state_that_no_parameter_moves_is_known() -> None:
+    """An unmeasured drive, and the integral of a measured signal, start at a known value and follow from what is known."""
+    assert model(["-k*a + c", "-m*b + c", "u - c"], ["a", "b"], "k m").blocks == (("k",), ("m",))
+    assert model(["-k*a + c", "-m*b + c", "w*u - c"], ["a", "b"], "k m w").blocks == (("k", "m", "w"),)
+    assert model(["-k*a + c", "-m*b + c", "a"], ["a", "b"], "k m").blocks == (("k",), ("m",))
+    assert model(["-k*a + c", "-m*b + c", "d", "-k*d"], ["a", "b"], "k m").blocks == (("k", "m"),)
+
+
 def test_a_shared_parameter_joins_equations() -> None:
     assert model(["-k*a", "-k*b + m*u"], ["a", "b"], "k m").blocks == (("k", "m"),)
 

@@ -148,22 +148,38 @@ def test_the_cylinder_meets_what_it_meets_and_crosses_its_kink(quiet: None) -> N
         fp.simulate(cylinder(), fp.Experiments([[0.1, 0.0, 6e6, 6e6, 0.1]], [[0.1]], [1e-3]), MODEL.nominal)
 
 
+def spring(x: Any, u: Any, p: Any) -> Any:
+    """An oscillator whose spring is stiffer on one side."""
+    return [x.b, -np.where(x.a > 0, p.k, p.m) * x.a]
+
+
+def side(x: Any, u: Any, p: Any) -> Any:
+    return x.a
+
+
+def springs() -> tuple[fp.Model, fp.Model]:
+    """The oscillator by functions and by equations."""
+    states, parameters = {"a": "1", "b": "1"}, {"k": "1", "m": "1"}
+    by_equations = fp.SymbolicModel(["b", "-where(a > 0, k, m)*a"], ["a"], states, {}, parameters)
+    return fp.CallableModel(spring, side, states, {}, parameters, kinks={"a": side}), by_equations
+
+
 def test_a_kink_is_crossed_again_and_again(quiet: None) -> None:
-    """An oscillator whose spring is stiffer on one side: five half turns."""
-    states, parameters, nominal = {"a": "1", "b": "1"}, {"k": "1", "m": "1"}, {"k": 4.0, "m": 1.0}
-
-    def spring(x: Any, u: Any, p: Any) -> Any:
-        return [x.b, -np.where(x.a > 0, p.k, p.m) * x.a]
-
-    def side(x: Any, u: Any, p: Any) -> Any:
-        return x.a
-
-    model = fp.CallableModel(spring, side, states, {}, parameters, kinks={"a": side})
+    """Five half turns."""
     given = fp.Experiments([[1.0, 0.2], [-0.5, 0.1]], np.empty((2, 0)), [12.0, 11.0])
-    equations = fp.SymbolicModel(["b", "-where(a > 0, k, m)*a"], ["a"], states, {}, parameters)
-    found, expected = (fp.sensitivities(one, given, nominal, rtol=1e-9) for one in (model, equations))
+    found, expected = (fp.sensitivities(one, given, [4.0, 1.0], rtol=1e-9) for one in springs())
     np.testing.assert_allclose(found.x, expected.x, rtol=0, atol=1e-8)
     np.testing.assert_allclose(found.dx_dtheta, expected.dx_dtheta, rtol=0, atol=1e-7)
+
+
+def test_no_step_reaches_past_a_kink() -> None:
+    """One that did would be off by 3e-5 here, and by 3e-3 with the looser tolerance."""
+    rng = np.random.default_rng(0)
+    given = fp.Experiments(rng.uniform(0.2, 1, (20, 2)) * [1, -1], np.empty((20, 0)), rng.uniform(0.5, 2, 20))
+    functions, equations = springs()
+    exact = fp.simulate(equations, given, [400.0, 1.0], rtol=1e-12).x
+    for rtol in (1e-3, 1e-6):
+        assert np.abs(fp.simulate(functions, given, [400.0, 1.0], rtol=rtol).x - exact).max() < rtol
 
 
 @pytest.mark.parametrize(("rule", "k"), [(fp.TensorGrid(levels=3), 2), (fp.SparseGaussHermite(2), 3)])

@@ -53,7 +53,7 @@ class CallableModel(Model):
     Trajectories are integrated one by one with `scipy.integrate.solve_ivp`, on one core, whatever `threads` says. Sensitivities
     come from the equations of variation with derivatives of f and g along their directions: by complex step where the functions
     take complex numbers and do not lose them, which is tried once, else by central differences. A `UserWarning` at the first use
-    says which, and what it costs. Equations (`SymbolicModel`) are hundreds of times faster.
+    says which, and what it costs. Equations (`SymbolicModel`) are a thousand times faster and more.
 
     Parameters
     ----------

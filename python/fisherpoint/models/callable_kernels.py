@@ -151,7 +151,7 @@ def _warn(model: CallableCore, what: str, cost: str, seconds: float) -> None:
     if kind in model.warned:
         return
     model.warned.add(kind)
-    advice = "a SymbolicModel is hundreds of times faster"
+    advice = "a SymbolicModel is a thousand times faster"
     warnings.warn(
         f"CallableModel {model.name!r}: {what}: {cost}, {1e3 * seconds:.3g} ms per point; {advice}", UserWarning, stacklevel=4
     )
