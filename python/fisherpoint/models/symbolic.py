@@ -19,7 +19,7 @@ from .base import Model
 from .compiled import compiled_library
 from .expressions import checked, symbol
 from .printing import to_text
-from .quantities import Described, check_distinct, constants_of, quantities_of
+from .quantities import Described, check_distinct, constants_of, quantities_of, start_offsets
 from .show import latex, shown
 from .structure import Equations, Structure
 from .text import parse_equation
@@ -186,6 +186,19 @@ class SymbolicModel(Model):
             values={**self.constants, **values},
             nominal={name: value for name, value in self.nominal.items() if name not in values},
         )
+
+    def free_start(self, *names: str) -> SymbolicModel:
+        """Return the model in which these states start off their x0 by a further parameter each: they come last, nominally 0."""
+        offsets = start_offsets(self, names)
+        shift = {symbol(name): symbol(name) + symbol(offset.name) for name, offset in zip(names, offsets, strict=True)}
+        equations = self.equations
+        f, g, domain = (
+            [expression.xreplace(shift) for expression in of] for of in (equations.rates, equations.output, equations.conditions)
+        )
+        constants = {q.name: (self.constants[q.name], q) for q in self.constant_quantities}
+        parameters = (*self.parameters, *offsets)
+        nominal = {**self.nominal, **dict.fromkeys(names_of(offsets), 0.0)}
+        return SymbolicModel(f, g, self.states, self.inputs, parameters, self.outputs, constants, domain, self.name, nominal)
 
     def _replaced(
         self,
