@@ -9,7 +9,11 @@ import time
 
 import atheris
 
-with atheris.instrument_imports(include=["fisherpoint"]):
+with atheris.instrument_imports(include=["fisherpoint"]):  # what is imported later, in functions, is not instrumented
+    import fisherpoint.models.dependence
+    import fisherpoint.models.surfaces
+    import fisherpoint.models.symbolic
+    import fisherpoint.tape.programs
     from fisherpoint.models.text import parse_equation
 
 import sympy

@@ -5,6 +5,8 @@ import pytest
 
 import fisherpoint as fp
 
+pytestmark = pytest.mark.kernels
+
 MODEL = fp.HydraulicCylinder()
 SYMBOLIC = MODEL.symbolic()
 THETA = MODEL.theta(MODEL.nominal)
