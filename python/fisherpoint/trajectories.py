@@ -190,7 +190,7 @@ def on_surface(model: Model, points: Experiments, theta: Array) -> dict[str, NDA
 
 def refuse_starts_on_surfaces(model: Model, points: Experiments, theta: Array) -> None:
     for surface, rows in on_surface(model, points, theta).items():
-        where = f"off {surface} = 0, where the model divides by zero"
+        where = f"off {surface} = 0, a divisor of the model or an argument of its roots"
         if surface in (*model.jumps, *model.kinks):
             where = f"off the switching surface {surface} = 0, where the model is not differentiable"
         listed = ", ".join(f"points[{k}]" for k in rows[:5]) + (" ..." if len(rows) > 5 else "")

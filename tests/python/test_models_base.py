@@ -14,7 +14,7 @@ from defaults import MODEL
 
 def test_the_cylinder_is_a_model_with_its_scales() -> None:
     assert isinstance(MODEL, fp.Model)
-    assert [quantity.scale for quantity in MODEL.states] == [0.5, 1.0, 1e7, 1e7, 1.0]
+    assert [quantity.scale for quantity in MODEL.states] == [0.5, None, 1e7, 1e7, None]
     assert [axis.name for axis in MODEL.axes] == ["q", "v", "p_A", "p_B", "x_v", "u", "dt"]
     assert MODEL.domain[:2] == ("p_A - p_t", "p_s - p_A")
     again = pickle.loads(pickle.dumps(fp.HydraulicCylinder(k_u=1.0)))

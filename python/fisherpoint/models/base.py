@@ -19,7 +19,7 @@ DURATION = Quantity("dt", "s", "duration")
 
 def quantities(described: Iterable[tuple[str, str, str, float]]) -> tuple[Quantity, ...]:
     """Quantities as the core describes them."""
-    return tuple(Quantity(*entries) for entries in described)
+    return tuple(Quantity(name, unit, text, None if scale == 1 else scale) for name, unit, text, scale in described)
 
 
 class Model(ABC):
@@ -38,7 +38,7 @@ class Model(ABC):
     domain : tuple of str
         What must stay positive so that f and g have a value.
     poles : tuple of str
-        The first of `domain`: divisors, which may have either sign but must not change it.
+        The first of `domain`: divisors and the like, which may have either sign but must not change it.
     """
 
     name: str

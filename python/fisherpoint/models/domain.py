@@ -10,6 +10,7 @@ import sympy
 
 from ..tape.branch import Select
 from .printing import to_text
+from .surfaces import Surface
 from .zeros import normal_form, reduced
 
 
@@ -32,9 +33,13 @@ class Domain:
     ----------
     constants : mapping of sympy.Symbol to float
         What helps to see that an expression is positive.
+    surfaces : sequence of Surface
+        The switching surfaces whose sides the expressions read. What vanishes on one of them and has a value only on one of its
+        sides, as sqrt(x) where x > 0, has no derivative there: it becomes a pole, so that points may start on either side.
     """
 
-    def __init__(self, constants: Mapping[Any, float]) -> None:
+    def __init__(self, constants: Mapping[Any, float], surfaces: Sequence[Surface]) -> None:
+        self._switching = {normal_form(surface.expression)[0]: surface.side for surface in surfaces}
         self._constants = {symbol: sympy.Float(value) for symbol, value in constants.items()}
         self._limits: dict[tuple[Any, int | None, Guards], Limit] = {}
         self._visited: set[Any] = set()
@@ -86,7 +91,14 @@ class Domain:
             known = shown.xreplace(self._constants)
             if known.is_positive or (pole and known.is_nonzero):
                 return
-        form, sign = normal_form(expression)
+        smooth = sympy.Mul(*(factor for factor in sympy.Mul.make_args(expression) if not isinstance(factor, sympy.Dummy)))
+        form, sign = normal_form(smooth)
+        side = self._switching.get(form)
+        if side is not None and (smooth != expression or any(condition == side for condition, _ in guards)):
+            guards = tuple(guard for guard in guards if guard[0] != side)
+            expression, written, pole = smooth, written if smooth == expression else smooth, True
+        else:
+            form, sign = normal_form(expression)
         shown, turned = reduced(written) if not expression.is_number else (written, 1)
         if turned < 0 and not pole:
             shown = -shown

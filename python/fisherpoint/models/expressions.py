@@ -56,9 +56,11 @@ def checked(expression: Any, symbols: Mapping[str, sympy.Symbol], place: str) ->
         raise ValueError(f"{place}: expected an expression, given {expression!r:.60}") from None
     if not isinstance(expression, sympy.Expr):
         raise ValueError(f"{place}: expected an expression, given {expression!s:.60}")
+    functions = expression.atoms(AppliedUndef)  # x(t), as sympy.physics.mechanics has it
+    expression = expression.xreplace({function: sympy.Symbol(function.func.__name__) for function in functions})
     replaced: dict[Any, Any] = {}
     for part in list(parts(expression)):
-        if isinstance(part, sympy.Symbol | AppliedUndef):
+        if isinstance(part, sympy.Symbol):
             replaced[part] = _known(part, symbols, place)
         elif isinstance(part, Equality | Unequality) or not isinstance(part, (*_KNOWN, sympy.NumberSymbol)):
             what = str(part) if isinstance(part, Relational) else part.func.__name__
@@ -90,10 +92,9 @@ def _is_decimal_root(part: Any) -> bool:
 
 
 def _known(part: Any, symbols: Mapping[str, sympy.Symbol], place: str) -> sympy.Symbol:
-    name = part.func.__name__ if isinstance(part, AppliedUndef) else part.name
-    if name not in symbols:
-        raise ValueError(f"{place}: expected the names {', '.join(symbols)}; given unknown {name!r:.60}")
-    return symbols[name]
+    if part.name not in symbols:
+        raise ValueError(f"{place}: expected the names {', '.join(symbols)}; given unknown {part.name!r:.60}")
+    return symbols[part.name]
 
 
 def _number(part: Any, place: str) -> Any:

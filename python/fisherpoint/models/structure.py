@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import sympy
 
 from ..quantity import Array
 from ..tape.programs import Programs, build_programs
@@ -39,7 +40,7 @@ class Structure:
         self.output = [by_value.rewrite(expression) for expression in equations.output]
         self.surfaces: list[Surface] = classified(self.rates, by_side.surfaces, equations.states)
 
-        domain = Domain(equations.constants)
+        domain = Domain(equations.constants, self.surfaces)
         for condition in equations.conditions:
             domain.declare(by_value.rewrite(condition), condition)
         for rewritten, branches in ((self.rates, by_side), (self.output, by_value)):
@@ -47,8 +48,14 @@ class Structure:
                 domain.read(expression, branches.origin)
         for surface in self.surfaces:
             domain.read(surface.expression, by_side.origin)
-        moving = {*equations.states, *equations.inputs, *(surface.side for surface in self.surfaces)}
+        # Sides are what f is held at; surfaces and limits themselves are by value.
+        sides: dict[Any, Any] = {}
+        for surface in by_side.surfaces:
+            sides[surface.side] = sympy.sign(surface.expression.xreplace(sides))
+        moving = {*equations.states, *equations.inputs, *sides}
+        self.surface_values = [surface.expression.xreplace(sides) for surface in self.surfaces]
         self.limits = [limit for limit in domain.limits if limit.expression.free_symbols & moving]
+        self.limit_values = [limit.expression.xreplace(sides) for limit in self.limits]
         self._of_parameters = [limit for limit in domain.limits if not limit.expression.free_symbols & moving]
         self._check_constants()
 
@@ -81,7 +88,7 @@ class Structure:
         return build_programs(
             self.rates,
             self.output,
-            [*(surface.expression for surface in self.surfaces), *(limit.expression for limit in self.limits)],
+            [*self.surface_values, *self.limit_values],
             equations.states,
             equations.inputs,
             equations.parameters,

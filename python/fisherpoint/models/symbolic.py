@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -162,7 +163,7 @@ class SymbolicModel(Model):
         values: Mapping[str, float],
         nominal: Mapping[str, float],
     ) -> SymbolicModel:
-        constants = {q.name: (values[q.name], q) for q in constant_quantities}
+        constants = {q.name: (values[q.name], replace(q, scale=None)) for q in constant_quantities}
         f, g, domain = self.texts
         return SymbolicModel(f, g, self.states, self.inputs, parameters, self.outputs, constants, domain, self.name, nominal)
 
@@ -191,7 +192,9 @@ class SymbolicModel(Model):
         constants = {symbols[name] for name in self.constants}
         for quantity, expression in zip(self.outputs, output, strict=True):
             if not expression.free_symbols - constants:
-                raise ValueError(f"{self._place_of(quantity)}: expected an output that depends on something, given {to_text(expression):.60}")
+                raise ValueError(
+                    f"{self._place_of(quantity)}: expected an output that depends on something, given {to_text(expression):.60}"
+                )
 
     def _check_theta(self, rows: Array) -> None:
         self.structure.check_theta(rows)

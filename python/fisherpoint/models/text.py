@@ -30,6 +30,7 @@ _COMPARISONS: dict[type[ast.AST], Any] = {
     ast.Gt: sympy.StrictGreaterThan,
     ast.GtE: sympy.GreaterThan,
 }
+_BLANKS = str.maketrans("\t\n\r", "   ")  # an equation may go over several lines
 _EXPECTED = f"names, numbers, + - * / ** and the functions {', '.join(NAMES)}"
 
 
@@ -55,13 +56,14 @@ def parse_equation(text: object, symbols: Mapping[str, sympy.Symbol], place: str
         raise ValueError(f"{place}: expected an equation as text, given {text!r:.60}")
     if len(text) > MAX_LENGTH:
         raise ValueError(f"{place}: expected an equation of at most {MAX_LENGTH} characters, given {len(text)}")
-    reader = _Reader(" ".join(text.split()), symbols, place)
+    reader = _Reader(text.translate(_BLANKS), symbols, place)
     return checked(reader.expression(reader.tree(), 0), symbols, place)
 
 
 class _Reader:
     def __init__(self, text: str, symbols: Mapping[str, sympy.Symbol], place: str) -> None:
-        self.text, self.symbols, self.place = text, symbols, place
+        self.text, self.symbols, self.place = text.strip(), symbols, place
+        self.indent = len(text) - len(text.lstrip())
 
     def tree(self) -> ast.expr:
         self.check_brackets()
@@ -83,7 +85,7 @@ class _Reader:
 
     def refuse(self, what: str, column: int) -> NoReturn:
         given = self.text[max(column, 0) :][:30] or "the end"
-        raise ValueError(f"{self.place}: column {column + 1}: {what}; given {given!r}")
+        raise ValueError(f"{self.place}: column {self.indent + column + 1}: {what}; given {given!r}")
 
     def refuse_node(self, what: str, node: ast.expr) -> NoReturn:
         self.refuse(what, len(self.text.encode()[: node.col_offset].decode()))  # the tree counts bytes

@@ -41,7 +41,9 @@ def _table(name: str, entries: list[tuple[str, str]]) -> Iterator[str]:
 
 
 def _entry(quantity: Quantity, **others: float | str | None) -> str:
-    given: dict[str, Any] = {**others, "unit": quantity.unit, "scale": quantity.scale, "description": quantity.description or None}
+    given = {"unit": quantity.unit, "scale": quantity.scale, "description": quantity.description or None}
+    numbers = {key: value for key, value in others.items() if not isinstance(value, str)}
+    given = numbers | given | others
     known = {key: value for key, value in given.items() if value is not None}
     if list(known) == ["unit"]:
         return _string(quantity.unit)
@@ -77,7 +79,9 @@ def _equations(table: ModelTable) -> tuple[list[str], list[str]]:
     expected = list(dict.fromkeys([*states, *outputs]))
     for name in equations:
         if name not in expected:
-            raise ValueError(f"equations.{name}: expected an equation for each of {', '.join(expected)}; given one for {name!r:.60}")
+            raise ValueError(
+                f"equations.{name}: expected an equation for each of {', '.join(expected)}; given one for {name!r:.60}"
+            )
     for name in expected:
         if name not in equations and (name in states or name not in table.inputs):
             what = f"the rate of {name}" if name in states else name

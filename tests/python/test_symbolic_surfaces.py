@@ -1,0 +1,200 @@
+"""What a model finds in its equations: switching surfaces, jump or kink, and where f and g have a value."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fisherpoint as fp
+from fisherpoint.models.evaluate import evaluate
+
+
+def model(rate: str, **changes: Any) -> fp.SymbolicModel:
+    """Three states, with the rate of the first."""
+    arguments: dict[str, Any] = {
+        "f": [rate, "b*x", "k*x"],
+        "g": ["b*x + k*y"],
+        "states": dict.fromkeys(("x", "y", "v"), "1"),
+        "inputs": {"u": "1"},
+        "parameters": dict.fromkeys(("a", "b", "k"), "1"),
+        "outputs": {"z": "1"},
+    }
+    return fp.SymbolicModel(**(arguments | changes))
+
+
+@pytest.mark.parametrize(
+    ("f", "jumps", "kinks"),
+    [
+        ("a*sign(v)", ["v"], []),
+        ("sign(v)*v", [], ["v"]),
+        ("heaviside(x)", ["x"], []),
+        ("x*heaviside(x)", [], ["x"]),
+        ("x*heaviside(x) + y*heaviside(-x)", ["x"], []),
+        ("abs(v)", [], ["v"]),
+        ("max(x - a, 0)", [], ["x - a"]),
+        ("min(k*(x - a), b)", [], ["k*(x - a) - b"]),
+        ("max(x, y, v)", [], ["v - x", "max(v, x) - y"]),
+        ("where(x > a, b*(x - a), 0)", [], ["x - a"]),
+        ("where(x > a, b, 0)", ["x - a"], []),
+        ("where(a >= x, b, 0)", ["a - x"], []),
+        ("where(x > a and y > 0, x - a, 0)", ["y"], ["x - a"]),
+        ("where(x > 0 or y > 0, 1, 0)", ["x", "y"], []),
+        ("where(x > 0, where(y > 0, x*y, 0), 0)", [], ["y", "x"]),
+        ("where(x**2 + y**2 < 1, 1 - x**2 - y**2, 0)", [], ["x**2 + y**2 - 1"]),
+        ("where(x**2 + y**2 < 1, 1, 0)", ["x**2 + y**2 - 1"], []),
+        ("a*where(sin(x) > b, sin(x) - b, 0)", [], ["sin(x) - b"]),
+        ("where(exp(x)*y > b, exp(2*x)*y**2 - b**2, 0)", [], ["y*exp(x) - b"]),
+        ("a*(sqrt(x*x + 1) - 1)*sign(x)", [], ["x"]),
+        ("sqrt(x**2)", [], ["x"]),
+        # one surface, however it is scaled or turned
+        ("sign(-2*v) + 3*sign(v) + abs(3*v)", ["v"], []),
+        ("abs(x - y) + abs(2*y - 2*x)", [], ["x - y"]),
+        ("sign(v*exp(x))", ["v"], []),
+        # from the inside out: f jumps at v = 0 only by way of the other surface
+        ("abs(abs(x) - 1)", [], ["x", "abs(x) - 1"]),
+        ("sign(x + sign(v))", ["v", "x + sign(v)"], []),
+        # what no state enters cannot be crossed
+        ("sign(u)*x + abs(a)*x + max(u, a)*x", [], []),
+        ("sign(2 + sign(v))*x", [], ["v"]),
+    ],
+)
+def test_surfaces_and_their_kinds(f: str, jumps: list[str], kinks: list[str]) -> None:
+    found = model(f)
+    assert sorted(found.jumps) == sorted(jumps)
+    assert sorted(found.kinks) == sorted(kinks)
+
+
+@pytest.mark.parametrize(
+    "f",
+    [
+        "x*heaviside(x) + y*heaviside(-x)",
+        "min(k*(x - a), b)",
+        "max(x, y, v, 0.5)",
+        "where(x > a and (y > 0 or not v >= u), x - a, where(u < 1, y, k))",
+        "abs(abs(x) - 1) + sign(x + sign(v))",
+        "sign(-2*v) + 3*sign(v) + abs(3*v)",
+        "where(u >= 1, 1, 2)*x + where(1 >= u, 3, 4)*x",
+        "b/max(x**2, 1)",
+    ],
+)
+def test_f_by_sides_is_f(f: str) -> None:
+    found, rng = model(f), np.random.default_rng(1)
+    programs, surfaces = found.structure.programs, len(found.jumps + found.kinks)
+    x, u, theta = rng.normal(size=(200, 3)), rng.normal(size=(200, 1)), rng.normal(size=(200, 3))
+    u[:20] = 1.0
+    side = np.ones((200, surfaces))
+    for _ in range(surfaces + 1):  # a surface may read the side of another
+        side = np.where(programs.surfaces.evaluate(theta, u, x, side, x)[:, :surfaces] > 0, 1.0, -1.0)
+    equations = found.equations
+    columns = zip([*equations.states, *equations.inputs, *equations.parameters], [*x.T, *u.T, *theta.T], strict=True)
+    expected = np.column_stack(evaluate(equations.rates, dict(columns)))
+    np.testing.assert_allclose(programs.rates.evaluate(theta, u, x, side, x), expected, rtol=1e-13, atol=1e-14)
+    np.testing.assert_allclose(found.rhs(x, u, theta), expected, rtol=1e-13, atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("f", "poles", "domain"),
+    [
+        ("sqrt(x)", [], ["x"]),
+        ("1/x", ["x"], []),
+        ("1/sqrt(x)", [], ["x"]),
+        ("x**1.5 + x**a", [], ["x"]),
+        ("x**-2 + x**3", ["x"], []),
+        ("log(x*y)", [], ["x*y"]),
+        ("asin(x)", [], ["1 - x", "x + 1"]),
+        ("tan(x)", ["cos(x)"], []),
+        ("1/(x - y) + 1/(y - x)", ["x - y"], []),
+        ("x/(k + x)", ["k + x"], []),
+        ("1/x + sqrt(2*x)", [], ["x"]),  # a root keeps its argument from zero
+        ("sqrt(u)*x", [], ["u"]),
+        ("sqrt(sqrt(x) + y)", [], ["sqrt(x) + y", "x"]),
+        ("sqrt(x)/(1 + x)", [], ["x"]),  # positive as x is
+        ("1/(1 + x**2) + sqrt(1 + exp(x)) + 1/(abs(x) + 1)", [], []),
+        ("sqrt(a)*x/b", [], []),  # of the parameters alone
+        ("sign(v)*sqrt(abs(v)) + where(x > 0, sqrt(x), 0) + where(y < 0, sqrt(-2*y), 1)", ["v", "y", "x"], []),
+        ("where(x > 0, sqrt(x), 0) + sqrt(x)", [], ["x"]),
+    ],
+)
+def test_domain(f: str, poles: list[str], domain: list[str]) -> None:
+    found = model(f)
+    assert list(found.poles) == poles
+    assert list(found.domain) == poles + domain
+
+
+def test_the_angle_has_a_value_off_the_negative_axis() -> None:
+    found = model("atan2(y, x)")
+    limits = found.limits([[1.0, 0.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, 1e-9, 0.0]], [0.0], np.ones(3))
+    assert (limits[:, 0] > 0).tolist() == [True, True, False]
+
+
+def test_a_branch_that_is_not_taken_forbids_nothing() -> None:
+    found = model("where(x > 0, sqrt(x + a), b)")
+    limit = found.limits([[1.0, 0.0, 0.0], [-5.0, 0.0, 0.0]], [0.0], np.ones(3))[:, 0]
+    assert limit.tolist() == [2.0, 1.0]
+    assert found.rhs([-5.0, 0.0, 0.0], 0.0, [1.0, 7.0, 1.0])[0] == 7.0
+
+
+def test_limits_of_the_output_count_and_its_branches_are_no_surfaces() -> None:
+    found = model("x", g=["log(y) + max(x, v)"])
+    assert found.domain == ("y",)
+    assert found.jumps == found.kinks == ()
+    assert found.output([[1.0, 1.0, 3.0], [2.0, 1.0, -1.0]], [0.0], np.ones(3)).ravel().tolist() == [3.0, 2.0]
+
+
+def test_conditions_of_the_user_count_once() -> None:
+    found = model("x/(y - v)", domain=["2*y - 2*v", "x"])
+    assert found.domain == ("y - v", "x") and found.poles == ()
+
+
+def test_limits_of_parameters_are_checked_with_them() -> None:
+    found = model("x/a + y/(a - b) + sqrt(k)")
+    assert found.theta([1.0, 2.0, 3.0]).tolist() == [1.0, 2.0, 3.0]
+    for theta, expected in (
+        ([0.0, 1.0, 1.0], "a: expected a number other than 0, given 0"),
+        ([1.0, 1.0, 1.0], "a - b: expected a number other than 0, given 0"),
+        ([1.0, 2.0, -1.0], "k: expected a positive number, given -1"),
+        ([[1.0, 2.0, 1.0], [1.0, 2.0, 0.0]], "k: expected a positive number, given 0"),
+    ):
+        with pytest.raises(ValueError, match=expected):
+            found.theta(theta)
+    with pytest.raises(ValueError, match=r"constants\.c: expected a positive number, given -1"):
+        model("sqrt(c)*x", constants={"c": (-1.0, "m")})
+
+
+def test_a_start_at_a_pole_or_on_a_surface_is_refused_by_name() -> None:
+    found = model("1/y + sign(v)")
+    points = fp.Experiments([[1.0, 1.0, 1.0], [1.0, 0.0, 1.0]], [0.0, 0.0], [0.1, 0.1])
+    with pytest.raises(
+        ValueError, match=r"points: expected starts off y = 0, a divisor of the model or an argument of its roots; .* points\[1\]"
+    ):
+        fp.simulate(found, points, np.ones(3))
+    on_surface = fp.Experiments([[1.0, 1.0, 0.0]], [0.0], [0.1])
+    with pytest.raises(ValueError, match=r"off the switching surface v = 0, .* given v = 0 in points\[0\]"):
+        fp.simulate(found, on_surface, np.ones(3))
+    with pytest.raises(ValueError, match=r"x: expected y other than 0; given x = \[1\. 0\. 1\.\]"):
+        found.rhs([1.0, 0.0, 1.0], 0.0, np.ones(3))
+    region = fp.ExperimentRegion({"x": (0, 1), "y": (0, 0), "v": (1, 2), "u": (0, 1), "dt": (0.1, 1)})
+    with pytest.raises(ValueError, match=r"region\['y'\]: expected bounds off the pole y = 0"):
+        region.check(found)
+
+
+def test_a_kink_is_crossed_and_a_jump_ends_the_trajectory() -> None:
+    points = fp.Experiments([[-1.0, 0.0, -1.0]], [0.0], [2.0])
+    settings: dict[str, Any] = {"parameters": {"a": "1", "b": "1"}, "g": ["x*a"]}
+    kink = model("", f=["where(x > 0, a + b*x, a)", "0*x", "1"], **settings)
+    done = fp.simulate(kink, points, [1.0, 0.5], rtol=1e-9)
+    assert done.status.tolist() == [fp.Status.ok]
+    assert done.x[0, 0] == pytest.approx((np.exp(0.5) - 1) / 0.5, rel=1e-8)  # starts at 0 after one second
+    jump = model("", f=["where(v > 0, 2*a, b)", "0*x", "1"], **settings)
+    assert fp.simulate(jump, points, [1.0, 0.5]).status.tolist() == [fp.Status.met_jump]
+
+
+def test_a_root_that_ends_on_a_surface_ends_the_trajectory_there_and_nowhere_else() -> None:
+    drained = fp.SymbolicModel(["where(x > 0, -a*sqrt(x), b)"], ["x"], {"x": "m"}, {}, {"a": "1", "b": "1"})
+    points = fp.Experiments([[1.0], [1.0], [-1.0], [-1.0]], np.empty((4, 0)), [1.0, 3.0, 0.5, 3.0])
+    done = fp.simulate(drained, points, [1.0, 1.0])
+    assert done.status[[0, 2]].tolist() == [fp.Status.ok] * 2
+    assert (done.status[[1, 3]] != fp.Status.ok).all()
+    assert done.x[[0, 2], 0] == pytest.approx([0.25, -0.5], rel=1e-5)
