@@ -248,7 +248,7 @@ def _keys_of(place: tuple[str, ...]) -> list[str]:
     """The keys that the table at this place may have."""
     if len(place) > 1:
         entries: dict[str, type[BaseModel]] = {"prior": PriorEntry, "noise_std": NoiseStd, "region": Bounds}
-        in_model = {"constants": ModelConstant, "parameters": ParameterEntry, "outputs": OutputEntry}
+        in_model: dict[str, type[BaseModel]] = {"constants": ModelConstant, "parameters": ParameterEntry, "outputs": OutputEntry}
         return list(entries.get(place[0], in_model.get(place[1], QuantityEntry)).model_fields)
     tables: dict[str, type[BaseModel]] = {"": Config, "model": ModelTable, "rule": RuleTable, "design": DesignTable}
     return list(tables["".join(place)].model_fields)

@@ -75,13 +75,16 @@ def plot_trajectories(design: Evaluated, max_points: int = 24, max_nodes: int = 
     max_points
         So many points are shown, from the first on.
     max_nodes
-        So many nodes are drawn from the prior's grid by their weight; the shade is their 5 to 95 % range.
+        So many nodes of the rule are drawn by their weight, or of `Sobol` where weights are negative; the
+        shade is their 5 to 95 % range.
     seed
         Of that draw.
     """
     model, points = design.problem.model, design.points[:max_points]
     title = "Trajectories" if len(points) == len(design.points) else f"Trajectories of the first {len(points)} points"
-    theta, weights = design.problem.rule.nodes(design.problem.prior)
+    # Weights of either sign are no probabilities.
+    rule = fp.Sobol(256) if design.problem.rule.signed else design.problem.rule
+    theta, weights = rule.nodes(design.problem.prior)
     draw = np.random.default_rng(seed).choice(len(theta), size=max_nodes, p=weights / weights.sum())
     fractions = np.linspace(0.0, 1.0, 21)
     nominal = _trajectories(design.problem, points, fractions, _mean(design)[None])[1][:, 0]

@@ -29,8 +29,9 @@ def evaluate(expressions: Sequence[Any], values: Mapping[Any, Any]) -> list[Any]
 
 
 def _value(part: Any, known: Mapping[Any, Any]) -> Any:
-    if part.is_Number:
-        return float(part)
+    if part.is_number and not part.args:  # also e, i and what a division by zero leaves
+        number = complex(part) if part.is_finite else complex(np.nan)
+        return number if number.imag else number.real
     if isinstance(part, sympy.Piecewise):
         pairs = [(known[value], known[condition]) for value, condition in part.args]
         return reduce(lambda rest, pair: np.where(pair[1], pair[0], rest), reversed(pairs[:-1]), pairs[-1][0])
@@ -40,8 +41,8 @@ def _value(part: Any, known: Mapping[Any, Any]) -> Any:
 
 
 def _power(base: Any, exponent: Any) -> Any:
-    if np.ndim(exponent) == 0 and np.isreal(exponent) and float(exponent).is_integer():
-        return np.asarray(base, dtype=np.result_type(base, np.float64)) ** int(exponent)
+    if np.ndim(exponent) == 0 and np.isreal(exponent) and float(np.real(exponent)).is_integer():
+        return np.asarray(base, dtype=np.result_type(base, np.float64)) ** int(np.real(exponent))
     return np.power(base, exponent)
 
 

@@ -1,0 +1,112 @@
+"""Models without state, whose points have no dt, and models without input: from points to designs, files and pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fisherpoint as fp
+from fisherpoint import plots, report
+from fisherpoint.results import simulation_frame
+
+
+@fp.model(
+    inputs={"d": "mol/L"},
+    parameters={"E0": "1", "Emax": "1", "EC50": "mol/L", "n": "1"},
+    outputs={"E": "1"},
+    nominal={"E0": 1.0, "Emax": 5.0, "EC50": 2.0, "n": 1.5},
+)
+def dose(x: Any, u: Any, p: Any) -> Any:
+    return None, [p.E0 + p.Emax * u.d**p.n / (p.EC50**p.n + u.d**p.n)]
+
+
+@fp.model(states={"c": "mol/L"}, parameters={"k": "1/s"}, outputs={"c": "mol/L"}, nominal={"k": 0.1})
+def decay(x: Any, u: Any, p: Any) -> Any:
+    return [-p.k * x.c], [x.c]
+
+
+def relative(model: fp.Model, share: float = 0.1) -> fp.GaussianPrior:
+    return fp.GaussianPrior(mean=model.nominal, relative_std=dict.fromkeys(model.nominal, share))
+
+
+DOSE = fp.DesignProblem(dose, relative(dose), fp.ExperimentRegion({"d": (0.01, 10.0)}), noise_std={"E": 0.1})
+DECAY = fp.DesignProblem(decay, relative(decay), fp.ExperimentRegion({"c": (1.0, 1.0), "dt": (0.1, 50.0)}), noise_std={"c": 0.01})
+
+
+def test_a_static_model_is_its_output() -> None:
+    points, theta = fp.Experiments(np.empty((3, 0)), [0.5, 2.0, 8.0]), dose.theta(dose.nominal)
+    done = fp.sensitivities(dose, points, theta)
+    assert done.status.tolist() == [0, 0, 0] and done.x.shape == (3, 0) and done.dx_dtheta.shape == (3, 0, 4)
+    assert done.y[1, 0] == pytest.approx(3.5)
+    d, r = points.u[:, 0], (points.u[:, 0] / 2.0) ** 1.5
+    exact = np.column_stack([np.ones(3), r / (1 + r), -5 * 1.5 / 2 * r / (1 + r) ** 2, 5 * r * np.log(d / 2) / (1 + r) ** 2])
+    np.testing.assert_allclose(done.dy_dtheta[:, 0], exact, rtol=1e-12, atol=1e-14)
+    assert dose.domain == ("d",) and [axis.name for axis in dose.axes] == ["d"]
+    covariance = fp.predictive_covariance(dose, points, DOSE.prior, DOSE.rule).covariance[:, 0, 0]
+    assert (covariance > 0).all()
+
+
+def test_the_region_of_a_static_model_has_no_dt() -> None:
+    assert DOSE.region is not None
+    points = DOSE.region.draw(dose, 5, np.random.default_rng(0))
+    assert points.table.shape == (5, 2) and (points.dt == 1.0).all()
+    with pytest.raises(ValueError, match=r"region: expected the names d; given unknown 'dt'"):
+        fp.DesignProblem(dose, DOSE.prior, fp.ExperimentRegion({"d": (0, 1), "dt": (1, 1)}), noise_std={"E": 0.1})
+    half = fp.ExperimentRegion({"d": (0.0, 1.0)}, ["d < 0.5"])
+    np.testing.assert_array_equal(half.satisfied(dose, points), points.u[:, 0] < 0.5)
+
+
+def test_points_of_a_static_model_in_files(tmp_path: Path) -> None:
+    points = fp.Experiments(np.empty((2, 0)), [0.25, 2.0])
+    points.to_csv(tmp_path / "points.csv", dose)
+    assert (tmp_path / "points.csv").read_text().split() == ["d", "0.25", "2.0"]
+    assert fp.Experiments.from_csv(tmp_path / "points.csv", dose) == points
+    (tmp_path / "with_dt.csv").write_text("dt,d\n1.0,0.25\n1.0,2.0\n")
+    assert fp.Experiments.from_csv(tmp_path / "with_dt.csv", dose) == points
+    points.to_csv(tmp_path / "by_place.csv")
+    assert fp.Experiments.from_csv(tmp_path / "by_place.csv", dose) == points
+    for text in ("d,c\n1,2\n", "dt\n1\n"):
+        (tmp_path / "wrong.csv").write_text(text)
+        with pytest.raises(ValueError, match="expected the columns d; given"):
+            fp.Experiments.from_csv(tmp_path / "wrong.csv", dose)
+
+
+def test_a_static_design_has_its_points_where_theory_puts_them() -> None:
+    # Two parameters of a line: half of the points at each end.
+    line = fp.SymbolicModel([], ["a + b*t_h"], {}, {"t_h": "h"}, {"a": "m", "b": "m/h"}, {"y": "m"}, name="line")
+    prior = fp.GaussianPrior(mean={"a": 1.0, "b": 1.0}, std={"a": 1.0, "b": 1.0})
+    problem = fp.DesignProblem(line, prior, fp.ExperimentRegion({"t_h": (-1.0, 1.0)}), noise_std={"y": 1.0})
+    design = fp.exchange(problem, n_experiments=4, max_iterations=60, references=False)
+    assert np.sort(design.points.u[:, 0]) == pytest.approx([-1, -1, 1, 1], abs=0.05)
+    assert design.evaluation.log_det == pytest.approx(np.log(4.0), abs=0.1)  # F = (2/L) diag(4, 4)
+
+
+def test_decay_is_sampled_after_one_time_constant() -> None:
+    design = fp.exchange(DECAY, n_experiments=2, max_iterations=80, references=False)
+    assert design.points.dt == pytest.approx([10.0, 10.0], rel=0.05)
+    assert (design.points.x0 == 1.0).all() and design.points.u.shape == (2, 0)
+
+
+@pytest.mark.parametrize("problem", [DOSE, DECAY], ids=["static", "without input"])
+def test_designs_are_saved_reported_and_drawn(problem: fp.DesignProblem, tmp_path: Path) -> None:
+    design = fp.exchange(problem, n_experiments=5, n_candidates=10, max_iterations=3)
+    design.save(tmp_path)
+    again = fp.Design.load(tmp_path)
+    assert again.problem.model == problem.model and again.points == design.points
+    assert fp.Experiments.from_csv(tmp_path / "design.csv", problem.model) == design.points
+    text = report.to_text(report.design_report(design))
+    assert all(f"[{axis.unit}]" in text for axis in problem.model.axes) and ("[s]" in text) == bool(problem.model.states)
+    done = fp.simulate(problem.model, design.points, problem.theta)
+    assert "ok" in report.to_text(report.simulation_report(problem.model, design.points, done.y, done.status))
+    frame = simulation_frame(problem.model, design.points, done.y, done.status)
+    assert list(frame.columns)[: len(problem.model.axes)] == [axis.name for axis in problem.model.axes]
+    drawn = {path.stem for path in plots.save_all(design, tmp_path)}
+    assert drawn == {"criterion", "points", "standard_errors", "correlation"} | (
+        {"trajectories"} if problem.model.states else set()
+    )
+    axes = plots.plot_points(design).axes[0]
+    shown = ("d [mol/L]", "E [1]") if problem.model is dose else ("dt [s]", "c [mol/L]")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == shown
