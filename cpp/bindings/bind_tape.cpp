@@ -2,12 +2,13 @@
 
 #include "arrays.hpp"
 #include "bindings.hpp"
+#include "fisherpoint/compiled_model.hpp"
 #include "fisherpoint/tape_equation.hpp"
 
 namespace fisherpoint::bindings {
 namespace {
 
-using Described = std::tuple<std::string, std::string, std::string, double>;  // name, unit, description, scale
+using Described = TapeNames::Described;
 using Rows = py::array_t<std::int32_t, py::array::c_style | py::array::forcecast>;
 
 std::vector<Instruction> instructions(const Rows& rows, const char* name) {
@@ -21,16 +22,9 @@ std::vector<Instruction> instructions(const Rows& rows, const char* name) {
   return result;
 }
 
-// A tape with what the core need not know: names, units.
-struct NamedTape : TapeModel {
-  std::string name;
-  std::vector<Described> states, inputs, outputs, parameters;
-  std::vector<std::string> jumps, kinks, domain;
-};
-
 int length(const auto& all) { return static_cast<int>(all.size()); }
 
-NamedTape named_tape(std::string name, std::vector<Described> states, std::vector<Described> inputs,
+TapeModel named_tape(std::string name, std::vector<Described> states, std::vector<Described> inputs,
                      std::vector<Described> outputs, std::vector<Described> parameters, std::vector<std::string> jumps,
                      std::vector<std::string> kinks, std::vector<std::string> domain, Program rates, Program output,
                      Program surfaces, Program surface_rates, Program rate_jacobian, Program output_jacobian,
@@ -49,24 +43,19 @@ NamedTape named_tape(std::string name, std::vector<Described> states, std::vecto
     for (const auto& [row, variable] : pairs) result.push_back({row, variable});
     return result;
   };
-  return {TapeModel(shape, scales,
-                    {std::move(rates), std::move(output), std::move(surfaces), std::move(surface_rates),
-                     std::move(rate_jacobian), std::move(output_jacobian)},
-                    entries(rate_entries), entries(output_entries), surface_reads),
-          std::move(name),
-          std::move(states),
-          std::move(inputs),
-          std::move(outputs),
-          std::move(parameters),
-          std::move(jumps),
-          std::move(kinks),
-          std::move(domain)};
+  TapeModel model(shape, scales,
+                  {std::move(rates), std::move(output), std::move(surfaces), std::move(surface_rates), std::move(rate_jacobian),
+                   std::move(output_jacobian)},
+                  entries(rate_entries), entries(output_entries), surface_reads);
+  model.names = {std::move(name),       std::move(states), std::move(inputs), std::move(outputs),
+                 std::move(parameters), std::move(jumps),  std::move(kinks),  std::move(domain)};
+  return model;
 }
 
 using Equation = StateEquation<TapeModel, double>;
 
 // function(equation, x), with `width` values, for every row.
-py::array_t<double> map_rows(const NamedTape& model, const Input& x, const Input& u, const Input& theta, int width,
+py::array_t<double> map_rows(const TapeModel& model, const Input& x, const Input& u, const Input& theta, int width,
                              const auto& function) {
   const auto& shape = model.shape();
   const py::ssize_t count = x.ndim() == 2 ? x.shape(0) : -1;
@@ -99,22 +88,21 @@ void bind_tape(py::module_& m) {
            }),
            "literals"_a, "setup"_a, "stage"_a, "outputs"_a, "registers"_a);
 
-  py::class_<TapeModel>(m, "Tape");
-  py::class_<NamedTape, TapeModel>(m, "TapeModel")
+  py::class_<TapeModel>(m, "TapeModel")
       .def(py::init(&named_tape), "name"_a, "states"_a, "inputs"_a, "outputs"_a, "parameters"_a, "jumps"_a, "kinks"_a,
            "domain"_a, "rates"_a, "output"_a, "surfaces"_a, "surface_rates"_a, "rate_jacobian"_a, "output_jacobian"_a,
            "rate_entries"_a, "output_entries"_a, "surface_reads"_a, "poles"_a = 0)
-      .def_readonly("name", &NamedTape::name)
-      .def_readonly("states", &NamedTape::states)
-      .def_readonly("inputs", &NamedTape::inputs)
-      .def_readonly("outputs", &NamedTape::outputs)
-      .def_readonly("parameters", &NamedTape::parameters)
-      .def_readonly("jumps", &NamedTape::jumps)
-      .def_readonly("kinks", &NamedTape::kinks)
-      .def_readonly("domain", &NamedTape::domain)
+      .def_property_readonly("name", [](const TapeModel& model) { return model.names.name; })
+      .def_property_readonly("states", [](const TapeModel& model) { return model.names.states; })
+      .def_property_readonly("inputs", [](const TapeModel& model) { return model.names.inputs; })
+      .def_property_readonly("outputs", [](const TapeModel& model) { return model.names.outputs; })
+      .def_property_readonly("parameters", [](const TapeModel& model) { return model.names.parameters; })
+      .def_property_readonly("jumps", [](const TapeModel& model) { return model.names.jumps; })
+      .def_property_readonly("kinks", [](const TapeModel& model) { return model.names.kinks; })
+      .def_property_readonly("domain", [](const TapeModel& model) { return model.names.domain; })
       .def(
           "rhs",
-          [](const NamedTape& model, const Input& x, const Input& u, const Input& theta) {
+          [](const TapeModel& model, const Input& x, const Input& u, const Input& theta) {
             return map_rows(model, x, u, theta, model.shape().states, [&](const Equation& f, const Equation::State& x) {
               auto side = f.surface_values(x);
               for (double& s : side) s = sign(s);
@@ -126,21 +114,21 @@ void bind_tape(py::module_& m) {
           "x"_a, "u"_a, "theta"_a)
       .def(
           "output",
-          [](const NamedTape& model, const Input& x, const Input& u, const Input& theta) {
+          [](const TapeModel& model, const Input& x, const Input& u, const Input& theta) {
             return map_rows(model, x, u, theta, model.shape().outputs,
                             [](const Equation& f, const Equation::State& x) { return f.output(x); });
           },
           "x"_a, "u"_a, "theta"_a)
       .def(
           "switching",
-          [](const NamedTape& model, const Input& x, const Input& u, const Input& theta) {
+          [](const TapeModel& model, const Input& x, const Input& u, const Input& theta) {
             return map_rows(model, x, u, theta, model.shape().kinks_end,
                             [](const Equation& f, const Equation::State& x) { return f.surface_values(x); });
           },
           "x"_a, "u"_a, "theta"_a)
       .def(
           "limits",
-          [](const NamedTape& model, const Input& x, const Input& u, const Input& theta) {
+          [](const TapeModel& model, const Input& x, const Input& u, const Input& theta) {
             const auto& shape = model.shape();
             return map_rows(model, x, u, theta, shape.surfaces - shape.kinks_end,
                             [&](const Equation& f, const Equation::State& x) {
@@ -149,6 +137,9 @@ void bind_tape(py::module_& m) {
                             });
           },
           "x"_a, "u"_a, "theta"_a);
+
+  py::class_<CompiledModel, TapeModel>(m, "CompiledModel")
+      .def(py::init<const TapeModel&, const std::string&>(), "tape"_a, "library"_a);
 }
 
 }  // namespace fisherpoint::bindings

@@ -4,6 +4,7 @@
 #include <pybind11/stl.h>
 
 #include "arrays.hpp"
+#include "fisherpoint/compiled_model.hpp"
 #include "fisherpoint/kernel_models.hpp"
 #include "fisherpoint/predictive_covariance.hpp"
 #include "fisherpoint/sensitivities.hpp"
@@ -136,5 +137,6 @@ void bind_model(py::module_& m) {
 PYBIND11_MODULE(FISHERPOINT_MODULE, m) {
   pybind11::module_::import("fisherpoint._core");  // registers the types that the kernels take
   fisherpoint::bindings::bind_model<fisherpoint::HydraulicCylinder>(m);
+  fisherpoint::bindings::bind_model<fisherpoint::CompiledModel>(m);  // before the tape, which it is too
   fisherpoint::bindings::bind_model<fisherpoint::TapeModel>(m);
 }

@@ -79,7 +79,7 @@ class Dependence {
   using Theta = decltype(as_variables<n_x, p, double>(std::array<double, p>{}));
   using U = std::array<double, sizes<M>::inputs>;
   using Rates = decltype(std::declval<const M&>().dynamics(std::declval<Theta>())(
-      std::declval<X>(), std::declval<U>(), std::declval<std::array<double, sizes<M>::switching>>()));
+      std::declval<X>(), std::declval<U>(), std::declval<std::array<double, sizes<M>::sides>>()));
   using Outputs = decltype(std::declval<const M&>().output(std::declval<X>(), std::declval<U>(), std::declval<Theta>()));
   using Switching = decltype(std::declval<const M&>().switching(std::declval<X>(), std::declval<U>(), std::declval<Theta>()));
 
@@ -142,7 +142,10 @@ class Dependence {
   }
   template <int m>
   static constexpr bool switching_depends(Count<m>) {
-    return varies<std::tuple_element_t<m, Switching>>();
+    if constexpr (m < sizes<M>::switching)
+      return varies<std::tuple_element_t<m, Switching>>();
+    else
+      return true;
   }
 
   // Where the entries are: of f_x row by row, of f_theta and of S column by column.

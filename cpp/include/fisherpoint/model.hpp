@@ -34,6 +34,9 @@
 // the step there; that is why neither the stages nor the derivatives ever mix two branches. sign(v) reads `side`, and x H(x)
 // reads x * heaviside(side).
 //
+// Where f is a quotient whose divisor may have either sign, the divisor is a pole: a limit that the trajectory must not cross,
+// from whichever side it comes. A model's `static constexpr int poles` says how many of its domain limits, the first ones, are.
+//
 // Scales. A quantity's scale is the size against which its error is measured: rtol of a state is rtol * scale.
 #pragma once
 
@@ -71,6 +74,11 @@ struct sizes {
   static constexpr int kinks = static_cast<int>(Model::kinks.size());
   static constexpr int limits = static_cast<int>(Model::domain.size());
   static constexpr int switching = jumps + kinks;
+  static constexpr int poles = [] {
+    if constexpr (requires { Model::poles; }) return Model::poles;
+    return 0;
+  }();
+  static constexpr int sides = switching + poles;
   static constexpr int surfaces = switching + limits;  // in this order: jumps, kinks, domain limits
 };
 
@@ -84,7 +92,7 @@ auto to_array(const Tuple& values) {
 template <class M>
 concept Model =
     requires(const M model, const std::array<double, sizes<M>::states> x, const std::array<double, sizes<M>::inputs> u,
-             const std::array<double, sizes<M>::parameters> theta, const std::array<double, sizes<M>::switching> side) {
+             const std::array<double, sizes<M>::parameters> theta, const std::array<double, sizes<M>::sides> side) {
       requires std::tuple_size_v<decltype(model.dynamics(theta)(x, u, side))> == std::size_t{sizes<M>::states};
       requires std::tuple_size_v<decltype(model.output(x, u, theta))> == std::size_t{sizes<M>::outputs};
       requires std::tuple_size_v<decltype(model.switching(x, u, theta))> == std::size_t{sizes<M>::switching};

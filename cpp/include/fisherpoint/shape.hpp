@@ -62,7 +62,8 @@ struct Shape {
   static constexpr Count<S::outputs> outputs{};
   static constexpr Count<S::parameters> parameters{};
   static constexpr Count<S::jumps> jumps_end{};
-  static constexpr Count<S::switching> kinks_end{}, sides{};
+  static constexpr Count<S::switching> kinks_end{};
+  static constexpr Count<S::sides> sides{};
   static constexpr Count<S::surfaces> surfaces{};
 };
 

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "dependence.hpp"
@@ -139,8 +140,18 @@ struct TapePrograms {
   Program output_jacobian;  // g, then the entries of g_x row by row, then those of g_theta column by column
 };
 
+// What the core need not know, for whoever asks the model.
+struct TapeNames {
+  using Described = std::tuple<std::string, std::string, std::string, double>;  // name, unit, description, scale
+  std::string name;
+  std::vector<Described> states, inputs, outputs, parameters;
+  std::vector<std::string> jumps, kinks, domain;
+};
+
 class TapeModel {
  public:
+  TapeNames names;
+
   // Throws std::invalid_argument where a list does not fit the shape.
   TapeModel(const Shape<TapeModel>& shape, std::vector<double> scales, TapePrograms programs, std::vector<Entry> rate_entries,
             std::vector<Entry> output_entries, const std::vector<std::vector<int>>& surface_reads);

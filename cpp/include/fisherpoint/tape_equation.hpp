@@ -79,37 +79,37 @@ class Machine {
           result = sqrt(a);
           break;
         case O::exp:
-          result = each_lane(a, std::exp);
+          result = exp(a);
           break;
         case O::log:
-          result = each_lane(a, std::log);
+          result = log(a);
           break;
         case O::sin:
-          result = each_lane(a, std::sin);
+          result = sin(a);
           break;
         case O::cos:
-          result = each_lane(a, std::cos);
+          result = cos(a);
           break;
         case O::tan:
-          result = each_lane(a, std::tan);
+          result = tan(a);
           break;
         case O::asin:
-          result = each_lane(a, std::asin);
+          result = asin(a);
           break;
         case O::acos:
-          result = each_lane(a, std::acos);
+          result = acos(a);
           break;
         case O::atan:
-          result = each_lane(a, std::atan);
+          result = atan(a);
           break;
         case O::sinh:
-          result = each_lane(a, std::sinh);
+          result = sinh(a);
           break;
         case O::cosh:
-          result = each_lane(a, std::cosh);
+          result = cosh(a);
           break;
         case O::tanh:
-          result = each_lane(a, std::tanh);
+          result = tanh(a);
           break;
         case O::pow:
           result = power(a, b);

@@ -24,6 +24,9 @@ class Workers {
       int threads, std::function<bool()> interrupted = [] { return false; })
       : threads_(threads), interrupted_(std::move(interrupted)) {}
 
+  int threads() const { return threads_; }
+  bool interrupted() const { return interrupted_(); }
+
   // work(item) for every item in [0, items), on the calling thread and threads - 1 others. An item should take well under a
   // tenth of a second. The first exception stops the work and is thrown again here.
   void for_each(std::size_t items, const std::function<void(std::size_t)>& work) const {
