@@ -1,6 +1,7 @@
 """``python -m bench``: measure, show and save. The exit code is 1 where fisherpoint misses the accuracy rule, otherwise 0.
 
 ``python -m bench peers`` and ``python -m bench scaling`` do the same for other programs and for how the cost grows;
+``python -m bench models`` compares the built-in cylinder with the same model written in Python, interpreted and compiled;
 ``python -m bench packs`` for what the core's packs could be made of;
 ``python -m bench cost`` counts instructions per trajectory, and exits with 1 where they are a tenth more than recorded;
 ``python -m bench table FILE`` prints what they wrote with ``--json`` as Markdown.
@@ -18,7 +19,7 @@ from typing import Any
 
 from fisherpoint.trajectories import resolve_threads
 
-from . import cost, covariances, designs, machine, memory, packs, scaling, screening, sensitivities, tables
+from . import cost, covariances, designs, machine, memory, models, packs, scaling, screening, sensitivities, tables
 from .peers import compare, show
 
 TARGET = 500
@@ -44,6 +45,12 @@ def main() -> int:
         of_packs, left_out = packs.measure(options.quick)
         tables.show_packs(of_packs, left_out)
         _save(options, {"machine": found, "quick": options.quick, "packs": [asdict(figures) for figures in of_packs]})
+        return 0
+    if options.task == "models":
+        of_models, first_trajectory = models.measure(options.quick)
+        tables.show_models(of_models, first_trajectory)
+        report = {"models": [asdict(figures) for figures in of_models], "first_trajectory": first_trajectory}
+        _save(options, {"machine": found, "quick": options.quick, **report})
         return 0
     if options.task == "scaling":
         series = scaling.measure(options.quick)
@@ -117,9 +124,9 @@ def _options() -> argparse.Namespace:
     parser.add_argument(
         "task",
         nargs="?",
-        choices=("peers", "scaling", "packs", "cost", "table"),
-        help="other programs; how the cost grows; kinds of vectors under the core; instructions per trajectory next to the"
-        " recorded ones; a report as Markdown; nothing for all of fisherpoint next to SciPy",
+        choices=("peers", "scaling", "models", "packs", "cost", "table"),
+        help="other programs; how the cost grows; models written in Python; kinds of vectors under the core; instructions per"
+        " trajectory next to the recorded ones; a report as Markdown; nothing for all of fisherpoint next to SciPy",
     )
     parser.add_argument("file", nargs="?", type=Path, help="the report for `table`")
     parser.add_argument("--quick", action="store_true", help="smaller samples and fewer rounds, for a look")

@@ -15,6 +15,7 @@ from .accuracy import ACCURACY_RULE, Errors
 from .covariances import Contender, CovarianceFigures
 from .designs import DesignFigures
 from .memory import MemoryFigures
+from .models import ModelFigures
 from .peers import show
 from .peers.compare import Comparison
 from .scaling import Series
@@ -165,3 +166,15 @@ def _show(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> N
 
 def _text(errors: Errors) -> str:
     return f"median {errors.median:.1e}, 99 % {errors.quantile_99:.1e}, worst {errors.worst:.1e}"
+
+
+def show_models(figures: Sequence[ModelFigures], first_trajectory: float) -> None:
+    """Print what the same model costs in each of its forms."""
+    table = Table(title="The cylinder on one core", title_justify="left")
+    for column in ("model", "trajectories/s", "of built in", "experiments with sensitivities/s", "of built in"):
+        table.add_column(column, justify="left" if column == "model" else "right")
+    for one in figures:
+        rates = f"{one.trajectories:,.0f}", f"{one.of_trajectories:.0%}", f"{one.experiments:,.0f}", f"{one.of_experiments:.0%}"
+        table.add_row(one.name, *rates)
+    console.print(table)
+    console.print(f"From a model's source to its first trajectory: {first_trajectory:.2f} s", "")

@@ -125,6 +125,7 @@ auto power(const Dual<T, A>& a, const T& b) {
   return chain(power(a.value, b), T(b * power(a.value, T(b - 1.0))), a);
 }
 template <class T, Variables A>
+  requires(!std::same_as<T, double>)
 auto power(const Dual<T, A>& a, double b) {
   return power(a, T(b));
 }

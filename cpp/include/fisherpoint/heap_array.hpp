@@ -31,7 +31,7 @@ class HeapArray {
     return *this;
   }
   ~HeapArray() {
-    if (values_) shelf(size_).push_back(std::move(values_));
+    if (values_ && !Shelves::gone) shelf(size_).push_back(std::move(values_));
   }
 
   std::size_t size() const { return size_; }
@@ -48,15 +48,21 @@ class HeapArray {
 
  private:
   using Shelf = std::vector<std::unique_ptr<T[]>>;
+  struct Shelves {
+    std::vector<Shelf> of_size;
+    ~Shelves() { gone = true; }
+    static inline thread_local bool gone = false;  // at the end of a thread, other things of it may be dropped later
+  };
 
   // What this thread has dropped of size n.
   static Shelf& shelf(int n) {
-    static thread_local std::vector<Shelf> shelves;
-    if (static_cast<int>(shelves.size()) <= n) shelves.resize(n + 1);
-    return shelves[n];
+    static thread_local Shelves shelves;
+    if (static_cast<int>(shelves.of_size.size()) <= n) shelves.of_size.resize(n + 1);
+    return shelves.of_size[n];
   }
   static std::unique_ptr<T[]> taken(int n) {
     if (n == 0) return nullptr;
+    if (Shelves::gone) return std::unique_ptr<T[]>(new T[n]);
     Shelf& free = shelf(n);
     if (free.empty()) return std::unique_ptr<T[]>(new T[n]);
     std::unique_ptr<T[]> values = std::move(free.back());

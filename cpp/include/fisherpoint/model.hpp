@@ -91,6 +91,7 @@ auto to_array(const Tuple& values) {
 // The functions that a model must have, tried on plain numbers.
 template <class M>
 concept Model =
+    requires { M::states.size(), M::parameters.size(), M::jumps.size(); } &&
     requires(const M model, const std::array<double, sizes<M>::states> x, const std::array<double, sizes<M>::inputs> u,
              const std::array<double, sizes<M>::parameters> theta, const std::array<double, sizes<M>::sides> side) {
       requires std::tuple_size_v<decltype(model.dynamics(theta)(x, u, side))> == std::size_t{sizes<M>::states};

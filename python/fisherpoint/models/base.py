@@ -139,6 +139,15 @@ class Model(ABC):
         """Return the model with parameters made known constants of these values, SI units."""
         return self.symbolic().fix(**values)
 
+    def compile(self) -> Model:
+        """Return the model with kernels compiled for it; itself where it has them or cannot have them."""
+        return self
+
+    @property
+    def compiled(self) -> bool:
+        """Whether the kernels are compiled for this model."""
+        return False
+
     def to_toml(self) -> str:
         """The model as the table [model] of a TOML file; `load_model` reads it back."""
         from .toml import model_to_toml

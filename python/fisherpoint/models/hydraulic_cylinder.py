@@ -102,6 +102,11 @@ class HydraulicCylinder(Model):
         if not p_t < self._core.p_s:
             raise ValueError(f"p_t: expected less than the supply pressure p_s = {self._core.p_s:g} Pa, given {p_t:g} Pa")
 
+    @property
+    def compiled(self) -> bool:
+        """True: the core has them."""
+        return True
+
     def symbolic(self) -> SymbolicModel:
         """The cylinder as equations, of which constants and parameters can be exchanged."""
         from .cylinder_equations import symbolic_cylinder

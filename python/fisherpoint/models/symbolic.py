@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import sympy
@@ -14,6 +16,7 @@ from ..quantity import Array, FrozenMapping, Quantity, as_float, names_of
 from ..tape.program import to_core
 from ..tape.programs import LIMIT
 from .base import Model
+from .compiled import compiled_library
 from .expressions import checked, symbol
 from .printing import to_text
 from .quantities import Described, check_distinct, constants_of, quantities_of
@@ -108,7 +111,27 @@ class SymbolicModel(Model):
 
     @cached_property
     def core(self) -> Any:
-        """The model's programs, as the compiled kernels interpret them."""
+        """The model's programs, as the compiled kernels interpret them, or with kernels of its own."""
+        return self._tape if self._library is None else _core.CompiledModel(self._tape, str(self._library))
+
+    def compile(self) -> SymbolicModel:
+        """Return the model with kernels compiled for it, which are two to three times as fast as interpreted ones.
+
+        Building them takes a minute or so, once: a cache keeps them for every later run (``FISHERPOINT_CACHE`` names another
+        directory for it than the user's own). It takes a C++ compiler, g++ or clang++; without one the model goes on
+        interpreted, and a warning says so. Results differ by rounding; a pickled copy is interpreted again.
+        """
+        compiled = copy.copy(self)
+        compiled._library = compiled_library(self)
+        return compiled
+
+    @property
+    def compiled(self) -> bool:
+        """Whether the model has kernels of its own."""
+        return self._library is not None
+
+    @cached_property
+    def _tape(self) -> Any:
         programs = self.structure.programs
         return _core.TapeModel(
             self.name,
@@ -124,6 +147,8 @@ class SymbolicModel(Model):
             programs.surface_reads,
             programs.poles,
         )
+
+    _library: Path | None = None
 
     def symbolic(self) -> SymbolicModel:
         """The model itself."""

@@ -1,0 +1,74 @@
+// What a shared object for one model consists of: the kernels behind the functions of c_interface.hpp.
+#pragma once
+
+#include <exception>
+
+#include "c_interface.hpp"
+#include "predictive_covariance.hpp"
+#include "sensitivities.hpp"
+#include "simulate.hpp"
+
+namespace fisherpoint {
+
+struct Request {
+  Points points;
+  Parameters parameters;
+  Tolerance tolerance;
+  Workers workers;
+
+  explicit Request(const FisherpointRequest& r)
+      : points{static_cast<std::size_t>(r.count), r.x0, r.u, r.dt},
+        parameters{r.theta, r.theta_per_point != 0},
+        tolerance{.relative = r.rtol, .cross_kinks = r.cross_kinks != 0, .method = static_cast<MethodName>(r.method)},
+        workers(r.threads, [r] { return r.interrupted(r.asked) != 0; }) {}
+};
+
+inline FisherpointOutcome outcome_of(auto&& work) {
+  try {
+    work();
+    return fisherpoint_done;
+  } catch (const Interrupted&) {
+    return fisherpoint_stopped;
+  } catch (const std::exception&) {
+    return fisherpoint_failed;
+  }
+}
+
+template <class M>
+FisherpointOutcome simulate_request(const FisherpointRequest* request, double* x, double* y, std::int32_t* status) {
+  return outcome_of([&] {
+    const Request r(*request);
+    with_method(r.tolerance.method, [&]<class Method>(Method) {
+      simulate_packs<Pack<native_lanes>, Method>(M{}, r.points, r.parameters, r.tolerance, r.workers,
+                                                 {x, y, reinterpret_cast<Status*>(status)});
+    });
+  });
+}
+
+template <class M>
+FisherpointOutcome sensitivities_request(const FisherpointRequest* request, double* x, double* y, double* dx_dtheta,
+                                         double* dy_dtheta, std::int32_t* status) {
+  return outcome_of([&] {
+    const Request r(*request);
+    with_method(r.tolerance.method, [&]<class Method>(Method) {
+      sensitivity_packs<Pack<native_lanes>, Method>(M{}, r.points, r.parameters, r.tolerance, r.workers,
+                                                    {x, y, dx_dtheta, dy_dtheta, reinterpret_cast<Status*>(status)});
+    });
+  });
+}
+
+template <class M>
+FisherpointOutcome predictive_covariance_request(const FisherpointRequest* request, const PriorNodes* nodes, double max_lost,
+                                                 double* covariance, std::int32_t* status, std::int64_t* redone, double* lost,
+                                                 double* y) {
+  return outcome_of([&] {
+    const Request r(*request);
+    with_method(r.tolerance.method, [&]<class Method>(Method) {
+      predictive_covariance_packs<Pack<native_lanes>, Method>(M{}, r.points, request->theta, *nodes, max_lost, r.tolerance,
+                                                              r.workers,
+                                                              {covariance, reinterpret_cast<Status*>(status), redone, lost, y});
+    });
+  });
+}
+
+}  // namespace fisherpoint

@@ -1,0 +1,85 @@
+// A tape with kernels that were compiled for it while the program runs: the same model, faster.
+#pragma once
+
+#include <dlfcn.h>
+
+#include <string>
+
+#include "c_interface.hpp"
+#include "predictive_covariance.hpp"
+#include "sensitivities.hpp"
+#include "simulate.hpp"
+#include "tape.hpp"
+
+namespace fisherpoint {
+
+class CompiledModel : public TapeModel {
+ public:
+  // Throws std::runtime_error where the shared object is none for a model. It stays loaded.
+  CompiledModel(const TapeModel& tape, const std::string& path) : TapeModel(tape) {
+    void* const library = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
+    if (!library) throw std::runtime_error(path + ": expected a shared object, given: " + dlerror());
+    const auto find = [&](auto*& function, const char* name) {
+      function = reinterpret_cast<std::remove_reference_t<decltype(function)>>(dlsym(library, name));
+      if (!function) throw std::runtime_error(path + ": expected the function " + name + ", given none");
+    };
+    find(simulate_, "fisherpoint_simulate");
+    find(sensitivities_, "fisherpoint_sensitivities");
+    find(predictive_covariance_, "fisherpoint_predictive_covariance");
+  }
+
+  SimulateFunction* simulate_;
+  SensitivitiesFunction* sensitivities_;
+  PredictiveCovarianceFunction* predictive_covariance_;
+};
+
+inline const Shape<TapeModel>& shape_of(const CompiledModel& model) { return model.shape(); }
+
+namespace detail {
+
+inline FisherpointRequest request(const Points& points, const double* theta, bool per_point, const Tolerance& tolerance,
+                                  const Workers& workers) {
+  return {static_cast<std::int64_t>(points.count),
+          points.x0,
+          points.u,
+          points.dt,
+          theta,
+          per_point,
+          tolerance.cross_kinks,
+          static_cast<std::int32_t>(tolerance.method),
+          workers.threads(),
+          tolerance.relative,
+          [](const void* asked) -> int { return static_cast<const Workers*>(asked)->interrupted(); },
+          &workers};
+}
+
+inline void raise(FisherpointOutcome outcome) {
+  if (outcome == fisherpoint_stopped) throw Interrupted{};
+  if (outcome == fisherpoint_failed) throw std::runtime_error("compiled model: expected memory enough, given too little");
+}
+
+inline std::int32_t* plain(Status* status) { return reinterpret_cast<std::int32_t*>(status); }
+
+}  // namespace detail
+
+inline void simulate(const CompiledModel& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
+                     const Workers& workers, const Trajectories& out) {
+  const auto request = detail::request(points, parameters.theta, parameters.per_point, tolerance, workers);
+  detail::raise(model.simulate_(&request, out.x, out.y, detail::plain(out.status)));
+}
+
+inline void sensitivities(const CompiledModel& model, const Points& points, const Parameters& parameters,
+                          const Tolerance& tolerance, const Workers& workers, const SensitiveTrajectories& out) {
+  const auto request = detail::request(points, parameters.theta, parameters.per_point, tolerance, workers);
+  detail::raise(model.sensitivities_(&request, out.x, out.y, out.dx_dtheta, out.dy_dtheta, detail::plain(out.status)));
+}
+
+inline void predictive_covariance(const CompiledModel& model, const Points& points, const double* nominal_theta,
+                                  const PriorNodes& nodes, double max_lost, const Tolerance& tolerance, const Workers& workers,
+                                  const PredictiveCovariances& out) {
+  const auto request = detail::request(points, nominal_theta, false, tolerance, workers);
+  detail::raise(model.predictive_covariance_(&request, &nodes, max_lost, out.covariance, detail::plain(out.status), out.redone,
+                                             out.lost, out.y));
+}
+
+}  // namespace fisherpoint

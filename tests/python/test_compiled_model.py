@@ -1,0 +1,113 @@
+"""Models compiled while the program runs: the same results as interpreted ones, built once."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import fisherpoint as fp
+from fisherpoint.models import compiled as building
+
+pytestmark = pytest.mark.skipif(building.find_compiler() is None, reason="no C++ compiler")
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        directory = tmp_path_factory.mktemp("cache")
+        patch.setenv("FISHERPOINT_CACHE", str(directory))
+        yield directory
+
+
+@fp.model(
+    states={"s": "m", "v": "m/s"},
+    inputs={"u": "N"},
+    parameters={"c": "N", "k": "N/m", "d": "N s/m", "a": "1"},
+    outputs={"s": "m", "w": "1"},
+    constants={"m": (2.0, "kg")},
+    name="slider",
+)
+def slider(x, u, p):
+    """A mass on a one-sided spring under friction: a jump, a kink, a pole, a limit, and a function of every kind."""
+    spring = p.k * fp.max(x.s, 0)
+    drive = u.u * (1 + 0.1 * fp.sin(p.a * x.s) + 0.1 * fp.tanh(x.v) ** 2) + fp.exp(-(x.v**2)) * 0.05
+    rate = (drive - p.c * fp.sign(x.v) - spring - p.d * x.v) / p.m + 0.01 / (x.s - 3) + 0.02 * fp.sqrt(x.s + 2) ** p.a
+    return [x.v, rate], [x.s, fp.where(x.s > 0.1, fp.log(2 + x.s), fp.atan(x.v))]
+
+
+THETA = {"c": 0.3, "k": 4.0, "d": 0.5, "a": 1.3}
+
+
+@pytest.fixture(scope="module")
+def compiled(cache):
+    model = slider.compile()
+    assert model.compiled
+    return model
+
+
+@pytest.fixture(scope="module")
+def points():
+    rng = np.random.default_rng(3)
+    k = 300
+    x0 = np.column_stack([rng.uniform(-2.2, 4, k), rng.uniform(-1, 3, k)])
+    return fp.Experiments(x0, rng.uniform(-1, 3, (k, 1)), rng.uniform(0.05, 2, k))
+
+
+def test_trajectories_sensitivities_and_statuses_are_the_interpreted_ones(compiled, points):
+    one, other = (fp.sensitivities(model, points, THETA) for model in (slider, compiled))
+    assert np.array_equal(one.status, other.status)
+    assert {fp.Status.ok, fp.Status.met_jump, fp.Status.left_domain} <= {fp.Status(s) for s in one.status}
+    ok = one.status == fp.Status.ok
+    for name in ("x", "y", "dx_dtheta", "dy_dtheta"):
+        a, b = getattr(one, name)[ok], getattr(other, name)[ok]
+        scale = np.abs(a).max(axis=0)
+        assert (np.abs(a - b) <= 1e-9 * scale + 1e-12).all(), name
+    simulated = fp.simulate(compiled, points, THETA)
+    assert np.array_equal(simulated.status, fp.simulate(slider, points, THETA).status)
+
+
+def test_predictive_covariances_are_the_interpreted_ones(compiled, points):
+    prior = fp.GaussianPrior(THETA, relative_std=dict.fromkeys(THETA, 0.1))
+    for rule in (fp.TensorGrid(levels=3), fp.SparseGaussHermite(2)):
+        one, other = (fp.predictive_covariance(model, points[:40], prior, rule, threads=2) for model in (slider, compiled))
+        assert np.array_equal(one.status, other.status)
+        assert (one.status == fp.Status.ok).sum() > 5
+        scale = np.abs(one.covariance).max(axis=0)
+        assert (np.abs(one.covariance - other.covariance) <= 1e-6 * scale).all()
+
+
+def test_the_cache_serves_an_equal_model(compiled, cache, monkeypatch):
+    assert len(list(cache.glob("*.so"))) == 1
+    monkeypatch.setattr(building, "_build", lambda *_: pytest.fail("built again"))
+    assert slider.compile().compiled
+
+
+def test_a_compiled_model_is_equal_to_the_interpreted_one_and_is_interpreted_after_pickling(compiled):
+    assert compiled == slider
+    again = pickle.loads(pickle.dumps(compiled))
+    assert again == slider
+    assert not again.compiled
+
+
+def test_without_a_compiler_it_says_so_and_stays_interpreted(monkeypatch):
+    monkeypatch.setattr(building, "find_compiler", lambda: None)
+    with pytest.warns(UserWarning, match="found none; the model stays interpreted"):
+        model = slider.compile()
+    assert not model.compiled
+    assert model == slider
+
+
+def test_a_compiler_that_fails_is_told_with_its_complaint(monkeypatch, tmp_path):
+    broken = tmp_path / "broken"
+    broken.write_text("#!/bin/sh\n[ \"$1\" = --version ] || { echo 'x.hpp:1: error: no such thing' >&2; exit 1; }\n")
+    broken.chmod(0o755)
+    monkeypatch.setenv("FISHERPOINT_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(building, "find_compiler", lambda: str(broken))
+    with pytest.warns(UserWarning, match="no such thing; the model stays interpreted"):
+        assert not slider.compile().compiled
+    assert not list((tmp_path / "cache").iterdir())
+
+
+def test_the_builtin_cylinder_is_compiled_already():
+    model = fp.HydraulicCylinder()
+    assert model.compile() is model
