@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 import fisherpoint as fp
@@ -49,7 +50,7 @@ def plot_responses(design: Evaluated) -> Figure:
     factor, unit = scale(axis, (lower, upper))
 
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(6.4, 0.6 + 2.9 * len(model.outputs)), layout="constrained")
+        figure = Figure(figsize=(7.0, 0.6 + 2.9 * len(model.outputs)), layout="constrained")
         grid = figure.subplots(len(model.outputs), 1, squeeze=False, sharex=True)[:, 0]
         for j, (axes, output) in enumerate(zip(grid, model.outputs, strict=True)):
             factor_y, unit_y = scale(output, expected[:, j])
@@ -63,11 +64,12 @@ def plot_responses(design: Evaluated) -> Figure:
                 k = numbers[0]
                 text = ", ".join(str(number + 1) for number in numbers)
                 where = (factor * place, factor_y * at_points[k, j])
-                axes.annotate(text, where, (0, 11), textcoords="offset points", ha="center")
+                label = axes.annotate(text, where, (0, 11), textcoords="offset points", ha="center", zorder=4)
+                label.set_path_effects([withStroke(linewidth=2, foreground="white")])
             axes.set_ylabel(f"{output.name} [{unit_y}]")
             axes.margins(x=0.05, y=0.18)
         grid[-1].set_xlabel(f"{axis.name} [{unit}]")
-        bars = "" if problem.noise_std is None else "; bars: one std of the noise"
+        bars = "" if problem.noise_std is None else "; bars: std of the noise"
         figure.suptitle(f"Experiment points (numbered), outputs at the prior mean{bars}", x=0.01, ha="left")
     return figure
 
