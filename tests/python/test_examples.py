@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import runpy
 from pathlib import Path
 from typing import Any
@@ -135,6 +136,25 @@ def test_the_cylinder_in_python_has_the_design_of_the_built_in_one() -> None:
 def test_a_script_runs(script: str, capsys: pytest.CaptureFixture[str]) -> None:
     runpy.run_path(str(EXAMPLES / script), run_name="__main__")
     assert "rank 4 of 5" in capsys.readouterr().out
+
+
+def test_what_is_written_on_models_runs(tmp_path: Path) -> None:
+    text = (EXAMPLES.parent / "docs" / "models.md").read_text()
+    python, toml = (re.findall(rf"```{kind}\n(.*?)```", text, re.DOTALL) for kind in ("python", "toml"))
+    names: dict[str, Any] = {}
+    for code in python:
+        exec(code, names)
+    assert names["tanks"].kinks == ("h1 - h_max",) and names["tanks"].domain == ("h1", "h2")
+    (tmp_path / "tank.toml").write_text(toml[0])
+    tank = fp.load_model(tmp_path / "tank.toml")
+    assert tank.equations.rates == names["tank"].equations.rates
+
+
+@pytest.mark.parametrize("name", NEW)
+def test_an_example_has_its_page_and_its_picture(name: str) -> None:
+    page = (EXAMPLES.parent / "docs" / "examples.md").read_text()
+    assert f"images/examples/{name}.png" in page
+    assert (EXAMPLES.parent / "docs" / "images" / "examples" / f"{name}.png").exists()
 
 
 # --- measured records ---------------------------------------------------------------------------------------------------
