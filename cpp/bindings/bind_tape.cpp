@@ -52,9 +52,10 @@ TapeModel named_tape(std::string name, std::vector<Described> states, std::vecto
   return model;
 }
 
-using Equation = StateEquation<TapeModel, double>;
+using P = Pack<16>;
+using Equation = StateEquation<TapeModel, P>;
 
-// function(equation, x), with `width` values, for every row.
+// function(equation, x), with `width` values, for every row; lanes = rows.
 py::array_t<double> map_rows(const TapeModel& model, const Input& x, const Input& u, const Input& theta, int width,
                              const auto& function) {
   const auto& shape = model.shape();
@@ -63,11 +64,16 @@ py::array_t<double> map_rows(const TapeModel& model, const Input& x, const Input
   check_shape(u, {count, shape.inputs}, "u");
   check_shape(theta, {count, shape.parameters}, "theta");
   auto result = empty({count, width});
-  for (py::ssize_t k = 0; k < count; ++k) {
-    const Equation equation(model, of_row(theta.data() + k * shape.parameters, shape.parameters),
-                            of_row(u.data() + k * shape.inputs, shape.inputs));
-    const auto values = function(equation, of_row(x.data() + k * shape.states, shape.states));
-    std::copy_n(values.begin(), width, result.mutable_data() + k * width);
+  for (py::ssize_t first = 0; first < count; first += P::width) {
+    const auto rows = [&](const Input& of, int n) {
+      HeapArray<P> packs(n);
+      for (int lane = 0; lane < P::width; ++lane) set_lane(packs, lane, of.data() + std::min(first + lane, count - 1) * n);
+      return packs;
+    };
+    const Equation equation(model, rows(theta, shape.parameters), rows(u, shape.inputs));
+    const HeapArray<P> values = function(equation, rows(x, shape.states));
+    for (int lane = 0; lane < P::width && first + lane < count; ++lane)
+      for (int i = 0; i < width; ++i) result.mutable_data()[(first + lane) * width + i] = values[i][lane];
   }
   return result;
 }
@@ -76,9 +82,9 @@ py::array_t<double> map_rows(const TapeModel& model, const Input& x, const Input
 
 void bind_tape(py::module_& m) {
   using namespace py::literals;
-  py::dict operations;
-  for (int code = 0; code < static_cast<int>(Operation::count); ++code) operations[operation_names[code]] = code;
-  m.attr("operations") = operations;
+  m.def(
+      "operations", [] { return std::vector<std::string>(std::begin(operation_names), std::end(operation_names)); },
+      "Names of what a program can do; their places are the codes.");
 
   py::class_<Program>(m, "Program")
       .def(py::init([](std::vector<double> literals, const Rows& setup, const Rows& stage, std::vector<std::int32_t> outputs,
@@ -105,7 +111,7 @@ void bind_tape(py::module_& m) {
           [](const TapeModel& model, const Input& x, const Input& u, const Input& theta) {
             return map_rows(model, x, u, theta, model.shape().states, [&](const Equation& f, const Equation::State& x) {
               auto side = f.surface_values(x);
-              for (double& s : side) s = sign(s);
+              for (P& s : side) s = sign(s);
               Equation::State rates(f.states);
               f.derivative(x, side, rates);
               return rates;
@@ -133,7 +139,9 @@ void bind_tape(py::module_& m) {
             return map_rows(model, x, u, theta, shape.surfaces - shape.kinks_end,
                             [&](const Equation& f, const Equation::State& x) {
                               const auto all = f.surface_values(x);
-                              return std::vector<double>(all.begin() + shape.kinks_end, all.end());
+                              HeapArray<P> limits(f.surfaces - f.kinks_end);
+                              std::copy(all.begin() + f.kinks_end, all.end(), limits.begin());
+                              return limits;
                             });
           },
           "x"_a, "u"_a, "theta"_a);

@@ -9,6 +9,7 @@ from .efficiency import Efficiency
 from .evaluation import Evaluation, evaluate_design, evaluate_under_noise
 from .exchange import Progress, exchange
 from .experiments import Experiments
+from .identifiability import Identifiability, identifiability
 from .kernels import available_isas, isa
 from .models import HydraulicCylinder, Model
 from .predictive import PredictiveCovariance, predictive_covariance
@@ -39,6 +40,7 @@ __all__ = [
     "GaussHermite",
     "GaussianPrior",
     "HydraulicCylinder",
+    "Identifiability",
     "Linearized",
     "Model",
     "PredictiveCovariance",
@@ -59,13 +61,19 @@ __all__ = [
     "evaluate_design",
     "evaluate_under_noise",
     "exchange",
+    "identifiability",
     "isa",
     "predictive_covariance",
     "sensitivities",
     "simulate",
 ]
 
-_LAZY = {"SymbolicModel": ".models.symbolic", "model": ".models.decorator", "load_model": ".config"}
+_LAZY = {
+    "CallableModel": ".models.callable",
+    "SymbolicModel": ".models.symbolic",
+    "model": ".models.decorator",
+    "load_model": ".config",
+}
 
 
 def __getattr__(name: str) -> Any:

@@ -9,14 +9,18 @@ import numpy.typing
 import typing
 
 __all__: list[str] = [
+    "CompiledModel",
     "FisherAccumulator",
     "HydraulicCylinder",
     "NodeTable",
     "PriorGrid",
     "PriorNodes",
+    "Program",
+    "TapeModel",
     "cells",
     "cells_between",
     "log_det",
+    "operations",
     "supported_isas",
 ]
 
@@ -99,6 +103,86 @@ class HydraulicCylinder:
     def q_max(self) -> float: ...
     @property
     def q_min(self) -> float: ...
+
+class Program:
+    def __init__(
+        self,
+        literals: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex],
+        setup: typing.Annotated[numpy.typing.ArrayLike, numpy.int32],
+        stage: typing.Annotated[numpy.typing.ArrayLike, numpy.int32],
+        outputs: collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex],
+        registers: typing.SupportsInt | typing.SupportsIndex,
+    ) -> None: ...
+
+class TapeModel:
+    def __init__(
+        self,
+        name: str,
+        states: collections.abc.Sequence[tuple[str, str, str, typing.SupportsFloat | typing.SupportsIndex]],
+        inputs: collections.abc.Sequence[tuple[str, str, str, typing.SupportsFloat | typing.SupportsIndex]],
+        outputs: collections.abc.Sequence[tuple[str, str, str, typing.SupportsFloat | typing.SupportsIndex]],
+        parameters: collections.abc.Sequence[tuple[str, str, str, typing.SupportsFloat | typing.SupportsIndex]],
+        jumps: collections.abc.Sequence[str],
+        kinks: collections.abc.Sequence[str],
+        domain: collections.abc.Sequence[str],
+        rates: Program,
+        output: Program,
+        surfaces: Program,
+        surface_rates: Program,
+        rate_jacobian: Program,
+        output_jacobian: Program,
+        rate_entries: collections.abc.Sequence[
+            tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex]
+        ],
+        output_entries: collections.abc.Sequence[
+            tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex]
+        ],
+        surface_reads: collections.abc.Sequence[collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex]],
+        poles: typing.SupportsInt | typing.SupportsIndex = 0,
+    ) -> None: ...
+    def limits(
+        self,
+        x: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    ) -> numpy.typing.NDArray[numpy.float64]: ...
+    def output(
+        self,
+        x: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    ) -> numpy.typing.NDArray[numpy.float64]: ...
+    def rhs(
+        self,
+        x: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    ) -> numpy.typing.NDArray[numpy.float64]: ...
+    def switching(
+        self,
+        x: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    ) -> numpy.typing.NDArray[numpy.float64]: ...
+    @property
+    def domain(self) -> list[str]: ...
+    @property
+    def inputs(self) -> list[tuple[str, str, str, float]]: ...
+    @property
+    def jumps(self) -> list[str]: ...
+    @property
+    def kinks(self) -> list[str]: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def outputs(self) -> list[tuple[str, str, str, float]]: ...
+    @property
+    def parameters(self) -> list[tuple[str, str, str, float]]: ...
+    @property
+    def states(self) -> list[tuple[str, str, str, float]]: ...
+
+class CompiledModel(TapeModel):
+    def __init__(self, tape: TapeModel, library: str) -> None: ...
 
 class PriorNodes:
     """
@@ -233,6 +317,11 @@ def cells_between(
 def log_det(matrix: typing.Annotated[numpy.typing.ArrayLike, numpy.float64]) -> float:
     """
     log det by Cholesky; -inf where the matrix is not positive definite.
+    """
+
+def operations() -> list[str]:
+    """
+    Names of what a program can do; their places are the codes.
     """
 
 def supported_isas() -> list[str]:

@@ -6,6 +6,7 @@ import typing
 
 __all__: list[str] = ["predictive_covariance", "sensitivities", "simulate"]
 
+@typing.overload
 def predictive_covariance(
     model: fisherpoint._core.HydraulicCylinder,
     x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
@@ -30,6 +31,57 @@ def predictive_covariance(
     Predictive covariances, statuses, nodes for which the planned steps did not do, outputs (K, R, n_y) where kept, and the lost shares of the absolute weight.
     """
 
+@typing.overload
+def predictive_covariance(
+    model: fisherpoint._core.CompiledModel,
+    x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    dt: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    nodes: fisherpoint._core.PriorNodes,
+    rtol: typing.SupportsFloat | typing.SupportsIndex,
+    cross_kinks: bool,
+    method: str,
+    threads: typing.SupportsInt | typing.SupportsIndex,
+    max_lost: typing.SupportsFloat | typing.SupportsIndex = 0.0,
+    keep_outputs: bool = False,
+) -> tuple[
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.int32],
+    numpy.typing.NDArray[numpy.int64],
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.float64],
+]:
+    """
+    Predictive covariances, statuses, nodes for which the planned steps did not do, outputs (K, R, n_y) where kept, and the lost shares of the absolute weight.
+    """
+
+@typing.overload
+def predictive_covariance(
+    model: fisherpoint._core.TapeModel,
+    x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    dt: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    nodes: fisherpoint._core.PriorNodes,
+    rtol: typing.SupportsFloat | typing.SupportsIndex,
+    cross_kinks: bool,
+    method: str,
+    threads: typing.SupportsInt | typing.SupportsIndex,
+    max_lost: typing.SupportsFloat | typing.SupportsIndex = 0.0,
+    keep_outputs: bool = False,
+) -> tuple[
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.int32],
+    numpy.typing.NDArray[numpy.int64],
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.float64],
+]:
+    """
+    Predictive covariances, statuses, nodes for which the planned steps did not do, outputs (K, R, n_y) where kept, and the lost shares of the absolute weight.
+    """
+
+@typing.overload
 def sensitivities(
     model: fisherpoint._core.HydraulicCylinder,
     x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
@@ -47,8 +99,73 @@ def sensitivities(
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.int32],
 ]: ...
+@typing.overload
+def sensitivities(
+    model: fisherpoint._core.CompiledModel,
+    x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    dt: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    rtol: typing.SupportsFloat | typing.SupportsIndex,
+    cross_kinks: bool,
+    method: str,
+    threads: typing.SupportsInt | typing.SupportsIndex,
+) -> tuple[
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.int32],
+]: ...
+@typing.overload
+def sensitivities(
+    model: fisherpoint._core.TapeModel,
+    x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    dt: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    rtol: typing.SupportsFloat | typing.SupportsIndex,
+    cross_kinks: bool,
+    method: str,
+    threads: typing.SupportsInt | typing.SupportsIndex,
+) -> tuple[
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.int32],
+]: ...
+@typing.overload
 def simulate(
     model: fisherpoint._core.HydraulicCylinder,
+    x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    dt: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    rtol: typing.SupportsFloat | typing.SupportsIndex,
+    cross_kinks: bool,
+    method: str,
+    threads: typing.SupportsInt | typing.SupportsIndex,
+) -> tuple[
+    numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int32]
+]: ...
+@typing.overload
+def simulate(
+    model: fisherpoint._core.CompiledModel,
+    x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    dt: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    rtol: typing.SupportsFloat | typing.SupportsIndex,
+    cross_kinks: bool,
+    method: str,
+    threads: typing.SupportsInt | typing.SupportsIndex,
+) -> tuple[
+    numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int32]
+]: ...
+@typing.overload
+def simulate(
+    model: fisherpoint._core.TapeModel,
     x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     dt: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],

@@ -10,6 +10,7 @@ import numpy as np
 from . import _core
 from .experiments import Experiments
 from .information import PointInformation, point_information
+from .null_space import column_scaled_svd, unscaled
 from .output_covariance import Criterion, criterion, needs_covariances
 from .problem import DesignProblem
 from .quantity import Array, FrozenMapping, names_of
@@ -117,8 +118,7 @@ def evaluate_information(problem: DesignProblem, information: PointInformation, 
     log_det = _core.log_det(fisher)
 
     white = np.linalg.solve(np.linalg.cholesky(covariance_of_outputs), prepared.sensitivity).reshape(-1, len(names))
-    length = np.linalg.norm(white, axis=0)
-    _, singular_values, directions = np.linalg.svd(white / np.where(length > 0, length, 1.0), full_matrices=True)
+    singular_values, directions, length = column_scaled_svd(white)
     rank = int((singular_values > RANK_TOLERANCE * max(singular_values.max(), 1e-300)).sum())
     if not np.isfinite(log_det):
         rank = min(rank, len(names) - 1)  # between the two tolerances: singular all the same
@@ -161,9 +161,7 @@ def evaluate_information(problem: DesignProblem, information: PointInformation, 
 
 
 def _null_direction(v: Array, length: Array, names: tuple[str, ...]) -> Mapping[str, float]:
-    direction = v / np.where(length > 0, length, 1.0)
-    if (length == 0).any() and np.abs(v[length == 0]).max() > 1e-6:
-        direction = np.where(length == 0, v, 0.0)  # a parameter without any influence is a direction of its own
+    direction = unscaled(v, length)
     direction = direction / np.abs(direction).max()
     direction *= np.sign(direction[np.argmax(np.abs(direction))])
     return FrozenMapping({name: float(c) for name, c in zip(names, direction, strict=True) if abs(c) > 1e-6})

@@ -10,12 +10,42 @@ from __future__ import annotations
 import os
 from importlib import import_module
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 from . import _core
 
 if TYPE_CHECKING:
     from . import _kernels as kernels  # the stub that all levels share
+
+
+class Kernels(Protocol):
+    """What runs models: the compiled kernels do, and what stands in for them where a model is not made of operations."""
+
+    def simulate(
+        self, model: Any, x0: Any, u: Any, dt: Any, theta: Any, rtol: float, cross_kinks: bool, method: str, threads: int
+    ) -> tuple[Any, ...]:
+        """x, y, status."""
+
+    def sensitivities(
+        self, model: Any, x0: Any, u: Any, dt: Any, theta: Any, rtol: float, cross_kinks: bool, method: str, threads: int
+    ) -> tuple[Any, ...]:
+        """x, y, dx_dtheta, dy_dtheta, status."""
+
+    def predictive_covariance(
+        self,
+        model: Any,
+        x0: Any,
+        u: Any,
+        dt: Any,
+        theta: Any,
+        nodes: _core.PriorNodes,
+        rtol: float,
+        cross_kinks: bool,
+        method: str,
+        threads: int,
+        max_lost: float = 0.0,
+    ) -> tuple[Any, ...]:
+        """covariance, status, nodes that were redone, outputs where kept, lost weight."""
 
 
 def _module(level: str) -> str:
@@ -39,7 +69,7 @@ def _choose() -> str:
     return wanted
 
 
-__all__ = ["available_isas", "isa", "kernels"]
+__all__ = ["Kernels", "available_isas", "isa", "kernels"]
 
 _ISA = _choose()
 if not TYPE_CHECKING:

@@ -9,7 +9,6 @@ import numpy as np
 
 from . import _core
 from .experiments import Experiments
-from .kernels import kernels
 from .models import Model
 from .prior import GaussianPrior
 from .quantity import Array, IntArray, check_names, names_of
@@ -104,7 +103,7 @@ def predictive_covariance(
         return linearized(scaled, rule.second_moments(ordered, varied), result.status)
     nodes = _nodes(rule, prior, names, varied)
     settings = checked_arguments(model, points, theta, rtol, threads, kinks, method)
-    covariance, status, _, _, lost_weight = kernels.predictive_covariance(
+    covariance, status, *_, lost_weight = model.kernels.predictive_covariance(
         model.core, points.x0, points.u, points.dt, theta, nodes, *settings, max_lost=rule.max_lost_weight
     )
     projection = np.zeros(len(points))

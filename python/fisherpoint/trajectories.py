@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .experiments import Experiments
-from .kernels import kernels
 from .models import Model
 from .quantity import Array, IntArray, as_float, check_positive_int
 
@@ -104,7 +103,7 @@ def simulate(
     check_type(model, Model, "model")
     theta = model.theta(theta)
     arguments = checked_arguments(model, points, theta, rtol, threads, kinks, method)
-    return Trajectories(*kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *arguments))
+    return Trajectories(*model.kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *arguments))
 
 
 def sensitivities(
@@ -124,7 +123,7 @@ def sensitivities(
     check_type(model, Model, "model")
     theta = model.theta(theta)
     arguments = checked_arguments(model, points, theta, rtol, threads, kinks, method)
-    return Sensitivities(*kernels.sensitivities(model.core, points.x0, points.u, points.dt, theta, *arguments))
+    return Sensitivities(*model.kernels.sensitivities(model.core, points.x0, points.u, points.dt, theta, *arguments))
 
 
 def check_type(given: object, expected: type, name: str) -> None:

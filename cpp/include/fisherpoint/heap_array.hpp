@@ -31,7 +31,7 @@ class HeapArray {
     return *this;
   }
   ~HeapArray() {
-    if (values_ && !Shelves::gone) shelf(size_).push_back(std::move(values_));
+    if (values_) drop(std::move(values_), size_);
   }
 
   std::size_t size() const { return size_; }
@@ -54,13 +54,16 @@ class HeapArray {
     static inline thread_local bool gone = false;  // at the end of a thread, other things of it may be dropped later
   };
 
-  // What this thread has dropped of size n.
+  // What this thread has dropped of size n. Not inlined: hot functions, into which everything is, take many arrays.
   static Shelf& shelf(int n) {
     static thread_local Shelves shelves;
     if (static_cast<int>(shelves.of_size.size()) <= n) shelves.of_size.resize(n + 1);
     return shelves.of_size[n];
   }
-  static std::unique_ptr<T[]> taken(int n) {
+  [[gnu::noinline]] static void drop(std::unique_ptr<T[]> values, int n) {
+    if (!Shelves::gone) shelf(n).push_back(std::move(values));
+  }
+  [[gnu::noinline]] static std::unique_ptr<T[]> taken(int n) {
     if (n == 0) return nullptr;
     if (Shelves::gone) return std::unique_ptr<T[]>(new T[n]);
     Shelf& free = shelf(n);

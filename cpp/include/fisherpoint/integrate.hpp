@@ -143,25 +143,27 @@ class Integrator {
     const P remaining = duration - time_, wanted = min(step_size_, cap_);
     ends_ = remaining <= wanted * (1.0 + 1e-9);
     step_ = select(running_, select(ends_, remaining, wanted), P(0.0));
-    for_each_index<Method::stages - 1>([&](auto previous) {
-      constexpr int s = previous + 1;
-      for_each_index(f_.states, [&](auto i) { end_[i] = y[i] + step_ * weighted_sum<s>(Method::a[s], stage_, i); });
+    for_each_index(counted<Equation, last>(), [&](auto previous) {
+      const auto s = after(previous);
+      for_each_index(f_.states, [&](auto i) { end_[i] = y[i] + step_ * weighted_sum(s, Method::a[s], stage_, i); });
       f_.derivative(end_, side_, stage_[s]);
     });
     State error, middle;
     fit(error, f_.states);
     fit(middle, f_.states);
-    for_each_index(f_.states, [&](auto i) { error[i] = step_ * weighted_sum<last + 1>(Method::error, stage_, i); });
+    for_each_index(f_.states,
+                   [&](auto i) { error[i] = step_ * weighted_sum(counted<Equation, last + 1>(), Method::error, stage_, i); });
     squared_error_ = squared_weight() * f_.squared_size(error);
     if constexpr (requires { Method::coarse; }) {
-      for_each_index(f_.states,
-                     [&](auto i) { error[i] = end_[i] - y[i] - step_ * weighted_sum<last>(Method::coarse, stage_, i); });
+      for_each_index(f_.states, [&](auto i) {
+        error[i] = end_[i] - y[i] - step_ * weighted_sum(counted<Equation, last>(), Method::coarse, stage_, i);
+      });
       squared_error_ = Method::squared_error(squared_error_, squared_weight() * f_.squared_size(error));
     }
 
     for_each_index(f_.states, [&](auto i) {
-      middle[i] = 0.5 * (y[i] + end_[i]) +
-                  step_ * (0.125 * (stage_[0][i] - stage_[last][i]) + weighted_sum<last + 1>(Method::bow, stage_, i));
+      middle[i] = 0.5 * (y[i] + end_[i]) + step_ * (0.125 * (stage_[0][i] - stage_[last][i]) +
+                                                    weighted_sum(counted<Equation, last + 1>(), Method::bow, stage_, i));
     });
     const Surfaces middle_value = f_.surface_values(middle);
     end_value_ = f_.surface_values(end_);

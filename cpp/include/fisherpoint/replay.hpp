@@ -77,18 +77,19 @@ class Replay {
     for (const Stretch<M>& stretch : stretches) {
       for_each_index(f_.sides, [&](auto m) { side[m] = P(stretch.side[m]); });
       const double step = stretch.duration / stretch.steps;
-      for (int n = 0; n < stretch.steps; ++n) {
+      for (int k = 0; k < stretch.steps; ++k) {
         f_.derivative(x, side, stage[0]);
         const Surfaces rate = f_.surface_rates(x, stage[0]);
-        for_each_index<last - 1>([&](auto before) {
-          constexpr int s = before + 1;
+        for_each_index(counted<Equation, last - 1>(), [&](auto before) {
+          const auto s = after(before);
           for_each_index(f_.states, [&](auto i) {
-            ahead[i] = own_or(i, shared, [&] { return x[i] + step * weighted_sum<s>(Method::a[s], stage, i); });
+            ahead[i] = own_or(i, shared, [&] { return x[i] + step * weighted_sum(s, Method::a[s], stage, i); });
           });
           f_.derivative(ahead, side, stage[s]);
         });
         for_each_index(f_.states, [&](auto i) {
-          x[i] = own_or(i, shared, [&] { return x[i] + step * weighted_sum<last>(Method::a[last], stage, i); });
+          x[i] = own_or(i, shared,
+                        [&] { return x[i] + step * weighted_sum(counted<Equation, last>(), Method::a[last], stage, i); });
         });
         const Surfaces end = f_.surface_values(x);
         check(outcome.clearance, side, step, value, rate, end, f_.surface_rates(x, stage[last - 1]));
@@ -97,7 +98,7 @@ class Replay {
         for_each_index(f_.states, [&](auto i) {
           error[i] = P(0.0);
           if (f_.dependence.state_depends(i) || !std::is_same_v<Source, Remembered>)
-            error[i] = step * weighted_sum<last + end_counts<Method>()>(Method::error, stage, i);
+            error[i] = step * weighted_sum(counted<Equation, last + end_counts<Method>()>(), Method::error, stage, i);
         });
         outcome.squared_error += f_.squared_size(error);
       }

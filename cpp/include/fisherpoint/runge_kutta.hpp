@@ -14,43 +14,41 @@
 
 #include <array>
 #include <cstddef>
+#include <type_traits>
 
 #include "unroll.hpp"
 
 namespace fisherpoint {
 
-namespace detail {
+// n as a Count or as an int, as the equation has its loops over stages.
+template <class Equation, int n>
+constexpr typename Equation::template Stages<n> counted() {
+  return typename Equation::template Stages<n>(Count<n>{});
+}
 
-template <int n, int first, class T>
-T weighted_sum(T start, const auto& weights, auto&& stage) {
-#if defined(FISHERPOINT_SANITIZED)  // a loop: hundreds of unrolled sums take minutes to compile with their checks
-  for (int r = first; r < n; ++r)
-    if (weights[r] != 0) start += weights[r] * stage(r);
-#else
-  for_each_index<n - first>([&](auto r) {
-    if (weights[r + first] != 0) start += weights[r + first] * stage(r + first);
-  });
+// start plus entry i of stages `first` to n - 1, each times its weight; what has no weight is not computed. Where n is no Count
+// the sum is a loop, over one vector of a pack at a time, so that it stays in its register.
+template <class N, class First, std::size_t size, class State, class P>
+P weighted_sum(First first, N n, P start, const std::array<double, size>& weights, const State* stage, int i) {
+#if !defined(FISHERPOINT_SANITIZED)  // hundreds of unrolled sums take minutes to compile with their checks
+  if constexpr (!std::is_same_v<N, int>) {
+    for_each_index(first, n, [&](auto r) {
+      if (weights[r] != 0) start += weights[r] * stage[r][i];
+    });
+    return start;
+  }
 #endif
+  for (int r = first; r < n; ++r)
+    if (weights[r] != 0) start += weights[r] * stage[r][i];
   return start;
 }
-
-}  // namespace detail
-
-// start plus entry i of stages `first` to n - 1, each times its weight; what has no weight is not computed.
-template <int n, int first = 0, std::size_t size, class State, class P>
-P weighted_sum(P start, const std::array<double, size>& weights, const State* stage, int i) {
-  if constexpr (requires { requires P::parts > 1; }) {  // vector by vector, so that every sum stays in its register
-#pragma GCC unroll 1
-    for (int k = 0; k < P::parts; ++k)
-      start.part[k] = detail::weighted_sum<n, first>(start.part[k], weights, [&](int r) { return stage[r][i].part[k]; });
-    return start;
-  } else {
-    return detail::weighted_sum<n, first>(start, weights, [&](int r) -> const P& { return stage[r][i]; });
-  }
+template <class N, std::size_t size, class State, class P>
+P weighted_sum(N n, const P& start, const std::array<double, size>& weights, const State* stage, int i) {
+  return weighted_sum(Count<0>{}, n, start, weights, stage, i);
 }
-template <int n, std::size_t size, class State>
-auto weighted_sum(const std::array<double, size>& weights, const State* stage, int i) {
-  return weighted_sum<n, 1>(weights[0] * stage[0][i], weights, stage, i);
+template <class N, std::size_t size, class State>
+auto weighted_sum(N n, const std::array<double, size>& weights, const State* stage, int i) {
+  return weighted_sum(Count<1>{}, n, weights[0] * stage[0][i], weights, stage, i);
 }
 
 // Whether the derivative at the step's end takes part in an error.

@@ -65,6 +65,9 @@ struct Shape {
   static constexpr Count<S::switching> kinks_end{};
   static constexpr Count<S::sides> sides{};
   static constexpr Count<S::surfaces> surfaces{};
+  // How loops over n stages are counted.
+  template <int n>
+  using Stages = Count<n>;
 };
 
 template <Model M>

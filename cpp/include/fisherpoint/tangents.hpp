@@ -51,8 +51,8 @@ class Tangents {
   FISHERPOINT_HOT void advance(const P& step, const typename Equation::Side& side) {
     State rate[Method::stages], ahead;
     fit_all(rate, ahead);
-    for_each_index<stages>([&](auto s) {
-      for_each_index(f_.states, [&](auto i) { ahead[i] = weighted_sum<s>(x[i], Method::a[s], rate, i); });
+    for_each_index(counted<Equation, stages>(), [&](auto s) {
+      for_each_index(f_.states, [&](auto i) { ahead[i] = weighted_sum(s, x[i], Method::a[s], rate, i); });
       linearise(ahead, side, step, rate[s], jacobian_[s]);
     });
     Estimate estimate;
@@ -92,11 +92,12 @@ class Tangents {
 
   // Moves a number to the step's end; returns its differences to the embedded solutions.
   static std::pair<P, P> finish(P& value, const State* rate, auto i) {
-    const P change = weighted_sum<last>(Method::a[last], rate, i);
+    const P change = weighted_sum(counted<Equation, last>(), Method::a[last], rate, i);
     value += change;
     P coarse(0.0);
-    if constexpr (requires { Method::coarse; }) coarse = change - weighted_sum<last>(Method::coarse, rate, i);
-    return {weighted_sum<stages>(Method::error, rate, i), coarse};
+    if constexpr (requires { Method::coarse; })
+      coarse = change - weighted_sum(counted<Equation, last>(), Method::coarse, rate, i);
+    return {weighted_sum(counted<Equation, stages>(), Method::error, rate, i), coarse};
   }
 
   static P square(const P& a) { return a * a; }
@@ -114,9 +115,9 @@ class Tangents {
     const int drive_start = f_.dependence.theta_start[k];
     State rate[Method::stages], ahead;  // of the column's states alone
     fit_all(rate, ahead);
-    for_each_index<stages>([&](auto s) {
+    for_each_index(counted<Equation, stages>(), [&](auto s) {
       for_each_variable(rows,
-                        [&](auto i) { ahead[i] = weighted_sum<s>(column[detail::below(rows, i)], Method::a[s], rate, i); });
+                        [&](auto i) { ahead[i] = weighted_sum(s, column[detail::below(rows, i)], Method::a[s], rate, i); });
       const auto& jacobian = jacobian_[s];
       for_each_variable(rows, [&](auto i) {
         P sum(0.0);

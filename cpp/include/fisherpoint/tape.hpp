@@ -74,6 +74,8 @@ template <>
 struct Shape<TapeModel> {
   int states, inputs, outputs, parameters;
   int jumps_end, kinks_end, sides, surfaces;
+  template <int n>
+  using Stages = int;  // packs are so wide that unrolled loops would only overflow the instruction cache
 };
 
 // An entry of a Jacobian: the derivative of function `row` in `variable`, the states first, then the parameters.

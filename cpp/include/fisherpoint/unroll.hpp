@@ -27,6 +27,12 @@ void for_each_index(F&& f) {
 template <int n>
 using Count = std::integral_constant<int, n>;
 
+template <int n>
+constexpr Count<n + 1> after(Count<n>) {
+  return {};
+}
+constexpr int after(int n) { return n + 1; }
+
 // The same for a count of either kind, and from `first` to `last - 1`.
 template <int n>
 void for_each_index(Count<n>, auto&& f) {

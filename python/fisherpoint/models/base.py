@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Hashable, Iterable, Mapping
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..kernels import Kernels, kernels
 from ..quantity import Array, FrozenMapping, Quantity, as_floats, in_order, names_of
 
 if TYPE_CHECKING:
+    from .dependence import Dependence
     from .symbolic import SymbolicModel
 
 DURATION = Quantity("dt", "s", "duration")
@@ -62,6 +65,11 @@ class Model(ABC):
     @abstractmethod
     def constants(self) -> Mapping[str, float]:
         """The known constants by name, SI units."""
+
+    @property
+    def kernels(self) -> Kernels:
+        """What runs `core`: the compiled kernels for this machine."""
+        return kernels
 
     @abstractmethod
     def _identity(self) -> Hashable:
@@ -147,6 +155,40 @@ class Model(ABC):
     def compiled(self) -> bool:
         """Whether the kernels are compiled for this model."""
         return False
+
+    def free_start(self, *names: str) -> Model:
+        """Return the model in which these states start off their x0 by a further parameter each: they come last, nominally 0.
+
+        Its sensitivities by these parameters are those by the start.
+        """
+        return self.symbolic().free_start(*names)
+
+    @property
+    def reaches(self) -> Mapping[str, tuple[str, ...]]:
+        """For each parameter the outputs that it reaches, directly or through states, by the structure of the equations."""
+        return self._dependence.reaches
+
+    @property
+    def idle(self) -> tuple[str, ...]:
+        """Parameters that reach no output."""
+        return self._dependence.idle
+
+    @property
+    def blocks(self) -> tuple[tuple[str, ...], ...]:
+        """Groups of parameters that can be identified independently of each other, by the structure of the equations.
+
+        An equation of which all states are known from the measured outputs separates: a state that is an output is known, and so
+        is v in q' = v with q known. Parameters belong together where they stand in the same equation, or in equations that share
+        a state that is not known. This holds for outputs that are measured without gap or error, not for a design: see
+        `fisherpoint.models.dependence.blocks_of` for the rule, and `fisherpoint.identifiability` for what a region shows.
+        """
+        return self._dependence.blocks
+
+    @cached_property
+    def _dependence(self) -> Dependence:
+        from .dependence import Dependence
+
+        return Dependence(self.symbolic())
 
     def to_toml(self) -> str:
         """The model as the table [model] of a TOML file; `load_model` reads it back."""

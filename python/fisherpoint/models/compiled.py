@@ -42,9 +42,11 @@ def compiled_library(model: SymbolicModel) -> Path | None:
     """
     compiler, include = find_compiler(), _include_directory()
     if compiler is None:
-        return _interpreted("expected a C++ compiler (g++ or clang++, or one named by CXX), found none")
+        _stays_interpreted("expected a C++ compiler (g++ or clang++, or one named by CXX), found none")
+        return None
     if include is None:
-        return _interpreted("expected the core's headers beside the package, found none")
+        _stays_interpreted("expected the core's headers beside the package, found none")
+        return None
     flags = [*_FLAGS, *([] if isa() == "generic" else [f"-march=x86-64-{isa()}"]), f"-I{include}"]
     sources = {_MODEL: cpp_model(model, model.structure.programs, _NAME)}
     for kernel, function in _SOURCES.items():
@@ -55,11 +57,12 @@ def compiled_library(model: SymbolicModel) -> Path | None:
     if not library.exists():
         error = _build(compiler, flags, sources, library)
         if error is not None:
-            return _interpreted(f"expected {compiler} to build the model, given: {error}")
+            _stays_interpreted(f"expected {compiler} to build the model, given: {error}")
+            return None
     return library
 
 
-def _interpreted(reason: str) -> None:
+def _stays_interpreted(reason: str) -> None:
     warnings.warn(f"compile: {reason}; the model stays interpreted", stacklevel=4)
 
 

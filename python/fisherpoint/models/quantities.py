@@ -5,12 +5,15 @@ from __future__ import annotations
 import keyword
 import math
 import unicodedata
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from ..functions import NAMES
 from ..quantity import Quantity, as_float
 from .units import check_unit
+
+if TYPE_CHECKING:
+    from .base import Model
 
 RESERVED = (*NAMES, "pi", "dt")
 
@@ -54,6 +57,22 @@ def constants_of(described: Mapping[Any, Any] | None) -> tuple[tuple[Quantity, .
         value, unit = entry if isinstance(entry, tuple) and len(entry) == 2 else (entry, "1")
         units[name], values[name] = unit, as_float(value, f"constants.{name}")
     return quantities_of(units, "constants"), values
+
+
+def start_offsets(model: Model, names: Sequence[str]) -> tuple[Quantity, ...]:
+    """A quantity for each of the named states by which its start differs from x0; it has a name of its own."""
+    states = {quantity.name: quantity for quantity in model.states}
+    taken = {q.name for of in (model.states, model.inputs, model.parameters, model.constant_quantities) for q in of}
+    offsets = []
+    for name in names:
+        if name not in states:
+            raise ValueError(f"unknown_start: expected names of states, {', '.join(states) or 'none'}; given {name!r:.60}")
+        own = f"{name}_0"
+        while own in taken:
+            own += "_"
+        taken.add(own)
+        offsets.append(Quantity(own, states[name].unit, f"start of {name}, as it differs from x0"))
+    return tuple(offsets)
 
 
 def check_distinct(named: Iterable[tuple[str, str]]) -> None:

@@ -22,6 +22,9 @@ def shown(model: SymbolicModel) -> str:
     lines += ["", *_equations(model), ""]
     limits = [f"{name} other than 0" for name in model.poles] + [f"{name} > 0" for name in model.domain[len(model.poles) :]]
     facts = {"jumps": [f"{name} = 0" for name in model.jumps], "kinks": [f"{name} = 0" for name in model.kinks], "domain": limits}
+    facts["blocks"] = [f"{{{', '.join(block)}}}" for block in model.blocks]
+    if model.idle:
+        facts["idle"] = list(model.idle)
     lines += [f"{kind:<12}{', '.join(facts[kind]) or 'none'}" for kind in facts]
     return "\n".join(lines)
 

@@ -19,7 +19,7 @@ from .base import Model
 from .compiled import compiled_library
 from .expressions import checked, symbol
 from .printing import to_text
-from .quantities import Described, check_distinct, constants_of, quantities_of
+from .quantities import Described, check_distinct, constants_of, quantities_of, start_offsets
 from .show import latex, shown
 from .structure import Equations, Structure
 from .text import parse_equation
@@ -135,17 +135,23 @@ class SymbolicModel(Model):
         programs = self.structure.programs
         return _core.TapeModel(
             self.name,
-            *([(q.name, q.unit, q.description, q.scale or 1.0) for q in of] for of in self._quantities()[:2]),
-            *([(q.name, q.unit, q.description, q.scale or 1.0) for q in of] for of in (self.outputs, self.parameters)),
-            list(self.jumps),
-            list(self.kinks),
-            list(self.domain),
-            *map(to_core, (programs.rates, programs.output, programs.surfaces, programs.surface_rates)),
-            *map(to_core, (programs.rate_jacobian, programs.output_jacobian)),
-            programs.rate_entries,
-            programs.output_entries,
-            programs.surface_reads,
-            programs.poles,
+            states=_described(self.states),
+            inputs=_described(self.inputs),
+            outputs=_described(self.outputs),
+            parameters=_described(self.parameters),
+            jumps=list(self.jumps),
+            kinks=list(self.kinks),
+            domain=list(self.domain),
+            rates=to_core(programs.rates),
+            output=to_core(programs.output),
+            surfaces=to_core(programs.surfaces),
+            surface_rates=to_core(programs.surface_rates),
+            rate_jacobian=to_core(programs.rate_jacobian),
+            output_jacobian=to_core(programs.output_jacobian),
+            rate_entries=programs.rate_entries,
+            output_entries=programs.output_entries,
+            surface_reads=programs.surface_reads,
+            poles=programs.poles,
         )
 
     _library: Path | None = None
@@ -180,6 +186,19 @@ class SymbolicModel(Model):
             values={**self.constants, **values},
             nominal={name: value for name, value in self.nominal.items() if name not in values},
         )
+
+    def free_start(self, *names: str) -> SymbolicModel:
+        """Return the model in which these states start off their x0 by a further parameter each: they come last, nominally 0."""
+        offsets = start_offsets(self, names)
+        shift = {symbol(name): symbol(name) + symbol(offset.name) for name, offset in zip(names, offsets, strict=True)}
+        equations = self.equations
+        f, g, domain = (
+            [expression.xreplace(shift) for expression in of] for of in (equations.rates, equations.output, equations.conditions)
+        )
+        constants = {q.name: (self.constants[q.name], q) for q in self.constant_quantities}
+        parameters = (*self.parameters, *offsets)
+        nominal = {**self.nominal, **dict.fromkeys(names_of(offsets), 0.0)}
+        return SymbolicModel(f, g, self.states, self.inputs, parameters, self.outputs, constants, domain, self.name, nominal)
 
     def _replaced(
         self,
@@ -246,6 +265,10 @@ class SymbolicModel(Model):
 
 
 _KINDS = ("state", "input", "parameter", "output")
+
+
+def _described(quantities: tuple[Quantity, ...]) -> list[tuple[str, str, str, float]]:
+    return [(q.name, q.unit, q.description, q.scale or 1.0) for q in quantities]
 
 
 def _listed(given: Any, place: str) -> list[Any]:

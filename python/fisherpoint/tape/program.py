@@ -65,6 +65,6 @@ class Program:
         return hash(self._content())
 
 
-def to_core(program: Program) -> Any:
+def to_core(program: Program) -> _core.Program:
     """Return the program as the core takes it."""
-    return _core.Program(program.literals, program.setup, program.stage, program.outputs, program.registers)
+    return _core.Program(program.literals.tolist(), program.setup, program.stage, program.outputs.tolist(), program.registers)

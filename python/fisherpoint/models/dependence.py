@@ -1,0 +1,159 @@
+"""What depends on what in the equations of a model, and which parameters can be identified apart from the others.
+
+This is a statement about structure, made from which symbols stand in which equation. It says nothing about a design, and nothing
+about whether the parameters inside a block can be told from each other: that is what `fisherpoint.identifiability` is for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+
+import sympy
+
+from ..quantity import FrozenMapping, names_of
+from .symbolic import SymbolicModel
+
+Names = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Equation:
+    """A rate or an output: the states and parameters that it reads, and the states in which it is affine with known slope.
+
+    A branch reads what its condition reads.
+    """
+
+    states: frozenset[str]
+    parameters: frozenset[str]
+    affine: frozenset[str]
+
+
+class Dependence:
+    """Which parameter reaches which output, and the independent blocks of parameters.
+
+    Parameters
+    ----------
+    model : SymbolicModel
+
+    Attributes
+    ----------
+    reaches : mapping of parameter name to tuple of output names
+        Outputs that change with the parameter, directly or through states.
+    idle : tuple of str
+        Parameters that reach no output.
+    blocks : tuple of tuple of str
+        Parameters, but the idle ones, in groups that can be identified independently of each other; see `blocks_of`.
+    """
+
+    def __init__(self, model: SymbolicModel) -> None:
+        self._parameters, outputs = names_of(model.parameters), names_of(model.outputs)
+        read = _Reader(model)
+        self._rates = dict(zip(names_of(model.states), map(read, model.structure.rates), strict=True))
+        self._output = dict(zip(outputs, map(read, model.structure.output), strict=True))
+        behind = {name: self._states_behind(equation.states) for name, equation in self._output.items()}
+        reached = {
+            name: equation.parameters.union(*(self._rates[state].parameters for state in behind[name]))
+            for name, equation in self._output.items()
+        }
+        self.reaches: Mapping[str, Names] = FrozenMapping(
+            {name: tuple(output for output in outputs if name in reached[output]) for name in self._parameters}
+        )
+        self.idle: Names = tuple(name for name in self._parameters if not self.reaches[name])
+        self._seen = frozenset[str]().union(*behind.values())
+        self.blocks: tuple[Names, ...] = blocks_of(self)
+
+    @property
+    def equations(self) -> list[tuple[str | None, Equation]]:
+        """Equations that an output hears of: outputs, with None, and the rates of states."""
+        rates = [(state, equation) for state, equation in self._rates.items() if state in self._seen]
+        return [*((None, equation) for equation in self._output.values()), *rates]
+
+    def known_states(self) -> frozenset[str]:
+        """States whose course is known where the outputs are measured, as `blocks_of` says."""
+        known: set[str] = set()
+        before = -1
+        while len(known) > before:
+            before = len(known)
+            known |= {name for name in self._rates if not self._moving(name, known)}
+            for state, equation in self.equations:
+                unknown = equation.states - known
+                if (state is None or state in known) and not equation.parameters and len(unknown) == 1:
+                    known |= unknown & equation.affine
+        return frozenset(known)
+
+    def ordered(self, names: Iterable[str]) -> Names:
+        """Parameters in the model's order."""
+        return tuple(sorted(names, key=self._parameters.index))
+
+    def _moving(self, state: str, known: Collection[str]) -> bool:
+        """Whether a parameter moves the state otherwise than through known ones."""
+        return any(self._rates[name].parameters for name in self._states_behind({state}, known))
+
+    def _states_behind(self, states: Iterable[str], known: Collection[str] = ()) -> frozenset[str]:
+        """States on which these depend, with these, but for those behind known ones."""
+        found: set[str] = set()
+        waiting = set(states)
+        while waiting:
+            state = waiting.pop()
+            found.add(state)
+            waiting |= self._rates[state].states - found - set(known)
+        return frozenset(found)
+
+
+def blocks_of(dependence: Dependence) -> tuple[Names, ...]:
+    """Return the blocks of parameters that separate where the outputs are measured without gap or error.
+
+    1. The course of a state is *known* where no parameter moves it, but through known states: its start is given. It is known too
+       where an output, or the rate of a known state, reads no parameter and no other state that is not known, and is affine in
+       it. So a state that is an output is known, and so are v in q' = v where q is, and q where v is.
+    2. The rate of a known state is known too, as its time derivative. Each output, and the rate of each state that reaches one, is
+       an equation in parameters and in states that are not known; the rate of such a state is one in this state as well.
+    3. Parameters belong together where equations connect them: those in the same equation, and those in equations that share a
+       state that is not known.
+
+    Parameters of different blocks never meet in an equation, so each block can be estimated from its own equations alone, with the
+    measured signals put in.
+    """
+    known = dependence.known_states()
+    blocks: list[set[str]] = []  # of parameters, and of states marked by a quote
+    for state, equation in dependence.equations:
+        members = set(equation.parameters) | {f"{name}'" for name in equation.states - known}
+        if state is not None and state not in known:
+            members.add(f"{state}'")
+        joined = [block for block in blocks if block & members]
+        blocks = [block for block in blocks if not block & members] + [members.union(*joined)]
+    named = [dependence.ordered(name for name in block if not name.endswith("'")) for block in blocks]
+    everything = dependence.ordered(name for names in named for name in names)
+    return tuple(sorted((names for names in named if names), key=lambda names: everything.index(names[0])))
+
+
+class _Reader:
+    """Reads equations of a model in which branches are symbols for the side of a surface."""
+
+    def __init__(self, model: SymbolicModel) -> None:
+        self._sides = {surface.side: surface.expression for surface in model.structure.surfaces}
+        self._states = dict(zip(model.equations.states, names_of(model.states), strict=True))
+        self._parameters = dict(zip(model.equations.parameters, names_of(model.parameters), strict=True))
+
+    def __call__(self, expression: sympy.Expr) -> Equation:
+        symbols = self._symbols(expression)
+        states = {symbol for symbol in symbols if symbol in self._states}
+        # Only where one state alone is not known is it asked for, and then no parameter may stand there.
+        parameters = frozenset(self._parameters[symbol] for symbol in symbols if symbol in self._parameters)
+        affine = set() if parameters else {state for state in states if state not in self._symbols(expression.diff(state))}
+        return Equation(self._names(states), parameters, self._names(affine))
+
+    def _names(self, states: Iterable[sympy.Symbol]) -> frozenset[str]:
+        return frozenset(self._states[state] for state in states)
+
+    def _symbols(self, expression: sympy.Expr) -> set[sympy.Symbol]:
+        """Symbols of an expression and of the surfaces on whose side it depends."""
+        found: set[sympy.Symbol] = set()
+        waiting = set(expression.free_symbols)
+        while waiting:
+            symbol = waiting.pop()
+            found.add(symbol)
+            if symbol in self._sides:
+                waiting |= self._sides[symbol].free_symbols - found
+        return found

@@ -1,0 +1,125 @@
+"""Which parameter reaches which output, and which parameters can be identified apart from the others."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fisherpoint as fp
+from conftest import random_points
+from defaults import MODEL, NAMES
+
+MECHANICAL, HYDRAULIC = NAMES[:3], NAMES[3:]
+
+
+def cylinder_measuring(*names: str) -> fp.SymbolicModel:
+    """The cylinder with other outputs."""
+    whole = MODEL.symbolic()
+    states = {quantity.name: quantity for quantity in whole.states}
+    constants = {quantity.name: (whole.constants[quantity.name], quantity) for quantity in whole.constant_quantities}
+    outputs = [states[name] for name in names]
+    return fp.SymbolicModel(whole.texts[0], names, whole.states, whole.inputs, whole.parameters, outputs, constants, whole.texts[2])
+
+
+def model(f: list[str], g: list[str], parameters: str, **constants: float) -> fp.SymbolicModel:
+    """A model with states a, b, c, ... as many as there are rates, and one input u."""
+    states = {name: "1" for name in "abcdef"[: len(f)]}
+    return fp.SymbolicModel(f, g, states, {"u": "1"}, dict.fromkeys(parameters.split(), "1"), constants=constants)
+
+
+def test_the_cylinder_has_the_papers_two_blocks() -> None:
+    assert MODEL.blocks == MODEL.symbolic().blocks == (MECHANICAL, HYDRAULIC)
+    assert MODEL.idle == ()
+    assert dict(MODEL.reaches) == dict.fromkeys(NAMES, ("q", "p_A", "p_B"))
+
+
+@pytest.mark.parametrize(
+    ("outputs", "blocks"),
+    [
+        (("q", "p_A", "p_B"), (MECHANICAL, HYDRAULIC)),  # no parameter moves x_v, so it need not be measured
+        (("v", "p_A", "p_B"), (MECHANICAL, HYDRAULIC)),  # q follows from v and the start
+        (("q", "x_v"), (NAMES,)),
+        (("q", "v", "x_v"), (NAMES,)),
+        (("q", "p_A", "x_v"), (NAMES,)),
+        (("p_A", "p_B", "x_v"), (NAMES,)),
+    ],
+)
+def test_the_cylinder_separates_where_motion_and_pressures_are_measured(outputs: Any, blocks: Any) -> None:
+    assert cylinder_measuring(*outputs).blocks == blocks
+
+
+def test_measured_tanks_separate_and_an_unmeasured_one_joins() -> None:
+    f = ["-k1*sqrt(a) + k4*u", "k2*sqrt(a) - k3*sqrt(b)"]
+    assert model(f, ["a", "b"], "k1 k2 k3 k4").blocks == (("k1", "k4"), ("k2", "k3"))
+    assert model(f, ["b"], "k1 k2 k3 k4").blocks == (("k1", "k2", "k3", "k4"),)
+    upper = model(f, ["a"], "k1 k2 k3 k4")
+    assert upper.blocks == (("k1", "k4"),) and upper.idle == ("k2", "k3")
+    assert upper.reaches["k1"] == ("y",) and upper.reaches["k2"] == ()
+
+
+AFFINE = ["2*a + 273.15", "scale*a - offset", "-a", "a + u", "a - exp(b)"]
+OTHERS = ["a**2", "abs(a)", "max(a, 1)", "sin(a)", "u/a", "where(a > 1, 2*a, a)", "k*a"]
+
+
+@pytest.mark.parametrize("g", AFFINE + OTHERS)
+def test_a_sensor_measures_its_state_where_it_is_affine_with_known_scale(g: str) -> None:
+    found = model(["-k*a", "-m*b + a"], [g, "b"], "k m", scale=1e-5, offset=3.0)
+    assert found.blocks == ((("k",), ("m",)) if g in AFFINE else (("k", "m"),))
+
+
+def test_a_chain_of_derivatives_is_known() -> None:
+    """Position measured, velocity and acceleration are its derivatives; a load without parameters is told by a sum."""
+    f = ["b", "c", "-j*c - k*a + d", "-m*d"]
+    assert model(f, ["a", "a + d"], "j k m").blocks == (("j", "k"), ("m",))
+    assert model(f, ["a"], "j k m").blocks == (("j", "k", "m"),)
+    assert model(["b**2", *f[1:]], ["a", "a + d"], "j k m").blocks == (("j", "k"), ("m",))  # b is not known, but d is
+    assert model(["b**2", "c", "-j*c - k*a", "-m*d*b"], ["a", "d"], "j k m").blocks == (("j", "k", "m"),)
+    assert model(["b", "c", "-j*c - k*a", "-m*d*b"], ["a", "d"], "j k m").blocks == (("j", "k"), ("m",))
+
+
+def test_a_state_that_no_parameter_moves_is_known() -> None:
+    """An unmeasured drive, and the integral of a measured signal, start at a known value and follow from what is known."""
+    assert model(["-k*a + c", "-m*b + c", "u - c"], ["a", "b"], "k m").blocks == (("k",), ("m",))
+    assert model(["-k*a + c", "-m*b + c", "w*u - c"], ["a", "b"], "k m w").blocks == (("k", "m", "w"),)
+    assert model(["-k*a + c", "-m*b + c", "a"], ["a", "b"], "k m").blocks == (("k",), ("m",))
+    assert model(["-k*a + c", "-m*b + c", "d", "-k*d"], ["a", "b"], "k m").blocks == (("k", "m"),)
+
+
+def test_a_shared_parameter_joins_equations() -> None:
+    assert model(["-k*a", "-k*b + m*u"], ["a", "b"], "k m").blocks == (("k", "m"),)
+
+
+def test_what_no_output_hears_of_joins_nothing() -> None:
+    """c is driven by a and b, with parameters of both, but reaches no output."""
+    found = model(["-k*a", "-m*b", "k*a + m*b + w*c"], ["a", "b"], "k m w")
+    assert found.blocks == (("k",), ("m",)) and found.idle == ("w",)
+
+
+def test_a_condition_is_read() -> None:
+    """The level at which the overflow sets in stands in a branch alone."""
+    found = model(["u - where(a > level, k*(a - level), 0)"], ["a"], "k level")
+    assert found.blocks == (("k", "level"),) and found.reaches["level"] == ("y",)
+    assert model(["where(b > 0, k, m)*u", "-w*b"], ["a"], "k m w").blocks == (("k", "m", "w"),)
+
+
+def test_a_static_model_separates_by_outputs() -> None:
+    static = fp.SymbolicModel([], ["a*u", "b*u + c", "exp(u)"], {}, {"u": "1"}, dict.fromkeys("abcd", "1"))
+    assert static.blocks == (("a",), ("b", "c")) and static.idle == ("d",)
+    assert static.reaches["c"] == ("y_2",)
+
+
+def test_reaching_is_having_a_sensitivity() -> None:
+    """Structure against numbers: where a parameter does not reach, the sensitivity is exactly zero, and elsewhere it is not."""
+    points = random_points(np.random.default_rng(0), 200)
+    s = fp.sensitivities(MODEL, points, MODEL.nominal).dy_dtheta
+    outputs = [quantity.name for quantity in MODEL.outputs]
+    for j, name in enumerate(NAMES):
+        assert [outputs[m] for m in np.flatnonzero(np.abs(s[:, :, j]).max(axis=0))] == list(MODEL.reaches[name])
+
+
+def test_blocks_are_printed() -> None:
+    text = str(MODEL.symbolic())
+    assert "blocks      {a_tau, b_tau, m_q}, {E_oil, p_t, B_v, c_L, V_0A, V_0B}" in text and "idle" not in text
+    assert "idle        w" in str(model(["-k*a"], ["a"], "k w"))
