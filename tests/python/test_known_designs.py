@@ -1,7 +1,7 @@
 """Optimal designs with known answers, found again by the exchange from models written in Python.
 
 The file's information matrix is M = sum of weight times g g^T, with g the gradient of the output and sigma = 1. By (7) with L
-points of equal weight F = 2 M in units of theta, and in units of the prior's standard deviations s that is 2 s_i s_j M_ij / sigma^2:
+points of equal weight F = 2 M in units of theta; in units of the prior's standard deviations s it is 2 s_i s_j M_ij / sigma^2:
 
     log det F = log det M + p log(2 / sigma^2) + 2 sum_i log s_i.
 
