@@ -1,10 +1,11 @@
-"""Candidates: drawn uniformly in the region's box, then filtered by constraints and by how their trajectories end."""
+"""Candidates: drawn in the region's box or near given points, then filtered by constraints and by how their trajectories end."""
 
 from __future__ import annotations
 
 from collections import Counter
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .experiments import Experiments
 from .information import PointInformation, point_sensitivities, with_covariance
@@ -66,20 +67,30 @@ class CandidateSource:
             share = max(self.accepted / self.drawn, 0.05) if self.drawn else 0.7
             batch = round(np.clip(4 * count / share, SMALLEST_BATCH, LARGEST_BATCH))
             tried += batch
-            survivors = self._survivors(self._region.draw(self._problem.model, batch, self._rng))
+            survivors, _ = self._survivors(self._region.draw(self._problem.model, batch, self._rng))
             found.append(survivors)
             have += len(survivors)
         joined = PointInformation.join(found) if len(found) > 1 else found[0]
         self._spare = joined[count:] if have > count else None
         return joined[:count]
 
+    def draw_near(self, points: Experiments, each: int) -> tuple[PointInformation, IntArray]:
+        """Return what is valid at the prior mean of `each` candidates near every point, and the point of each."""
+        near = np.repeat(np.arange(len(points), dtype=np.int32), each)
+        survivors, kept = self._survivors(self._region.draw_near(self._problem.model, points[near], self._rng))
+        return survivors, near[kept]
+
     def confirm(self, chosen: PointInformation) -> PointInformation:
         """Return those that are valid on all nodes of the rule, with their covariances; count the others as rejected."""
+        information, valid = self.confirmed(chosen)
+        return information if valid.all() else information[valid]
+
+    def confirmed(self, chosen: PointInformation) -> tuple[PointInformation, NDArray[np.bool_]]:
+        """Return all with their covariances, and which are valid on all nodes of the rule; count the others as rejected."""
         information, status = with_covariance(self._problem, chosen, self._threads)
-        if not status.any():
-            return information
-        self.rejected.update(_reasons(status))
-        return information[status == Status.ok]
+        if status.any():
+            self.rejected.update(_reasons(status))
+        return information, status == Status.ok
 
     def draw_confirmed(self, count: int) -> PointInformation:
         """Return `count` candidates that are valid on all nodes of the rule, with their predictive covariances."""
@@ -95,22 +106,24 @@ class CandidateSource:
             found.append(self.confirm(batch))
         return PointInformation.join(found)
 
-    def _survivors(self, points: Experiments) -> PointInformation:
-        problem, drawn = self._problem, len(points)
-        rejected: Counter[str] = Counter()
-        if self._region.constraints:
-            satisfied = self._region.satisfied(problem.model, points)
-            rejected["constraint"] += int((~satisfied).sum())
-            points = points[satisfied]
+    def _survivors(self, points: Experiments) -> tuple[PointInformation, NDArray[np.intp]]:
+        """Those that are valid at the prior mean, and their places; the others are counted."""
+        problem, rejected = self._problem, Counter[str]()
         keep = np.ones(len(points), dtype=bool)
-        for surface, rows in on_surface(problem.model, points, problem.theta).items():
-            rejected[f"starts on {surface} = 0"] += int(keep[rows].sum())
-            keep[rows] = False
-        information, status = point_sensitivities(problem, points[keep], self._threads)
+        if self._region.constraints:
+            keep = self._region.satisfied(problem.model, points)
+            rejected["constraint"] += int((~keep).sum())
+        inside = np.flatnonzero(keep)
+        for surface, rows in on_surface(problem.model, points[inside], problem.theta).items():
+            rejected[f"starts on {surface} = 0"] += int(keep[inside[rows]].sum())
+            keep[inside[rows]] = False
+        tried = np.flatnonzero(keep)
+        information, status = point_sensitivities(problem, points[tried], self._threads)
         rejected.update(_reasons(status))
-        self.drawn += drawn  # with the reasons, so that the counts add up after an interrupt too
+        self.drawn += len(points)  # with the reasons, so that the counts add up after an interrupt too
         self.rejected.update(+rejected)
-        return information[status == Status.ok]
+        survive = status == Status.ok
+        return information[survive], tried[survive]
 
 
 def _reasons(status: IntArray) -> Counter[str]:

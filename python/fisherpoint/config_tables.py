@@ -217,6 +217,7 @@ class DesignTable(Table):
     seed: Annotated[int, Field(ge=0)] | None = None
     patience: Count | None = None
     time_limit: Positive | None = None
+    local: Annotated[float, Field(ge=0, le=1)] | None = None
     output_covariance: Literal["noise", "region", "pooled", "pointwise"] | None = None
     parameters: Annotated[list[str], Field(min_length=1)] | None = None
     kinks: Literal["cross", "exclude"] | None = None

@@ -45,6 +45,7 @@ class ExchangeSettings:
     max_redraws: int
     references: bool
     screen: bool = False  # as in files that do not say
+    local: float = 0.0
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -58,6 +59,9 @@ class ExchangeSettings:
                 raise ValueError(f"time_limit: expected a positive number of seconds, given {self.time_limit:g}")
         set_field(self, "references", bool(self.references))
         set_field(self, "screen", bool(self.screen))
+        set_field(self, "local", as_float(self.local, "local"))
+        if not 0 <= self.local <= 1:
+            raise ValueError(f"local: expected a share between 0 and 1, given {self.local:g}")
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,9 @@
 Lines 11 and 13 print "arg min"; the reading is that the candidate with the largest Phi enters, and the point whose removal
 leaves the largest Phi leaves. That may be the candidate itself, so Phi never falls.
 
+Random candidates alone come close to an optimum only slowly, above all where it lies on bounds of the region, as it mostly does. So
+each iteration ends by drawing candidates near every point of the design; a point gives way to the best of its own where Phi rises.
+
 Where D needs the predictive covariance of every candidate, that is what takes the time. Screening orders the candidates by Phi with
 their linearized covariances, which come with the sensitivities, and gives the rule only the best few.
 """
@@ -24,11 +27,14 @@ from .evaluation import Evaluation, evaluate_information
 from .information import PointInformation, with_linearized_covariance
 from .output_covariance import Criterion, criterion, needs_covariances
 from .problem import DesignProblem
-from .quantity import Array, FrozenMapping
+from .quantity import Array, FrozenMapping, IntArray
 from .trajectories import resolve_threads
 
 SHORTLIST = 10
 """Candidates that screening leaves for the rule; the best under the rule is nearly always among them (`bench/screening.py`)."""
+
+LEAST_GAIN = 1e-6
+"""What log det F must gain for a point to be moved; less would be moved for ever."""
 
 RIDGE = 1e-9
 """Share of the prior's information that is added to F as long as a design is singular, so that singular designs can be told
@@ -61,6 +67,7 @@ def exchange(
     max_redraws: int = 1,
     references: bool = True,
     screen: bool = True,
+    local: float = 0.5,
 ) -> Design:
     """Find the design with the largest det F by exchanging points for random candidates, Algorithm 1.
 
@@ -88,6 +95,9 @@ def exchange(
     screen : bool
         Where the output covariance is "pooled" or "pointwise": order candidates by their linearized covariances and take the rule
         for the best few only. False takes it for all, as Algorithm 1 is written.
+    local : float
+        Candidates near the points of the design that are drawn beside the n_candidates, as a share of these, at least one for each
+        point; 0 for none: Algorithm 1 alone.
 
     Returns
     -------
@@ -102,7 +112,7 @@ def exchange(
     if not isinstance(problem, DesignProblem):
         raise TypeError(f"problem: expected a DesignProblem, given {type(problem).__name__}")
     settings = ExchangeSettings(
-        n_experiments, n_candidates, max_iterations, seed, patience, time_limit, max_redraws, references, screen
+        n_experiments, n_candidates, max_iterations, seed, patience, time_limit, max_redraws, references, screen, local
     )
     if progress is not None and not callable(progress):
         raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
@@ -151,6 +161,7 @@ class ExchangeSearch:
         try:
             for iteration in range(1, settings.max_iterations + 1):
                 exchanged = self._iterate()
+                exchanged |= self._move()
                 exchanges += exchanged
                 idle = 0 if exchanged else idle + 1
                 self._record(iteration, exchanged)
@@ -215,6 +226,45 @@ class ExchangeSearch:
             return False
         self.best = _Incumbent(entering, prepared, log_det)
         return True
+
+    def _move(self) -> bool:
+        """Draw candidates near the points; in the place of each point put the best of its own where that raises Phi."""
+        settings, start = self.settings, self.best.information
+        if not settings.local or not np.isfinite(self.best.log_det):
+            return False
+        each = max(1, round(settings.local * settings.n_candidates / len(start)))
+        candidates, near = self.source.draw_near(start.points, each)
+        chosen, places = self._nearby(candidates, near)
+        moved = False
+        for m, k in enumerate(places):
+            rows = np.arange(len(start))
+            rows[k] = len(start)
+            information = PointInformation.join([self.best.information, chosen[m : m + 1]])[rows]
+            prepared = self.criterion.prepare(information)
+            log_det = self._log_det(prepared, 0.0)
+            if log_det > self.best.log_det + LEAST_GAIN:
+                self.best, moved = _Incumbent(information, prepared, log_det), True
+        return moved
+
+    def _nearby(self, candidates: PointInformation, near: IntArray) -> tuple[PointInformation, IntArray]:
+        """For each point the best candidate near it, where it alone would raise Phi and is valid on all nodes; and which points."""
+        accumulator, best = self.criterion.accumulate(self.best.prepared), self.best.prepared
+        if self.needs_covariances:
+            candidates = with_linearized_covariance(self.problem, candidates)
+        chosen = []
+        for k in range(len(best)):
+            own = np.flatnonzero(near == k)
+            if len(own):
+                sensitivity, covariance = best.sensitivity[k : k + 1], best.covariance[k : k + 1]
+                accumulator.remove(sensitivity, covariance)
+                phis = self._phis_with(accumulator, candidates[own], 0.0)
+                accumulator.add(sensitivity, covariance)
+                if phis.max() > self.best.log_det + LEAST_GAIN:
+                    chosen.append(own[np.argmax(phis)])
+        if not chosen:
+            return candidates[:0], near[:0]
+        information, valid = self.source.confirmed(candidates[chosen])
+        return information[valid], near[chosen][valid]
 
     def _candidates(self, accumulator: _core.FisherAccumulator, ridge: float) -> tuple[PointInformation, bool]:
         """Candidates for one draw, and whether they are valid on all nodes and carry the rule's covariances."""
@@ -291,6 +341,7 @@ def _references(search: ExchangeSearch, under_noise: Evaluation | None) -> Effic
         0,
         False,
         False,
+        settings.local,
     )
     reference = ExchangeSearch(problem, other, search.threads)
     if reference.run(None) == "interrupted":

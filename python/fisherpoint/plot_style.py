@@ -30,8 +30,12 @@ STYLE: dict[Any, Any] = {
 
 
 def scale(quantity: fp.Quantity, values: ArrayLike) -> tuple[float, str]:
-    """Factor and unit that make the values easy to read: MPa for 2e7 Pa, ms for 0.01 s."""
+    """Factor and unit that make the values easy to read: MPa for 2e7 Pa, ms for 0.01 s, h for 2e5 s."""
     largest = float(np.nanmax(np.abs(np.asarray(values)), initial=0.0))
+    if quantity.unit == "s":
+        for seconds, unit in ((3600.0, "h"), (60.0, "min")):
+            if largest >= 5 * seconds:
+                return 1 / seconds, unit
     for factor, prefix in ((1e-6, "M"), (1e-3, "k"), (1.0, ""), (1e3, "m"), (1e6, "µ")):
         if quantity.unit == "s" and factor < 1:
             continue  # nobody reads kiloseconds

@@ -19,18 +19,24 @@ from numpy.typing import NDArray
 import fisherpoint as fp
 
 from .plot_style import NOISE, PRIOR, STYLE, TEXT, scale
+from .plots_responses import free_axis, plot_responses
 from .results import Evaluated
 
 Floats = NDArray[np.float64]
+
+SAME_PLACE = 3.0
+"""Starts that are closer on paper, in points of 1/72 inch, share one label."""
 
 
 def plot_points(design: Evaluated) -> Figure:
     """The points in the state space, from start (numbered) to end (arrow), coloured by the first input, or else by dt.
 
-    Points without a state are shown over the inputs, a single input with the first output.
+    Points without a state are shown over the inputs. Where the region leaves a single coordinate free, `plot_responses` is drawn.
     """
+    if free_axis(design) is not None:
+        return plot_responses(design)
     model, points = design.problem.model, design.points
-    fractions = np.linspace(0.0, 1.0, 17)
+    fractions = np.linspace(0.0, 1.0, 65)
     paths, outputs = (path[:, 0] for path in _trajectories(design.problem, points, fractions, _mean(design)[None]))
     if not model.states:
         outputs = outputs[:, :1]
@@ -94,7 +100,8 @@ def plot_trajectories(design: Evaluated, max_points: int = 24, max_nodes: int = 
     per_second, time_unit = scale(fp.Quantity("t", "s"), points.dt)
 
     with mpl.rc_context({**STYLE, "font.size": 8.0}):
-        figure = Figure(figsize=(2.5 * len(model.outputs) + 0.6, 1.25 * len(points) + 1.0), layout="constrained")
+        width = max(2.5 * len(model.outputs) + 0.6, 5.6)  # the legend needs that
+        figure = Figure(figsize=(width, 1.25 * len(points) + 1.0), layout="constrained")
         grid = figure.subplots(len(points), len(model.outputs), squeeze=False)
         for j, output in enumerate(model.outputs):
             factor, unit = scale(output, nominal[:, :, j])
@@ -119,7 +126,8 @@ def plot_trajectories(design: Evaluated, max_points: int = 24, max_nodes: int = 
                 if j == 0:
                     axes.set_ylabel(f"{k + 1}", rotation=0, ha="right", va="center", fontsize=11, fontweight="bold")
         figure.align_ylabels()
-        figure.legend(handles, labels, loc="outside upper left", ncols=3, title=title, alignment="left")
+        ncols = 3 if width > 6.5 else 2
+        figure.legend(handles, labels, loc="outside upper left", ncols=ncols, title=title, alignment="left")
     return figure
 
 
@@ -162,7 +170,7 @@ def _point_panel(
         if x.shape[1] > 1:
             axes.plot(x[k], y[k], color=TEXT, linewidth=1.0, alpha=0.7, zorder=2)
             arrow = {"arrowstyle": "-|>", "color": TEXT, "linewidth": 0, "mutation_scale": 9}
-            axes.annotate("", (x[k, -1], y[k, -1]), (x[k, -3], y[k, -3]), arrowprops=arrow, zorder=2)
+            axes.annotate("", (x[k, -1], y[k, -1]), (x[k, -6], y[k, -6]), arrowprops=arrow, zorder=2)
     axes.scatter(x[:, 0], y[:, 0], c=colors, s=42, edgecolors=TEXT, linewidths=0.7, zorder=3)
     axes.margins(0.08)
     axes.set_xlabel(f"{horizontal.name} [{unit_x}]")
@@ -177,22 +185,24 @@ def _number_points(axes: Axes, x: Floats, y: Floats) -> None:
         # In points of 1/72 inch, in which distances are those that are seen.
         return axes.transData.transform(np.column_stack([x[:, column], y[:, column]])) * 72.0 / axes.figure.dpi
 
-    places: dict[tuple[float, float], list[str]] = {}
-    for k, (start_x, start_y) in enumerate(zip(x[:, 0], y[:, 0], strict=True)):
-        places.setdefault((float(start_x), float(start_y)), []).append(str(k + 1))
+    starts = on_paper(0)
+    places: dict[int, list[str]] = {}  # numbers of starts that lie on each other, by the first of them
+    for k, start in enumerate(starts):
+        first = next((j for j in places if np.hypot(*(starts[j] - start)) < SAME_PLACE), k)
+        places.setdefault(first, []).append(str(k + 1))
     middle = x.shape[1] // 2
-    occupied = [*on_paper(0), *on_paper(middle // 2), *on_paper(middle), *on_paper(-1)]
+    occupied = [*starts[list(places)], *on_paper(middle // 2), *on_paper(middle), *on_paper(-1)]
     angles = np.deg2rad(np.arange(45, 405, 30))
     around = np.column_stack([np.cos(angles), np.sin(angles)])
-    for (start, numbers), here in zip(places.items(), dict.fromkeys(map(tuple, on_paper(0))), strict=True):
-        text = ", ".join(numbers)
+    for k, numbers in places.items():
+        here, text = starts[k], ", ".join(numbers)
         half = np.array([2.4 * len(text), 4.0])  # width and height of the text
         others = np.array([other for other in occupied if not np.allclose(other, here)]).reshape(-1, 2)
         offsets = (half + 5.5) * around
         gaps = [np.min(np.hypot(*np.maximum(np.abs(here + offset - others) - half, 0.0).T), initial=12.0) for offset in offsets]
         offset = offsets[int(np.argmax(gaps))]
         occupied.append(here + offset)
-        label = axes.annotate(text, start, offset, textcoords="offset points", ha="center", va="center", zorder=4)
+        label = axes.annotate(text, (x[k, 0], y[k, 0]), offset, textcoords="offset points", ha="center", va="center", zorder=4)
         label.set_path_effects([withStroke(linewidth=2, foreground="white")])
 
 

@@ -12,6 +12,9 @@ from .experiments import Experiments
 from .models import Model
 from .quantity import Array, FrozenMapping, as_floats, check_names, names_of
 
+NEAREST = 1e4
+"""The width of the region over the shortest typical step of `ExperimentRegion.draw_near`."""
+
 
 class ExperimentRegion:
     """A box in start state, input and duration, cut by constraints.
@@ -72,6 +75,25 @@ class ExperimentRegion:
         table = np.clip(lower + (upper - lower) * rng.random((count, len(order))), lower, upper)
         dt = table[:, -1] if n_x else None
         return Experiments(table[:, :n_x], table[:, n_x : n_x + n_u], dt, order[: n_x + n_u])
+
+    def draw_near(self, model: Model, points: Experiments, rng: np.random.Generator) -> Experiments:
+        """Draw a point near each given one: some coordinates are moved, and those that would leave the box stay on its bounds.
+
+        How far is drawn too, from the width of the box to a `NEAREST`-th of it, every order of magnitude alike: a search that draws
+        often comes as close to an optimum as it can use, without a schedule of steps.
+        """
+        n_x, n_u = len(model.states), len(model.inputs)
+        lower, upper = np.array([self.bounds[name] for name in names_of(model.axes)]).T
+        table = points.table[:, : len(lower)].copy()
+        free = np.flatnonzero(upper > lower)
+        if len(table) and len(free):
+            reach = NEAREST ** -rng.random((len(table), 1))
+            moved = rng.random((len(table), len(free))) < 0.5
+            moved[np.arange(len(table)), rng.integers(len(free), size=len(table))] = True
+            step = reach * (upper - lower)[free] * rng.standard_normal(moved.shape)
+            table[:, free] = np.clip(table[:, free] + np.where(moved, step, 0.0), lower[free], upper[free])
+        dt = table[:, -1] if n_x else None
+        return Experiments(table[:, :n_x], table[:, n_x : n_x + n_u], dt, points.columns)
 
     def satisfied(self, model: Model, points: Experiments) -> NDArray[np.bool_]:
         """Return which points satisfy all constraints, (K,)."""

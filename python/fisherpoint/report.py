@@ -46,7 +46,8 @@ def simulation_report(model: fp.Model, points: fp.Experiments, y: NDArray[Any], 
     """The report of `fisherpoint simulate`: the outputs at dt and how the trajectories ended, with advice."""
     duration = [quantity for quantity in model.axes if quantity.name == "dt"]
     after = " after dt" if duration else ""
-    table = _table(f"Outputs{after} at the prior mean, {len(points)} points", ["#"])
+    title = Text(f"Outputs{after} at the prior mean, {len(points)} points", "bold")
+    table = _table(None, ["#"])
     for quantity in [*duration, *model.outputs]:
         table.add_column(_header(quantity), justify="right")
     table.add_column("status")
@@ -55,7 +56,7 @@ def simulation_report(model: fp.Model, points: fp.Experiments, y: NDArray[Any], 
     for k, row in enumerate(zip(*(cell[:_ROWS] for cell in cells), strict=True)):
         table.add_row(str(k + 1), *row, style=None if names[k] == "ok" else "yellow")
     counts = pd.Series(names).value_counts()
-    parts = [table, *_more(len(points))]
+    parts = [title, table, *_more(len(points))]
     return Group(*parts, _counts("Trajectories", {str(k): int(n) for k, n in counts.items()}, len(points), "of all"))
 
 
@@ -112,8 +113,8 @@ def _short_exponent(text: str) -> str:
 # Tables
 
 
-def _table(title: str, columns: Sequence[str] = ()) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, title=Text(title, "bold"), title_justify="left", pad_edge=False)
+def _table(title: str | None, columns: Sequence[str] = ()) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, title=Text(title, "bold") if title else None, title_justify="left", pad_edge=False)
     for column in columns:
         table.add_column(column, justify="right")
     return table
@@ -145,13 +146,14 @@ def _headline(evaluated: Evaluated) -> Text:
 def _points_table(evaluated: Evaluated) -> RenderableType:
     model, points = evaluated.problem.model, evaluated.points
     start, held = "start in this state, " if model.states else "", "hold the inputs, " if model.inputs else ""
-    table = _table(f"Points: {start}{held}sample the outputs{' after dt' if model.states else ''}", ["#"])
+    title = Text(f"Points: {start}{held}sample the outputs{' after dt' if model.states else ''}", "bold")
+    table = _table(None, ["#"])
     for quantity in model.axes:
         table.add_column(_header(quantity), justify="right")
     columns = [column_text(column[:_ROWS]) for column in points.table.T[: len(model.axes)]]
     for k, row in enumerate(zip(*columns, strict=True)):
         table.add_row(str(k + 1), *row)
-    return Group(table, *_more(len(points)))
+    return Group(title, table, *_more(len(points)))  # a title of the table's own would be broken to its width
 
 
 def _more(total: int) -> list[RenderableType]:

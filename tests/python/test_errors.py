@@ -333,6 +333,8 @@ def test_an_evaluation_wants_a_problem() -> None:
         ("time_limit", {"time_limit": NAN}),
         ("time_limit", {"time_limit": "soon"}),
         ("max_redraws", {"max_redraws": -1}),
+        ("local", {"local": -0.1}),
+        ("local", {"local": 1.5}),
     ],
 )
 def test_exchange(name: str, changes: dict[str, Any]) -> None:

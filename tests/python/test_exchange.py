@@ -129,7 +129,7 @@ def test_one_iteration_is_the_exhaustive_search(kind: str) -> None:
     outcomes = set()
     for seed in range(25):
         expected, exchanged = brute_force(given, seed, n_experiments=2, n_candidates=3)
-        design = fp.exchange(given, 2, 3, 1, seed=seed, max_redraws=0, references=False, screen=False)
+        design = fp.exchange(given, 2, 3, 1, seed=seed, max_redraws=0, references=False, screen=False, local=0.0)
         np.testing.assert_array_equal(design.points.table, expected.table)
         assert design.trace[-1].exchanged == exchanged
         outcomes.add(exchanged)
@@ -361,6 +361,7 @@ def test_settings_are_kept() -> None:
         "max_redraws": 2,
         "references": False,
         "screen": True,
+        "local": 0.5,
     }
     assert design.problem is given and given.rule == SMALL
     assert design.seconds >= design.trace[-1].seconds

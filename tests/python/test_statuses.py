@@ -305,13 +305,18 @@ def test_no_nan_for_extreme_constants_and_parameters() -> None:
 @pytest.mark.parametrize("kinks", ["cross", "exclude"])
 def test_the_counts_of_a_design_are_those_of_its_draws(kinks: str, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn: list[fp.Experiments] = []
-    original = fp.ExperimentRegion.draw
 
-    def recorded(self: fp.ExperimentRegion, *arguments: Any) -> fp.Experiments:
-        drawn.append(original(self, *arguments))
-        return drawn[-1]
+    def record(name: str) -> None:
+        original = getattr(fp.ExperimentRegion, name)
 
-    monkeypatch.setattr(fp.ExperimentRegion, "draw", recorded)
+        def recorded(self: fp.ExperimentRegion, *arguments: Any) -> fp.Experiments:
+            drawn.append(original(self, *arguments))
+            return drawn[-1]
+
+        monkeypatch.setattr(fp.ExperimentRegion, name, recorded)
+
+    record("draw")
+    record("draw_near")
     region = fp.ExperimentRegion(REGION | {"p_A": (0.5e6, 21e6)}, constraints=["p_A + p_B < 3e7", lambda x: abs(x["v"]) > 0.02])
     rule = grid(a_tau=3, p_t=3, E_oil=2)
     design = fp.exchange(

@@ -1,0 +1,41 @@
+"""Trajectories that start where every state is zero, with and without a rate there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fisherpoint as fp
+
+
+@fp.model(states={"y": "1"}, parameters={"a": "1", "b": "1/s"}, outputs={"y": "1"})
+def growth(x, u, p):  # type: ignore[no-untyped-def]
+    return [p.b * (p.a - x.y)], [x.y]
+
+
+@fp.model(states={"x": "m", "v": "m/s"}, inputs={"u": "N"}, parameters={"k": "N/m", "d": "N s/m"}, outputs={"x": "m"})
+def oscillator(x, u, p):  # type: ignore[no-untyped-def]
+    return [x.v, u.u - p.k * x.x - p.d * x.v], [x.x]
+
+
+@pytest.mark.parametrize("method", ["RK45", "DOP853"])
+@pytest.mark.parametrize("a", [15.0, 1e-6, 1e6])
+def test_a_rate_from_zero(a: float, method: str) -> None:
+    """Whatever the size of the solution next to its scale, 1."""
+    b, dt = 0.5, np.array([1e-6, 1e-3, 0.1, 1.0, 10.0])
+    points = fp.Experiments(np.zeros((5, 1)), np.zeros((5, 0)), dt)
+    done = fp.sensitivities(growth, points, [a, b], rtol=1e-9, method=method)
+    assert not done.status.any()
+    left = np.exp(-b * dt)
+    scale = max(a, 1.0)
+    np.testing.assert_allclose(done.y[:, 0], a * (1 - left), rtol=1e-7, atol=1e-8 * scale)
+    np.testing.assert_allclose(done.dy_dtheta[:, 0], np.column_stack([1 - left, a * dt * left]), rtol=1e-6, atol=1e-8 * scale)
+
+
+@pytest.mark.parametrize("method", ["RK45", "DOP853"])
+def test_rest_at_zero(method: str) -> None:
+    points = fp.Experiments(np.zeros((2, 2)), [[0.0], [1.0]], [2.0, 2.0])
+    done = fp.simulate(oscillator, points, [4.0, 0.0], rtol=1e-9, method=method)
+    assert not done.status.any()
+    np.testing.assert_array_equal(done.x[0], 0.0)
+    np.testing.assert_allclose(done.x[1], [(1 - np.cos(4.0)) / 4, np.sin(4.0) / 2], atol=1e-8)
