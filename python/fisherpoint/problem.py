@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -74,6 +75,7 @@ class DesignProblem:
         check_rtol(self.rtol)
         if self.region is not None:
             self.region.check(self.model)
+            _warn_of_small_states(self.model, self.region)
         set_field = object.__setattr__
         if self.noise_std is not None:
             stds = in_order(self.noise_std, names_of(self.model.outputs), "noise_std")
@@ -131,3 +133,15 @@ class DesignProblem:
         if self.noise_std is None:
             return np.zeros((len(self.model.outputs), len(self.model.outputs)))
         return np.diag(np.square(list(self.noise_std.values())))
+
+
+def _warn_of_small_states(model: Model, region: ExperimentRegion) -> None:
+    """Warn where a state keeps so far below 1, the default natural size, that `rtol` means little for it."""
+    for quantity in model.states:
+        largest = max(map(abs, region.bounds[quantity.name]))
+        if quantity.scale is None and 0 < largest < 0.01:
+            warnings.warn(
+                f"{quantity.name}: expected its natural size, as the region keeps it below {largest:g} {quantity.unit} and rtol"
+                f" refers to 1 {quantity.unit} where none is told; in states, write ({quantity.unit!r}, {largest:.1g})",
+                stacklevel=4,
+            )

@@ -40,3 +40,17 @@ def test_points_without_input_have_columns_for_states_and_dt(tmp_path: Path) -> 
     points = fp.Experiments([[1.0], [2.0]], np.empty((2, 0)), [0.1, 0.2], ("c",))
     points.to_csv(tmp_path / "points.csv")
     assert (tmp_path / "points.csv").read_text().split() == ["c,dt", "1.0,0.1", "2.0,0.2"]
+
+
+def test_a_problem_asks_for_the_natural_size_of_a_state_that_keeps_far_below_one() -> None:
+    def tank(unit: object) -> fp.SymbolicModel:
+        return fp.SymbolicModel(["-k*sqrt(v)"], ["v"], {"v": unit}, {}, {"k": "1"}, {"v": "m3"})
+
+    def problem(model: fp.SymbolicModel, largest: float) -> fp.DesignProblem:
+        region = fp.ExperimentRegion({"v": (largest / 2, largest), "dt": (0.1, 1.0)})
+        return fp.DesignProblem(model, fp.GaussianPrior({"k": 1e-3}, relative_std={"k": 0.1}), region, noise_std={"v": 1e-6})
+
+    with pytest.warns(UserWarning, match=r"v: expected its natural size.*write \('m3', 0.002\)"):
+        problem(tank("m3"), 2e-3)
+    problem(tank(("m3", 1e-3)), 2e-3)  # pytest takes a warning for an error
+    problem(tank("m3"), 0.3)
