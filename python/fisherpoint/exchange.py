@@ -33,6 +33,9 @@ from .trajectories import resolve_threads
 SHORTLIST = 10
 """Candidates that screening leaves for the rule; the best under the rule is nearly always among them (`bench/screening.py`)."""
 
+MOVE_EVERY = 4
+"""Iterations after which candidates are drawn near the points of the design: many at once cost less than a few each time."""
+
 LEAST_GAIN = 1e-6
 """What log det F must gain for a point to be moved; less would be moved for ever."""
 
@@ -161,7 +164,8 @@ class ExchangeSearch:
         try:
             for iteration in range(1, settings.max_iterations + 1):
                 exchanged = self._iterate()
-                exchanged |= self._move()
+                if iteration % MOVE_EVERY == 0:
+                    exchanged |= self._move()
                 exchanges += exchanged
                 idle = 0 if exchanged else idle + 1
                 self._record(iteration, exchanged)
@@ -232,7 +236,7 @@ class ExchangeSearch:
         settings, start = self.settings, self.best.information
         if not settings.local or not np.isfinite(self.best.log_det):
             return False
-        each = max(1, round(settings.local * settings.n_candidates / len(start)))
+        each = max(1, round(MOVE_EVERY * settings.local * settings.n_candidates / len(start)))
         candidates, near = self.source.draw_near(start.points, each)
         chosen, places = self._nearby(candidates, near)
         moved = False

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .experiments import Experiments
-from .predictive import linearized, predictive_covariance
+from .predictive import covariance_over_nodes, linearized, nodes_of
 from .prior import GaussianPrior
 from .problem import DesignProblem
 from .quantity import Array, IntArray, names_of
 from .rules import Linearized, Rule
-from .trajectories import Status, sensitivities
+from .trajectories import Settings, Status, check_kinks, checked_arguments, checked_sensitivities, resolve_threads
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,20 +46,27 @@ class PointInformation:
 
 
 def point_sensitivities(problem: DesignProblem, points: Experiments, threads: int | None) -> tuple[PointInformation, IntArray]:
-    """Standardised sensitivities at the prior mean, and statuses; the predictive covariances are left at zero."""
-    result = sensitivities(problem.model, points, problem.theta, problem.rtol, threads, problem.kinks)
+    """Standardised sensitivities at the prior mean, and statuses; the predictive covariances are left at zero.
+
+    The points must be the problem's model's and off its switching surfaces: a search asks hundreds of times.
+    """
+    result = checked_sensitivities(problem.model, points, problem.theta, _settings(problem, threads))
     scaled = np.ascontiguousarray(result.dy_dtheta[:, :, problem.estimated_columns] * problem.std)
     n_y = scaled.shape[1]
     return PointInformation(points, scaled, np.zeros((len(points), n_y, n_y))), result.status
+
+
+def _settings(problem: DesignProblem, threads: int | None) -> Settings:
+    return float(problem.rtol), check_kinks(problem.kinks), "fastest", resolve_threads(threads)
 
 
 def with_covariance(problem: DesignProblem, given: PointInformation, threads: int | None) -> tuple[PointInformation, IntArray]:
     """The same points with their predictive covariances, and the statuses over all nodes of the rule."""
     if isinstance(problem.rule, Linearized):
         return with_linearized_covariance(problem, given), np.zeros(len(given), dtype=np.int32)
-    result = predictive_covariance(
-        problem.model, given.points, problem.prior, problem.rule, problem.rtol, threads, problem.kinks, problem.estimated
-    )
+    nodes = nodes_of(problem.rule, problem.prior, names_of(problem.model.parameters), problem.estimated)
+    settings = _settings(problem, threads)
+    result = covariance_over_nodes(problem.model, given.points, problem.theta, nodes, problem.rule, settings)
     return PointInformation(given.points, given.sensitivity, result.covariance), result.status
 
 
@@ -85,6 +92,7 @@ def point_information(problem: DesignProblem, points: Experiments, grid: bool, t
     ValueError
         Where a trajectory, nominal or (with `grid`) over the prior, is not ok; the message names the points and reasons.
     """
+    checked_arguments(problem.model, points, problem.theta, problem.rtol, threads, problem.kinks, None)
     information, status = point_sensitivities(problem, points, threads)
     if grid and not status.any():
         information, status = with_covariance(problem, information, threads)

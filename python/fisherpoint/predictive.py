@@ -13,7 +13,7 @@ from .models import Model
 from .prior import GaussianPrior
 from .quantity import Array, IntArray, check_names, names_of
 from .rules import Linearized, Rule
-from .trajectories import Status, check_type, checked_arguments, sensitivities
+from .trajectories import Settings, Status, check_type, checked_arguments, sensitivities
 
 
 class _CovarianceAndStatus(NamedTuple):
@@ -101,8 +101,15 @@ def predictive_covariance(
         ordered = prior.marginal(names)
         scaled = result.dy_dtheta * np.array(list(ordered.std.values()))
         return linearized(scaled, rule.second_moments(ordered, varied), result.status)
-    nodes = _nodes(rule, prior, names, varied)
+    nodes = nodes_of(rule, prior, names, varied)
     settings = checked_arguments(model, points, theta, rtol, threads, kinks, method)
+    return covariance_over_nodes(model, points, theta, nodes, rule, settings)
+
+
+def covariance_over_nodes(
+    model: Model, points: Experiments, theta: Array, nodes: _core.PriorNodes, rule: Rule, settings: Settings
+) -> PredictiveCovariance:
+    """As `predictive_covariance`, of arguments that are known to be good."""
     covariance, status, *_, lost_weight = model.kernels.predictive_covariance(
         model.core, points.x0, points.u, points.dt, theta, nodes, *settings, max_lost=rule.max_lost_weight
     )
@@ -113,7 +120,7 @@ def predictive_covariance(
 
 
 @lru_cache(maxsize=4)  # a search asks for the same nodes hundreds of times
-def _nodes(rule: Rule, prior: GaussianPrior, names: tuple[str, ...], varied: tuple[str, ...]) -> _core.PriorNodes:
+def nodes_of(rule: Rule, prior: GaussianPrior, names: tuple[str, ...], varied: tuple[str, ...]) -> _core.PriorNodes:
     return rule.core_nodes(prior.marginal(names), varied)
 
 

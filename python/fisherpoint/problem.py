@@ -6,6 +6,7 @@ import dataclasses
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -112,27 +113,33 @@ class DesignProblem:
         """Names of the parameters to estimate, in the model's order."""
         return tuple(self.parameters or ())
 
-    @property
+    @cached_property
     def theta(self) -> Array:
         """Prior mean in the model's order, (p,)."""
-        return np.array([self.prior.mean[name] for name in names_of(self.model.parameters)])
+        return _read_only(np.array([self.prior.mean[name] for name in names_of(self.model.parameters)]))
 
-    @property
+    @cached_property
     def std(self) -> Array:
         """Prior standard deviations of the estimated parameters, (p,)."""
-        return np.array([self.prior.std[name] for name in self.estimated])
+        return _read_only(np.array([self.prior.std[name] for name in self.estimated]))
 
-    @property
+    @cached_property
     def estimated_columns(self) -> list[int]:
         """Places of the estimated parameters among the model's."""
         return [names_of(self.model.parameters).index(name) for name in self.estimated]
 
-    @property
+    @cached_property
     def noise_covariance(self) -> Array:
         """R of (17), (n_y, n_y); zero where the noise is not known."""
         if self.noise_std is None:
-            return np.zeros((len(self.model.outputs), len(self.model.outputs)))
-        return np.diag(np.square(list(self.noise_std.values())))
+            return _read_only(np.zeros((len(self.model.outputs), len(self.model.outputs))))
+        return _read_only(np.diag(np.square(list(self.noise_std.values()))))
+
+
+def _read_only(array: Array) -> Array:
+    array = array.copy()
+    array.flags.writeable = False
+    return array
 
 
 def _warn_of_small_states(model: Model, region: ExperimentRegion) -> None:

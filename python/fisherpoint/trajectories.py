@@ -43,6 +43,10 @@ _ADVICE = {
 }
 
 
+Settings = tuple[float, bool, str, int]
+"""rtol, whether kinks are crossed, the method and the number of threads, as the kernels take them."""
+
+
 class Trajectories(NamedTuple):
     """States x (K, n_x) and outputs y (K, n_y) after dt, and status (K,) as `Status` values.
 
@@ -123,6 +127,11 @@ def sensitivities(
     check_type(model, Model, "model")
     theta = model.theta(theta)
     arguments = checked_arguments(model, points, theta, rtol, threads, kinks, method)
+    return checked_sensitivities(model, points, theta, arguments)
+
+
+def checked_sensitivities(model: Model, points: Experiments, theta: Array, arguments: Settings) -> Sensitivities:
+    """As `sensitivities`, of arguments that are known to be good."""
     return Sensitivities(*model.kernels.sensitivities(model.core, points.x0, points.u, points.dt, theta, *arguments))
 
 
@@ -149,7 +158,7 @@ def checked_arguments(
     threads: int | None,
     kinks: str,
     method: str | None,
-) -> tuple[float, bool, str, int]:
+) -> Settings:
     """Check points and settings; return the settings as the kernels take them."""
     check_type(points, Experiments, "points")
     n_x, n_u = len(model.states), len(model.inputs)
