@@ -115,8 +115,8 @@ class Integrator {
     step_size_ = f_.states == 0 ? duration : min(select(first_step > P(0.0), first_step, starting_step(y)), duration);
   }
 
-  // The starting step of Hairer, Norsett, Wanner, section II.4, from the states alone. States that start at zero, or next to it,
-  // are taken as a thousandth of their scales.
+  // The starting step of Hairer, Norsett, Wanner, section II.4, from the states alone. States that start at zero, or next to
+  // it, are taken as a thousandth of their scales.
   P starting_step(const State& y) {
     const P size = squared_weight() * max(f_.squared_size(y), P(1e-6)), slope = squared_weight() * f_.squared_size(stage_[0]);
     const P probe = 0.01 * sqrt(size / (slope + 1e-300));
