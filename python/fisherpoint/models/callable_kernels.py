@@ -153,5 +153,5 @@ def _warn(model: CallableCore, what: str, cost: str, seconds: float) -> None:
     model.warned.add(kind)
     advice = "a SymbolicModel is a thousand times faster"
     warnings.warn(
-        f"CallableModel {model.name!r}: {what}: {cost}, {1e3 * seconds:.3g} ms per point; {advice}", UserWarning, stacklevel=4
+        f"CallableModel {model.name!r}: {what}: {cost}, {1e3 * seconds:.3g} ms per point; {advice}", UserWarning, stacklevel=5
     )
