@@ -3,8 +3,9 @@
 Lines 11 and 13 print "arg min"; the reading is that the candidate with the largest Phi enters, and the point whose removal
 leaves the largest Phi leaves. That may be the candidate itself, so Phi never falls.
 
-Random candidates alone come close to an optimum only slowly, above all where it lies on bounds of the region, as it mostly does. So
-each iteration ends by drawing candidates near every point of the design; a point gives way to the best of its own where Phi rises.
+Random candidates alone come close to an optimum only slowly, above all where it lies on bounds of the region, as it mostly does.
+So some iterations end by drawing candidates near every point of the design; a point gives way to the best of its own where Phi
+rises.
 
 Where D needs the predictive covariance of every candidate, that is what takes the time. Screening orders the candidates by Phi with
 their linearized covariances, which come with the sensitivities, and gives the rule only the best few.
@@ -99,8 +100,8 @@ def exchange(
         Where the output covariance is "pooled" or "pointwise": order candidates by their linearized covariances and take the rule
         for the best few only. False takes it for all, as Algorithm 1 is written.
     local : float
-        Candidates near the points of the design that are drawn beside the n_candidates, as a share of these, at least one for each
-        point; 0 for none: Algorithm 1 alone.
+        Candidates near the points of the design that are drawn beside the n_candidates, as a share of these over all iterations:
+        they come every fourth time, at least one for each point. 0 for none: Algorithm 1 alone.
 
     Returns
     -------
