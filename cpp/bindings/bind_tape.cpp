@@ -8,7 +8,6 @@
 namespace fisherpoint::bindings {
 namespace {
 
-using Described = TapeNames::Described;
 using Rows = py::array_t<std::int32_t, py::array::c_style | py::array::forcecast>;
 
 std::vector<Instruction> instructions(const Rows& rows, const char* name) {
@@ -22,34 +21,23 @@ std::vector<Instruction> instructions(const Rows& rows, const char* name) {
   return result;
 }
 
-int length(const auto& all) { return static_cast<int>(all.size()); }
-
-TapeModel named_tape(std::string name, std::vector<Described> states, std::vector<Described> inputs,
-                     std::vector<Described> outputs, std::vector<Described> parameters, std::vector<std::string> jumps,
-                     std::vector<std::string> kinks, std::vector<std::string> domain, Program rates, Program output,
-                     Program surfaces, Program surface_rates, Program rate_jacobian, Program output_jacobian,
-                     const std::vector<std::pair<int, int>>& rate_entries,
-                     const std::vector<std::pair<int, int>>& output_entries, const std::vector<std::vector<int>>& surface_reads,
-                     int poles) {
-  if (poles < 0 || poles > length(domain))
-    throw py::value_error("poles: expected at most the number of limits, given " + std::to_string(poles));
-  const int jumps_end = length(jumps), kinks_end = jumps_end + length(kinks), sides = kinks_end + poles;
-  const Shape<TapeModel> shape{length(states), length(inputs), length(outputs), length(parameters),
-                               jumps_end,      kinks_end,      sides,           kinks_end + length(domain)};
-  std::vector<double> scales;
-  for (const auto& [state, unit, description, scale] : states) scales.push_back(scale);
+TapeModel tape_model(const std::vector<double>& scales, int inputs, int outputs, int parameters, int jumps, int kinks,
+                     int poles, int limits, Program rates, Program output, Program surfaces, Program surface_rates,
+                     Program rate_jacobian, Program output_jacobian, const std::vector<std::pair<int, int>>& rate_entries,
+                     const std::vector<std::pair<int, int>>& output_entries,
+                     const std::vector<std::vector<int>>& surface_reads) {
+  const Shape<TapeModel> shape{
+      static_cast<int>(scales.size()), inputs, outputs, parameters, jumps, jumps + kinks, jumps + kinks + poles,
+      jumps + kinks + limits};
   const auto entries = [](const std::vector<std::pair<int, int>>& pairs) {
     std::vector<Entry> result;
     for (const auto& [row, variable] : pairs) result.push_back({row, variable});
     return result;
   };
-  TapeModel model(shape, scales,
-                  {std::move(rates), std::move(output), std::move(surfaces), std::move(surface_rates), std::move(rate_jacobian),
-                   std::move(output_jacobian)},
-                  entries(rate_entries), entries(output_entries), surface_reads);
-  model.names = {std::move(name),       std::move(states), std::move(inputs), std::move(outputs),
-                 std::move(parameters), std::move(jumps),  std::move(kinks),  std::move(domain)};
-  return model;
+  return TapeModel(shape, scales,
+                   {std::move(rates), std::move(output), std::move(surfaces), std::move(surface_rates),
+                    std::move(rate_jacobian), std::move(output_jacobian)},
+                   entries(rate_entries), entries(output_entries), surface_reads);
 }
 
 using P = Pack<16>;
@@ -95,17 +83,11 @@ void bind_tape(py::module_& m) {
            "literals"_a, "setup"_a, "stage"_a, "outputs"_a, "registers"_a);
 
   py::class_<TapeModel>(m, "TapeModel")
-      .def(py::init(&named_tape), "name"_a, "states"_a, "inputs"_a, "outputs"_a, "parameters"_a, "jumps"_a, "kinks"_a,
-           "domain"_a, "rates"_a, "output"_a, "surfaces"_a, "surface_rates"_a, "rate_jacobian"_a, "output_jacobian"_a,
-           "rate_entries"_a, "output_entries"_a, "surface_reads"_a, "poles"_a = 0)
-      .def_property_readonly("name", [](const TapeModel& model) { return model.names.name; })
-      .def_property_readonly("states", [](const TapeModel& model) { return model.names.states; })
-      .def_property_readonly("inputs", [](const TapeModel& model) { return model.names.inputs; })
-      .def_property_readonly("outputs", [](const TapeModel& model) { return model.names.outputs; })
-      .def_property_readonly("parameters", [](const TapeModel& model) { return model.names.parameters; })
-      .def_property_readonly("jumps", [](const TapeModel& model) { return model.names.jumps; })
-      .def_property_readonly("kinks", [](const TapeModel& model) { return model.names.kinks; })
-      .def_property_readonly("domain", [](const TapeModel& model) { return model.names.domain; })
+      .def(
+          py::init(&tape_model), "scales"_a, "inputs"_a, "outputs"_a, "parameters"_a, "jumps"_a, "kinks"_a, "poles"_a,
+          "limits"_a, "rates"_a, "output"_a, "surfaces"_a, "surface_rates"_a, "rate_jacobian"_a, "output_jacobian"_a,
+          "rate_entries"_a, "output_entries"_a, "surface_reads"_a,
+          "Scales of the states, how many there are of what (the poles among the limits), and the programs with their entries.")
       .def(
           "rhs",
           [](const TapeModel& model, const Input& x, const Input& u, const Input& theta) {

@@ -117,14 +117,14 @@ class Program:
 class TapeModel:
     def __init__(
         self,
-        name: str,
-        states: collections.abc.Sequence[tuple[str, str, str, typing.SupportsFloat | typing.SupportsIndex]],
-        inputs: collections.abc.Sequence[tuple[str, str, str, typing.SupportsFloat | typing.SupportsIndex]],
-        outputs: collections.abc.Sequence[tuple[str, str, str, typing.SupportsFloat | typing.SupportsIndex]],
-        parameters: collections.abc.Sequence[tuple[str, str, str, typing.SupportsFloat | typing.SupportsIndex]],
-        jumps: collections.abc.Sequence[str],
-        kinks: collections.abc.Sequence[str],
-        domain: collections.abc.Sequence[str],
+        scales: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex],
+        inputs: typing.SupportsInt | typing.SupportsIndex,
+        outputs: typing.SupportsInt | typing.SupportsIndex,
+        parameters: typing.SupportsInt | typing.SupportsIndex,
+        jumps: typing.SupportsInt | typing.SupportsIndex,
+        kinks: typing.SupportsInt | typing.SupportsIndex,
+        poles: typing.SupportsInt | typing.SupportsIndex,
+        limits: typing.SupportsInt | typing.SupportsIndex,
         rates: Program,
         output: Program,
         surfaces: Program,
@@ -138,8 +138,10 @@ class TapeModel:
             tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex]
         ],
         surface_reads: collections.abc.Sequence[collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex]],
-        poles: typing.SupportsInt | typing.SupportsIndex = 0,
-    ) -> None: ...
+    ) -> None:
+        """
+        Scales of the states, how many there are of what (the poles among the limits), and the programs with their entries.
+        """
     def limits(
         self,
         x: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
@@ -164,22 +166,6 @@ class TapeModel:
         u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
         theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     ) -> numpy.typing.NDArray[numpy.float64]: ...
-    @property
-    def domain(self) -> list[str]: ...
-    @property
-    def inputs(self) -> list[tuple[str, str, str, float]]: ...
-    @property
-    def jumps(self) -> list[str]: ...
-    @property
-    def kinks(self) -> list[str]: ...
-    @property
-    def name(self) -> str: ...
-    @property
-    def outputs(self) -> list[tuple[str, str, str, float]]: ...
-    @property
-    def parameters(self) -> list[tuple[str, str, str, float]]: ...
-    @property
-    def states(self) -> list[tuple[str, str, str, float]]: ...
 
 class CompiledModel(TapeModel):
     def __init__(self, tape: TapeModel, library: str) -> None: ...

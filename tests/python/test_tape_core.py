@@ -18,12 +18,11 @@ def test_codes_are_the_cores() -> None:
 
 def core_values(program: Program, x: np.ndarray) -> np.ndarray:
     """Outputs (K, 1) of a program with states a, b, c and no parameter but one, as the core computes them."""
-    quantity = [("q", "1", "", 1.0)]
     none = Program(np.empty(0), np.empty((0, 5), np.int32), np.empty((0, 5), np.int32), np.empty(0, np.int32), 7)
     x_leaf = Program(none.literals, none.setup, none.stage, np.array([1, 1, 1], np.int32), 7)
     model = _core.TapeModel(
-        "operation",
-        *(quantity * 3, [], quantity, quantity, [], [], []),
+        [1.0, 1.0, 1.0],
+        *(0, 1, 1, 0, 0, 0, 0),
         *map(to_core, (x_leaf, program, none, none, x_leaf, program)),
         [],
         [],

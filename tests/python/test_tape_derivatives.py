@@ -36,7 +36,7 @@ DOMAINS = {  # of functions that complex steps go through
 }
 BINARY = {"add": ANY, "sub": ANY, "mul": ANY, "div": (0.1, 4.0), "pow": (0.1, 4.0)}
 SWITCHING = {"abs", "sign", "min", "max", "select"}
-FUSED = {"mul_add", "mul_sub", "sub_mul", "copy"}  # the scheduler's; never differentiated
+FUSED = {"mul_add", "mul_sub", "sub_mul"}  # the scheduler's; never differentiated
 
 
 def values_and_slopes(build: Callable[[Graph, int, int], int], x: Any) -> tuple[np.ndarray, np.ndarray]:

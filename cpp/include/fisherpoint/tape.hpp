@@ -9,7 +9,6 @@
 #include <cstdint>
 #include <stdexcept>
 #include <string>
-#include <tuple>
 #include <vector>
 
 #include "dependence.hpp"
@@ -44,13 +43,12 @@ enum class Operation : std::int32_t {
   min,
   max,
   select,  // a > 0 ? b : c
-  copy,
   count
 };
 
-inline constexpr const char* operation_names[] = {
-    "add",  "sub",  "mul",  "div",  "neg",  "mul_add", "mul_sub", "sub_mul", "sqrt", "exp", "log", "sin",    "cos", "tan",
-    "asin", "acos", "atan", "sinh", "cosh", "tanh",    "pow",     "abs",     "sign", "min", "max", "select", "copy"};
+inline constexpr const char* operation_names[] = {"add",  "sub",  "mul", "div", "neg",  "mul_add", "mul_sub", "sub_mul", "sqrt",
+                                                  "exp",  "log",  "sin", "cos", "tan",  "asin",    "acos",    "atan",    "sinh",
+                                                  "cosh", "tanh", "pow", "abs", "sign", "min",     "max",     "select"};
 static_assert(std::size(operation_names) == static_cast<std::size_t>(Operation::count));
 
 struct Instruction {
@@ -142,18 +140,8 @@ struct TapePrograms {
   Program output_jacobian;  // g, then the entries of g_x row by row, then those of g_theta column by column
 };
 
-// What the core need not know, for whoever asks the model.
-struct TapeNames {
-  using Described = std::tuple<std::string, std::string, std::string, double>;  // name, unit, description, scale
-  std::string name;
-  std::vector<Described> states, inputs, outputs, parameters;
-  std::vector<std::string> jumps, kinks, domain;
-};
-
 class TapeModel {
  public:
-  TapeNames names;
-
   // Throws std::invalid_argument where a list does not fit the shape.
   TapeModel(const Shape<TapeModel>& shape, std::vector<double> scales, TapePrograms programs, std::vector<Entry> rate_entries,
             std::vector<Entry> output_entries, const std::vector<std::vector<int>>& surface_reads);
@@ -223,6 +211,7 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
         using detail::expect;
         const auto [n_x, n_u, n_y, p, jumps_end, kinks_end, sides, surfaces] = shape;
         expect(n_x <= 64 && p <= 64, "model: expected at most 64 states and 64 parameters, given more");
+        expect(n_u >= 0 && n_y >= 0 && p >= 0, "model: expected numbers of inputs, outputs and parameters, given less than 0");
         expect(0 <= jumps_end && jumps_end <= kinks_end && kinks_end <= sides && sides <= surfaces,
                "model: expected jumps, kinks, poles and limits in this order");
         expect(static_cast<int>(inverse_scales_.size()) == n_x, "scales: expected one for every state");

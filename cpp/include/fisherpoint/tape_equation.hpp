@@ -129,9 +129,6 @@ class Machine {
         case O::select:
           result = select(a > P(0.0), b, c);
           break;
-        case O::copy:
-          result = a;
-          break;
         case O::count:
           break;
       }

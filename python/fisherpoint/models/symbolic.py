@@ -134,14 +134,14 @@ class SymbolicModel(Model):
     def _tape(self) -> Any:
         programs = self.structure.programs
         return _core.TapeModel(
-            self.name,
-            states=_described(self.states),
-            inputs=_described(self.inputs),
-            outputs=_described(self.outputs),
-            parameters=_described(self.parameters),
-            jumps=list(self.jumps),
-            kinks=list(self.kinks),
-            domain=list(self.domain),
+            scales=[quantity.scale or 1.0 for quantity in self.states],
+            inputs=len(self.inputs),
+            outputs=len(self.outputs),
+            parameters=len(self.parameters),
+            jumps=len(self.jumps),
+            kinks=len(self.kinks),
+            poles=programs.poles,
+            limits=len(self.domain),
             rates=to_core(programs.rates),
             output=to_core(programs.output),
             surfaces=to_core(programs.surfaces),
@@ -151,7 +151,6 @@ class SymbolicModel(Model):
             rate_entries=programs.rate_entries,
             output_entries=programs.output_entries,
             surface_reads=programs.surface_reads,
-            poles=programs.poles,
         )
 
     _library: Path | None = None
@@ -265,10 +264,6 @@ class SymbolicModel(Model):
 
 
 _KINDS = ("state", "input", "parameter", "output")
-
-
-def _described(quantities: tuple[Quantity, ...]) -> list[tuple[str, str, str, float]]:
-    return [(q.name, q.unit, q.description, q.scale or 1.0) for q in quantities]
 
 
 def _listed(given: Any, place: str) -> list[Any]:

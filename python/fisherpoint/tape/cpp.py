@@ -26,7 +26,6 @@ _FORMS = {
     "sub_mul": "{2} - {0} * {1}",
     "pow": "power({}, {})",
     "select": "choose({}, {}, {})",
-    "copy": "{}",
 }
 
 

@@ -49,7 +49,6 @@ TABLE = (  # an operation's place is its code in the core
     Operation("min", 2, np.minimum),
     Operation("max", 2, np.maximum),
     Operation("select", 3, _select),
-    Operation("copy", 1, np.array),
 )
 OPERATIONS = {operation.name: operation for operation in TABLE}
 CODES = {operation.name: code for code, operation in enumerate(TABLE)}
