@@ -4,6 +4,7 @@ from typing import Any
 
 from .comparison import RuleComparison, compare_rules
 from .constraints import Constraint
+from .data import Measurements
 from .design import Design, ExchangeSettings, TraceRecord
 from .efficiency import Efficiency
 from .evaluation import Evaluation, evaluate_design, evaluate_under_noise
@@ -42,6 +43,7 @@ __all__ = [
     "HydraulicCylinder",
     "Identifiability",
     "Linearized",
+    "Measurements",
     "Model",
     "PredictiveCovariance",
     "Progress",

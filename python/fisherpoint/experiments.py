@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .files import csv_text, write_whole
 from .models import Model
 from .quantity import Array, as_floats, names_of
 
@@ -104,16 +105,13 @@ class Experiments:
     def to_csv(self, path: str | Path, model: Model | None = None) -> None:
         """Write one row per point under a header of the state and input names and dt; every digit is kept.
 
-        Points without a state have no column dt.
+        Points without a state have no column dt. The file appears whole or not at all.
         """
         columns = _columns(model) if model is not None else self.columns
         if columns is None:
             columns = _places(self.x0.shape[1], self.u.shape[1])
         header = (*columns, "dt") if self.x0.shape[1] else columns
-        with Path(path).open("w", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(header)
-            writer.writerows([[repr(float(value)) for value in row[: len(header)]] for row in self.table])
+        write_whole(path, csv_text(header, self.table[:, : len(header)]))
 
     @classmethod
     def from_csv(cls, path: str | Path, model: Model) -> Experiments:

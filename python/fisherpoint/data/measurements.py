@@ -1,0 +1,93 @@
+"""Measured outputs of experiment points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..experiments import Experiments
+from ..quantity import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Measurements:
+    """The outputs that were measured at K experiment points.
+
+    Parameters
+    ----------
+    points : Experiments
+        The K points; x0 as measured where it was, else as planned. Replicates are points that occur more than once.
+    y : array_like, (K, n_y)
+        Outputs in the model's order, SI units; NaN where an output was not measured. (K,) is taken for a single output.
+
+    Raises
+    ------
+    TypeError
+        Where `points` are no `Experiments`.
+    ValueError
+        For a wrong shape, infinite numbers, or no measured number at all.
+    """
+
+    points: Experiments
+    y: Array
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.points, Experiments):
+            raise TypeError(f"points: expected Experiments, given {type(self.points).__name__}")
+        y = _outputs(self.y, len(self.points))
+        y.flags.writeable = False
+        object.__setattr__(self, "y", y)
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __getitem__(self, rows: int | slice | Sequence[int] | NDArray[Any]) -> Measurements:
+        """Measurements of the chosen rows, of which one at least must have a number."""
+        points = self.points[rows]
+        if isinstance(rows, int | np.integer):
+            rows = [int(rows)]
+        chosen = np.asarray(rows, dtype=None if len(rows) else np.intp) if isinstance(rows, list | tuple) else rows
+        return Measurements(points, self.y[chosen])
+
+    @staticmethod
+    def join(parts: Sequence[Measurements]) -> Measurements:
+        """Return the measurements of all parts, one after the other."""
+        if not parts:
+            raise ValueError("parts: expected at least one, given none")
+        sizes = [(part.points.x0.shape[1], part.points.u.shape[1], part.y.shape[1]) for part in parts]
+        for size in sizes:
+            if size != sizes[0]:
+                raise ValueError(f"parts: expected {sizes[0]} states, inputs and outputs in each, given {size}")
+        return Measurements(Experiments.join([part.points for part in parts]), np.concatenate([part.y for part in parts]))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Measurements) and self.points == other.points and np.array_equal(self.y, other.y, equal_nan=True)
+
+    __hash__ = None  # type: ignore[assignment]  # arrays
+
+    def __repr__(self) -> str:
+        measured = int(np.isfinite(self.y).sum())
+        return f"Measurements({len(self)} points, {self.y.shape[1]} outputs, {measured} of {self.y.size} numbers)"
+
+
+def _outputs(values: ArrayLike, count: int) -> Array:
+    try:
+        if np.iscomplexobj(values):
+            raise TypeError("complex numbers")
+        y = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"y: expected numbers, given {values!r:.80}") from error
+    if y.ndim == 1 and len(y) == count:
+        y = y.reshape(count, 1)
+    if y.ndim != 2 or len(y) != count:
+        raise ValueError(f"y: expected shape ({count}, n_y), given {y.shape}")
+    if np.isinf(y).any():
+        row, column = (int(i) for i in np.argwhere(np.isinf(y))[0])
+        raise ValueError(f"y: expected finite numbers, or NaN for what was not measured; given {y[row, column]} at {(row, column)}")
+    if np.isnan(y).all():
+        raise ValueError("y: expected at least one measured number, given none")
+    return y
