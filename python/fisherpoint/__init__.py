@@ -7,6 +7,8 @@ from .constraints import Constraint
 from .data import Measurements
 from .design import Design, ExchangeSettings, TraceRecord
 from .efficiency import Efficiency
+from .estimation.estimate import estimate
+from .estimation.fit import Fit
 from .evaluation import Evaluation, evaluate_design, evaluate_under_noise
 from .exchange import Progress, exchange
 from .experiments import Experiments
@@ -38,6 +40,7 @@ __all__ = [
     "ExchangeSettings",
     "ExperimentRegion",
     "Experiments",
+    "Fit",
     "GaussHermite",
     "GaussianPrior",
     "HydraulicCylinder",
@@ -60,6 +63,7 @@ __all__ = [
     "Unscented",
     "available_isas",
     "compare_rules",
+    "estimate",
     "evaluate_design",
     "evaluate_under_noise",
     "exchange",

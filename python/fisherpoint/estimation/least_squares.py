@@ -1,7 +1,7 @@
-"""Many nonlinear least-squares problems of one shape, advanced together: Gauss-Newton steps with Levenberg and Marquardt's damping.
+"""Many nonlinear least-squares problems of one shape, advanced together by Levenberg and Marquardt's method.
 
-Steps are measured by the length of their effect ||J s||: where residuals are in units of the noise, that is in standard errors. Near
-a minimum the cost is flat to within its rounding and the integrator's, and steps are then taken without asking it.
+Steps are measured by the length of their effect ||J s||: where residuals are in units of the noise, that is in standard errors.
+Near a minimum the cost is flat to within its rounding and the integrator's, and steps are then taken without asking it.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def minimise(residuals: Residuals, z0: Array, lower: Array, upper: Array, max_it
     -------
     Minima
     """
-    count, p = z0.shape
+    count = len(z0)
     z, everything = z0.copy(), np.arange(count)
     r, jacobian, ok = residuals(z, everything)
     cost, gradient, curvature = _quadratic(r, jacobian)

@@ -107,8 +107,8 @@ def measurements_response(model: Model, points: Experiments, theta: Array, colum
     status = np.empty((count, n_points), dtype=np.int32)
     for first in range(0, count, each):
         rows = theta[first : first + each]
-        tiled = (np.tile(part, (len(rows),) + (1,) * (part.ndim - 1)) for part in (points.x0, points.u, points.dt))
-        result = model.kernels.sensitivities(model.core, *tiled, np.repeat(rows, n_points, axis=0), *settings)
+        x0, u, dt = (np.tile(part, (len(rows),) + (1,) * (part.ndim - 1)) for part in (points.x0, points.u, points.dt))
+        result = model.kernels.sensitivities(model.core, x0, u, dt, np.repeat(rows, n_points, axis=0), *settings)
         _, found, _, derivatives, codes = result
         some = slice(first, first + len(rows))
         y[some] = found.reshape(len(rows), n_points, n_y)
@@ -120,7 +120,7 @@ def measurements_response(model: Model, points: Experiments, theta: Array, colum
 
 def sensible(model: Model, theta: Array) -> NDArray[np.bool_]:
     """Which of the parameters (B, p) make sense to the model."""
-    finite: NDArray[np.bool_] = np.isfinite(theta).all(axis=1)
+    finite = np.asarray(np.isfinite(theta).all(axis=1))
     if finite.all() and _makes_sense(model, theta):
         return finite
     return np.array([ok and _makes_sense(model, row[None]) for ok, row in zip(finite, theta, strict=True)], dtype=bool)
@@ -141,9 +141,7 @@ def _points_response(model: Model, points: Experiments, columns: list[int], sett
     return lambda theta, _: measurements_response(model, points, theta, columns, settings)
 
 
-def _record_response(
-    model: Model, record: Any, columns: list[int], rtol: float, threads: int
-) -> tuple[_Respond, tuple[str, ...]]:
+def _record_response(model: Model, record: Any, columns: list[int], rtol: float, threads: int) -> tuple[_Respond, tuple[str, ...]]:
     from ..data.record_response import RecordResponse
 
     response = RecordResponse(model, record, columns, rtol, threads)
@@ -153,6 +151,7 @@ def _record_response(
     def respond(theta: Array, starts: Array) -> Response:
         x0 = np.tile(known, (len(theta), 1))
         x0[:, places] = starts
-        return response(theta, x0)
+        found: Response = response(theta, x0)
+        return found
 
     return respond, response.starts

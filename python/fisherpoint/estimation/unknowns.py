@@ -12,9 +12,6 @@ from ..models import Model
 from ..prior import GaussianPrior
 from ..quantity import Array, as_float
 
-POSITIVE = 1e-9
-"""Share of its size that a parameter which must be positive keeps off zero."""
-
 
 @dataclass(frozen=True, eq=False)
 class Unknowns:
@@ -105,7 +102,9 @@ def checked_bounds(
             raise ValueError(f"bounds: expected names of {', '.join(names)}; given unknown {name!r}")
         if not isinstance(pair, tuple | list) or len(pair) != 2:
             raise TypeError(f"bounds[{name!r}]: expected (lower, upper) with None for no bound, given {pair!r}")
-        low, high = (None if bound is None or bound in (np.inf, -np.inf) else as_float(bound, f"bounds[{name!r}]") for bound in pair)
+        low, high = (
+            None if bound is None or bound in (np.inf, -np.inf) else as_float(bound, f"bounds[{name!r}]") for bound in pair
+        )
         if low is not None and high is not None and not low < high:
             raise ValueError(f"bounds[{name!r}]: expected lower < upper, given {low:g} and {high:g}")
         bounds[name] = (bounds.get(name, (None, None))[0] if low is None else low, high)

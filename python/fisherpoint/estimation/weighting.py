@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,17 +30,16 @@ def whiten(covariance: Array, measured: NDArray[np.bool_], *arrays: Array) -> li
         return [np.where(_spread(measured, a), a, 0.0) * _spread(weight, a) for a in arrays]
     both = measured[:, :, None] & measured[:, None, :]
     factor = np.linalg.cholesky(np.where(both, covariance, np.eye(n_y)))
-    results = []
+    results: list[Array] = []
     for a in arrays:
         rows = np.where(_spread(measured, a), a, 0.0).reshape(*a.shape[:3], -1)
-        results.append(np.linalg.solve(factor, rows).reshape(a.shape))
+        results.append(np.asarray(np.linalg.solve(factor, rows)).reshape(a.shape))
     return results
 
 
-def _spread(given: Array | NDArray[np.bool_], like: Array) -> Array:
+def _spread(given: NDArray[Any], like: Array) -> NDArray[Any]:
     """`given` (..., N, n_y) with the trailing axes that `like` (B, N, n_y, ...) has after these."""
-    spread: Array = given.reshape(*given.shape, *(1,) * (like.ndim - 3))
-    return spread
+    return given.reshape(*given.shape, *(1,) * (like.ndim - 3))
 
 
 @dataclass(frozen=True, eq=False)
