@@ -4,6 +4,7 @@ from typing import Any
 
 from .comparison import RuleComparison, compare_rules
 from .constraints import Constraint
+from .data import Record, RecordTrajectory, simulate_record
 from .design import Design, ExchangeSettings, TraceRecord
 from .efficiency import Efficiency
 from .evaluation import Evaluation, evaluate_design, evaluate_under_noise
@@ -46,6 +47,8 @@ __all__ = [
     "PredictiveCovariance",
     "Progress",
     "Quantity",
+    "Record",
+    "RecordTrajectory",
     "Rule",
     "RuleComparison",
     "Sensitivities",
@@ -66,6 +69,7 @@ __all__ = [
     "predictive_covariance",
     "sensitivities",
     "simulate",
+    "simulate_record",
 ]
 
 _LAZY = {

@@ -1,0 +1,6 @@
+"""What was measured: outputs of experiment points and of records, on a virtual or a real rig, and their files."""
+
+from .record import Record
+from .record_trajectory import RecordTrajectory, simulate_record
+
+__all__ = ["Record", "RecordTrajectory", "simulate_record"]
