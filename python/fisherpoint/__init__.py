@@ -4,7 +4,7 @@ from typing import Any
 
 from .comparison import RuleComparison, compare_rules
 from .constraints import Constraint
-from .data import Measurements
+from .data import Measurements, Record, RecordTrajectory, simulate_record
 from .design import Design, ExchangeSettings, TraceRecord
 from .efficiency import Efficiency
 from .estimation.estimate import estimate
@@ -51,6 +51,8 @@ __all__ = [
     "PredictiveCovariance",
     "Progress",
     "Quantity",
+    "Record",
+    "RecordTrajectory",
     "Rule",
     "RuleComparison",
     "Sensitivities",
@@ -72,6 +74,7 @@ __all__ = [
     "predictive_covariance",
     "sensitivities",
     "simulate",
+    "simulate_record",
 ]
 
 _LAZY = {

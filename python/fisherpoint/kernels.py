@@ -31,6 +31,11 @@ class Kernels(Protocol):
     ) -> tuple[Any, ...]:
         """x, y, dx_dtheta, dy_dtheta, status."""
 
+    def chain(
+        self, model: Any, x0: Any, u: Any, dt: Any, theta: Any, rtol: float, cross_kinks: bool, method: str, threads: int
+    ) -> tuple[Any, ...]:
+        """x, status, reached of records; u and dt are of their pieces."""
+
     def predictive_covariance(
         self,
         model: Any,

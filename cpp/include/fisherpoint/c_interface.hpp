@@ -27,6 +27,9 @@ namespace fisherpoint {
 using SimulateFunction = FisherpointOutcome(const FisherpointRequest*, double* x, double* y, std::int32_t* status);
 using SensitivitiesFunction = FisherpointOutcome(const FisherpointRequest*, double* x, double* y, double* dx_dtheta,
                                                  double* dy_dtheta, std::int32_t* status);
+// x0 is of `count` records; u and dt are of `pieces`.
+using ChainFunction = FisherpointOutcome(const FisherpointRequest*, std::int64_t pieces, double* x, std::int32_t* status,
+                                         std::int64_t* reached);
 using PredictiveCovarianceFunction = FisherpointOutcome(const FisherpointRequest*, const PriorNodes* nodes, double max_lost,
                                                         double* covariance, std::int32_t* status, std::int64_t* redone,
                                                         double* lost, double* y);

@@ -4,6 +4,7 @@
 #include <exception>
 
 #include "c_interface.hpp"
+#include "chain.hpp"
 #include "predictive_covariance.hpp"
 #include "sensitivities.hpp"
 #include "simulate.hpp"
@@ -53,6 +54,18 @@ FisherpointOutcome sensitivities_request(const FisherpointRequest* request, doub
     with_method(r.tolerance.method, [&]<class Method>(Method) {
       sensitivity_packs<Pack<native_lanes>, Method>(M{}, r.points, r.parameters, r.tolerance, r.workers,
                                                     {x, y, dx_dtheta, dy_dtheta, reinterpret_cast<Status*>(status)});
+    });
+  });
+}
+
+template <class M>
+FisherpointOutcome chain_request(const FisherpointRequest* request, std::int64_t pieces, double* x, std::int32_t* status,
+                                 std::int64_t* reached) {
+  return outcome_of([&] {
+    const Request r(*request);
+    with_method(r.tolerance.method, [&]<class Method>(Method) {
+      chain_packs<Pack<native_lanes>, Method>(M{}, r.points, static_cast<std::size_t>(pieces), r.parameters, r.tolerance,
+                                              r.workers, {x, reinterpret_cast<Status*>(status), reached});
     });
   });
 }

@@ -1,5 +1,7 @@
-"""What was measured: outputs of experiment points, on a virtual or a real rig, and their files."""
+"""What was measured: outputs of experiment points and of records, on a virtual or a real rig, and their files."""
 
 from .measurements import Measurements
+from .record import Record
+from .record_trajectory import RecordTrajectory, simulate_record
 
-__all__ = ["Measurements"]
+__all__ = ["Measurements", "Record", "RecordTrajectory", "simulate_record"]
