@@ -59,8 +59,8 @@ class CsvTable:
                 raise ValueError(f"{path}: row {k + 1}: expected {len(header)} entries, given {len(row)}{hint}")
         if text[-1] not in "\r\n":
             raise ValueError(
-                f"{path}: row {len(rows)}: expected a line break at the end of the file, given {rows[-1][-1]!r}, which is part of "
-                "a number where the file was cut off (where it was not, add the line break)"
+                f"{path}: row {len(rows)}: expected a line break at the end of the file, given {rows[-1][-1]!r} there: "
+                "was it cut off within that? (where it was not, add the line break)"
             )
         units = [_name_and_unit(entry.strip()) for entry in header]
         self.names = tuple(name for name, _ in units)

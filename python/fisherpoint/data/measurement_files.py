@@ -99,13 +99,13 @@ def _match(table: CsvTable, model: Model) -> dict[str, str]:
     unknown = [name for name in table.names if name not in known]
     if missing or unknown or not outputs:
         of_outputs = ", ".join(f"y_{name}" for name in names_of(model.outputs))
-        wrong = [f"no {', '.join(missing)}"] if missing else []
-        wrong += [] if outputs else ["none of an output"]
-        wrong += [f"{', '.join(unknown)}, which {model.name} does not have"] if unknown else []
-        another = ": a data file of another model" if unknown and (missing or not outputs) else ""
+        wrong = [f"none for {', '.join(missing)}"] if missing else []
+        wrong += [] if outputs else ["none for an output"]
+        wrong += [f"the unknown {', '.join(unknown)}"] if unknown else []
+        another = f": the file of another model than {model.name}" if unknown and (missing or not outputs) else ""
         raise ValueError(
             f"{table.path}: expected the columns {', '.join(names_of(model.axes))}, and of {of_outputs} those that were measured; "
-            f"given {', and '.join(wrong)}{another}"
+            f"given {'; '.join(wrong)}{another}"
         )
     return outputs
 
