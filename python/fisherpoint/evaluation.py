@@ -139,8 +139,8 @@ def evaluate_information(problem: DesignProblem, information: PointInformation, 
     else:
         log_det = -np.inf
 
-    if d.kind == "pointwise":
-        covariance_of_outputs = d.noise + information.of_outputs(d.used).covariance
+    if d.own:
+        covariance_of_outputs = d.own_covariances(information.of_outputs(d.used))
     outputs = names_of(problem.model.outputs)
     return Evaluation(
         parameters=names,
