@@ -8,7 +8,7 @@ from .data import Measurements
 from .design import Design, ExchangeSettings, TraceRecord
 from .efficiency import Efficiency
 from .evaluation import Evaluation, evaluate_design, evaluate_under_noise
-from .exchange import Progress, exchange
+from .exchange import exchange
 from .experiments import Experiments
 from .identifiability import Identifiability, identifiability
 from .kernels import available_isas, isa
@@ -19,6 +19,7 @@ from .problem import DesignProblem
 from .quantity import Quantity
 from .region import ExperimentRegion
 from .rules import GaussHermite, Linearized, Rule, Sobol, SparseGaussHermite, TensorGrid, Unscented
+from .search import Progress
 from .trajectories import (
     Sensitivities,
     Status,

@@ -1,7 +1,7 @@
 """What is assumed and not exact: constants, parameters that are not estimated, and start states.
 
-Their errors move the outputs by G times the error, to first order, G = dy/d(what is assumed). An output so varies by R + G P G^T about
-its prediction, with P the squares of the standard deviations, and not by R, the sensor noise, alone.
+Their errors move the outputs by G times the error, to first order, with G = dy/d(what is assumed). The outputs so scatter about
+their prediction by R + G P G^T, with P the squares of the standard deviations, and not by R, the sensor noise, alone.
 """
 
 from __future__ import annotations

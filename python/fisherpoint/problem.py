@@ -137,7 +137,9 @@ class DesignProblem:
             try:
                 self.rule.check(self.assumed.prior(self.theta))
             except ValueError as error:
-                raise ValueError(f"rule: expected one without names of parameters for assumed_covariance='predictive': {error}") from error
+                raise ValueError(
+                    f"rule: expected one without names of parameters for assumed_covariance='predictive': {error}"
+                ) from error
 
     def replace(self, **changes: Any) -> DesignProblem:
         """Return a copy with some arguments changed."""
