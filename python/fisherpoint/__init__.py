@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from .assumed import assumed_covariance
 from .comparison import RuleComparison, compare_rules
 from .constraints import Constraint
 from .data import Measurements
@@ -59,6 +60,7 @@ __all__ = [
     "TraceRecord",
     "Trajectories",
     "Unscented",
+    "assumed_covariance",
     "available_isas",
     "compare_rules",
     "evaluate_design",

@@ -64,7 +64,7 @@ def share(tangents: Floats, std: list[float]) -> Floats:
 def close(actual: Floats, expected: Floats, rtol: float) -> None:
     """Covariances (K, n, n) up to a share of the standard deviations of each output over all points."""
     size = np.sqrt(np.diagonal(expected, axis1=1, axis2=2).max(axis=0))
-    size = np.maximum(size, 1e-9)  # what is zero is rounding in differences
+    size = np.maximum(size, 1e-8)  # what is zero is rounding in differences
     np.testing.assert_allclose(actual / np.outer(size, size), expected / np.outer(size, size), rtol=0, atol=rtol)
 
 
