@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -183,8 +185,19 @@ def test_a_link_stays_and_a_missing_directory_is_named(tmp_path: Path) -> None:
     (tmp_path / "link.csv").symlink_to("data.csv")
     data[[0, 3]].to_csv(tmp_path / "link.csv", MODEL)
     assert (tmp_path / "link.csv").is_symlink() and len(fp.Measurements.from_csv(tmp_path / "data.csv", MODEL)) == 2
-    with pytest.raises(FileNotFoundError, match=r"nowhere.data\.csv"):
+    with pytest.raises(FileNotFoundError, match=r"nowhere.data\.csv'$"):
         data.to_csv(tmp_path / "nowhere" / "data.csv", MODEL)
+
+
+def test_a_pipe_is_written_to_and_stays(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    data = fp.Measurements(POINTS, Y)
+    data.to_csv(tmp_path / "data.csv", MODEL)
+    with ThreadPoolExecutor(1) as pool:
+        read = pool.submit((tmp_path / "pipe").read_bytes)
+        data.to_csv(tmp_path / "pipe", MODEL)
+        assert read.result(10) == (tmp_path / "data.csv").read_bytes()
+    assert (tmp_path / "pipe").is_fifo()
 
 
 WRITER = """
