@@ -146,6 +146,19 @@ def test_sensitivities_are_those_of_finite_differences(points: fp.Experiments) -
         assert (np.abs(difference - expected) <= 1e-5 * np.abs(expected) + 1e-8 * np.array([1e-2, 1e7, 1e7, 1.0])).all()
 
 
+def test_the_tolerance_holds_where_trajectories_turn_round() -> None:
+    rng = np.random.default_rng(1)
+    low, high = np.array([[0.03, -0.03, 5e6, 9e6, -0.3], [0.27, 0.03, 8e6, 13e6, 0.3]])
+    points = fp.Experiments(rng.uniform(low, high, (100, 5)), rng.uniform(-0.5, 0.5, (100, 1)), rng.uniform(2e-3, 1e-2, 100))
+    found, exact = (fp.sensitivities(SMOOTH, points, THETA, rtol=rtol) for rtol in (1e-6, 1e-11))
+    assert not found.status.any() and not exact.status.any()
+    turned = np.sign(points.x0[:, 1]) != np.sign(exact.x[:, 1])
+    assert turned.sum() > 30
+    scale = np.abs(exact.dy_dtheta).max(axis=0)
+    error = np.abs(found.dy_dtheta - exact.dy_dtheta)[turned] / np.where(scale > 0, scale, 1)
+    assert error.max() < 5e-5
+
+
 # --- as a model ---------------------------------------------------------------------------------------------------------
 
 
