@@ -5,9 +5,11 @@ from typing import Any
 from .assumed import assumed_covariance
 from .comparison import RuleComparison, compare_rules
 from .constraints import Constraint
-from .data import Measurements
+from .data import Measurements, VirtualRig
 from .design import Design, ExchangeSettings, TraceRecord
 from .efficiency import Efficiency
+from .estimation.estimate import estimate
+from .estimation.fit import Fit
 from .evaluation import Evaluation, evaluate_design, evaluate_under_noise
 from .exchange import exchange
 from .experiments import Experiments
@@ -40,6 +42,7 @@ __all__ = [
     "ExchangeSettings",
     "ExperimentRegion",
     "Experiments",
+    "Fit",
     "GaussHermite",
     "GaussianPrior",
     "HydraulicCylinder",
@@ -60,9 +63,11 @@ __all__ = [
     "TraceRecord",
     "Trajectories",
     "Unscented",
+    "VirtualRig",
     "assumed_covariance",
     "available_isas",
     "compare_rules",
+    "estimate",
     "evaluate_design",
     "evaluate_under_noise",
     "exchange",

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import platform
-import tempfile
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from importlib.metadata import PackageNotFoundError, version
@@ -18,6 +16,7 @@ from numpy.typing import NDArray
 from .efficiency import Efficiency
 from .evaluation import Evaluation
 from .experiments import Experiments
+from .files import write_whole
 from .kernels import isa
 from .models import MODELS, Model
 from .prior import GaussianPrior
@@ -127,10 +126,8 @@ class Design:
         """Write design.csv and design.json into `directory`, which is made where needed; each appears whole or not at all."""
         directory = Path(directory)
         directory.mkdir(parents=True, exist_ok=True)
-        _write_whole(directory / "design.json", json.dumps(_to_json(self), indent=1, allow_nan=False) + "\n")
-        with tempfile.TemporaryDirectory(dir=directory) as scratch:
-            self.points.to_csv(Path(scratch) / "design.csv", self.problem.model)
-            os.replace(Path(scratch) / "design.csv", directory / "design.csv")
+        write_whole(directory / "design.json", json.dumps(_to_json(self), indent=1, allow_nan=False) + "\n")
+        self.points.to_csv(directory / "design.csv", self.problem.model)
 
     @classmethod
     def load(cls, directory: str | Path) -> Design:
@@ -159,13 +156,6 @@ class Design:
         except (ValueError, OverflowError) as error:
             what = str(error) if "expected" in str(error) else f"expected a complete design, given a wrong value: {error}"
             raise ValueError(f"{path}: {what}") from error
-
-
-def _write_whole(path: Path, text: str) -> None:
-    with tempfile.NamedTemporaryFile("w", dir=path.parent, suffix=".part", delete=False) as file:
-        file.write(text)
-    os.chmod(file.name, 0o644)
-    os.replace(file.name, path)
 
 
 def _versions() -> dict[str, str]:

@@ -76,6 +76,11 @@ class Model(ABC):
         """What two equal models share."""
 
     @property
+    def least(self) -> Mapping[str, float]:
+        """The least value of each parameter that has one, such as a mass; names of parameters only."""
+        return {}
+
+    @property
     def axes(self) -> tuple[Quantity, ...]:
         """What an experiment point consists of: states, inputs and, where there is a state, the duration dt."""
         return (*self.states, *self.inputs, *((DURATION,) if self.states else ()))

@@ -92,6 +92,11 @@ class HydraulicCylinder(Model):
         """The known constants by name, SI units."""
         return FrozenMapping({name: float(getattr(self._core, name)) for name in names_of(self.constant_quantities)})
 
+    @property
+    def least(self) -> Mapping[str, float]:
+        """Zero for every parameter."""
+        return FrozenMapping(dict.fromkeys(names_of(self.parameters), 0.0))
+
     def _check_theta(self, rows: Array) -> None:
         names = names_of(self.parameters)
         for name, lowest in zip(names, rows.min(axis=0).tolist(), strict=True):

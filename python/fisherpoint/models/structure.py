@@ -56,18 +56,18 @@ class Structure:
         self.surface_values = [surface.expression.xreplace(sides) for surface in self.surfaces]
         self.limits = [limit for limit in domain.limits if limit.expression.free_symbols & moving]
         self.limit_values = [limit.expression.xreplace(sides) for limit in self.limits]
-        self._of_parameters = [limit for limit in domain.limits if not limit.expression.free_symbols & moving]
+        self.of_parameters = [limit for limit in domain.limits if not limit.expression.free_symbols & moving]
         self._check_constants()
 
     def _check_constants(self) -> None:
         parameters = set(self.equations.parameters)
-        fixed = [limit for limit in self._of_parameters if not limit.expression.free_symbols & parameters]
-        self._of_parameters = [limit for limit in self._of_parameters if limit not in fixed]
+        fixed = [limit for limit in self.of_parameters if not limit.expression.free_symbols & parameters]
+        self.of_parameters = [limit for limit in self.of_parameters if limit not in fixed]
         self._refuse(fixed, {}, "constants.")
 
     def check_theta(self, rows: Array) -> None:
         """Raise where one of the rows (K, p) breaks a limit that neither state nor input enters."""
-        self._refuse(self._of_parameters, dict(zip(self.equations.parameters, rows.T, strict=True)), "")
+        self._refuse(self.of_parameters, dict(zip(self.equations.parameters, rows.T, strict=True)), "")
 
     def _refuse(self, limits: Sequence[Limit], values: Mapping[Any, Any], place: str) -> None:
         numbers = evaluate([limit.expression for limit in limits], {**self.equations.constants, **values})

@@ -239,6 +239,13 @@ class SymbolicModel(Model):
                     f"{self._place_of(quantity)}: expected an output that depends on something, given {to_text(expression):.60}"
                 )
 
+    @cached_property
+    def least(self) -> Mapping[str, float]:
+        """Zero for every parameter that alone is a limit of the domain."""
+        own = {symbol(q.name): q.name for q in self.parameters}
+        limits = (limit.expression for limit in self.structure.of_parameters if not limit.pole)
+        return FrozenMapping({own[expression]: 0.0 for expression in limits if expression in own})
+
     def _check_theta(self, rows: Array) -> None:
         self.structure.check_theta(rows)
 

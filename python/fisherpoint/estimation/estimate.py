@@ -1,0 +1,334 @@
+"""Estimates parameters from data, (5): weighted least squares, maximum likelihood with unknown noise, maximum a posteriori."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..data.measurements import Measurements
+from ..models import Model
+from ..prior import GaussianPrior
+from ..quantity import Array, as_float, check_positive_int, names_of
+from ..rules import Sobol
+from ..trajectories import Status, check_rtol, check_type, resolve_threads
+from .fit import Fit
+from .least_squares import CONVERGED, ENDS, NOT_EVALUABLE, Minima, minimise
+from .noise import correlations_can_be_told, minimise_log_det
+from .response import Observed
+from .unknowns import Unknowns, checked_bounds, unknowns_of
+from .weighting import WeightedResiduals
+
+SAME_MINIMUM = 1e-3
+"""Difference of costs, in half squares of standard errors, up to which two starts have come to the same minimum."""
+
+WEIGHTINGS = 2
+"""How often the share of what is assumed is taken anew at the estimate."""
+
+
+def estimate(
+    model: Model,
+    data: Any,
+    prior: GaussianPrior | None = None,
+    start: Mapping[str, float] | GaussianPrior | None = None,
+    parameters: Sequence[str] | None = None,
+    noise_std: Mapping[str, float] | None = None,
+    *,
+    bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
+    uncertain: Mapping[str, float] | None = None,
+    initial_state_std: Mapping[str, float] | None = None,
+    starts: int = 8,
+    rtol: float = 1e-9,
+    threads: int | None = None,
+) -> Fit:
+    """Estimate parameters from measured data, (5).
+
+    With known noise this is weighted least squares, which is maximum likelihood; with unknown noise, the parameters that minimise
+    log det of the residual covariance (10); with a prior, the maximum a posteriori. The search is SciPy's `least_squares` with the
+    engine's exact derivatives in standardised coordinates, from the best of several starts.
+
+    Parameters
+    ----------
+    model : Model
+    data : Measurements, Record, or a sequence of these
+    prior : GaussianPrior, optional
+        Takes part in the estimate. Log-normal parameters stay positive: their logarithms are what is searched.
+    start : mapping of name to float, or GaussianPrior, optional
+        Where the search starts; and, for unknown starts of records, "x0_h1". A GaussianPrior gives starts, but takes no part in the
+        estimate. Default: the prior's mean, else the model's nominal values.
+    parameters : sequence of str, optional
+        Names of the parameters to estimate; the others are known to be at their start. Default: all.
+    noise_std : mapping of output name to float, optional
+        Standard deviations of the sensor noise, SI units, of all outputs that were measured. Default: not known.
+    bounds : mapping of name to (lower, upper), optional
+        None for no bound. Default: what the model itself demands (`Model.least`).
+    uncertain, initial_state_std : mapping of name to float, optional
+        As in `DesignProblem`: standard deviations of constants, and of the starts of experiment points. What they add to the
+        covariance of the outputs is taken at the estimate. Not for records, of which they would correlate all samples: estimate
+        them there.
+    starts : int
+        Number of starts where there is a prior, nodes spread over it.
+    rtol : float
+        Tolerance of the trajectories.
+    threads : int, optional
+
+    Returns
+    -------
+    Fit
+        Where the data do not determine all unknowns, `Fit.null_directions` says which combinations they leave open.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For misuse, and where no start has trajectories that are ok.
+    """
+    check_type(model, Model, "model")
+    parts = _parts(data, model)
+    names = names_of(model.parameters)
+    chosen = names if parameters is None else _chosen(parameters, names)
+    for label, given in (("prior", prior), ("start", start)):
+        if (label == "prior" and given is not None) or isinstance(given, GaussianPrior):
+            check_type(given, GaussianPrior, label)
+    spread = prior if prior is not None else start if isinstance(start, GaussianPrior) else None
+    first = _first(model, prior, start, parts)
+    theta = model.theta({name: first[name] for name in names})
+    threads = resolve_threads(threads)
+    check_rtol(rtol)
+    observed = Observed(model, parts, chosen, theta, rtol, threads)
+    known_names = dict.fromkeys((*names, *observed.names))
+    for unknown in (name for name in (start if isinstance(start, Mapping) else ()) if name not in known_names):
+        raise ValueError(f"start: expected names of {', '.join(known_names)}; given unknown {unknown!r}")
+    begin = {name: first[name] if name in first else _start_guess(model, name, parts) for name in observed.names}
+    sizes = {f"x0_{q.name}": q.scale or 0.0 for q in model.states}
+    unknowns = unknowns_of(begin, spread, sizes, checked_bounds(model, bounds, observed.names))
+    z0 = _starts(unknowns, begin, spread, check_positive_int(starts, "starts"))
+    factor = None if prior is None else _prior_factor(prior, unknowns)
+    residuals = WeightedResiduals(observed, unknowns, observed.y[None], np.eye(observed.y.shape[1]), factor)
+
+    known = noise_std is not None
+    if known:
+        residuals = replace(residuals, covariance=_noise(model, noise_std or {}, observed.y))
+        residuals = _with_assumed(residuals, model, parts, theta, uncertain, initial_state_std, rtol, threads)
+        minima, _ = minimise(residuals, z0, unknowns.lower, unknowns.upper), None
+    elif uncertain or initial_state_std:
+        raise ValueError("noise_std: expected the sensor noise beside uncertain or initial_state_std, given none")
+    else:
+        full = correlations_can_be_told(np.isfinite(observed.y), len(unknowns))
+        minima, covariances = minimise_log_det(residuals, z0, full)
+        log_det = np.linalg.slogdet(covariances)[1] * len(observed.y) / 2
+        minima = minima._replace(cost=np.where(np.isfinite(log_det), log_det, np.inf))
+    best, reached = _best(minima, observed, unknowns, z0)
+    if not known:
+        residuals = replace(residuals, covariance=covariances[best])
+    z, message, evaluations, converged = minima.z[best], ENDS[int(minima.end[best])], int(minima.iterations[best]), False
+    for _ in range(WEIGHTINGS if uncertain or initial_state_std else 1):
+        z, message, polished, converged = _polished(residuals, z)
+        evaluations += polished
+        if uncertain or initial_state_std:
+            residuals = replace(residuals, covariance=_noise(model, noise_std or {}, observed.y))
+            at = observed.parameters(unknowns.values(z[None]))[0]
+            residuals = _with_assumed(residuals, model, parts, at, uncertain, initial_state_std, rtol, threads)
+    if minima.end[best] != CONVERGED and not converged:
+        message = ENDS[int(minima.end[best])]
+
+    values = unknowns.values(z[None])
+    response = observed.respond(values)
+    fit = Fit(
+        model=model,
+        data=parts,
+        prior=prior,
+        theta=observed.parameters(values)[0],
+        values=values[0],
+        predicted=response.y[0],
+        residuals=observed.y - response.y[0],
+        noise_known=known,
+        noise_covariance=_noise(model, noise_std or {}, observed.y) if known else residuals.covariance,
+        converged=converged or int(minima.end[best]) == CONVERGED,
+        message=message,
+        evaluations=evaluations,
+        starts=len(z0),
+        reached=reached,
+        problem=residuals,
+    )
+    return fit if known else _with_unbiased_noise(fit)
+
+
+def _parts(data: Any, model: Model) -> tuple[Any, ...]:
+    parts = tuple(data) if isinstance(data, list | tuple) else (data,)
+    for part in parts:
+        if not isinstance(part, Measurements) and not _is_record(part):
+            raise TypeError(f"data: expected Measurements, a Record or a sequence of them, given {type(part).__name__}")
+        if part.y.shape[1] != len(model.outputs):
+            raise ValueError(f"y: expected shape (N, {len(model.outputs)}) for the outputs of {model.name}, given {part.y.shape}")
+    if not parts:
+        raise ValueError("data: expected at least one set of data, given none")
+    return parts
+
+
+def _is_record(part: Any) -> bool:
+    from ..data.record import Record
+
+    return isinstance(part, Record)
+
+
+def _chosen(given: Sequence[str], names: tuple[str, ...]) -> tuple[str, ...]:
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise TypeError(f"parameters: expected a sequence of names, given {given!r}")
+    given = tuple(given)
+    for unknown in (name for name in given if name not in names):
+        raise ValueError(f"parameters: expected names of {', '.join(names)}; given unknown {unknown!r}")
+    if not given:
+        raise ValueError("parameters: expected at least one name, given none")
+    return tuple(name for name in names if name in given)
+
+
+def _first(model: Model, prior: GaussianPrior | None, start: Any, parts: Sequence[Any]) -> dict[str, float]:
+    """A value for every parameter of the model, and the starts of records that are given one."""
+    if start is not None and not isinstance(start, Mapping | GaussianPrior):
+        raise TypeError(f"start: expected a mapping of names to numbers or a GaussianPrior, given {type(start).__name__}")
+    given = start.mean if isinstance(start, GaussianPrior) else start or {}
+    values = {**model.nominal, **(prior.mean if prior is not None else {})}
+    values |= {name: as_float(value, f"start[{name!r}]") for name, value in given.items()}
+    for missing in (name for name in names_of(model.parameters) if name not in values):
+        raise ValueError(f"start: expected a value of {missing!r}, which has neither a prior nor a nominal value; given none")
+    return values
+
+
+def _start_guess(model: Model, name: str, parts: Sequence[Any]) -> float:
+    """A start for a state of a record that is not known: the first measurement of the output of its name, or its natural size."""
+    record_of, _, number = name.removeprefix("x0_").rpartition("_")
+    records = [part for part in parts if not isinstance(part, Measurements)]
+    states = {q.name: q for q in model.states}
+    state, place = (record_of, int(number) - 1) if record_of in states and number.isdigit() else (name.removeprefix("x0_"), 0)
+    outputs = names_of(model.outputs)
+    if state in outputs:
+        column = records[place].y[:, outputs.index(state)]
+        if np.isfinite(column).any():
+            return float(column[np.isfinite(column)][0])
+    return states[state].scale or 1.0
+
+
+def _starts(unknowns: Unknowns, begin: Mapping[str, float], spread: GaussianPrior | None, count: int) -> Array:
+    """Coordinates (B, P) of the starts: the first as given, others at nodes of the prior."""
+    z = unknowns.coordinates(np.array([list(begin.values())]))
+    if spread is not None and count > 1:
+        named = [name for name in unknowns.names if name in spread.names]
+        nodes, _ = Sobol(1 << (count - 1).bit_length()).nodes(spread.marginal(named))
+        values = np.tile(list(begin.values()), (count - 1, 1))
+        values[:, [unknowns.names.index(name) for name in named]] = nodes[: count - 1]
+        z = np.concatenate([z, unknowns.coordinates(values)])
+    return np.clip(z, unknowns.lower, unknowns.upper)
+
+
+def _prior_factor(prior: GaussianPrior, unknowns: Unknowns) -> Array:
+    """L^-1 (k, P) of the correlation L L^T that the prior has in coordinates, for the k unknowns that it covers."""
+    columns = [j for j, name in enumerate(unknowns.names) if name in prior.names]
+    correlation = prior.marginal([unknowns.names[j] for j in columns]).normal_correlation
+    factor = np.zeros((len(columns), len(unknowns)))
+    factor[:, columns] = np.linalg.solve(np.linalg.cholesky(correlation), np.eye(len(columns)))
+    return factor
+
+
+def _noise(model: Model, noise_std: Mapping[str, float], y: Array) -> Array:
+    """R (n_y, n_y) of the noise; outputs that were never measured need none."""
+    names, variances = names_of(model.outputs), np.ones(len(model.outputs))
+    if not isinstance(noise_std, Mapping):
+        raise TypeError(f"noise_std: expected a mapping of names to numbers, given {type(noise_std).__name__}")
+    for unknown in (name for name in noise_std if name not in names):
+        raise ValueError(f"noise_std: expected the names {', '.join(names)}; given unknown {unknown!r}")
+    for i, name in enumerate(names):
+        if name not in noise_std:
+            if np.isfinite(y[:, i]).any():
+                raise ValueError(f"noise_std: expected a value for {name!r}, which was measured; given none")
+            continue
+        std = as_float(noise_std[name], f"noise_std[{name!r}]")
+        if not std > 0:
+            raise ValueError(f"noise_std[{name!r}]: expected a positive standard deviation, given {std:g}")
+        variances[i] = std**2
+    return np.diag(variances)
+
+
+def _with_assumed(
+    residuals: WeightedResiduals,
+    model: Model,
+    parts: Sequence[Any],
+    theta: Array,
+    uncertain: Mapping[str, float] | None,
+    initial_state_std: Mapping[str, float] | None,
+    rtol: float,
+    threads: int,
+) -> WeightedResiduals:
+    """The residuals with R_k = R + G P G^T for every sample, at the parameters theta (p,)."""
+    if not uncertain and not initial_state_std:
+        return residuals
+    from ..assumed import assumed_covariance
+
+    covariances = []
+    for part in parts:
+        if not isinstance(part, Measurements):
+            raise ValueError("uncertain: expected measurements of points, given a record; estimate what is uncertain there")
+        added, status = assumed_covariance(model, part.points, theta, uncertain or {}, initial_state_std or {}, rtol, threads)
+        if status.any():
+            k = int(np.argmax(status != Status.ok))
+            raise ValueError(f"points: expected trajectories that are ok, given points[{k}] ({Status(status[k]).name})")
+        covariances.append(residuals.covariance + added)
+    return replace(residuals, covariance=np.concatenate(covariances))
+
+
+def _best(minima: Minima, observed: Observed, unknowns: Unknowns, z0: Array) -> tuple[int, int]:
+    """The start that came lowest, and how many came there."""
+    usable = minima.end != NOT_EVALUABLE
+    if not usable.any():
+        status = Status(observed.respond(unknowns.values(z0[:1])).status[0])
+        raise ValueError(f"start: expected parameters at which trajectories are ok, given one with {status.name}. {status.advice}")
+    cost = np.where(usable, minima.cost, np.inf)
+    best = int(np.argmin(cost))
+    return best, int((cost <= cost[best] + SAME_MINIMUM).sum())
+
+
+def _polished(residuals: WeightedResiduals, z: Array) -> tuple[Array, str, int, bool]:
+    """SciPy's minimum from z (P,): where it is, how it ended, evaluations, and whether that is a minimum."""
+    from scipy.optimize import least_squares
+
+    row, kept = np.zeros(1, dtype=np.intp), {}
+
+    def function(at: Array) -> Array:
+        r, jacobian, ok = residuals(at[None], row)
+        kept["at"], kept["jacobian"] = at.copy(), jacobian[0]
+        return r[0] if ok[0] else np.full(r.shape[1], np.inf)
+
+    def jacobian(at: Array) -> Array:
+        return kept["jacobian"] if np.array_equal(kept["at"], at) else residuals(at[None], row)[1][0]
+
+    lower, upper = residuals.unknowns.lower, residuals.unknowns.upper
+    bounded = np.isfinite(lower).any() or np.isfinite(upper).any()
+    inside = np.clip(z, lower, upper)
+    try:
+        found = least_squares(
+            function,
+            inside,
+            jacobian,
+            bounds=(lower, upper) if bounded else (-np.inf, np.inf),
+            method="trf",
+            x_scale="jac",
+            ftol=1e-15,
+            xtol=1e-12,
+            gtol=1e-12,
+            max_nfev=100,
+        )
+    except ValueError as error:
+        if "not finite" not in str(error):
+            raise
+        return z, "the trajectories at the estimate are not ok", 1, False
+    return found.x, str(found.message), int(found.nfev), bool(found.success)
+
+
+def _with_unbiased_noise(fit: Fit) -> Fit:
+    """The fit with the noise's variances divided by degrees of freedom in the place of the number of samples."""
+    counts = np.isfinite(fit.residuals).sum(axis=0)
+    degrees = np.maximum(fit.output_degrees_of_freedom, 1e-3)
+    growth = np.sqrt(np.where(counts > 0, counts / degrees, 1.0))
+    covariance = fit.noise_covariance * np.outer(growth, growth)
+    return replace(fit, noise_covariance=covariance, problem=replace(fit.problem, covariance=covariance))

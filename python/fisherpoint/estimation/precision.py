@@ -1,0 +1,58 @@
+"""What residuals' derivatives say about the precision of an estimate: covariance, correlation, and directions that stay open."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..combinations import changes_of
+from ..null_space import column_scaled_svd, pivots, reduced_basis
+from ..quantity import Array
+
+NULL, WEAK = 1e-8, 1e-4
+"""Shares of the largest singular value, of columns scaled to length 1, below which a direction is null, and weak."""
+
+
+@dataclass(frozen=True, eq=False)
+class Precision:
+    """The inverse of F = J^T J for whitened residuals with the Jacobian J (M, P) in coordinates z.
+
+    Attributes
+    ----------
+    fisher : ndarray, (P, P)
+        The sum form, for parameters in units of z.
+    covariance : ndarray, (P, P)
+        Its pseudo-inverse over what is determined; see `determined`.
+    determined : ndarray of bool, (P,)
+        Whether an unknown takes part in no null direction.
+    null, weak : ndarray, (k, P)
+        Directions in z.
+    """
+
+    fisher: Array
+    covariance: Array
+    determined: np.ndarray
+    null: Array
+    weak: Array
+
+    @classmethod
+    def of(cls, jacobian: Array) -> Precision:
+        values, vectors, length = column_scaled_svd(jacobian)
+        size = np.where(length > 0, length, 1.0)
+        told = values > NULL * max(values.max(initial=0.0), 1e-300)
+        half = vectors[told].T / values[told] / size[:, None]
+        null = vectors[~told] / size
+        if len(null):
+            null = reduced_basis(null, pivots(null))
+            null = null / np.abs(null).max(axis=1, keepdims=True)
+        share = values / max(values.max(initial=0.0), 1e-300)
+        weak = vectors[told & (share < WEAK)] / size
+        determined = ~(np.abs(null) > 1e-6).any(axis=0) if len(null) else np.ones(len(length), dtype=bool)
+        return cls(jacobian.T @ jacobian, half @ half.T, determined, null, weak)
+
+
+def in_words(directions: Array, slopes: Array, values: Array, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Directions (k, P) in z as relative changes of the unknowns, such as "k1 up 1 %, k2 down 1 %"."""
+    relative = directions * slopes / np.where(values != 0, values, 1.0)
+    return tuple(changes_of(direction, names) for direction in relative)

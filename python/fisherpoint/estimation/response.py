@@ -1,0 +1,157 @@
+"""What a model says to data: predicted outputs and their derivatives by every unknown, for many sets of unknowns at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..data.measurements import Measurements
+from ..experiments import Experiments
+from ..models import Model
+from ..quantity import Array, IntArray, names_of
+from ..trajectories import Settings, Status, checked_arguments
+
+MOST_POINTS = 200_000
+"""Points that the engine is given at once, so that memory stays bounded."""
+
+
+class Response(NamedTuple):
+    """For B sets of P unknowns and N samples: outputs y (B, N, n_y), derivatives dy (B, N, n_y, P) in SI units, status (B,).
+
+    The status is that of the first trajectory that is not ok; y and dy are zero then.
+    """
+
+    y: Array
+    dy: Array
+    status: IntArray
+
+
+class Observed:
+    """Data of a model as N samples in a row, and the response to the unknowns that they depend on.
+
+    Parameters
+    ----------
+    model : Model
+    data : sequence of Measurements or Record
+    parameters : tuple of str
+        Parameters to estimate.
+    theta : ndarray, (p,)
+        All parameters; those that are not estimated stay there.
+    rtol : float
+    threads : int
+
+    Attributes
+    ----------
+    names : tuple of str
+        The unknowns: the parameters, then starts of records that are not known, as "x0_h1", of the second record "x0_h1_2".
+    y : ndarray, (N, n_y)
+        Measured outputs, NaN where there are none.
+    """
+
+    def __init__(
+        self, model: Model, data: Sequence[Any], parameters: tuple[str, ...], theta: Array, rtol: float, threads: int
+    ) -> None:
+        self.model, self._theta = model, theta
+        self._columns = [names_of(model.parameters).index(name) for name in parameters]
+        self.y = np.concatenate([part.y for part in data])
+        names, self._parts = list(parameters), []
+        for part in data:
+            if isinstance(part, Measurements):
+                settings = checked_arguments(model, part.points, theta, rtol, threads, "cross", None)
+                self._parts.append((_points_response(model, part.points, self._columns, settings), len(part), slice(0)))
+                continue
+            respond, starts = _record_response(model, part, self._columns, rtol, threads)
+            number = sum(not isinstance(other, Measurements) for other in data[: len(self._parts) + 1])
+            first = len(names)
+            names += [f"x0_{state}" + (f"_{number}" if number > 1 else "") for state in starts]
+            self._parts.append((respond, len(part), slice(first, len(names))))
+        self.names = tuple(names)
+
+    def parameters(self, values: Array) -> Array:
+        """All parameters (B, p) of the model at the unknowns (B, P)."""
+        theta = np.tile(self._theta, (len(values), 1))
+        theta[:, self._columns] = values[:, : len(self._columns)]
+        return theta
+
+    def respond(self, values: Array) -> Response:
+        """The response to unknowns (B, P) in SI units; a set at which the model makes no sense has `Status.not_finite`."""
+        theta, count, p = self.parameters(values), len(values), len(self._columns)
+        n_samples, n_y = self.y.shape
+        y, dy = np.zeros((count, n_samples, n_y)), np.zeros((count, n_samples, n_y, len(self.names)))
+        status = np.where(sensible(self.model, theta), Status.ok, Status.not_finite).astype(np.int32)
+        first = 0
+        for respond, length, starts in self._parts:
+            rows = np.flatnonzero(status == Status.ok)
+            if not len(rows):
+                break
+            part = respond(theta[rows], values[rows, starts])
+            samples = slice(first, first + length)
+            y[rows, samples] = part.y
+            dy[rows, samples, :, :p] = part.dy[..., :p]
+            dy[rows, samples, :, starts] = part.dy[..., p:]
+            status[rows] = part.status
+            first += length
+        failed = status != Status.ok
+        y[failed], dy[failed] = 0.0, 0.0
+        return Response(y, dy, status)
+
+
+def measurements_response(model: Model, points: Experiments, theta: Array, columns: list[int], settings: Settings) -> Response:
+    """The response of K points to parameters theta (B, p), by those in `columns`; settings are known to be good."""
+    count, n_points = len(theta), len(points)
+    n_y, each = len(model.outputs), max(1, MOST_POINTS // n_points)
+    y, dy = np.empty((count, n_points, n_y)), np.empty((count, n_points, n_y, len(columns)))
+    status = np.empty((count, n_points), dtype=np.int32)
+    for first in range(0, count, each):
+        rows = theta[first : first + each]
+        x0, u, dt = (np.tile(part, (len(rows),) + (1,) * (part.ndim - 1)) for part in (points.x0, points.u, points.dt))
+        result = model.kernels.sensitivities(model.core, x0, u, dt, np.repeat(rows, n_points, axis=0), *settings)
+        _, found, _, derivatives, codes = result
+        some = slice(first, first + len(rows))
+        y[some] = found.reshape(len(rows), n_points, n_y)
+        dy[some] = derivatives[..., columns].reshape(len(rows), n_points, n_y, -1)
+        status[some] = codes.reshape(len(rows), n_points)
+    worst = status[np.arange(count), np.argmax(status != Status.ok, axis=1)]
+    return Response(y, dy, worst)
+
+
+def sensible(model: Model, theta: Array) -> NDArray[np.bool_]:
+    """Which of the parameters (B, p) make sense to the model."""
+    finite = np.asarray(np.isfinite(theta).all(axis=1))
+    if finite.all() and _makes_sense(model, theta):
+        return finite
+    return np.array([ok and _makes_sense(model, row[None]) for ok, row in zip(finite, theta, strict=True)], dtype=bool)
+
+
+def _makes_sense(model: Model, theta: Array) -> bool:
+    try:
+        model._check_theta(theta)
+    except ValueError:
+        return False
+    return True
+
+
+_Respond = Callable[[Array, Array], Response]
+
+
+def _points_response(model: Model, points: Experiments, columns: list[int], settings: Settings) -> _Respond:
+    return lambda theta, _: measurements_response(model, points, theta, columns, settings)
+
+
+def _record_response(model: Model, record: Any, columns: list[int], rtol: float, threads: int) -> tuple[_Respond, tuple[str, ...]]:
+    from ..data.record_response import RecordResponse
+
+    response = RecordResponse(model, record, columns, rtol, threads)
+    known = np.array([(record.x0 or {}).get(name, 0.0) for name in names_of(model.states)])
+    places = [names_of(model.states).index(name) for name in response.starts]
+
+    def respond(theta: Array, starts: Array) -> Response:
+        x0 = np.tile(known, (len(theta), 1))
+        x0[:, places] = starts
+        found: Response = response(theta, x0)
+        return found
+
+    return respond, response.starts

@@ -1,0 +1,111 @@
+"""What is estimated, as standardised coordinates z: theta = center + scale z, or the exponential of that."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..models import Model
+from ..prior import GaussianPrior
+from ..quantity import Array, as_float
+
+
+@dataclass(frozen=True, eq=False)
+class Unknowns:
+    """P unknowns: parameters, and starts of records that are not known.
+
+    Attributes
+    ----------
+    names : tuple of str
+    center, scale : ndarray, (P,)
+        Of the unknowns, or of their logarithms.
+    log : ndarray of bool, (P,)
+    lower, upper : ndarray, (P,)
+        Bounds of z.
+    """
+
+    names: tuple[str, ...]
+    center: Array
+    scale: Array
+    log: NDArray[np.bool_]
+    lower: Array
+    upper: Array
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def values(self, z: Array) -> Array:
+        """Unknowns (B, P) in SI units of coordinates (B, P)."""
+        linear = self.center + self.scale * z
+        return np.where(self.log, np.exp(np.where(self.log, linear, 0.0)), linear)
+
+    def slopes(self, values: Array) -> Array:
+        """d values / dz, (B, P), at the unknowns (B, P)."""
+        return np.where(self.log, values, 1.0) * self.scale
+
+    def coordinates(self, values: Array) -> Array:
+        """z (B, P) of unknowns (B, P)."""
+        linear = np.where(self.log, np.log(np.where(self.log, values, 1.0)), values)
+        z: Array = (linear - self.center) / self.scale
+        return z
+
+    def at_bounds(self, z: Array) -> tuple[str, ...]:
+        """Names of the unknowns that are at a bound at z (P,)."""
+        near = (z <= self.lower + 1e-6) | (z >= self.upper - 1e-6)
+        return tuple(name for name, at in zip(self.names, near, strict=True) if at)
+
+
+def unknowns_of(
+    start: Mapping[str, float],
+    prior: GaussianPrior | None,
+    sizes: Mapping[str, float],
+    bounds: Mapping[str, tuple[float | None, float | None]],
+) -> Unknowns:
+    """Coordinates for the unknowns in the order of `start`.
+
+    Parameters
+    ----------
+    start : mapping of name to float
+    prior : GaussianPrior or None
+        Of some of them: its mean is where z = 0, its standard deviation the unit of z. Others have |start|.
+    sizes : mapping of name to float
+        Units of z of others, where |start| is none.
+    bounds : mapping of name to (lower, upper)
+        None is no bound.
+    """
+    names = tuple(start)
+    center, scale, log = np.zeros(len(names)), np.ones(len(names)), np.zeros(len(names), dtype=bool)
+    lower, upper = np.full(len(names), -np.inf), np.full(len(names), np.inf)
+    for j, name in enumerate(names):
+        if prior is not None and name in prior.names:
+            center[j], scale[j] = prior.mean[name], prior.normal_std[prior.names.index(name)]
+            if name in prior.log:
+                log[j], center[j] = True, np.log(prior.mean[name]) - scale[j] ** 2 / 2
+        else:
+            center[j], scale[j] = start[name], sizes.get(name) or abs(start[name]) or 1.0
+        for side, bound in zip((lower, upper), bounds.get(name, (None, None)), strict=True):
+            if bound is not None and np.isfinite(bound) and not (log[j] and bound <= 0):
+                side[j] = ((np.log(bound) if log[j] else bound) - center[j]) / scale[j]
+    return Unknowns(names, center, scale, log, lower, upper)
+
+
+def checked_bounds(
+    model: Model, given: Mapping[str, tuple[float | None, float | None]] | None, names: tuple[str, ...]
+) -> dict[str, tuple[float | None, float | None]]:
+    """Bounds as given, over those without which the model makes no sense."""
+    bounds: dict[str, tuple[float | None, float | None]] = {name: (least, None) for name, least in model.least.items()}
+    for name, pair in (given or {}).items():
+        if name not in names:
+            raise ValueError(f"bounds: expected names of {', '.join(names)}; given unknown {name!r}")
+        if not isinstance(pair, tuple | list) or len(pair) != 2:
+            raise TypeError(f"bounds[{name!r}]: expected (lower, upper) with None for no bound, given {pair!r}")
+        low, high = (
+            None if bound is None or bound in (np.inf, -np.inf) else as_float(bound, f"bounds[{name!r}]") for bound in pair
+        )
+        if low is not None and high is not None and not low < high:
+            raise ValueError(f"bounds[{name!r}]: expected lower < upper, given {low:g} and {high:g}")
+        bounds[name] = (bounds.get(name, (None, None))[0] if low is None else low, high)
+    return bounds

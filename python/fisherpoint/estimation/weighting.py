@@ -1,0 +1,85 @@
+"""Residuals in units of the noise: whitened by its covariance, with outputs that were not measured left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..quantity import Array
+from .response import Observed
+from .unknowns import Unknowns
+
+
+def whiten(covariance: Array, measured: NDArray[np.bool_], *arrays: Array) -> list[Array]:
+    """Return L^-1 a for each array a (B, N, n_y, ...), where L L^T is the covariance of the outputs that were measured.
+
+    Parameters
+    ----------
+    covariance : ndarray, broadcastable to (B, N, n_y, n_y)
+        Of every sample.
+    measured : ndarray of bool, (N, n_y)
+        Rows of outputs that were not are zero in the result.
+    """
+    n_y = covariance.shape[-1]
+    if not np.any(covariance * (1 - np.eye(n_y))):
+        std = np.sqrt(np.einsum("...ii->...i", covariance))
+        weight = np.where(measured, 1 / np.where(measured, std, 1.0), 0.0)
+        return [np.where(_spread(measured, a), a, 0.0) * _spread(weight, a) for a in arrays]
+    both = measured[:, :, None] & measured[:, None, :]
+    factor = np.linalg.cholesky(np.where(both, covariance, np.eye(n_y)))
+    results: list[Array] = []
+    for a in arrays:
+        rows = np.where(_spread(measured, a), a, 0.0).reshape(*a.shape[:3], -1)
+        results.append(np.asarray(np.linalg.solve(factor, rows)).reshape(a.shape))
+    return results
+
+
+def _spread(given: NDArray[Any], like: Array) -> NDArray[Any]:
+    """`given` (..., N, n_y) with the trailing axes that `like` (B, N, n_y, ...) has after these."""
+    return given.reshape(*given.shape, *(1,) * (like.ndim - 3))
+
+
+@dataclass(frozen=True, eq=False)
+class WeightedResiduals:
+    """Residuals of B problems that share points and unknowns, each with data of its own, as `least_squares.minimise` takes them.
+
+    Attributes
+    ----------
+    observed : Observed
+    unknowns : Unknowns
+    y : ndarray, (1 or B, N, n_y)
+        Data; NaN, the same for all problems, where not measured.
+    covariance : ndarray, broadcastable to (B, N, n_y, n_y)
+        Of the noise.
+    prior_factor : ndarray, (P, P), or None
+        L^-1 of the prior's covariance L L^T in coordinates z, for residuals L^-1 z that are added: the maximum a posteriori.
+    """
+
+    observed: Observed
+    unknowns: Unknowns
+    y: Array
+    covariance: Array
+    prior_factor: Array | None = None
+
+    @property
+    def measured(self) -> NDArray[np.bool_]:
+        measured: NDArray[np.bool_] = np.isfinite(self.y[0])
+        return measured
+
+    def __call__(self, z: Array, rows: NDArray[np.intp]) -> tuple[Array, Array, NDArray[np.bool_]]:
+        values = self.unknowns.values(z)
+        response = self.observed.respond(values)
+        y = self.y if len(self.y) == 1 else self.y[rows]
+        covariance = self.covariance
+        if covariance.ndim == 4 and len(covariance) > 1:
+            covariance = covariance[rows]
+        slopes = self.unknowns.slopes(values)[:, None, None, :]
+        e, jacobian = whiten(covariance, self.measured, response.y - y, response.dy * slopes)
+        r, jacobian = e.reshape(len(z), -1), jacobian.reshape(len(z), -1, z.shape[1])
+        if self.prior_factor is not None:
+            r = np.concatenate([r, z @ self.prior_factor.T], axis=1)
+            jacobian = np.concatenate([jacobian, np.broadcast_to(self.prior_factor, (len(z), *self.prior_factor.shape))], axis=1)
+        return r, jacobian, response.status == 0
