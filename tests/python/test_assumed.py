@@ -227,6 +227,17 @@ def test_the_predictive_form_is_16_over_what_is_uncertain() -> None:
     close(linear - np.diag(np.square(list(NOISE.values()))), tangents, 1e-6)
 
 
+def test_both_forms_agree_where_deviations_are_small() -> None:
+    chosen = [name for name in NAMES if name != "c_L"]
+    small: dict[str, Any] = {"uncertain": {"T_1": 2e-6, "c_L": 2e-12}, "initial_state_std": {"q": 1e-6, "v": 1e-5, "p_A": 100.0}}
+    tangents = problem(parameters=chosen, rule=fp.SparseGaussHermite(2), **small)
+    shares = [
+        fp.evaluate_design(given, POINTS).output_covariance - given.noise_covariance
+        for given in (tangents, tangents.replace(assumed_covariance="predictive", rtol=1e-10))
+    ]
+    close(shares[1], shares[0], 1e-3)
+
+
 # --- starts --------------------------------------------------------------------------------------------------------------
 
 
