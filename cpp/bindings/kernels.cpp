@@ -87,7 +87,7 @@ void bind_model(py::module_& m) {
   m.def(
       "sensitivities",
       [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& theta, double rtol, bool cross_kinks,
-         const std::string& method, int threads) {
+         const std::string& method, int threads, bool whole_first) {
         const auto [n_x, n_y, p] = sizes_of(model);
         const Points points = checked_points(model, x0, u, dt);
         const auto count = static_cast<py::ssize_t>(points.count);
@@ -96,12 +96,12 @@ void bind_model(py::module_& m) {
         py::array_t<std::int32_t> status(count);
         const SensitiveTrajectories out{x.mutable_data(), y.mutable_data(), dx.mutable_data(), dy.mutable_data(),
                                         reinterpret_cast<Status*>(status.mutable_data())};
-        run(threads, [&](const Workers& workers) {
-          sensitivities(model, points, parameters, tolerance_of(rtol, cross_kinks, method), workers, out);
-        });
+        Tolerance tolerance = tolerance_of(rtol, cross_kinks, method);
+        tolerance.whole_first = whole_first;
+        run(threads, [&](const Workers& workers) { sensitivities(model, points, parameters, tolerance, workers, out); });
         return py::make_tuple(x, y, dx, dy, status);
       },
-      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "method"_a, "threads"_a);
+      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "method"_a, "threads"_a, "whole_first"_a = false);
 
   m.def(
       "chain",

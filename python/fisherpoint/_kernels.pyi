@@ -140,6 +140,7 @@ def sensitivities(
     cross_kinks: bool,
     method: str,
     threads: typing.SupportsInt | typing.SupportsIndex,
+    whole_first: bool = False,
 ) -> tuple[
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.float64],
@@ -158,6 +159,7 @@ def sensitivities(
     cross_kinks: bool,
     method: str,
     threads: typing.SupportsInt | typing.SupportsIndex,
+    whole_first: bool = False,
 ) -> tuple[
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.float64],
@@ -176,6 +178,7 @@ def sensitivities(
     cross_kinks: bool,
     method: str,
     threads: typing.SupportsInt | typing.SupportsIndex,
+    whole_first: bool = False,
 ) -> tuple[
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.float64],

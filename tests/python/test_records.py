@@ -133,7 +133,7 @@ def test_tanks_through_their_overflow() -> None:
 
 
 def test_a_motor() -> None:
-    t, u = T[:20] / 20, U[:20] - 1
+    t, u = T[:12] / 20, U[:12] - 1
     expected = piecewise(motor, MOTOR, t, u, [0.0, 0.0])
     done = fp.simulate_record(motor, MOTOR, t, u, {"i": 0.0, "omega": 0.0}, rtol=1e-10)
     np.testing.assert_allclose(done.x, expected, rtol=0, atol=1e-8)

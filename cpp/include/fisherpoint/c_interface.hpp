@@ -12,7 +12,7 @@ extern "C" {
 struct FisherpointRequest {
   std::int64_t count;
   const double *x0, *u, *dt, *theta;
-  std::int32_t theta_per_point, cross_kinks, method, threads;  // method: 0 the fastest, 1 RK45, 2 DOP853
+  std::int32_t theta_per_point, cross_kinks, method, whole_first, threads;  // method: 0 the fastest, 1 RK45, 2 DOP853
   double rtol;
   int (*interrupted)(const void* asked);  // on the calling thread, now and then; not 0 ends the work
   const void* asked;

@@ -20,7 +20,10 @@ struct Request {
   explicit Request(const FisherpointRequest& r)
       : points{static_cast<std::size_t>(r.count), r.x0, r.u, r.dt},
         parameters{r.theta, r.theta_per_point != 0},
-        tolerance{.relative = r.rtol, .cross_kinks = r.cross_kinks != 0, .method = static_cast<MethodName>(r.method)},
+        tolerance{.relative = r.rtol,
+                  .cross_kinks = r.cross_kinks != 0,
+                  .method = static_cast<MethodName>(r.method),
+                  .whole_first = r.whole_first != 0},
         workers(r.threads, [r] { return r.interrupted(r.asked) != 0; }) {}
 };
 

@@ -50,6 +50,7 @@ inline FisherpointRequest request(const Points& points, const double* theta, boo
           per_point,
           tolerance.cross_kinks,
           static_cast<std::int32_t>(tolerance.method),
+          tolerance.whole_first,
           workers.threads(),
           tolerance.relative,
           [](const void* asked) -> int { return static_cast<const Workers*>(asked)->interrupted(); },

@@ -28,6 +28,7 @@ struct Tolerance {
   int max_attempts = 20000;  // tried steps of one trajectory
   bool cross_kinks = true;   // false: a kink ends the trajectory as met_kink
   MethodName method = MethodName::fastest;
+  bool whole_first = false;  // of sensitivities: the first step tried is the whole trajectory, for pieces that are short
 };
 
 // The local error of a step is held this far below the requested tolerance, so that the global error meets it.

@@ -3,5 +3,6 @@
 from .measurements import Measurements
 from .record import Record
 from .record_trajectory import RecordTrajectory, simulate_record
+from .rig import VirtualRig
 
-__all__ = ["Measurements", "Record", "RecordTrajectory", "simulate_record"]
+__all__ = ["Measurements", "Record", "RecordTrajectory", "VirtualRig", "simulate_record"]

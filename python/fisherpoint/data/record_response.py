@@ -107,12 +107,19 @@ class RecordResponse:
     def _sense(self, theta: Array, x0: Array) -> IntArray:
         """Statuses of rows that need no trajectory to be refused."""
         status = np.where(np.isfinite(theta).all(axis=1) & np.isfinite(x0).all(axis=1), Status.ok, Status.not_finite)
-        for b in np.flatnonzero(status == Status.ok):
-            try:
-                self.model._check_theta(theta[b : b + 1])
-            except ValueError:
-                status[b] = Status.left_domain
+        rows = np.flatnonzero(status == Status.ok)
+        if not self._sensible(theta[rows]):  # one of them is not: which?
+            for b in rows:
+                status[b] = Status.ok if self._sensible(theta[b : b + 1]) else Status.left_domain
         return status.astype(np.int32)
+
+    def _sensible(self, theta: Array) -> bool:
+        try:
+            if len(theta):
+                self.model._check_theta(theta)
+        except ValueError:
+            return False
+        return True
 
     def _static(self, theta: Array, _: Array) -> tuple[Array, IntArray]:
         """Derivatives of the outputs of a model without states, each sample a point of its own."""
@@ -120,7 +127,8 @@ class RecordResponse:
         none, ones = np.empty((count * samples, 0)), np.ones(count * samples)
         points = (none, np.tile(self.record.u, (count, 1)), ones, np.repeat(theta, samples, axis=0))
         _, _, _, dy, status = self.model.kernels.sensitivities(self.model.core, *points, *self._settings)
-        return dy[..., self.columns].reshape(count, samples, *dy.shape[1:2], -1), first_failure(status.reshape(count, samples))
+        dy = dy[..., self.columns].reshape(count, samples, dy.shape[1], len(self.columns))
+        return dy, first_failure(status.reshape(count, samples))
 
     @cached_property
     def _shifted(self) -> Model:
@@ -145,7 +153,7 @@ class RecordResponse:
             g = model.core.output_jacobian(*rows).reshape(n, count, -1, p + n_x)
             states, inputs, parameters = (of[: pieces * count] for of in rows)
             _, _, slopes, _, ended = model.kernels.sensitivities(
-                model.core, states, inputs, np.repeat(dt[at], count), parameters, *self._settings
+                model.core, states, inputs, np.repeat(dt[at], count), parameters, *self._settings, whole_first=True
             )
             ended, slopes = ended.reshape(pieces, count), slopes.reshape(pieces, count, n_x, p + n_x)
             status = np.where(status == Status.ok, first_failure(ended.T), status)

@@ -32,9 +32,18 @@ def simulate(
 
 
 def sensitivities(
-    model: CallableCore, x0: Array, u: Array, dt: Array, theta: Array, rtol: float, cross_kinks: bool, method: str, threads: int
+    model: CallableCore,
+    x0: Array,
+    u: Array,
+    dt: Array,
+    theta: Array,
+    rtol: float,
+    cross_kinks: bool,
+    method: str,
+    threads: int,
+    whole_first: bool = False,
 ) -> tuple[Array, Array, Array, Array, IntArray]:
-    """x, y, dx_dtheta, dy_dtheta, status."""
+    """x, y, dx_dtheta, dy_dtheta, status; SciPy chooses the first step."""
     count, n_x, p = len(dt), model.n_x, theta.shape[-1]
     rows = _rows(theta, count)
     by_complex_step = model.takes_complex(x0, u, rows)
