@@ -29,6 +29,8 @@ from .trajectories import (
     sensitivities,
     simulate,
 )
+from .validation.result import DesignValidation, Validation
+from .validation.validate import validate
 
 __version__ = "0.1.0"
 
@@ -36,6 +38,7 @@ __all__ = [
     "Constraint",
     "Design",
     "DesignProblem",
+    "DesignValidation",
     "Efficiency",
     "Evaluation",
     "ExchangeSettings",
@@ -62,6 +65,7 @@ __all__ = [
     "TraceRecord",
     "Trajectories",
     "Unscented",
+    "Validation",
     "VirtualRig",
     "available_isas",
     "compare_rules",
@@ -74,6 +78,7 @@ __all__ = [
     "predictive_covariance",
     "sensitivities",
     "simulate",
+    "validate",
 ]
 
 _LAZY = {
