@@ -13,7 +13,7 @@ from ..models import Model
 from ..prior import GaussianPrior
 from ..quantity import Array, FrozenMapping, as_float, names_of
 from .noise import output_degrees_of_freedom, quantile_degrees_of_freedom, residual_covariance
-from .precision import Precision, in_words
+from .precision import Precision, in_words, quantile
 from .weighting import WeightedResiduals, whiten
 
 
@@ -196,12 +196,10 @@ class Fit:
 
         The quantile is the normal one where the noise is known, and Student's t where it was estimated.
         """
-        from scipy.stats import t
-
         if not 0 < as_float(level, "level") < 1:
             raise ValueError(f"level: expected a probability between 0 and 1, given {level:g}")
         unknowns, spread = self.problem.unknowns, np.sqrt(np.diag(self.precision.covariance))
-        quantiles = t.ppf(0.5 + level / 2, np.array(list(self.quantile_degrees_of_freedom.values())))
+        quantiles = quantile(level, np.array(list(self.quantile_degrees_of_freedom.values())))
         reach = np.where(self.precision.determined, quantiles * spread, np.inf)
         low, high = (unknowns.values(self.z + side * reach) for side in (-1, 1))
         return FrozenMapping({name: (float(a), float(b)) for name, a, b in zip(self.parameters, low, high, strict=True)})

@@ -67,6 +67,15 @@ def covariances(jacobian: Array) -> tuple[Array, NDArray[np.bool_]]:
     return half.transpose(0, 2, 1) @ half, np.square(null).sum(axis=1) < 1e-12
 
 
+def quantile(level: float, degrees_of_freedom: Array) -> Array:
+    """Half-width of two-sided intervals in standard errors: of Student's t, which for inf is the normal distribution."""
+    from scipy.special import ndtri, stdtrit  # not scipy.stats, of which the import takes a second
+
+    bounded = np.isfinite(degrees_of_freedom)
+    normal = np.full(degrees_of_freedom.shape, ndtri(0.5 + level / 2))
+    return np.where(bounded, stdtrit(np.where(bounded, degrees_of_freedom, 1.0), 0.5 + level / 2), normal)
+
+
 def in_words(directions: Array, slopes: Array, values: Array, names: tuple[str, ...]) -> tuple[str, ...]:
     """Directions (k, P) in z as relative changes of the unknowns, such as "k1 up 1 %, k2 down 1 %"."""
     relative = directions * slopes / np.where(values != 0, values, 1.0)

@@ -17,7 +17,7 @@ from ..estimation.noise import (
     quantile_degrees_of_freedom,
     unbiased,
 )
-from ..estimation.precision import Precision, covariances, in_words
+from ..estimation.precision import Precision, covariances, in_words, quantile
 from ..estimation.response import Observed
 from ..estimation.unknowns import Unknowns, checked_bounds, prior_factor, unknowns_of
 from ..estimation.weighting import WeightedResiduals, noise_covariance
@@ -117,7 +117,7 @@ class Estimator:
     @property
     def at_once(self) -> int:
         """How many problems are advanced together."""
-        return max(1, MOST_NUMBERS // (self.residuals.y[0].size * len(self.unknowns)))
+        return max(1, MOST_NUMBERS // (int(self.residuals.y[0].size) * len(self.unknowns)))
 
     def fit(self, y: Array, truth: Array) -> Runs:
         """Fit data (B, N, n_y) of true unknowns (B, P)."""
@@ -132,7 +132,7 @@ class Estimator:
         everything = np.arange(count)
         _, jacobian, _ = residuals(minima.z, everything)
         covariance, determined = covariances(jacobian)
-        quantiles = np.full(minima.z.shape, np.inf)
+        degrees_of_freedom = np.full(minima.z.shape, np.inf)
         if not self.noise_known:
             counts = residuals.measured.sum(axis=0)
             degrees = output_degrees_of_freedom(self._of_data(jacobian), covariance, counts)
@@ -141,9 +141,7 @@ class Estimator:
             covariance, determined = covariances(jacobian)
             rows = self._of_data(jacobian)
             degrees = output_degrees_of_freedom(rows, covariance, counts)
-            quantiles = quantile_degrees_of_freedom(rows, covariance, degrees)
-        from scipy.stats import t
-
+            degrees_of_freedom = quantile_degrees_of_freedom(rows, covariance, degrees)
         spread = np.where(determined, np.sqrt(np.einsum("bii->bi", covariance)), np.inf)
         estimate = unknowns.values(minima.z)
         off = np.abs(minima.z - unknowns.coordinates(truth))
@@ -151,7 +149,7 @@ class Estimator:
             truth,
             estimate,
             spread * unknowns.slopes(estimate),
-            off <= t.ppf(0.5 + LEVEL / 2, quantiles) * spread,
+            off <= quantile(LEVEL, degrees_of_freedom) * spread,
             (minima.z <= unknowns.lower + 1e-6) | (minima.z >= unknowns.upper - 1e-6),
             np.array(["" if end == CONVERGED else ENDS[int(end)] for end in minima.end], dtype=np.str_),
         )

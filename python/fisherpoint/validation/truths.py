@@ -37,9 +37,7 @@ def drawn_from_prior(problem: DesignProblem, count: int, rng: np.random.Generato
     found, drawn = np.empty((0, len(names))), 0
     while len(found) < count:
         if drawn > MOST_DRAWS * count:
-            raise ValueError(
-                f"prior: expected parameters that make sense to {problem.model.name}, given {len(found)} in {drawn} draws"
-            )
+            raise ValueError(f"prior: expected draws that make sense to {problem.model.name}, given {len(found)} in {drawn}")
         theta = coordinates.theta(rng.standard_normal((count, len(names))))[:, columns]
         drawn += count
         kept = theta[sensible(problem.model, theta)]
@@ -104,8 +102,8 @@ class Rig:
             many = points[np.tile(np.arange(n_points), count)[rows]]
             done = simulate(model, many, true[rows], TRUTH_RTOL, threads)
             y[rows], status[rows] = done.y, done.status
-        status = status.reshape(count, n_points)
-        worst = status[np.arange(count), np.argmax(status != Status.ok, axis=1)]
+        of_runs = status.reshape(count, n_points)
+        worst = of_runs[np.arange(count), np.argmax(of_runs != Status.ok, axis=1)]
         return y.reshape(count, n_points, -1) + noise, worst
 
 
