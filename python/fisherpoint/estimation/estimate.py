@@ -12,13 +12,13 @@ from ..data.measurements import Measurements
 from ..models import Model
 from ..prior import GaussianPrior
 from ..quantity import Array, as_float, check_positive_int, names_of
-from ..rules import Sobol
 from ..trajectories import Status, check_rtol, check_type, resolve_threads
+from .estimated_noise import unbiased
 from .fit import Fit
 from .least_squares import CONVERGED, ENDS, NOT_EVALUABLE, Minima, minimise
-from .noise import correlations_can_be_told, minimise_log_det, unbiased
+from .noise import correlations_can_be_told, minimise_log_det
 from .response import Observed
-from .unknowns import Unknowns, checked_bounds, prior_factor, unknowns_of
+from .unknowns import Unknowns, checked_bounds, prior_factor, spread_starts, unknowns_of
 from .weighting import WeightedResiduals, noise_covariance
 
 SAME_MINIMUM = 1e-3
@@ -103,7 +103,7 @@ def estimate(
     begin = {name: first[name] if name in first else _start_guess(model, name, parts) for name in observed.names}
     sizes = {f"x0_{q.name}": q.scale or 0.0 for q in model.states}
     unknowns = unknowns_of(begin, spread, sizes, checked_bounds(model, bounds, observed.names))
-    z0 = _starts(unknowns, begin, spread, check_positive_int(starts, "starts"))
+    z0 = spread_starts(unknowns, begin, spread, check_positive_int(starts, "starts"))
     factor = None if prior is None else prior_factor(prior, unknowns)
     residuals = WeightedResiduals(observed, unknowns, observed.y[None], np.eye(observed.y.shape[1]), factor)
 
@@ -208,18 +208,6 @@ def _start_guess(model: Model, name: str, parts: Sequence[Any]) -> float:
         if np.isfinite(column).any():
             return float(column[np.isfinite(column)][0])
     return states[state].scale or 1.0
-
-
-def _starts(unknowns: Unknowns, begin: Mapping[str, float], spread: GaussianPrior | None, count: int) -> Array:
-    """Coordinates (B, P) of the starts: the first as given, others at nodes of the prior."""
-    z = unknowns.coordinates(np.array([list(begin.values())]))
-    if spread is not None and count > 1:
-        named = [name for name in unknowns.names if name in spread.names]
-        nodes, _ = Sobol(1 << (count - 1).bit_length()).nodes(spread.marginal(named))
-        values = np.tile(list(begin.values()), (count - 1, 1))
-        values[:, [unknowns.names.index(name) for name in named]] = nodes[: count - 1]
-        z = np.concatenate([z, unknowns.coordinates(values)])
-    return np.clip(z, unknowns.lower, unknowns.upper)
 
 
 def _with_assumed(

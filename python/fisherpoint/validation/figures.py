@@ -95,7 +95,8 @@ def parameter_figures(
 ) -> ParameterFigures:
     """Figures from the fits (n,) that did not fail."""
     if len(errors) < FEWEST or np.isnan(promised):
-        return ParameterFigures(parameter, prior_std, promised, *[NOTHING] * 6, int(at_bound.sum()))
+        none = NOTHING
+        return ParameterFigures(parameter, prior_std, promised, none, none, none, none, none, none, int(at_bound.sum()))
     return ParameterFigures(
         parameter,
         prior_std,
