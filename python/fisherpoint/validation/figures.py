@@ -12,6 +12,9 @@ from ..quantity import Array
 FEWEST = 10
 """Fits below which nothing is told of a parameter."""
 
+LEVEL = 0.95
+"""Of the intervals of which the coverage is counted."""
+
 NORMAL_MEDIAN = 0.6744897501960817
 """Median of the absolute value of a standard normal variable."""
 

@@ -21,6 +21,7 @@ from ..information import point_information
 from ..problem import DesignProblem
 from ..quantity import Array, names_of
 from ..trajectories import Status
+from .figures import LEVEL
 from .truths import Rig, Streams
 
 MOST_NUMBERS = 4_000_000
@@ -28,9 +29,6 @@ MOST_NUMBERS = 4_000_000
 
 STARTS = 8
 """Starts of a search at most, as `estimate` has by default."""
-
-LEVEL = 0.95
-"""Of the intervals of which the coverage is counted."""
 
 
 class Runs(NamedTuple):
@@ -163,8 +161,9 @@ class Estimator:
             some = replace(residuals, y=residuals.y[stuck])
             found = minimise(some, np.tile(further, (len(stuck), 1)), self.unknowns.lower, self.unknowns.upper)
             better = found.end == CONVERGED
-            for whole, part in zip(minima, found, strict=True):
-                whole[stuck[better]] = part[better]
+            places = stuck[better]
+            minima.z[places], minima.cost[places], minima.end[places] = found.z[better], found.cost[better], CONVERGED
+            minima.iterations[stuck] += found.iterations
         return minima
 
     def _of_data(self, jacobian: Array) -> Array:
