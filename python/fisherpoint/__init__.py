@@ -2,9 +2,10 @@
 
 from typing import Any
 
+from .assumed import assumed_covariance
 from .comparison import RuleComparison, compare_rules
 from .constraints import Constraint
-from .data import Measurements, VirtualRig
+from .data import Measurements, Record, RecordTrajectory, VirtualRig, simulate_record
 from .design import Design, ExchangeSettings, TraceRecord
 from .efficiency import Efficiency
 from .estimation.estimate import estimate
@@ -55,6 +56,8 @@ __all__ = [
     "PredictiveCovariance",
     "Progress",
     "Quantity",
+    "Record",
+    "RecordTrajectory",
     "Rule",
     "RuleComparison",
     "Sensitivities",
@@ -67,6 +70,7 @@ __all__ = [
     "Unscented",
     "Validation",
     "VirtualRig",
+    "assumed_covariance",
     "available_isas",
     "compare_rules",
     "estimate",
@@ -78,6 +82,7 @@ __all__ = [
     "predictive_covariance",
     "sensitivities",
     "simulate",
+    "simulate_record",
     "validate",
 ]
 
