@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from ..quantity import Array, FrozenMapping, as_float, names_of
 from .noise import residual_covariance
 from .precision import Precision, in_words
 from .weighting import WeightedResiduals, whiten
+
+if TYPE_CHECKING:
+    from .profile import Profile
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,6 +216,29 @@ class Fit:
         reach = np.where(self.precision.determined, quantiles * spread, np.inf)
         low, high = (unknowns.values(self.z + side * reach) for side in (-1, 1))
         return FrozenMapping({name: (float(a), float(b)) for name, a, b in zip(self.parameters, low, high, strict=True)})
+
+    def profile(self, name: str, level: float = 0.95) -> Profile:
+        """The profile likelihood of one unknown, and the confidence interval by it; it is right where `intervals` are too linear.
+
+        All other unknowns are estimated anew at each value of this one, on values outward from the estimate until the deviance
+        passes its threshold on both sides, or an end is shown not to be bounded: the quantile of chi-square with one degree of
+        freedom where the noise is known, and its counterpart by Student's t where it was estimated. A prior takes part.
+
+        Parameters
+        ----------
+        name : str
+            One of `parameters`.
+        level : float
+            Probability of the interval.
+
+        Raises
+        ------
+        ValueError
+            For an unknown name or a level outside 0 to 1.
+        """
+        from .profile import profile_of
+
+        return profile_of(self, name, level)
 
     def posterior(self) -> GaussianPrior:
         """The estimate and its covariance as the prior of what comes next, of all parameters of the model.
