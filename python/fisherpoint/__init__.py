@@ -2,15 +2,16 @@
 
 from typing import Any
 
+from .assumed import assumed_covariance
 from .comparison import RuleComparison, compare_rules
 from .constraints import Constraint
-from .data import Measurements
+from .data import Measurements, VirtualRig
 from .design import Design, ExchangeSettings, TraceRecord
 from .efficiency import Efficiency
 from .estimation.estimate import estimate
 from .estimation.fit import Fit
 from .evaluation import Evaluation, evaluate_design, evaluate_under_noise
-from .exchange import Progress, exchange
+from .exchange import exchange
 from .experiments import Experiments
 from .identifiability import Identifiability, identifiability
 from .kernels import available_isas, isa
@@ -21,6 +22,7 @@ from .problem import DesignProblem
 from .quantity import Quantity
 from .region import ExperimentRegion
 from .rules import GaussHermite, Linearized, Rule, Sobol, SparseGaussHermite, TensorGrid, Unscented
+from .search import Progress
 from .trajectories import (
     Sensitivities,
     Status,
@@ -61,6 +63,8 @@ __all__ = [
     "TraceRecord",
     "Trajectories",
     "Unscented",
+    "VirtualRig",
+    "assumed_covariance",
     "available_isas",
     "compare_rules",
     "estimate",
