@@ -30,6 +30,8 @@ from .trajectories import (
     sensitivities,
     simulate,
 )
+from .validation.result import DesignValidation, Validation
+from .validation.validate import validate
 
 __version__ = "0.1.0"
 
@@ -37,6 +39,7 @@ __all__ = [
     "Constraint",
     "Design",
     "DesignProblem",
+    "DesignValidation",
     "Efficiency",
     "Evaluation",
     "ExchangeSettings",
@@ -63,6 +66,7 @@ __all__ = [
     "TraceRecord",
     "Trajectories",
     "Unscented",
+    "Validation",
     "VirtualRig",
     "assumed_covariance",
     "available_isas",
@@ -76,6 +80,7 @@ __all__ = [
     "predictive_covariance",
     "sensitivities",
     "simulate",
+    "validate",
 ]
 
 _LAZY = {

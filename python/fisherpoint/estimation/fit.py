@@ -12,8 +12,8 @@ import numpy as np
 from ..models import Model
 from ..prior import GaussianPrior
 from ..quantity import Array, FrozenMapping, as_float, names_of
-from .noise import residual_covariance
-from .precision import Precision, in_words
+from .noise import output_degrees_of_freedom, quantile_degrees_of_freedom, residual_covariance
+from .precision import Precision, in_words, quantile
 from .weighting import WeightedResiduals, whiten
 
 if TYPE_CHECKING:
@@ -155,11 +155,9 @@ class Fit:
     @cached_property
     def output_degrees_of_freedom(self) -> Array:
         """Number of measured values of each output less what the unknowns take up of it, (n_y,)."""
-        n_y = len(self.model.outputs)
-        rows = self.jacobian[: self.residuals.size]
-        leverage = np.einsum("mi,ij,mj->m", rows, self.precision.covariance, rows).reshape(-1, n_y)
-        degrees: Array = np.isfinite(self.residuals).sum(axis=0) - leverage.sum(axis=0)
-        return np.maximum(degrees, 0.0)
+        counts = np.isfinite(self.residuals).sum(axis=0)
+        degrees: Array = output_degrees_of_freedom(self._data_jacobian, self.precision.covariance[None], counts)[0]
+        return degrees
 
     @property
     def chi_square(self) -> float:
@@ -189,30 +187,22 @@ class Fit:
     def quantile_degrees_of_freedom(self) -> Mapping[str, float]:
         """Degrees of freedom of Student's t for each unknown: inf where the noise is known.
 
-        An unknown's variance is a sum of shares of the outputs' estimated variances; Welch and Satterthwaite's formula says how
-        many degrees of freedom such a sum has.
+        See `noise.quantile_degrees_of_freedom` for the formula.
         """
         if self.noise_known:
             return self._by_name(np.full(len(self.values), np.inf))
-        n_y, covariance = len(self.model.outputs), self.precision.covariance
-        rows = self.jacobian[: self.residuals.size].reshape(-1, n_y, len(self.values))
-        effect = np.einsum("nip,pq->niq", rows, covariance) ** 2
-        shares = effect.sum(axis=0)  # (n_y, P)
-        degrees = np.maximum(self.output_degrees_of_freedom, 1e-3)[:, None]
-        spread = (shares**2 / degrees).sum(axis=0)
-        return self._by_name(np.divide(shares.sum(axis=0) ** 2, spread, out=np.full(len(spread), np.inf), where=spread > 0))
+        covariance, degrees = self.precision.covariance[None], self.output_degrees_of_freedom[None]
+        return self._by_name(quantile_degrees_of_freedom(self._data_jacobian, covariance, degrees)[0])
 
     def intervals(self, level: float = 0.95) -> Mapping[str, tuple[float, float]]:
         """Confidence intervals by name: estimate -+ quantile times standard error, of the logarithm where the prior is log-normal.
 
         The quantile is the normal one where the noise is known, and Student's t where it was estimated.
         """
-        from scipy.stats import t
-
         if not 0 < as_float(level, "level") < 1:
             raise ValueError(f"level: expected a probability between 0 and 1, given {level:g}")
         unknowns, spread = self.problem.unknowns, np.sqrt(np.diag(self.precision.covariance))
-        quantiles = t.ppf(0.5 + level / 2, np.array(list(self.quantile_degrees_of_freedom.values())))
+        quantiles = quantile(level, np.array(list(self.quantile_degrees_of_freedom.values())))
         reach = np.where(self.precision.determined, quantiles * spread, np.inf)
         low, high = (unknowns.values(self.z + side * reach) for side in (-1, 1))
         return FrozenMapping({name: (float(a), float(b)) for name, a, b in zip(self.parameters, low, high, strict=True)})
@@ -271,6 +261,11 @@ class Fit:
         """Of the whitened residuals, with the prior's rows last: (M, P)."""
         jacobian: Array = self.problem(self.z[None], np.zeros(1, dtype=np.intp))[1][0]
         return jacobian
+
+    @property
+    def _data_jacobian(self) -> Array:
+        """The rows of `jacobian` that belong to the data, (1, N, n_y, P)."""
+        return self.jacobian[: self.residuals.size].reshape(1, *self.residuals.shape, len(self.values))
 
     @cached_property
     def whitened(self) -> Array:

@@ -113,3 +113,12 @@ def checked_bounds(
             raise ValueError(f"bounds[{name!r}]: expected lower < upper, given {low:g} and {high:g}")
         bounds[name] = (bounds.get(name, (None, None))[0] if low is None else low, high)
     return bounds
+
+
+def prior_factor(prior: GaussianPrior, unknowns: Unknowns) -> Array:
+    """L^-1 (k, P) of the correlation L L^T that the prior has in coordinates, for the k unknowns that it covers."""
+    columns = [j for j, name in enumerate(unknowns.names) if name in prior.names]
+    correlation = prior.marginal([unknowns.names[j] for j in columns]).normal_correlation
+    factor = np.zeros((len(columns), len(unknowns)))
+    factor[:, columns] = np.linalg.solve(np.linalg.cholesky(correlation), np.eye(len(columns)))
+    return factor
