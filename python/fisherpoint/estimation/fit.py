@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -90,6 +91,12 @@ class Fit:
     def estimate(self) -> Mapping[str, float]:
         """The unknowns by name, SI units."""
         return self._by_name(self.values)
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Of the unknowns, by name."""
+        units = {q.name: q.unit for q in self.model.parameters} | {f"x0_{q.name}": q.unit for q in self.model.states}
+        return FrozenMapping({name: units.get(name) or units.get(name.rpartition("_")[0], "1") for name in self.parameters})
 
     @cached_property
     def precision(self) -> Precision:
@@ -244,6 +251,31 @@ class Fit:
 
         return posterior_of(self)
 
+    def __str__(self) -> str:
+        from .summary import text
+
+        return text(self)
+
+    def _repr_html_(self) -> str:
+        from .summary import html
+
+        return html(self)
+
+    def __repr__(self) -> str:
+        return f"Fit({', '.join(f'{name}={value:.6g}' for name, value in self.estimate.items())})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Estimate, covariances, tests and how the search ended, as what JSON can hold; numbers that are not finite are None."""
+        from .fit_files import fit_dict
+
+        return fit_dict(self)
+
+    def save(self, directory: str | Path) -> list[Path]:
+        """Write ``estimate.csv``, ``residuals.csv`` and ``fit.json`` (`to_dict`), each whole or not at all; return their paths."""
+        from .fit_files import save_fit
+
+        return save_fit(self, directory)
+
     @cached_property
     def z(self) -> Array:
         """The unknowns in standardised coordinates, (P,)."""
@@ -272,6 +304,13 @@ class Fit:
         """Residuals in units of the noise, (N, n_y), zero where not measured."""
         whitened: Array = whiten(self.problem.covariance, np.isfinite(self.residuals), self.residuals[None])[0][0]
         return whitened
+
+    @property
+    def standardised(self) -> Array:
+        """Residuals over the standard deviation of their noise, (N, n_y), NaN where not measured."""
+        covariance = self.problem.covariance
+        variances = np.einsum("...ii->...i", covariance[0] if covariance.ndim == 4 else covariance)
+        return np.asarray(self.residuals / np.sqrt(variances))
 
     def _by_name(self, values: Array) -> Mapping[str, float]:
         return FrozenMapping(dict(zip(self.parameters, values.tolist(), strict=True)))

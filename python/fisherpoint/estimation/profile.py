@@ -1,16 +1,16 @@
 """Profile likelihood: what it costs to move one unknown when all others follow.
 
-Where the noise is known, the deviance is twice the rise of the cost of (5), and its threshold is the quantile of chi-square with one
-degree of freedom. Where it is estimated, the deviance is that of (10), N log(det D / det D^), with the noise estimated anew at each
-value, and the threshold n log(1 + t^2 / nu): for one output, where n are its samples and nu its degrees of freedom, this is the exact
-F ratio; for several, nu is that of `Fit.quantile_degrees_of_freedom` and n / nu the growth of the unknown's variance by unbiased noise.
+Where the noise is known, the deviance is twice the rise of the cost of (5), and its threshold is the quantile of chi-square with
+one degree of freedom. Where it is estimated, the deviance is that of (10), N log(det D / det D^), with the noise estimated anew at
+each value, and the threshold n log(1 + t^2 / nu). For one output of n samples with nu degrees of freedom left, this is the F ratio;
+for several, nu is that of `Fit.quantile_degrees_of_freedom`, and n / nu how much unbiased noise makes the unknown's variance grow.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,7 +82,7 @@ class Profile:
 
     @property
     def signed_root(self) -> Array:
-        """Root of the deviance, negative below the estimate: a straight line through the estimate where the model is linear, (G,)."""
+        """Root of the deviance, negative below the estimate, (G,): over the values of a linear model, a straight line."""
         root: Array = np.sign(self.values - self.estimate) * np.sqrt(np.maximum(self.deviance, 0.0))
         return root
 
@@ -135,10 +135,9 @@ def profile_of(fit: Fit, name: str, level: float = 0.95) -> Profile:
             side.how = OPEN  # that limit is ours, not the user's
     beyond = [0.0 if unknowns.log[j] else -np.inf, np.inf]
     ends = [beyond[i] if side.how == OPEN else float(unknowns.values(side.end[None])[0, j]) for i, side in enumerate(sides)]
-    quantity = {q.name: q for q in fit.model.parameters}.get(name) or {f"x0_{q.name}": q for q in fit.model.states}.get(name)
     return Profile(
         name,
-        "1" if quantity is None else quantity.unit,
+        fit.units[name],
         level,
         fit.estimate[name],
         values[:, j],
@@ -154,8 +153,8 @@ def profile_of(fit: Fit, name: str, level: float = 0.95) -> Profile:
 # The minimum over the other unknowns
 
 
-_Minimum = Callable[[Array, Array], tuple[Array, Array]]
-"""From coordinates (B, P), of which the profiled one stays: where the minimum over the others is, and its deviance, inf for none."""
+_Minimum = Callable[[Array], tuple[Array, Array]]
+"""From coordinates (B, P), of which the profiled one stays: where the minimum over the others is, and its deviance, or inf."""
 
 
 class _Held(NamedTuple):
@@ -186,7 +185,7 @@ def _held_minimum(fit: Fit, j: int) -> _Minimum:
         return _held_likelihood(fit, j)
     least = 0.5 * np.square(fit.problem(fit.z[None], np.zeros(1, dtype=np.intp))[0]).sum()
 
-    def deviance(z: Array, _: Any = None) -> tuple[Array, Array]:
+    def deviance(z: Array) -> tuple[Array, Array]:
         found, cost = _minimum(fit.problem, j, z)
         return found, 2 * (cost - least)
 
@@ -215,7 +214,7 @@ def _held_likelihood(fit: Fit, j: int) -> _Minimum:
     at_fit, _ = covariance_at(fit.z[None])
     least_likelihood = likelihood(fit.z[None], at_fit)
 
-    def deviance(z: Array, covariance: Array) -> tuple[Array, Array]:
+    def deviance(z: Array) -> tuple[Array, Array]:
         z = z.copy()
         covariance, ok = covariance_at(z)
         active = np.flatnonzero(ok)
@@ -315,7 +314,7 @@ def _walk(sides: list[_Side], held: _Minimum, threshold: float, most: int = 200)
         going = [side for side in sides if not side.how]
         if not going:
             return
-        z, deviance = held(np.array([side.guess() for side in going]), np.empty(0))
+        z, deviance = held(np.array([side.guess() for side in going]))
         for side, at, value in zip(going, z, deviance, strict=True):
             side.take(_Point(at, float(value)), threshold)
     for side in sides:
@@ -335,7 +334,7 @@ def _refine(sides: list[_Side], held: _Minimum, threshold: float, most: int = 60
         for side in open_:
             (a, low), (b, high) = inner[side], outer[side]
             guesses.append(a.z + (b.z - a.z) * (-low / (high - low)))
-        z, deviance = held(np.array(guesses), np.empty(0))
+        z, deviance = held(np.array(guesses))
         for side, at, value in zip(list(open_), z, deviance, strict=True):
             point = _Point(at, float(value))
             miss = np.sqrt(max(point.deviance, 0.0)) - root if np.isfinite(value) else np.inf
