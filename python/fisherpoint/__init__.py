@@ -5,7 +5,7 @@ from typing import Any
 from .assumed import assumed_covariance
 from .comparison import RuleComparison, compare_rules
 from .constraints import Constraint
-from .data import Measurements, VirtualRig
+from .data import Measurements, Record, RecordTrajectory, VirtualRig, simulate_record
 from .design import Design, ExchangeSettings, TraceRecord
 from .efficiency import Efficiency
 from .estimation.estimate import estimate
@@ -56,6 +56,8 @@ __all__ = [
     "PredictiveCovariance",
     "Progress",
     "Quantity",
+    "Record",
+    "RecordTrajectory",
     "Rule",
     "RuleComparison",
     "Sensitivities",
@@ -80,6 +82,7 @@ __all__ = [
     "predictive_covariance",
     "sensitivities",
     "simulate",
+    "simulate_record",
     "validate",
 ]
 
