@@ -61,9 +61,6 @@ def estimate(
         raise config.error("noise_std", "missing; expected the noise of every measured output with --noise known")
     known = problem.noise_std is not None and noise is not Noise.estimated
     parts = [_read(path, config, problem) for path in data]
-    assumed: dict[str, Mapping[str, float] | None] = {}
-    if known:  # noise that is estimated has what is assumed in it
-        assumed = {"uncertain": problem.uncertain or None, "initial_state_std": problem.initial_state_std or None}
     if not no_plots:
         from .plots_fit import save_all  # what can fail for a trivial reason fails before the work
     make_directory(output)
@@ -74,8 +71,10 @@ def estimate(
         problem.prior if no_prior else None,
         problem.parameters,
         _measured_noise(problem, parts) if known else None,
+        # Noise that is estimated has what is assumed in it.
+        uncertain=problem.uncertain if known else None,
+        initial_state_std=problem.initial_state_std if known else None,
         threads=threads,
-        **assumed,
     )
     found = [fit.profile(name) for name in fit.parameters] if profiles else []
     report = fit_report(fit, found)

@@ -34,7 +34,7 @@ def _table(section: summary.Section) -> RenderableType:
     for i, column in enumerate(section.columns):
         left = i == 0 or column == "unit"
         style = "dim" if column == "unit" else None
-        table.add_column(Text(column), justify="left" if left else "right", style=style, no_wrap=i == 0)
+        table.add_column(Text(column), justify="left" if left else "right", style=style, no_wrap=left)
     for k, row in enumerate(section.rows):
         table.add_row(*map(Text, row), style="yellow" if k in section.marked else None)
     return Group(Text(section.title, "bold"), table)  # a title of the table's own would be broken to its width

@@ -33,7 +33,7 @@ def fit_dict(fit: Fit) -> dict[str, Any]:
         for name, test in fit.tests.items()
     }
     degrees = fit.quantile_degrees_of_freedom
-    return _plain(
+    plain: dict[str, Any] = _plain(
         {
             "model": fit.model.name,
             "parameters": {
@@ -69,6 +69,7 @@ def fit_dict(fit: Fit) -> dict[str, Any]:
             "reached": fit.reached,
         }
     )
+    return plain
 
 
 def save_fit(fit: Fit, directory: str | Path) -> list[Path]:

@@ -12,6 +12,7 @@ import numpy as np
 from ..quantity import names_of
 
 if TYPE_CHECKING:
+    from ..prior import GaussianPrior
     from .fit import Fit
 
 OFF = 0.001
@@ -19,6 +20,10 @@ OFF = 0.001
 
 STRONG = 0.98
 """Correlation of two unknowns from which on it is pointed out."""
+
+
+FAR_OFF = 3.0
+"""Prior standard deviations from the prior's mean from which on an estimate is pointed out."""
 
 
 class Section(NamedTuple):
@@ -44,6 +49,8 @@ def headline(fit: Fit) -> str:
 def sections(fit: Fit, level: float = 0.95) -> Iterator[Section]:
     """The tables: unknowns, outputs, and noise beside residuals."""
     yield _unknowns(fit, level)
+    if fit.prior is not None:
+        yield _beside_prior(fit, fit.prior)
     yield _outputs(fit)
     if len(fit.tests) > 1 and not fit.noise_known:
         yield _noise_correlation(fit)
@@ -72,6 +79,10 @@ def warnings(fit: Fit) -> Iterator[str]:
         yield f"hardly determined: {direction}"
     for name in fit.at_bounds:
         yield f"{name} is at its bound: its standard error, and those of what goes along with it, mean nothing"
+    for name in (name for name in fit.parameters if fit.prior is not None and name in fit.prior.names):
+        off = shift(fit, fit.prior, name) if fit.prior is not None else 0.0
+        if abs(off) > FAR_OFF:
+            yield f"{name} is {abs(off):.1f} prior std from its prior mean: the prior, the model or the data are wrong"
     for name, test in fit.tests.items():
         if test.p_value is not None and test.p_value < OFF:
             per = number(test.per_degree_of_freedom, 3)
@@ -118,24 +129,35 @@ def html(fit: Fit) -> str:
 
 def _unknowns(fit: Fit, level: float) -> Section:
     units, errors, intervals = fit.units, fit.standard_errors, fit.intervals(level)
-    prior = None if fit.prior is None else fit.prior
-    columns = ["parameter", "unit", "estimate", "std error", "RSE", f"{100 * level:g} % interval"]
+    columns = ("parameter", "unit", "estimate", "std error", "RSE", f"{100 * level:g} % interval")
     rows = []
     for name, value in fit.estimate.items():
         error, (low, high) = errors[name], intervals[name]
         digits = digits_of(value, error)
         row = [name, units[name], number(value, digits), number(error, 3), percent(error / abs(value)) if value else "-"]
-        row.append(f"{number(low, min(digits, 5))} to {number(high, min(digits, 5))}")
-        if prior is not None:
-            known = name in prior.names
-            row += [f"{number(prior.mean[name])} +- {number(prior.std[name], 3)}" if known else "none"]
-            row += [percent(error / prior.std[name]) if known else "-"]
-        rows.append(tuple(row))
-    if prior is not None:
-        columns += ["prior", "of prior std"]
+        rows.append((*row, f"{number(low, min(digits, 6))} to {number(high, min(digits, 6))}"))
     marked = {*fit.at_bounds, *(name for name, error in errors.items() if not np.isfinite(error))}
     title = "Estimates" + ("" if fit.noise_known else ", intervals by Student's t")
-    return Section(title, tuple(columns), tuple(rows), tuple(i for i, name in enumerate(fit.parameters) if name in marked))
+    return Section(title, columns, tuple(rows), tuple(i for i, name in enumerate(fit.parameters) if name in marked))
+
+
+def _beside_prior(fit: Fit, prior: GaussianPrior) -> Section:
+    """What the data have made of the prior: how far the estimate has moved, and what is left of the standard deviation."""
+    rows, marked = [], []
+    for i, name in enumerate(name for name in fit.parameters if name in prior.names):
+        row = [name, fit.units[name], number(prior.mean[name]), number(prior.std[name], 3)]
+        rows.append((*row, f"{shift(fit, prior, name):+.2f} std", percent(fit.standard_errors[name] / prior.std[name])))
+        if abs(shift(fit, prior, name)) > FAR_OFF:
+            marked.append(i)
+    columns = ("parameter", "unit", "prior mean", "prior std", "estimate off by", "std error of prior std")
+    return Section("Beside the prior", columns, tuple(rows), tuple(marked))
+
+
+def shift(fit: Fit, prior: GaussianPrior, name: str) -> float:
+    """Estimate less prior mean in prior standard deviations; of the logarithm where that is normal."""
+    return (
+        float(fit.z[fit.parameters.index(name)]) if name in prior.log else (fit.estimate[name] - prior.mean[name]) / prior.std[name]
+    )
 
 
 def _outputs(fit: Fit) -> Section:
