@@ -24,6 +24,9 @@ from .weighting import WeightedResiduals, noise_covariance
 SAME_MINIMUM = 1e-3
 """Difference of costs, in half squares of standard errors, up to which two starts have come to the same minimum."""
 
+FIRST_ITERATIONS = 50
+"""Of each of several starts: more are spent on the best one alone."""
+
 WEIGHTINGS = 2
 """How often the share of what is assumed is taken anew at the estimate."""
 
@@ -111,12 +114,12 @@ def estimate(
     if known:
         residuals = replace(residuals, covariance=noise_covariance(model, noise_std or {}, observed.y))
         residuals = _with_assumed(residuals, model, parts, theta, uncertain, initial_state_std, rtol, threads)
-        minima, _ = minimise(residuals, z0, unknowns.lower, unknowns.upper), None
+        minima = minimise(residuals, z0, unknowns.lower, unknowns.upper, FIRST_ITERATIONS)
     elif uncertain or initial_state_std:
         raise ValueError("noise_std: expected the sensor noise beside uncertain or initial_state_std, given none")
     else:
         full = correlations_can_be_told(np.isfinite(observed.y), len(unknowns))
-        minima, covariances = minimise_log_det(residuals, z0, full)
+        minima, covariances = minimise_log_det(residuals, z0, full, FIRST_ITERATIONS)
         log_det = np.linalg.slogdet(covariances)[1] * len(observed.y) / 2
         minima = minima._replace(cost=np.where(np.isfinite(log_det), log_det, np.inf))
     best, reached = _best(minima, observed, unknowns, z0)

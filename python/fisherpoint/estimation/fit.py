@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from .estimated_noise import Inflated, inflated, output_degrees_of_freedom
 from .noise import correlations_can_be_told, residual_covariance
 from .precision import Precision, in_words, quantile
 from .weighting import WeightedResiduals, whiten
+
+if TYPE_CHECKING:
+    from .profile import Profile
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +92,12 @@ class Fit:
     def estimate(self) -> Mapping[str, float]:
         """The unknowns by name, SI units."""
         return self._by_name(self.values)
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Of the unknowns, by name."""
+        units = {q.name: q.unit for q in self.model.parameters} | {f"x0_{q.name}": q.unit for q in self.model.states}
+        return FrozenMapping({name: units.get(name) or units.get(name.rpartition("_")[0], "1") for name in self.parameters})
 
     @cached_property
     def precision(self) -> Precision:
@@ -206,6 +216,29 @@ class Fit:
         low, high = (unknowns.values(self.z + side * reach) for side in (-1, 1))
         return FrozenMapping({name: (float(a), float(b)) for name, a, b in zip(self.parameters, low, high, strict=True)})
 
+    def profile(self, name: str, level: float = 0.95) -> Profile:
+        """The profile likelihood of one unknown, and the confidence interval by it; it is right where `intervals` are too linear.
+
+        All other unknowns are estimated anew at each value of this one, on values outward from the estimate until the deviance
+        passes its threshold on both sides, or an end is shown not to be bounded: the quantile of chi-square with one degree of
+        freedom where the noise is known, and its counterpart by Student's t where it was estimated. A prior takes part.
+
+        Parameters
+        ----------
+        name : str
+            One of `parameters`.
+        level : float
+            Probability of the interval.
+
+        Raises
+        ------
+        ValueError
+            For an unknown name or a level outside 0 to 1.
+        """
+        from .profile import profile_of
+
+        return profile_of(self, name, level)
+
     def posterior(self) -> GaussianPrior:
         """The estimate and its covariance as the prior of what comes next, of all parameters of the model.
 
@@ -219,6 +252,31 @@ class Fit:
         from .posterior import posterior_of
 
         return posterior_of(self)
+
+    def __str__(self) -> str:
+        from .summary import text
+
+        return text(self)
+
+    def _repr_html_(self) -> str:
+        from .summary import html
+
+        return html(self)
+
+    def __repr__(self) -> str:
+        return f"Fit({', '.join(f'{name}={value:.6g}' for name, value in self.estimate.items())})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Estimate, covariances, tests and how the search ended, as what JSON can hold; numbers that are not finite are None."""
+        from .fit_files import fit_dict
+
+        return fit_dict(self)
+
+    def save(self, directory: str | Path) -> list[Path]:
+        """Write ``estimate.csv``, ``residuals.csv`` and ``fit.json`` (`to_dict`), each whole or not at all; return their paths."""
+        from .fit_files import save_fit
+
+        return save_fit(self, directory)
 
     @cached_property
     def z(self) -> Array:
@@ -259,6 +317,13 @@ class Fit:
         """Residuals in units of the noise, (N, n_y), zero where not measured."""
         whitened: Array = whiten(self.problem.covariance, np.isfinite(self.residuals), self.residuals[None])[0][0]
         return whitened
+
+    @property
+    def standardised(self) -> Array:
+        """Residuals over the standard deviation of their noise, (N, n_y), NaN where not measured."""
+        covariance = self.problem.covariance
+        variances = np.einsum("...ii->...i", covariance[0] if covariance.ndim == 4 else covariance)
+        return np.asarray(self.residuals / np.sqrt(variances))
 
     def _by_name(self, values: Array) -> Mapping[str, float]:
         return FrozenMapping(dict(zip(self.parameters, values.tolist(), strict=True)))

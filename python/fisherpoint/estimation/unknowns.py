@@ -13,6 +13,9 @@ from ..prior import GaussianPrior
 from ..quantity import Array, as_float
 from ..rules import Sobol
 
+FARTHEST = 30.0
+"""How far the logarithm of an unknown may go from its center: a factor of 1e13, past which trajectories mean nothing."""
+
 
 @dataclass(frozen=True, eq=False)
 class Unknowns:
@@ -85,6 +88,7 @@ def unknowns_of(
             center[j], scale[j] = prior.mean[name], prior.normal_std[prior.names.index(name)]
             if name in prior.log:
                 log[j], center[j] = True, np.log(prior.mean[name]) - scale[j] ** 2 / 2
+                lower[j], upper[j] = -FARTHEST / scale[j], FARTHEST / scale[j]
         else:
             center[j], scale[j] = start[name], sizes.get(name) or abs(start[name]) or 1.0
         for side, bound in zip((lower, upper), bounds.get(name, (None, None)), strict=True):
