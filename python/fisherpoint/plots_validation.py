@@ -60,7 +60,16 @@ def _errors(axes: Axes, design: DesignValidation) -> None:
     axes.plot(promised, rows, "|", color=NOISE, markersize=13, markeredgewidth=2.2, label="promised")
     axes.plot(typical, rows, "o", color=CRITERION, markerfacecolor="none", markersize=8, label="achieved, typical (median)")
     reach = np.array([np.fmin(BANDS * achieved_error, 0.9 * achieved), BANDS * achieved_error])
-    axes.errorbar(achieved, rows, xerr=reach, fmt="o", color=CRITERION, markersize=4, linewidth=1.2, label="achieved")
+    axes.errorbar(
+        achieved,
+        rows,
+        xerr=reach,
+        fmt="o",
+        color=CRITERION,
+        markersize=4,
+        linewidth=1.2,
+        label=f"achieved, {BANDS:g} Monte Carlo std",
+    )
     for row, of in zip(rows, figures, strict=True):
         ratio = "not determined" if np.isnan(of.promised) else "-" if np.isnan(of.ratio.value) else f"{of.ratio.value:.2f}"
         axes.annotate(
