@@ -131,7 +131,7 @@ def _options() -> argparse.Namespace:
         "task",
         nargs="?",
         choices=("peers", "scaling", "models", "validation", "packs", "cost", "table"),
-        help="other programs; how the cost grows; models written in Python; many fits; kinds of vectors in the core; instructions per"
+        help="other programs; how the cost grows; models written in Python; many fits; kinds of vectors; instructions per"
         " trajectory next to the recorded ones; a report as Markdown; nothing for all of fisherpoint next to SciPy",
     )
     parser.add_argument("file", nargs="?", type=Path, help="the report for `table`")

@@ -103,7 +103,7 @@ def show_validation(figures: Sequence[ValidationFigures]) -> None:
     _show("Fits of a 12-point design of the default cylinder, nine parameters", header, rows)
     for f in figures:
         console.print(
-            f"rtol {f.rtol:.0e}: {f.same} of {f.compared} within {SAME:.0e} standard errors of least_squares (median {f.median:.0e},"
+            f"rtol {f.rtol:.0e}: {f.same} of {f.compared} within {SAME:.0e} standard errors of SciPy's (median {f.median:.0e},"
             f" worst {f.worst:.0e}); after a Gauss-Newton step from there, worst {f.worst_stepped:.0e}."
         )
     console.print()

@@ -1,7 +1,8 @@
-"""A thousand fits of a 12-point design of the default cylinder, next to a loop over SciPy's `least_squares`: time, and agreement."""
+"""A thousand fits of a 12-point design of the default cylinder, next to a loop over SciPy's `least_squares`: time and agreement."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -32,8 +33,8 @@ TIGHT = 1e-15
 class ValidationFigures:
     """The fits at one tolerance of the trajectories.
 
-    `seconds` are those of all fits together and `whole` those of `fisherpoint.validate`, both on `threads`; `ratio` is the time of a
-    fit in a loop of `least_squares` with the engine's Jacobian to that of one of many. Distances to its minima are in standard
+    `seconds` are those of all fits together and `whole` those of `fisherpoint.validate`, both on `threads`; `ratio` is the time of
+    a fit in a loop of `least_squares` with the engine's Jacobian to that of one of many. Distances to its minima are in standard
     errors: as they are, where `same` of `compared` agree, and after a Gauss-Newton step on its residuals.
     """
 
@@ -65,7 +66,7 @@ def _figures(problem: fp.DesignProblem, points: fp.Experiments, rtol: float, qui
     residuals = replace(estimator.residuals, y=y)
     starts = np.tile(estimator.start, (FITS, 1))
     bounds = estimator.unknowns.lower, estimator.unknowns.upper
-    tasks = {
+    tasks: dict[str, Callable[[], object]] = {
         "together": partial(minimise, residuals, starts, *bounds),
         "validate": partial(fp.validate, {"design": points}, problem, n=FITS, theta="mean", rtol=rtol),
         "loop": lambda: [_alone(residuals, estimator.start, row) for row in range(LOOPED)],
@@ -107,9 +108,14 @@ def _alone(residuals: WeightedResiduals, start: Array, row: int) -> Array:
         return kept[key]
 
     bounds = residuals.unknowns.lower, residuals.unknowns.upper
-    found = least_squares(
-        lambda z: both(z)[0], start, lambda z: both(z)[1], bounds, x_scale="jac", ftol=TIGHT, xtol=TIGHT, gtol=TIGHT
-    )
+
+    def function(z: Array) -> Array:
+        return both(z)[0]
+
+    def jacobian(z: Array) -> Array:
+        return both(z)[1]
+
+    found = least_squares(function, start, jacobian, bounds, x_scale="jac", ftol=TIGHT, xtol=TIGHT, gtol=TIGHT)
     return np.asarray(found.x)
 
 
