@@ -269,6 +269,7 @@ def test_figures() -> None:
         ({"theta": {"z": 1.0}}, "theta: expected names of a, b; given unknown 'z'"),
         ({"noise_std": {"z": 1.0}}, "noise_std: expected the names y; given unknown 'z'"),
         ({"noise_std": {"y": 0.0}}, "noise_std.*expected a positive standard deviation"),
+        ({"problem": line(DECAY, LOG), "theta": {"a": -1.0}}, r"theta\['a'\]: expected a positive value of a log-normal"),
         ({"noise": "both"}, "noise: expected 'known' or 'estimated', given 'both'"),
         ({"n": 0}, "n: expected"),
         ({"truth": fp.HydraulicCylinder()}, "truth: expected the states"),

@@ -138,4 +138,6 @@ def truths_of(problem: DesignProblem, theta: str | Mapping[str, float], count: i
             raise ValueError(f"theta: expected names of {', '.join(values)}; given unknown {name!r}")
     if isinstance(theta, Mapping):
         values |= theta
+    for name in (name for name in problem.prior.log if not values[name] > 0):
+        raise ValueError(f"theta[{name!r}]: expected a positive value of a log-normal parameter, given {values[name]!r}")
     return np.tile(problem.model.theta(values), (count, 1)), 0
