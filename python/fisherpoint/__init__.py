@@ -4,7 +4,7 @@ from typing import Any
 
 from .comparison import RuleComparison, compare_rules
 from .constraints import Constraint
-from .data import Measurements
+from .data import Measurements, VirtualRig
 from .design import Design, ExchangeSettings, TraceRecord
 from .efficiency import Efficiency
 from .estimation.estimate import estimate
@@ -61,6 +61,7 @@ __all__ = [
     "TraceRecord",
     "Trajectories",
     "Unscented",
+    "VirtualRig",
     "available_isas",
     "compare_rules",
     "estimate",

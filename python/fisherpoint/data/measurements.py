@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..experiments import Experiments
+from ..files import write_whole
+from ..models import Model
 from ..quantity import Array
 
 
@@ -63,6 +66,34 @@ class Measurements:
             if size != sizes[0]:
                 raise ValueError(f"parts: expected {sizes[0]} states, inputs and outputs in each, given {size}")
         return Measurements(Experiments.join([part.points for part in parts]), np.concatenate([part.y for part in parts]))
+
+    def to_csv(self, path: str | Path, model: Model) -> None:
+        """Write the design's CSV with a column ``y_<output>`` for each output, empty where it was not measured.
+
+        Every digit is kept, and the file appears whole or not at all. The starts are written as they are, in the states' columns.
+        """
+        from .measurement_files import measurements_csv
+
+        write_whole(path, measurements_csv(self, model))
+
+    @classmethod
+    def from_csv(cls, path: str | Path, model: Model) -> Measurements:
+        """Read measurements of `model`: the design's CSV with a column ``y_<output>`` for each measured output.
+
+        Outputs may be missing or empty; ``x0_<state>`` is a measured start; headers may have units, as ``p_A [bar]``. See
+        docs/measurements.md for the format, and for what is refused.
+
+        Raises
+        ------
+        OSError
+            Where the file cannot be read.
+        ValueError
+            Where it is no whole file of this model, or numbers are none, in wrong units or beyond physics; the message names row,
+            counted from 1 below the header, and column.
+        """
+        from .measurement_files import read_measurements
+
+        return read_measurements(path, model)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Measurements) and self.points == other.points and np.array_equal(self.y, other.y, equal_nan=True)

@@ -1,0 +1,127 @@
+"""Files of measurements: the design's CSV with a column for each measured output, checked before anything is estimated from them.
+
+=================  ===================================================================================================
+column             entry
+=================  ===================================================================================================
+``q``              a state's name: planned start. It may be missing, or empty, where ``x0_q`` is there
+``x0_q``           measured start, which counts instead of the planned one; empty: as planned
+``u``, ``dt``      the inputs and the duration
+``y_q``            an output; empty or nan: not measured. Also ``q``, where no state or input has that name
+``status``         as `fisherpoint simulate` writes it: a row that is not ok has no outputs
+``comment`` ...    `BOOKKEEPING`, not read
+=================  ===================================================================================================
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..experiments import Experiments
+from ..files import csv_text
+from ..models import Model
+from ..models.base import DURATION
+from ..quantity import Array, Quantity, names_of
+from ..trajectories import Status
+from .csv_table import CsvTable
+from .measurements import Measurements
+from .plausibility import refuse_implausible
+
+BOOKKEEPING = ("comment", "note", "time", "date", "operator", "run", "point", "replicate", "batch")
+"""Columns that a rig's file may have besides, and that are not read."""
+
+
+def measurements_csv(measurements: Measurements, model: Model) -> str:
+    """The text of a file of measurements; every digit is kept, and what was not measured is an empty entry."""
+    axes, points = names_of(model.axes), measurements.points
+    header = (*axes, *(f"y_{name}" for name in names_of(model.outputs)))
+    given = (points.x0.shape[1], points.u.shape[1], measurements.y.shape[1])
+    expected = (len(model.states), len(model.inputs), len(model.outputs))
+    if given != expected:
+        raise ValueError(f"model: expected one of {given} states, inputs and outputs, given {model.name} of {expected}")
+    if len(set(header)) != len(header):
+        raise ValueError(f"model: expected names that differ from y_<output>, given {', '.join(axes)}")
+    return csv_text(header, np.column_stack([points.table[:, : len(axes)], measurements.y]))
+
+
+def read_measurements(path: str | Path, model: Model) -> Measurements:
+    """Read and check a file of measurements of `model`; see `Measurements.from_csv`."""
+    table = CsvTable(path)
+    outputs = _match(table, model)
+    starts = {state.name: name for state in model.states if (name := f"x0_{state.name}") in table and name not in _axes(model)}
+    table.read_decimal_commas(name for name in table.names if name in {*_axes(model), *starts.values(), *outputs.values()})
+
+    n, nothing = len(table), np.full(len(table), np.nan)
+    planned, x0 = np.empty((n, len(model.states))), np.empty((n, len(model.states)))
+    for i, state in enumerate(model.states):
+        of_plan = table.numbers(state.name, state.unit) if state.name in table else nothing
+        measured = table.numbers(starts[state.name], state.unit) if state.name in starts else nothing
+        x0[:, i] = np.where(np.isnan(measured), of_plan, measured)
+        planned[:, i] = np.where(np.isnan(of_plan), measured, of_plan)
+        table.refuse(np.isnan(x0[:, i]), state.name if state.name in table else starts[state.name], "a start value")
+    u = np.column_stack([np.empty((n, 0)), *(_complete(table, quantity) for quantity in model.inputs)])
+    dt = np.ones(n)
+    if "dt" in table:
+        dt = _complete(table, DURATION)
+        table.refuse(dt <= 0, "dt", "a positive duration in s")
+    y = np.full((n, len(model.outputs)), np.nan)
+    for j, quantity in enumerate(model.outputs):
+        if quantity.name in outputs:
+            y[:, j] = table.numbers(outputs[quantity.name], quantity.unit)
+    y[_failed(table)] = np.nan
+    if np.isnan(y).all():
+        raise ValueError(f"{path}: expected at least one measured output, given none in {', '.join(outputs.values())}")
+
+    refuse_implausible(table, model, outputs, np.column_stack([planned, u, dt]), x0, u, y)
+    return Measurements(Experiments(x0, u, dt, (*names_of(model.states), *names_of(model.inputs))), y)
+
+
+def _axes(model: Model) -> tuple[str, ...]:
+    """Names that mean states, inputs and dt, whatever else they could mean; dt also where points need none."""
+    return (*names_of(model.states), *names_of(model.inputs), "dt")
+
+
+def _match(table: CsvTable, model: Model) -> dict[str, str]:
+    """Return the column of each output that has one, after a check of all columns."""
+    axes = _axes(model)
+    outputs: dict[str, str] = {}
+    for output in names_of(model.outputs):
+        columns = [name for name in (f"y_{output}", output) if name in table and name not in axes]
+        if len(columns) > 1:
+            raise ValueError(f"{table.path}: expected one column of the output {output}, given {' and '.join(columns)}")
+        if columns:
+            outputs[output] = columns[0]
+    starts = {f"x0_{state}": state for state in names_of(model.states)}
+    given = {*table.names, *(state for name, state in starts.items() if name in table)}
+    missing = [name for name in names_of(model.axes) if name not in given]
+    known = {*axes, *outputs.values(), *starts, *BOOKKEEPING, "status"}
+    unknown = [name for name in table.names if name not in known]
+    if missing or unknown or not outputs:
+        of_outputs = ", ".join(f"y_{name}" for name in names_of(model.outputs))
+        wrong = [f"no {', '.join(missing)}"] if missing else []
+        wrong += [] if outputs else ["none of an output"]
+        wrong += [f"{', '.join(unknown)}, which {model.name} does not have"] if unknown else []
+        another = ": a data file of another model" if unknown and (missing or not outputs) else ""
+        raise ValueError(
+            f"{table.path}: expected the columns {', '.join(names_of(model.axes))}, and of {of_outputs} those that were measured; "
+            f"given {', and '.join(wrong)}{another}"
+        )
+    return outputs
+
+
+def _complete(table: CsvTable, quantity: Quantity) -> Array:
+    """A column without gaps."""
+    values = table.numbers(quantity.name, quantity.unit)
+    table.refuse(np.isnan(values), quantity.name, "a number")
+    return values
+
+
+def _failed(table: CsvTable) -> list[int]:
+    """Rows whose status says that they have no outputs."""
+    if "status" not in table:
+        return []
+    texts = table.texts("status")
+    known = [status.name for status in Status]
+    table.refuse([text not in ("", *known) for text in texts], "status", f"one of {', '.join(known)}, or nothing")
+    return [row for row, text in enumerate(texts) if text not in ("", "ok")]

@@ -1,0 +1,121 @@
+"""A virtual rig: a model with true parameters, of which experiments show outputs with noise."""
+
+from __future__ import annotations
+
+import warnings
+from collections import Counter
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..experiments import Experiments
+from ..models import Model
+from ..quantity import Array, FrozenMapping, as_float, check_positive_int, names_of
+from ..trajectories import Status, check_rtol, check_type, simulate
+from .measurements import Measurements
+
+
+class VirtualRig:
+    """A rig that is a simulation: y = g(x(dt), u, theta_true) + v, v normal with standard deviations `noise_std`, (4).
+
+    Parameters
+    ----------
+    model : Model
+    theta_true : mapping by name, or array_like (p,)
+        The truth, SI units.
+    noise_std : mapping of output name to float
+        Standard deviations of the sensor noise, SI units; 0 for a sensor without noise. Outputs left out are not measured.
+    initial_state_std : mapping of state name to float, optional
+        By how much true starts deviate from the planned ones, which alone are recorded; states left out start as planned.
+    seed : int
+        The same seed and the same calls give the same data, to the last bit, on any number of threads.
+    rtol : float
+        Tolerance of the simulated truth, which must be finer than that of what is estimated from it.
+
+    Attributes
+    ----------
+    failures : mapping of status name to int
+        Trajectories of all calls that did not reach their end and so gave no data.
+
+    Raises
+    ------
+    ValueError
+        For unknown names, negative standard deviations, and parameters without sense.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        theta_true: Mapping[str, float] | ArrayLike,
+        noise_std: Mapping[str, float],
+        initial_state_std: Mapping[str, float] | None = None,
+        seed: int = 0,
+        rtol: float = 1e-10,
+    ) -> None:
+        check_type(model, Model, "model")
+        check_rtol(rtol)
+        self.model, self.rtol = model, float(rtol)
+        self.theta_true = model.theta(theta_true)
+        if self.theta_true.ndim != 1:
+            raise ValueError(f"theta_true: expected shape ({len(model.parameters)},), given {self.theta_true.shape}")
+        self._noise_std = _stds(noise_std, names_of(model.outputs), "noise_std", left_out=np.nan)
+        if np.isnan(self._noise_std).all():
+            raise ValueError("noise_std: expected at least one output that is measured, given none")
+        self._start_std = _stds(initial_state_std or {}, names_of(model.states), "initial_state_std", left_out=0.0)
+        # Streams of their own: whether starts deviate, and which outputs are measured, does not change the noise of the others.
+        seeds = np.random.SeedSequence(check_positive_int(seed, "seed", 0)).spawn(2)
+        self._noise, self._starts = (np.random.default_rng(one) for one in seeds)
+        self._failures: Counter[str] = Counter()
+
+    @property
+    def failures(self) -> Mapping[str, int]:
+        return FrozenMapping(self._failures)
+
+    def measure(self, points: Experiments, repeats: int = 1) -> Measurements:
+        """Carry out all points, one after the other, and that `repeats` times.
+
+        Returns
+        -------
+        Measurements
+            len(points) times `repeats` rows. Where the trajectory did not reach its end, nothing is measured, and a warning says
+            how often that was, and why.
+
+        Raises
+        ------
+        ValueError
+            Where no trajectory reaches its end, and for points that do not fit the model.
+        """
+        check_type(points, Experiments, "points")
+        planned = Experiments.join([points] * check_positive_int(repeats, "repeats"))
+        deviation = self._start_std * self._starts.standard_normal((len(planned), len(self.model.states)))
+        noise = self._noise_std * self._noise.standard_normal((len(planned), len(self.model.outputs)))
+        if planned.x0.shape[1] != len(self.model.states):
+            raise ValueError(f"x0: expected shape (K, {len(self.model.states)}), given {planned.x0.shape}")
+        true = Experiments(planned.x0 + deviation, planned.u, planned.dt, planned.columns)
+        done = simulate(self.model, true, self.theta_true, rtol=self.rtol)
+        failed = done.status != Status.ok
+        counts = Counter(Status(int(code)).name for code in done.status[failed])
+        self._failures += counts
+        reasons = ", ".join(f"{name} {count}" for name, count in counts.items())
+        if failed.all():
+            raise ValueError(f"points: expected some of which the trajectory reaches its end, given none: {reasons or 'no points'}")
+        if counts:
+            warnings.warn(f"{failed.sum()} of {len(true)} points are not measured: {reasons}", RuntimeWarning, stacklevel=2)
+        return Measurements(planned, np.where(failed[:, None], np.nan, done.y + noise))
+
+    def __repr__(self) -> str:
+        measured = [name for name, std in zip(names_of(self.model.outputs), self._noise_std, strict=True) if not np.isnan(std)]
+        return f"VirtualRig({self.model.name}, measures {', '.join(measured)})"
+
+
+def _stds(given: Mapping[str, float], names: tuple[str, ...], what: str, left_out: float) -> Array:
+    """Standard deviations in the order of `names`."""
+    if not isinstance(given, Mapping):
+        raise TypeError(f"{what}: expected a mapping of names to numbers, given {type(given).__name__}")
+    for unknown in (name for name in given if name not in names):
+        raise ValueError(f"{what}: expected names among {', '.join(names)}, given unknown {unknown!r}")
+    stds = {name: as_float(value, f"{what}[{name!r}]") for name, value in given.items()}
+    for name in (name for name, std in stds.items() if std < 0):
+        raise ValueError(f"{what}[{name!r}]: expected a non-negative number, given {stds[name]:g}")
+    return np.array([stds.get(name, left_out) for name in names])
