@@ -7,6 +7,7 @@ from collections import Counter
 import numpy as np
 from numpy.typing import NDArray
 
+from .assumed import starts_near
 from .experiments import Experiments
 from .information import PointInformation, point_sensitivities, with_covariance
 from .problem import DesignProblem
@@ -117,6 +118,11 @@ class CandidateSource:
         for surface, rows in on_surface(problem.model, points[inside], problem.theta).items():
             rejected[f"starts on {surface} = 0"] += int(keep[inside[rows]].sum())
             keep[inside[rows]] = False
+        if problem.initial_state_std:
+            near = starts_near(problem.model, points, problem.theta, problem.initial_state_std, problem.kinks == "exclude")
+            for surface, rows in near.items():
+                rejected[f"starts near {surface} = 0"] += int(keep[rows].sum())
+                keep[rows] = False
         tried = np.flatnonzero(keep)
         information, status = point_sensitivities(problem, points[tried], self._threads)
         rejected.update(_reasons(status))

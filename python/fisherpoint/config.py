@@ -26,13 +26,13 @@ from .config_tables import (
     DesignTable,
     ModelConstant,
     ModelTable,
-    NoiseStd,
     OutputEntry,
     ParameterEntry,
     PriorEntry,
     QuantityEntry,
     RegionTable,
     RuleTable,
+    Std,
     Table,
 )
 from .models import MODELS
@@ -41,7 +41,7 @@ __all__ = ["Config", "ConfigError", "load_config", "load_model", "model_from_tom
 
 Validated = TypeVar("Validated", bound=BaseModel)
 
-_PROBLEM_KEYS = {"output_covariance", "parameters", "kinks"}
+_PROBLEM_KEYS = {"output_covariance", "parameters", "kinks", "assumed_covariance"}
 
 
 class ModelFile(Table):
@@ -73,7 +73,9 @@ class Config(ModelFile):
 
     prior: dict[str, PriorEntry]
     prior_correlation: dict[str, Correlation] = Field(default_factory=dict)
-    noise_std: dict[str, NoiseStd] | None = None
+    noise_std: dict[str, Std] | None = None
+    uncertain: dict[str, Std] = Field(default_factory=dict)
+    initial_state_std: dict[str, Std] = Field(default_factory=dict)
     region: RegionTable | None = None
     rule: RuleTable = RuleTable()
     design: DesignTable = DesignTable()
@@ -108,6 +110,13 @@ class Config(ModelFile):
         for name in self.design.parameters or ():
             if name not in parameters:
                 fail(f"design.parameters: expected names out of {listed(parameters, name)}, given {toml(name)}")
+        _check_table("uncertain", self.uncertain, (*model.constant_quantities, *model.parameters))
+        for name in self.uncertain:
+            if name in (self.design.parameters or parameters):
+                fail(
+                    f"uncertain.{name}: expected a constant, or a parameter that is not among design.parameters, given one that is"
+                )
+        _check_table("initial_state_std", self.initial_state_std, model.states)
         return self
 
     def build_prior(self) -> fp.GaussianPrior:
@@ -155,14 +164,19 @@ class Config(ModelFile):
                 region = fp.ExperimentRegion(bounds, constraints=self.region.constraints)
         with self._names_key("rule"):
             rule = self.rule.build()
-        noise_std = None if self.noise_std is None else {name: entry.value for name, entry in self.noise_std.items()}
+        noise_std, uncertain, initial_state_std = (
+            {name: entry.value for name, entry in (table or {}).items()}
+            for table in (self.noise_std, self.uncertain, self.initial_state_std)
+        )
         with self._names_key("design"):
             return fp.DesignProblem(
                 model,
                 prior,
                 region,
-                noise_std=noise_std,
+                noise_std=noise_std or None,
                 rule=rule,
+                uncertain=uncertain,
+                initial_state_std=initial_state_std,
                 **self.design.model_dump(include=_PROBLEM_KEYS, exclude_none=True),
             )
 
@@ -247,7 +261,8 @@ def _validated(kind: type[Validated], data: dict[str, Any], path: str | Path) ->
 def _keys_of(place: tuple[str, ...]) -> list[str]:
     """The keys that the table at this place may have."""
     if len(place) > 1:
-        entries: dict[str, type[BaseModel]] = {"prior": PriorEntry, "noise_std": NoiseStd, "region": Bounds}
+        entries: dict[str, type[BaseModel]] = {"prior": PriorEntry, "region": Bounds}
+        entries |= dict.fromkeys(("noise_std", "uncertain", "initial_state_std"), Std)
         in_model: dict[str, type[BaseModel]] = {"constants": ModelConstant, "parameters": ParameterEntry, "outputs": OutputEntry}
         return list(entries.get(place[0], in_model.get(place[1], QuantityEntry)).model_fields)
     tables: dict[str, type[BaseModel]] = {"": Config, "model": ModelTable, "rule": RuleTable, "design": DesignTable}

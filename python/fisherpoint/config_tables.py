@@ -43,8 +43,8 @@ class Constant(Table):
         return given
 
 
-class NoiseStd(Constant):
-    """Standard deviation of one sensor: a bare number or ``{value, unit}``."""
+class Std(Constant):
+    """Standard deviation of a sensor, a constant or a start: a bare number or ``{value, unit}``."""
 
     value: Positive
 
@@ -221,3 +221,4 @@ class DesignTable(Table):
     output_covariance: Literal["noise", "region", "pooled", "pointwise"] | None = None
     parameters: Annotated[list[str], Field(min_length=1)] | None = None
     kinks: Literal["cross", "exclude"] | None = None
+    assumed_covariance: Literal["tangents", "predictive"] | None = None

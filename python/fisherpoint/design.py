@@ -82,7 +82,7 @@ class Design:
     ----------
     points : Experiments
     evaluation : Evaluation
-        Under the problem's output covariance.
+        Under the problem's output covariance; of the previous points, where there are any, and these together.
     under_noise : Evaluation or None
         Under the sensor noise alone; None where it is not known.
     efficiency : Efficiency or None
@@ -96,6 +96,10 @@ class Design:
     seconds : float
     settings : ExchangeSettings
     problem : DesignProblem
+    n_previous : int
+        Points whose information was already collected: the evaluations count them, `points` does not have them.
+    previous_left_out : mapping of reason to int
+        Previous points that are none at the prior mean, and say nothing.
     """
 
     problem: DesignProblem
@@ -110,6 +114,8 @@ class Design:
     accepted: int
     stop_reason: str
     seconds: float
+    n_previous: int = 0
+    previous_left_out: Mapping[str, int] = FrozenMapping({})
 
     @property
     def distinct_points(self) -> int:
@@ -189,6 +195,9 @@ def _problem_to_json(problem: DesignProblem) -> dict[str, Any]:
         "parameters": list(problem.estimated),
         "kinks": problem.kinks,
         "rtol": problem.rtol,
+        "uncertain": None if problem.uncertain is None else dict(problem.uncertain),
+        "initial_state_std": None if problem.initial_state_std is None else dict(problem.initial_state_std),
+        "assumed_covariance": problem.assumed_covariance,
     }
 
 
@@ -243,6 +252,9 @@ def _problem_from_json(data: dict[str, Any]) -> DesignProblem:
         parameters=data["parameters"],
         kinks=data["kinks"],
         rtol=data["rtol"],
+        uncertain=data.get("uncertain"),  # older files have none of these
+        initial_state_std=data.get("initial_state_std"),
+        assumed_covariance=data.get("assumed_covariance", "tangents"),
     )
 
 
@@ -310,6 +322,8 @@ def _to_json(design: Design) -> dict[str, Any]:
         "accepted": design.accepted,
         "stop_reason": design.stop_reason,
         "seconds": design.seconds,
+        "n_previous": design.n_previous,
+        "previous_left_out": dict(design.previous_left_out),
     }
 
 
@@ -340,4 +354,11 @@ def _from_json(data: dict[str, Any]) -> Design:
         accepted=data["accepted"],
         stop_reason=data["stop_reason"],
         seconds=data["seconds"],
+        n_previous=check_positive_int(data.get("n_previous", 0), "n_previous", 0),  # older files have neither
+        previous_left_out=FrozenMapping(
+            {
+                reason: check_positive_int(count, "previous_left_out", 0)
+                for reason, count in data.get("previous_left_out", {}).items()
+            }
+        ),
     )

@@ -13,6 +13,7 @@ import numpy as np
 
 from . import _core
 from .candidates import CandidateSource
+from .information import PointInformation
 from .output_covariance import Criterion, criterion
 from .problem import DesignProblem
 from .quantity import Array
@@ -89,14 +90,18 @@ def efficiency_of(
     )
 
 
-def random_designs(problem: DesignProblem, n_experiments: int, seed: int, threads: int) -> Array:
-    """Log dets of random designs under the sensor noise, drawn from a pool of valid points, (RANDOM_DESIGNS,)."""
+def random_designs(
+    problem: DesignProblem, n_experiments: int, seed: int, threads: int, previous: PointInformation | None = None
+) -> Array:
+    """Log dets under the sensor noise of random designs from a pool of valid points, beside the previous ones; (RANDOM_DESIGNS,)."""
     rng = np.random.default_rng([seed, 1])
     pool = CandidateSource(problem, rng, threads).draw_confirmed(4 * n_experiments)
-    d = criterion(problem, pool, threads, "noise")
-    prepared = d.prepare(pool)
+    both = pool if previous is None else PointInformation.join([previous, pool])
+    d = criterion(problem, both, threads, "noise")
+    prepared, known = d.prepare(pool), None if previous is None else d.prepare(previous)
     result = np.empty(RANDOM_DESIGNS)
     for i in range(RANDOM_DESIGNS):
         chosen = prepared[rng.choice(len(pool), n_experiments, replace=False)]
+        chosen = chosen if known is None else PointInformation.join([known, chosen])
         result[i] = _core.log_det(d.accumulate(chosen).fisher(d.given))
     return result

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,8 +14,12 @@ from .experiments import Experiments
 from .information import PointInformation, point_information
 from .null_space import column_scaled_svd, unscaled
 from .output_covariance import Criterion, criterion, needs_covariances
+from .previous import previous_information
 from .problem import DesignProblem
 from .quantity import Array, FrozenMapping, names_of
+
+if TYPE_CHECKING:
+    from .previous import Previous
 
 RANK_TOLERANCE = 1e-9
 """Singular values of the whitened, column-scaled sensitivities below this share of the largest count as zero."""
@@ -32,8 +38,9 @@ class Evaluation:
     fisher : ndarray, (p, p)
         (7) with its factor 2/L, for parameters divided by their prior standard deviations.
     output_covariance_kind : str
-    output_covariance : ndarray, (n, n), or (K, n, n) for "pointwise"
-        D over `outputs`, in squared output units.
+    output_covariance : ndarray, (n, n), or (K, n, n) where each point has its own
+        D over `outputs`, in squared output units: one for each point, previous ones first, for "pointwise" and where constants or
+        starts are uncertain.
     outputs, outputs_left_out : tuple of str
         Outputs that take part; those that carry neither variance nor sensitivity do not.
     covariance : ndarray, (p, p), or None
@@ -70,7 +77,9 @@ class Evaluation:
         return tuple(name for name in self.parameters if self.standard_errors[name] > 0.5 * self.prior_std[name])
 
 
-def evaluate_design(problem: DesignProblem, points: Experiments, threads: int | None = None) -> Evaluation:
+def evaluate_design(
+    problem: DesignProblem, points: Experiments, threads: int | None = None, previous: Previous | None = None
+) -> Evaluation:
     """Evaluate any design, also one with fewer points than parameters.
 
     Parameters
@@ -80,6 +89,8 @@ def evaluate_design(problem: DesignProblem, points: Experiments, threads: int | 
     points : Experiments
         At least one point. The rule is run over the prior where D needs it ("pooled" and "pointwise").
     threads : int, optional
+    previous : Measurements, Experiments, Design, or a sequence of these, optional
+        Points whose information is already collected, as for `exchange`: the evaluation is of all points together.
 
     Returns
     -------
@@ -98,14 +109,22 @@ def evaluate_design(problem: DesignProblem, points: Experiments, threads: int | 
     if not len(points):
         raise ValueError("points: expected at least one point, given none")
     information = point_information(problem, points, needs_covariances(str(problem.output_covariance)), threads)
+    known, left_out = previous_information(problem, previous, threads)
+    if left_out:
+        reasons = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
+        warnings.warn(f"previous: expected experiment points at the prior mean, left out {reasons}", stacklevel=2)
+    if known is not None:
+        information = PointInformation.join([known, information])
     return evaluate_information(problem, information, criterion(problem, information, threads))
 
 
-def evaluate_under_noise(problem: DesignProblem, points: Experiments, threads: int | None = None) -> Evaluation | None:
-    """Evaluate a design with D = R, whatever the problem's D is; None where the sensor noise is not known."""
+def evaluate_under_noise(
+    problem: DesignProblem, points: Experiments, threads: int | None = None, previous: Previous | None = None
+) -> Evaluation | None:
+    """Evaluate a design with D = R, or R_k, whatever the problem's D is; None where the sensor noise is not known."""
     if problem.noise_std is None:
         return None
-    return evaluate_design(problem.replace(output_covariance="noise"), points, threads)
+    return evaluate_design(problem.replace(output_covariance="noise"), points, threads, previous)
 
 
 def evaluate_information(problem: DesignProblem, information: PointInformation, d: Criterion) -> Evaluation:
@@ -139,8 +158,8 @@ def evaluate_information(problem: DesignProblem, information: PointInformation, 
     else:
         log_det = -np.inf
 
-    if d.kind == "pointwise":
-        covariance_of_outputs = d.noise + information.of_outputs(d.used).covariance
+    if d.own:
+        covariance_of_outputs = d.own_covariances(information.of_outputs(d.used))
     outputs = names_of(problem.model.outputs)
     return Evaluation(
         parameters=names,

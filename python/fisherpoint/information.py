@@ -1,9 +1,9 @@
-"""Points as the Fisher matrix takes them: standardised sensitivities and predictive covariances."""
+"""Points as the Fisher matrix takes them: standardised sensitivities, and what makes up their output covariances."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -20,40 +20,77 @@ from .trajectories import Settings, Status, check_kinks, checked_arguments, chec
 
 @dataclass(frozen=True, eq=False)
 class PointInformation:
-    """K points with dy/dtheta times the prior std, (K, n_y, p), and predictive covariances, (K, n_y, n_y)."""
+    """K points as the Fisher matrix takes them.
+
+    Attributes
+    ----------
+    points : Experiments
+    sensitivity : ndarray, (K, n_y, p)
+        dy/dtheta times the prior std.
+    covariance : ndarray, (K, n_y, n_y)
+        Predictive covariances over the prior of the estimated parameters.
+    assumed : ndarray, (K, n_y, n_y), or None
+        What uncertain constants and starts add to R; None where nothing is uncertain.
+    measured : ndarray of bool, (K, n_y), or None
+        Which outputs are measured; None for all.
+    """
 
     points: Experiments
     sensitivity: Array
     covariance: Array
+    assumed: Array | None = None
+    measured: NDArray[np.bool_] | None = None
 
     def __len__(self) -> int:
         return len(self.points)
 
     def __getitem__(self, rows: slice | Sequence[int] | NDArray[np.bool_] | NDArray[np.intp]) -> PointInformation:
-        return PointInformation(self.points[rows], self.sensitivity[rows], self.covariance[rows])
+        assumed = None if self.assumed is None else self.assumed[rows]
+        measured = None if self.measured is None else self.measured[rows]
+        return PointInformation(self.points[rows], self.sensitivity[rows], self.covariance[rows], assumed, measured)
 
     def of_outputs(self, used: NDArray[np.bool_]) -> PointInformation:
         if used.all():
             return self
-        return PointInformation(self.points, self.sensitivity[:, used], self.covariance[:, used][:, :, used])
+        covariance = self.covariance[:, used][:, :, used]
+        assumed = None if self.assumed is None else self.assumed[:, used][:, :, used]
+        measured = None if self.measured is None else self.measured[:, used]
+        return PointInformation(self.points, self.sensitivity[:, used], covariance, assumed, measured)
 
     @staticmethod
     def join(parts: Sequence[PointInformation]) -> PointInformation:
+        """The points of all parts, which are of one problem, one after the other."""
         points = Experiments.join([part.points for part in parts])
-        return PointInformation(
-            points, np.concatenate([part.sensitivity for part in parts]), np.concatenate([part.covariance for part in parts])
-        )
+        sensitivity = np.concatenate([part.sensitivity for part in parts])
+        covariance = np.concatenate([part.covariance for part in parts])
+        assumed = [part.assumed for part in parts if part.assumed is not None]
+        measured = None
+        if any(part.measured is not None for part in parts):
+            all_of = (np.ones(part.sensitivity.shape[:2], dtype=bool) if part.measured is None else part.measured for part in parts)
+            measured = np.concatenate(list(all_of))
+        return PointInformation(points, sensitivity, covariance, np.concatenate(assumed) if assumed else None, measured)
 
 
 def point_sensitivities(problem: DesignProblem, points: Experiments, threads: int | None) -> tuple[PointInformation, IntArray]:
-    """Standardised sensitivities at the prior mean, and statuses; the predictive covariances are left at zero.
+    """Standardised sensitivities at the prior mean, what is assumed, and statuses; the predictive covariances are left at zero.
 
     The points must be the problem's model's and off its switching surfaces: a search asks hundreds of times.
     """
-    result = checked_sensitivities(problem.model, points, problem.theta, _settings(problem, threads))
+    settings, assumed = _settings(problem, threads), problem.assumed
+    if assumed is None:
+        result = checked_sensitivities(problem.model, points, problem.theta, settings)
+    else:  # one run of the extended model has the tangents by the parameters too
+        result = checked_sensitivities(assumed.model, points, assumed.theta(problem.theta), settings)
     scaled = np.ascontiguousarray(result.dy_dtheta[:, :, problem.estimated_columns] * problem.std)
-    n_y = scaled.shape[1]
-    return PointInformation(points, scaled, np.zeros((len(points), n_y, n_y))), result.status
+    n_y, status, share = scaled.shape[1], result.status, None
+    if assumed is not None:
+        share = assumed.covariance(result.dy_dtheta)
+        if problem.assumed_covariance == "predictive" and not isinstance(problem.rule, Linearized):
+            theta, prior = assumed.theta(problem.theta), assumed.prior(problem.theta)
+            nodes = nodes_of(problem.rule, prior, names_of(assumed.model.parameters), assumed.names)
+            share, over_nodes = covariance_over_nodes(assumed.model, points, theta, nodes, problem.rule, settings)
+            status = np.where(status != Status.ok, status, over_nodes)
+    return PointInformation(points, scaled, np.zeros((len(points), n_y, n_y)), share), status
 
 
 def _settings(problem: DesignProblem, threads: int | None) -> Settings:
@@ -67,7 +104,7 @@ def with_covariance(problem: DesignProblem, given: PointInformation, threads: in
     nodes = nodes_of(problem.rule, problem.prior, names_of(problem.model.parameters), problem.estimated)
     settings = _settings(problem, threads)
     result = covariance_over_nodes(problem.model, given.points, problem.theta, nodes, problem.rule, settings)
-    return PointInformation(given.points, given.sensitivity, result.covariance), result.status
+    return replace(given, covariance=result.covariance), result.status
 
 
 def with_linearized_covariance(problem: DesignProblem, given: PointInformation) -> PointInformation:
@@ -76,7 +113,7 @@ def with_linearized_covariance(problem: DesignProblem, given: PointInformation) 
     columns = problem.estimated_columns
     ok = np.zeros(len(given), dtype=np.int32)
     covariance = linearized(given.sensitivity, moments[np.ix_(columns, columns)], ok).covariance
-    return PointInformation(given.points, given.sensitivity, covariance)
+    return replace(given, covariance=covariance)
 
 
 @lru_cache(maxsize=4)  # a search asks for the same hundreds of times

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -27,27 +28,49 @@ _region_means: WeakKeyDictionary[DesignProblem, Array] = WeakKeyDictionary()
 class Criterion:
     """log det F as a function of points, for one form of D.
 
-    D = `given`, plus the mean predictive covariance of the points where `pooled`. For "pointwise" every point is whitened
-    with its own D when it is prepared, and `given` is the identity.
+    D = `base`, plus the mean predictive covariance of the points where `pooled`. Where each point has its `own` D_k, it is whitened
+    with that when it is prepared, and `given`, the D of what is accumulated, is the identity.
     """
 
     kind: str
     used: NDArray[np.bool_]  # outputs that take part
     names: tuple[str, ...]  # theirs
-    given: Array
-    pooled: bool
-    noise: Array  # R of the outputs that take part
+    base: Array  # R, and for "region" the mean over the region, of the outputs that take part
+    own: bool
+
+    @property
+    def pooled(self) -> bool:
+        return self.kind == "pooled"
+
+    @cached_property
+    def given(self) -> Array:
+        return np.eye(len(self.names)) if self.own else self.base
 
     def prepare(self, information: PointInformation) -> PointInformation:
-        """The points as `accumulate` takes them."""
+        """The points as `accumulate` takes them; an output that is not measured says nothing."""
         reduced = information.of_outputs(self.used)
-        if self.kind != "pointwise":
+        sensitivity, measured = reduced.sensitivity, reduced.measured
+        if measured is not None:
+            sensitivity = np.where(measured[:, :, None], sensitivity, 0.0)
+        if self.own:
+            d = self.own_covariances(reduced)
+            if not self.base.any():
+                check_regular(d, self.names, self.kind)
+            if measured is not None:  # D_k of the measured outputs alone, with ones in the places of the others
+                d = np.where(measured[:, :, None] & measured[:, None, :], d, np.eye(len(self.names)))
+            whitened = np.linalg.solve(np.linalg.cholesky(d), sensitivity)
+            return PointInformation(reduced.points, whitened, np.zeros_like(reduced.covariance))
+        if reduced.assumed is None and measured is None:
             return reduced
-        d = self.noise + reduced.covariance
-        if not self.noise.any():
-            check_regular(d, self.names, self.kind)
-        factors = np.linalg.cholesky(d)
-        return PointInformation(reduced.points, np.linalg.solve(factors, reduced.sensitivity), np.zeros_like(reduced.covariance))
+        covariance = reduced.covariance if reduced.assumed is None else reduced.covariance + reduced.assumed
+        return PointInformation(reduced.points, sensitivity, covariance)
+
+    def own_covariances(self, reduced: PointInformation) -> Array:
+        """D_k (K, n, n) of points of which only the outputs that take part are left."""
+        d = self.base + (reduced.covariance if self.kind == "pointwise" else 0.0)
+        if reduced.assumed is not None:
+            d = d + reduced.assumed
+        return d if d.ndim == 3 else np.broadcast_to(d, reduced.covariance.shape).copy()
 
     def accumulate(self, prepared: PointInformation) -> _core.FisherAccumulator:
         _, n_y, p = prepared.sensitivity.shape
@@ -56,7 +79,7 @@ class Criterion:
         return accumulator
 
     def output_covariance(self, prepared: PointInformation) -> Array:
-        """D (n, n) of the accumulator; the identity for "pointwise"."""
+        """D (n, n) of the accumulator; the identity where each point has its own."""
         d: Array = self.accumulate(prepared).output_covariance(self.given, self.pooled)
         return d
 
@@ -81,26 +104,29 @@ def criterion(problem: DesignProblem, sample: PointInformation, threads: int | N
     Raises
     ------
     ValueError
-        Where D is singular for another reason than outputs that carry nothing; the outputs are named.
+        Where D is singular for another reason than outputs that carry nothing; the outputs are named. And where "pooled" meets
+        outputs that are not measured: one D for all points has no value for them.
     """
     kind = kind or str(problem.output_covariance)
     noise = problem.noise_covariance
-    given = noise + (region_mean(problem, threads) if kind == "region" else 0.0)
+    base = noise + (region_mean(problem, threads) if kind == "region" else 0.0)
     varies = (sample.sensitivity != 0).any(axis=(0, 2)) | (np.diagonal(sample.covariance, axis1=1, axis2=2) > 0).any(axis=0)
     used = (np.diag(noise) > 0) | varies
     if not used.any():
         raise ValueError("output_covariance: expected an output that depends on a parameter, given none")
-    given, noise = given[np.ix_(used, used)], noise[np.ix_(used, used)]
+    base = base[np.ix_(used, used)]
     names = tuple(name for name, taken in zip(names_of(problem.model.outputs), used, strict=True) if taken)
-    if kind in ("noise", "region"):
-        check_regular(given, names, kind)
-    elif kind == "pooled":
-        mean = sample.covariance.mean(axis=0)[np.ix_(used, used)]
-        check_regular(given + mean, names, kind)
+    partly = sample.measured is not None
+    if kind == "pooled" and partly:
+        raise ValueError("previous: expected all outputs measured for output_covariance 'pooled', given some that are not")
+    # R alone is diagonal: what is not measured drops out of it without a D of the point's own.
+    own = kind == "pointwise" or (kind != "pooled" and sample.assumed is not None) or (kind == "region" and partly)
+    d = Criterion(kind, used, names, base, own)
+    if kind == "pooled":
+        check_regular(base + d.prepare(sample).covariance.mean(axis=0), names, kind)
     else:
-        check_regular(noise + sample.of_outputs(used).covariance, names, kind)
-        given = np.eye(len(names))
-    return Criterion(kind, used, names, given, kind == "pooled", noise)
+        check_regular(d.own_covariances(sample.of_outputs(used)) if kind == "pointwise" else base, names, kind)
+    return d
 
 
 def check_regular(d: Array, names: tuple[str, ...], kind: str) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from .assumed import Assumed, assumed_of, checked_stds
 from .models import Model
 from .prior import GaussianPrior
 from .quantity import Array, FrozenMapping, check_names, in_order, names_of
@@ -19,6 +20,7 @@ from .rules import DEFAULT_RULE, Rule
 from .trajectories import check_kinks, check_rtol
 
 OUTPUT_COVARIANCES = ("noise", "region", "pooled", "pointwise")
+ASSUMED_COVARIANCES = ("tangents", "predictive")
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +47,15 @@ class DesignProblem:
         Whether points that cross a kink are allowed; "exclude" is the strict reading of (21).
     rtol : float
         Tolerance of the trajectories.
+    uncertain : mapping of name to float, optional
+        Standard deviations, SI units, of constants, and of parameters that are not estimated, which are else known exactly. What
+        they make of the outputs is added to R for each point: R_k = R + G_k P G_k^T, as if they were another error in each.
+    initial_state_std : mapping of state name to float, optional
+        Standard deviations, SI units, by which starts deviate from x0; they add to R_k in the same way. A candidate must then
+        start three of them away from jumps and limits.
+    assumed_covariance : {"tangents", "predictive"}
+        Whether the two shares of R_k are G_k P G_k^T with the exact tangents at the mean, or (16) over the distribution of what is
+        uncertain, by `rule`.
 
     Raises
     ------
@@ -61,6 +72,9 @@ class DesignProblem:
     parameters: Sequence[str] | None = None
     kinks: str = "cross"
     rtol: float = 1e-6
+    uncertain: Mapping[str, float] | None = None
+    initial_state_std: Mapping[str, float] | None = None
+    assumed_covariance: str = "tangents"
 
     def __post_init__(self) -> None:
         for name, kind in (("model", Model), ("prior", GaussianPrior), ("rule", Rule)):
@@ -93,6 +107,7 @@ class DesignProblem:
         if not chosen:
             raise ValueError("parameters: expected at least one name, given none")
         set_field(self, "parameters", tuple(name for name in everything if name in chosen))
+        self._check_assumed(everything)
         default = "noise" if self.noise_std is not None else "region"
         set_field(self, "output_covariance", default if self.output_covariance is None else self.output_covariance)
         if self.output_covariance not in OUTPUT_COVARIANCES:
@@ -103,6 +118,28 @@ class DesignProblem:
             raise ValueError("noise_std: expected the sensor noise for output_covariance='noise', given none")
         if self.output_covariance == "region" and self.region is None:
             raise ValueError("region: expected a region for output_covariance='region', given None")
+
+    def _check_assumed(self, everything: tuple[str, ...]) -> None:
+        known = (*names_of(self.model.constant_quantities), *everything)
+        for label, names in (("uncertain", known), ("initial_state_std", names_of(self.model.states))):
+            stds = checked_stds(getattr(self, label), names, label)
+            for name, value in stds.items():
+                if not value > 0:
+                    raise ValueError(f"{label}[{name!r}]: expected a positive standard deviation, given {value:g}")
+            object.__setattr__(self, label, stds or None)
+        for name in (name for name in self.uncertain or () if name in self.estimated):
+            raise ValueError(f"uncertain: expected constants or parameters that are not estimated, given {name!r}, which is")
+        if self.assumed_covariance not in ASSUMED_COVARIANCES:
+            raise ValueError(
+                f"assumed_covariance: expected one of {', '.join(ASSUMED_COVARIANCES)}; given {self.assumed_covariance!r}"
+            )
+        if self.assumed is not None and self.assumed_covariance == "predictive":
+            try:
+                self.rule.check(self.assumed.prior(self.theta))
+            except ValueError as error:
+                raise ValueError(
+                    f"rule: expected one without names of parameters for assumed_covariance='predictive': {error}"
+                ) from error
 
     def replace(self, **changes: Any) -> DesignProblem:
         """Return a copy with some arguments changed."""
@@ -127,6 +164,13 @@ class DesignProblem:
     def estimated_columns(self) -> list[int]:
         """Places of the estimated parameters among the model's."""
         return [names_of(self.model.parameters).index(name) for name in self.estimated]
+
+    @cached_property
+    def assumed(self) -> Assumed | None:
+        """The model with what is uncertain among its parameters; None where nothing is."""
+        if not self.uncertain and not self.initial_state_std:
+            return None
+        return assumed_of(self.model, self.uncertain, self.initial_state_std)
 
     @cached_property
     def noise_covariance(self) -> Array:

@@ -136,8 +136,9 @@ def _facts(title: str, facts: Iterable[tuple[str, str]]) -> Table:
 
 def _headline(evaluated: Evaluated) -> Text:
     parameters, points = evaluated.evaluation.parameters, evaluated.points
+    previous = getattr(evaluated, "n_previous", 0)
     return Text(
-        f"\n{_plural(len(points), 'experiment point')} for {evaluated.problem.model.name}, "
+        f"\n{_plural(len(points), 'experiment point')}{f' beside {previous} previous ones' * (previous > 0)} for {evaluated.problem.model.name}, "
         f"{_plural(len(parameters), 'parameter')} to estimate: {', '.join(parameters)}\n",
         "bold",
     )
@@ -164,7 +165,8 @@ def _parameter_tables(evaluated: Evaluated) -> Iterator[RenderableType]:
     """One table under the sensor noise where it is known, one under the criterion's D where that is another."""
     evaluation, under_noise = evaluated.evaluation, evaluated.under_noise
     if under_noise is not None:
-        title = "Parameters, predicted under the sensor noise (D = R)"
+        noise = "the sensor noise (D = R)" if evaluated.problem.assumed is None else "the sensor noise and what is uncertain (R_k)"
+        title = f"Parameters, predicted under {noise}"
         yield _parameter_table(evaluated.problem, under_noise, title, promise=True)
         if evaluation.output_covariance_kind == "noise":
             return
@@ -210,6 +212,7 @@ def _criterion(evaluated: Evaluated) -> Table:
     if evaluation.outputs_left_out:
         left_out = ", ".join(evaluation.outputs_left_out)
         facts.append(("outputs left out", f"{left_out}: no noise is given and no parameter has an influence"))
+    facts += _assumed(evaluated.problem)
     if evaluation.covariance is None:
         facts.append(("rank of F", f"{evaluation.rank} of {len(evaluation.parameters)}: singular, log det is -inf"))
         facts += [("not determined (in prior std)", _combination(null)) for null in evaluation.null_directions]
@@ -220,14 +223,24 @@ def _criterion(evaluated: Evaluated) -> Table:
     return _facts("Criterion", facts)
 
 
+def _assumed(problem: fp.DesignProblem) -> Iterator[tuple[str, str]]:
+    """What is uncertain and so takes part in the output covariance of each point."""
+    model = problem.model
+    units = {q.name: q.unit for q in (*model.states, *model.parameters, *model.constant_quantities)}
+    for label, stds in (("uncertain", problem.uncertain), ("starts deviate by", problem.initial_state_std)):
+        if stds:
+            yield label, ", ".join(f"{name} {number(std)}{f' {units[name]}' * (units[name] != '1')}" for name, std in stds.items())
+
+
 def _describe_covariance(problem: fp.DesignProblem) -> str:
     noise = "" if problem.noise_std is None else "R + "
-    return {
+    form = {
         "noise": "noise: D = R, the sensor noise",
         "region": f"region: D = {noise}mean predictive covariance over the region",
         "pooled": f"pooled: D = {noise}mean predictive covariance of the points, (17)",
         "pointwise": f"pointwise: D_k = {noise}predictive covariance of the point itself",
     }[problem.output_covariance or ""]
+    return form if problem.assumed is None else f"{form}; and of each point what is uncertain"
 
 
 def _combination(direction: Mapping[str, float]) -> str:
@@ -281,10 +294,16 @@ def _search(design: fp.Design) -> RenderableType:
         ("distinct points", f"{design.distinct_points} of {len(design.points)}"),
         ("seed, time", f"{settings.seed}, {design.seconds:.1f} s"),
     ]
+    if design.previous_left_out:
+        lost = ", ".join(f"{reason} {count}" for reason, count in design.previous_left_out.items())
+        facts.append(("previous points left out", f"{lost}: none at the prior mean, they say nothing"))
     return Padding(_facts("Search", facts), (1, 0, 0, 0))
 
 
 _CONSTRAINT = "The point breaks a constraint of the region: bounds that fit the constraints waste fewer draws."
+
+
+_NEAR = "A deviation of the start, three of initial_state_std, may put the point past it: start further off."
 
 
 def _counts(title: str, counts: Mapping[str, int], total: int, share: str) -> RenderableType:
@@ -298,7 +317,7 @@ def _counts(title: str, counts: Mapping[str, int], total: int, share: str) -> Re
         if name in fp.Status.__members__:
             advice = "" if name == "ok" else fp.Status[name].advice
         else:
-            advice = _CONSTRAINT if name == "constraint" else ""
+            advice = _CONSTRAINT if name == "constraint" else _NEAR if name.startswith("starts near") else ""
         table.add_row(name, str(count), percent(count / total) if count else "0 %", Text(advice))
     return Padding(table, (1, 0, 0, 0))
 
