@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from .campaign import Campaign
 from .comparison import RuleComparison, compare_rules
 from .constraints import Constraint
 from .data import Measurements, VirtualRig
@@ -33,6 +34,7 @@ from .trajectories import (
 __version__ = "0.1.0"
 
 __all__ = [
+    "Campaign",
     "Constraint",
     "Design",
     "DesignProblem",
