@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from .assumed import assumed_covariance
 from .campaign import Campaign
 from .comparison import RuleComparison, compare_rules
 from .constraints import Constraint
@@ -65,6 +66,7 @@ __all__ = [
     "Trajectories",
     "Unscented",
     "VirtualRig",
+    "assumed_covariance",
     "available_isas",
     "compare_rules",
     "estimate",

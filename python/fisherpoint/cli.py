@@ -29,6 +29,7 @@ try:
     from rich.text import Text
 
     from .config import Config, ConfigError, load_config
+    from .files import write_whole
     from .report import design_report, evaluation_report, simulation_report, to_text
     from .results import Evaluated, evaluate_points, parameter_frame, simulation_frame
 except ModuleNotFoundError as missing:
@@ -151,7 +152,7 @@ def simulate(
     done = fp.simulate(model, experiments, theta)
     _show(simulation_report(model, experiments, done.y, done.status))
     if output:
-        simulation_frame(model, experiments, done.y, done.status).to_csv(output, index=False)
+        write_whole(output, simulation_frame(model, experiments, done.y, done.status).to_csv(index=False))
     return 0
 
 

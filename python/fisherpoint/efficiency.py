@@ -93,7 +93,7 @@ def efficiency_of(
 def random_designs(
     problem: DesignProblem, n_experiments: int, seed: int, threads: int, previous: PointInformation | None = None
 ) -> Array:
-    """Log dets under the sensor noise of random designs from a pool of valid points, beside the previous ones; (RANDOM_DESIGNS,)."""
+    """Log dets under the sensor noise of random designs out of a pool of points, beside the previous ones; (RANDOM_DESIGNS,)."""
     rng = np.random.default_rng([seed, 1])
     pool = CandidateSource(problem, rng, threads).draw_confirmed(4 * n_experiments)
     both = pool if previous is None else PointInformation.join([previous, pool])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,8 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .files import csv_text, write_whole
+from .csv_table import CsvTable, csv_text
+from .files import write_whole
 from .models import Model
+from .models.base import DURATION
 from .quantity import Array, as_floats, names_of
 
 
@@ -117,6 +118,8 @@ class Experiments:
     def from_csv(cls, path: str | Path, model: Model) -> Experiments:
         """Read points of `model`; columns are found by name (or by place where written without a model).
 
+        Entries may be separated by semicolons or tabs, then with decimal commas too, and headers may have units, as ``q [mm]``.
+
         Raises
         ------
         OSError
@@ -124,40 +127,20 @@ class Experiments:
         ValueError
             Where a column is missing or unknown, or an entry is no number; the message names row and column.
         """
-        names = names_of(model.axes)
-        try:
-            with Path(path).open(newline="", encoding="utf-8-sig") as file:
-                header, *rows = [row for row in csv.reader(file) if row] or [[]]
-        except UnicodeDecodeError as error:
-            raise ValueError(f"{path}: expected a CSV text file, given bytes that are no text") from error
-        header = [name.strip() for name in header]
-        n_x, n_u = len(model.states), len(model.inputs)
+        table = CsvTable(path)
+        names, n_x, n_u = names_of(model.axes), len(model.states), len(model.inputs)
         places = (*_places(n_x, n_u), *names[n_x + n_u :])
-        expected = places if places[0] in header and names[0] not in header else names
-        if "dt" in header and "dt" not in expected:
-            expected = (*expected, "dt")
-        missing = [name for name in expected if name not in header]
-        unknown = [name for name in header if name not in expected]
-        if missing or unknown or len(set(header)) != len(header):
-            raise ValueError(f"{path}: expected the columns {', '.join(names)}; given {', '.join(header) or 'none'}")
-        if not rows:
-            raise ValueError(f"{path}: expected at least one row of points, given none")
-        table = np.empty((len(rows), len(expected)))
-        for k, row in enumerate(rows):
-            if len(row) != len(header):
-                raise ValueError(f"{path}: row {k + 1}: expected {len(header)} entries, given {len(row)}")
-            for j, name in enumerate(expected):
-                try:
-                    table[k, j] = float(row[header.index(name)])
-                except ValueError as error:
-                    raise ValueError(
-                        f"{path}: row {k + 1}, column {name}: expected a number, given {row[header.index(name)]!r}"
-                    ) from error
-                if not np.isfinite(table[k, j]) or (name == "dt" and not table[k, j] > 0):
-                    kind = "positive duration in s" if name == "dt" else "finite number"
-                    raise ValueError(f"{path}: row {k + 1}, column {name}: expected a {kind}, given {table[k, j]:g}")
-        dt = table[:, -1] if "dt" in expected else None
-        return cls(table[:, :n_x], table[:, n_x : n_x + n_u], dt, _columns(model))
+        columns = places if places[0] in table and names[0] not in table else names
+        if "dt" in table and "dt" not in columns:
+            columns = (*columns, "dt")
+        if set(columns) != set(table.names):
+            raise ValueError(f"{path}: expected the columns {', '.join(names)}; given {', '.join(table.names)}")
+        table.read_decimal_commas(columns)
+        quantities = (*model.states, *model.inputs, DURATION)
+        numbers = [table.complete(quantity, name) for quantity, name in zip(quantities, columns, strict=False)]
+        rows = np.column_stack(numbers)
+        dt = rows[:, -1] if "dt" in columns else None
+        return cls(rows[:, :n_x], rows[:, n_x : n_x + n_u], dt, _columns(model))
 
 
 def _columns(model: Model) -> tuple[str, ...]:

@@ -1,15 +1,10 @@
-"""Files that appear whole or not at all, and tables of numbers as text."""
+"""Files that appear whole or not at all."""
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 import tempfile
-from collections.abc import Sequence
 from pathlib import Path
-
-from .quantity import Array
 
 
 def write_whole(path: str | Path, text: str) -> None:
@@ -51,12 +46,3 @@ def _keep_entries(directory: Path) -> None:
             os.fsync(descriptor)
         finally:
             os.close(descriptor)
-
-
-def csv_text(header: Sequence[str], table: Array) -> str:
-    """A header and rows of numbers, of which every digit is kept; an entry is empty where it is NaN."""
-    file = io.StringIO()
-    writer = csv.writer(file)
-    writer.writerow(header)
-    writer.writerows([["" if value != value else repr(value) for value in row] for row in table.tolist()])
-    return file.getvalue()

@@ -137,8 +137,9 @@ def _facts(title: str, facts: Iterable[tuple[str, str]]) -> Table:
 def _headline(evaluated: Evaluated) -> Text:
     parameters, points = evaluated.evaluation.parameters, evaluated.points
     previous = getattr(evaluated, "n_previous", 0)
+    beside = f" beside {previous} previous ones" if previous else ""
     return Text(
-        f"\n{_plural(len(points), 'experiment point')}{f' beside {previous} previous ones' * (previous > 0)} for {evaluated.problem.model.name}, "
+        f"\n{_plural(len(points), 'experiment point')}{beside} for {evaluated.problem.model.name}, "
         f"{_plural(len(parameters), 'parameter')} to estimate: {', '.join(parameters)}\n",
         "bold",
     )

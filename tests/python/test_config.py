@@ -157,7 +157,8 @@ MISTAKES = {
     "table": (
         "[design]",
         "[desing]",
-        "unknown key desing; expected one of model, prior, prior_correlation, noise_std, region, rule, design "
+        "unknown key desing; expected one of model, prior, prior_correlation, noise_std, uncertain, initial_state_std, "
+        "region, rule, design "
         '(did you mean "design"?)',
     ),
 }

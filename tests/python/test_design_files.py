@@ -283,11 +283,11 @@ ROW = "0.15,0.2,8e6,9e6,0.3,-0.3,1e-3"
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "expected the columns q, v, p_A, p_B, x_v, u, dt; given none"),
-        (HEADER, "expected at least one row of points, given none"),
-        (f"q,v,p_A\n{ROW}", "expected the columns q, v, p_A, p_B, x_v, u, dt; given q, v, p_A"),
+        ("", "expected a header and at least one row, given none"),
+        (HEADER, "expected a header and at least one row, given a header alone"),
+        ("q,v,p_A\n1,2,3", "expected the columns q, v, p_A, p_B, x_v, u, dt; given q, v, p_A"),
         (f"{HEADER},colour\n{ROW},1", "expected the columns .* given .*colour"),
-        (f"q,{HEADER}\n0.1,{ROW}", "expected the columns .* given q, q"),
+        (f"q,{HEADER}\n0.1,{ROW}", "expected each column once, given q more than once"),
         (f"{HEADER}\n{ROW}\n{ROW},7", "row 2: expected 7 entries, given 8"),
         (f"{HEADER}\n{ROW}\n1,2", "row 2: expected 7 entries, given 2"),
         (f"{HEADER}\n{ROW}\n0.15,0.2,much,9e6,0.3,-0.3,1e-3", "row 2, column p_A: expected a number, given 'much'"),
@@ -295,7 +295,7 @@ ROW = "0.15,0.2,8e6,9e6,0.3,-0.3,1e-3"
         (f"{HEADER}\n{ROW}\n0.15,0.2,nan,9e6,0.3,-0.3,1e-3", "row 2, column p_A: expected .*given .*nan"),
         (f"{HEADER}\n{ROW}\n0.15,0.2,8e6,9e6,0.3,inf,1e-3", "row 2, column u: expected .*given .*inf"),
         (f"{HEADER}\n{ROW}\n0.15,0.2,8e6,9e6,0.3,-0.3,0", "row 2, column dt: expected .*given .*0"),
-        (f"{HEADER}\n{ROW}\n0.15,0.2,8e6,9e6,0.3,-0.3,-1e-3", "row 2, column dt: expected .*given .*-0.001"),
+        (f"{HEADER}\n{ROW}\n0.15,0.2,8e6,9e6,0.3,-0.3,-1e-3", "row 2, column dt: expected .*given .*-1e-3"),
     ],
 )
 def test_a_wrong_csv_names_row_and_column(text: str, message: str, tmp_path: Path) -> None:
@@ -314,6 +314,13 @@ def test_a_csv_written_by_a_spreadsheet_is_read(tmp_path: Path) -> None:
     """Spreadsheets put a byte order mark in front."""
     (tmp_path / "points.csv").write_text(f"{HEADER}\n{ROW}\n", encoding="utf-8-sig")
     assert len(fp.Experiments.from_csv(tmp_path / "points.csv", MODEL)) == 1
+
+
+def test_points_may_have_units_and_decimal_commas(tmp_path: Path) -> None:
+    header = HEADER.replace("q,", "q [mm],", 1).replace("p_A", "p_A (bar)").replace(",", ";")
+    (tmp_path / "points.csv").write_text(f"{header}\n150,5;0,2;80,5;9e6;0,3;-0,3;1e-3\n")
+    points = fp.Experiments.from_csv(tmp_path / "points.csv", MODEL)
+    assert points.table.tolist() == [[0.1505, 0.2, 8.05e6, 9e6, 0.3, -0.3, 1e-3]]
 
 
 def test_levels_by_name_come_back(tmp_path: Path) -> None:

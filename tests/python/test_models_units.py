@@ -1,10 +1,11 @@
-"""Units are read, not converted: what is one, and where one that is none goes wrong."""
+"""Units: what is one, where one that is none goes wrong, and what numbers are in another."""
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from fisherpoint.models.units import check_unit
+from fisherpoint.models.units import UNITS, check_unit, convert
 
 
 @pytest.mark.parametrize(
@@ -41,3 +42,70 @@ def test_what_is_no_unit_is_named_with_its_place(unit: str, part: str) -> None:
         check_unit(unit, "states.x")
     assert str(caught.value).startswith("states.x: expected a unit such as 'm3/(s sqrt(Pa))', given")
     assert len(str(caught.value)) < 250
+
+
+@pytest.mark.parametrize(
+    ("value", "given", "wanted", "expected"),
+    [
+        (61.7, "bar", "Pa", 6170000.0),
+        (12.3, "mm", "m", 0.0123),
+        (7, "kPa", "bar", 0.07),
+        (1.5, "min", "s", 90.0),
+        (5.0, "%", "1", 0.05),
+        (3.0, "mM", "mol/L", 0.003),
+        (5.0, "mg/L", "kg/m3", 0.005),
+        (1.0, "N s/m", "kg/s", 1.0),
+        (2.0, "s^-1", "1/s", 2.0),
+        (9.0, "cd", "cd", 9.0),
+        (2.0, "dag/das", "g/s", 2.0),
+        (1.0, "W h", "J", 3600.0),
+        (1.0, "U/L", "mol/(m3 s)", 1e-3 / 60),
+        (3.0, "L/min", "m3/s", 5e-5),
+        (1.0, "m3/(s sqrt(bar))", "m3/(s sqrt(Pa))", 10**-2.5),
+        (90.0, "deg", "rad", np.pi / 2),
+        (60.0, "rpm", "rad/s", 2 * np.pi),
+        (20.0, "degC", "K", 293.15),
+        (293.15, "K", "°C", 20.0),
+        (2.0, "1/degC", "1/K", 2.0),
+    ],
+)
+def test_numbers_are_converted(value: float, given: str, wanted: str, expected: float) -> None:
+    converted = float(convert(np.array(value), given, wanted, "y"))
+    irrational = any(part in given for part in ("sqrt", "deg", "rpm", "min", "U")) or wanted == "°C"
+    assert converted == (pytest.approx(expected, rel=1e-15) if irrational else expected)
+    assert float(convert(np.array(converted), wanted, given, "y")) == pytest.approx(value, rel=1e-14)
+
+
+def test_prefixes_are_powers_of_ten() -> None:
+    powers = dict(zip("qryzafpnum", range(-30, 0, 3), strict=True)) | {"c": -2, "d": -1, "da": 1, "h": 2}
+    powers |= dict(zip("kMGTPEZYRQ", range(3, 33, 3), strict=True)) | {"µ": -6, "μ": -6}
+    for prefix, power in powers.items():
+        assert float(convert(np.array(1.0), f"{prefix}V", "V", "y")) == pytest.approx(
+            float(f"1e{power}"), rel=0 if abs(power) < 23 else 1e-15
+        )
+
+
+def test_every_unit_has_a_value() -> None:
+    for name in UNITS.keys() - {"degC", "°C"}:  # which in a product are differences
+        assert convert(np.array(3.0), f"{name} s/s", name, "y") == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "wanted", "message"),
+    [
+        ("Pa", "m", "expected a unit of what is in 'm', given 'Pa', which measures something else"),
+        ("Hz", "rad/s", "measures something else"),
+        ("ft", "m", "measures something else"),  # a femtotonne
+        ("au", "1", "measures something else"),
+        ("m^0.5", "m", "measures something else"),
+        ("0 m", "m", "expected a unit of the size of 'm', given '0 m'"),
+        ("1e400 m", "m", "of the size of"),
+        ("((((((10^90)^90)^90)^90)^90)^90)^90 m", "m", "of the size of"),
+        ("1e999999999", "1", "of the size of"),
+        ("psi", "Pa", "unknown unit 'psi'"),
+        ("m" * 101, "m", "expected a unit such as"),
+    ],
+)
+def test_what_cannot_be_converted_says_why(given: str, wanted: str, message: str) -> None:
+    with pytest.raises(ValueError, match=rf"^y: .*{message}"):
+        convert(np.array(1.0), given, wanted, "y")

@@ -39,7 +39,7 @@ def with_changes(design: fp.Design, **changes: Any) -> Any:
     """A design in which some attributes have other values."""
     fields = (
         "problem points evaluation under_noise trace rejected drawn accepted stop_reason distinct_points "
-        "seconds settings efficiency"
+        "seconds settings efficiency n_previous previous_left_out"
     )
     return SimpleNamespace(**{name: getattr(design, name) for name in fields.split()} | changes)
 

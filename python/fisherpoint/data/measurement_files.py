@@ -18,13 +18,12 @@ from pathlib import Path
 
 import numpy as np
 
+from ..csv_table import CsvTable, csv_text
 from ..experiments import Experiments
-from ..files import csv_text
 from ..models import Model
 from ..models.base import DURATION
-from ..quantity import Array, Quantity, names_of
+from ..quantity import names_of
 from ..trajectories import Status
-from .csv_table import CsvTable
 from .measurements import Measurements
 from .plausibility import refuse_implausible
 
@@ -48,6 +47,7 @@ def measurements_csv(measurements: Measurements, model: Model) -> str:
 def read_measurements(path: str | Path, model: Model) -> Measurements:
     """Read and check a file of measurements of `model`; see `Measurements.from_csv`."""
     table = CsvTable(path)
+    table.refuse_cut_off()
     outputs = _match(table, model)
     starts = {state.name: name for state in model.states if (name := f"x0_{state.name}") in table and name not in _axes(model)}
     table.read_decimal_commas(name for name in table.names if name in {*_axes(model), *starts.values(), *outputs.values()})
@@ -60,11 +60,8 @@ def read_measurements(path: str | Path, model: Model) -> Measurements:
         x0[:, i] = np.where(np.isnan(measured), of_plan, measured)
         planned[:, i] = np.where(np.isnan(of_plan), measured, of_plan)
         table.refuse(np.isnan(x0[:, i]), state.name if state.name in table else starts[state.name], "a start value")
-    u = np.column_stack([np.empty((n, 0)), *(_complete(table, quantity) for quantity in model.inputs)])
-    dt = np.ones(n)
-    if "dt" in table:
-        dt = _complete(table, DURATION)
-        table.refuse(dt <= 0, "dt", "a positive duration in s")
+    u = np.column_stack([np.empty((n, 0)), *(table.complete(quantity) for quantity in model.inputs)])
+    dt = table.complete(DURATION) if "dt" in table else np.ones(n)
     y = np.full((n, len(model.outputs)), np.nan)
     for j, quantity in enumerate(model.outputs):
         if quantity.name in outputs:
@@ -99,22 +96,15 @@ def _match(table: CsvTable, model: Model) -> dict[str, str]:
     unknown = [name for name in table.names if name not in known]
     if missing or unknown or not outputs:
         of_outputs = ", ".join(f"y_{name}" for name in names_of(model.outputs))
-        wrong = [f"no {', '.join(missing)}"] if missing else []
-        wrong += [] if outputs else ["none of an output"]
-        wrong += [f"{', '.join(unknown)}, which {model.name} does not have"] if unknown else []
-        another = ": a data file of another model" if unknown and (missing or not outputs) else ""
+        wrong = [f"none for {', '.join(missing)}"] if missing else []
+        wrong += [] if outputs else ["none for an output"]
+        wrong += [f"the unknown {', '.join(unknown)}"] if unknown else []
+        another = f": the file of another model than {model.name}" if unknown and (missing or not outputs) else ""
         raise ValueError(
             f"{table.path}: expected the columns {', '.join(names_of(model.axes))}, and of {of_outputs} those that were measured; "
-            f"given {', and '.join(wrong)}{another}"
+            f"given {'; '.join(wrong)}{another}"
         )
     return outputs
-
-
-def _complete(table: CsvTable, quantity: Quantity) -> Array:
-    """A column without gaps."""
-    values = table.numbers(quantity.name, quantity.unit)
-    table.refuse(np.isnan(values), quantity.name, "a number")
-    return values
 
 
 def _failed(table: CsvTable) -> list[int]:

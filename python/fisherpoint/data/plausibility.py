@@ -8,9 +8,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from ..csv_table import CsvTable
 from ..models import Model
 from ..quantity import Array, names_of
-from .csv_table import CsvTable
 
 Places = NDArray[np.intp]
 

@@ -1,4 +1,7 @@
-"""A CSV file as columns by name, read as people and spreadsheets write it; what is wrong is told with row and column."""
+"""CSV files: tables of numbers written with every digit, and read as people and spreadsheets write them.
+
+What is wrong is told with row and column.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +9,15 @@ import csv
 import io
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..models.units import convert
-from ..quantity import Array
+from .models.base import DURATION
+from .models.units import convert
+from .quantity import Array, Quantity
 
 _WITH_UNIT = re.compile(r"([^\[(]*?)\s*(?:\[(.*)\]|\((.*)\))")
 
@@ -29,7 +33,7 @@ class CsvTable:
     OSError
         Where the file cannot be read.
     ValueError
-        Where it is no text, has no rows, does not end with a line break, or has a row with a wrong number of entries.
+        Where it is no text, has no rows, a column twice, or a row with a wrong number of entries.
     """
 
     _comma_hint = "; decimal commas need semicolons between the entries"
@@ -57,11 +61,6 @@ class CsvTable:
                 if k + 1 == len(rows) and text[-1] not in "\r\n":
                     hint = ", where the file ends without a line break: was it cut off?"
                 raise ValueError(f"{path}: row {k + 1}: expected {len(header)} entries, given {len(row)}{hint}")
-        if text[-1] not in "\r\n":
-            raise ValueError(
-                f"{path}: row {len(rows)}: expected a line break at the end of the file, given {rows[-1][-1]!r}, which is part of "
-                "a number where the file was cut off (where it was not, add the line break)"
-            )
         units = [_name_and_unit(entry.strip()) for entry in header]
         self.names = tuple(name for name, _ in units)
         self.units = dict(units)
@@ -69,6 +68,7 @@ class CsvTable:
         if twice:
             raise ValueError(f"{path}: expected each column once, given {', '.join(twice)} more than once")
         self._texts = dict(zip(self.names, zip(*rows, strict=True), strict=True))
+        self._ends = text[-1] in "\r\n"
         self._decimal_comma = False
         self._underscores = "_" in text[text.index(first) + len(first) :]
 
@@ -81,6 +81,15 @@ class CsvTable:
     def error(self, row: int, column: str, what: str) -> ValueError:
         """What is wrong in a row, counted from 0 here, of a column."""
         return ValueError(f"{self.path}: row {row + 1}, column {column}: {what}")
+
+    def refuse_cut_off(self) -> None:
+        """Raise where the last row has no line break: if the file was cut off within its last number, nothing else shows it."""
+        if not self._ends:
+            last = self._texts[self.names[-1]][-1]
+            raise ValueError(
+                f"{self.path}: row {len(self)}: expected a line break at the end of the file, given {last!r} there: "
+                "was it cut off within that? (where it was not, add the line break)"
+            )
 
     def texts(self, name: str) -> list[str]:
         """The entries of a column."""
@@ -133,6 +142,21 @@ class CsvTable:
         self.refuse(np.isinf(values), name, f"a finite number in {unit}")
         return values
 
+    def complete(self, quantity: Quantity, name: str | None = None) -> Array:
+        """The column of a quantity, without gaps; a duration is positive.
+
+        Raises
+        ------
+        ValueError
+            As `numbers`, and where an entry is missing, or a duration is not positive.
+        """
+        name = name or quantity.name
+        values = self.numbers(name, quantity.unit)
+        self.refuse(np.isnan(values), name, "a number")
+        if name == DURATION.name:
+            self.refuse(values <= 0, name, "a positive duration in s")
+        return values
+
     def refuse(self, wrong: ArrayLike, name: str, expected: str) -> None:
         """Raise for the first row that is wrong."""
         rows = np.flatnonzero(wrong)
@@ -146,6 +170,15 @@ class CsvTable:
             given = self._texts[name][row]
             hint = self._comma_hint if "," in given and self.separator == "," else ""
             raise self.error(row, name, f"expected a number, given {given!r:.40}{hint}") from None
+
+
+def csv_text(header: Sequence[str], table: Array) -> str:
+    """A header and rows of numbers, of which every digit is kept; an entry is empty where it is NaN."""
+    file = io.StringIO()
+    writer = csv.writer(file)
+    writer.writerow(header)
+    writer.writerows([["" if value != value else repr(value) for value in row] for row in table.tolist()])
+    return file.getvalue()
 
 
 def _name_and_unit(entry: str) -> tuple[str, str | None]:

@@ -1,0 +1,182 @@
+"""Information that is already collected: it is added to F, stays, and says no more than what was measured."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fisherpoint as fp
+from defaults import KINDS, MODEL, NOISE, PRIOR, point, problem, same_bits, valid_points
+from fisherpoint.data import Measurements
+from fisherpoint.efficiency import random_designs
+from fisherpoint.output_covariance import region_mean
+from fisherpoint.previous import previous_information
+from oracle import Floats
+
+THETA = MODEL.theta(MODEL.nominal)
+POINTS = valid_points(16, seed=5)
+FIRST, SECOND = POINTS[:10], POINTS[10:]
+QUICK: dict[str, Any] = {"n_candidates": 10, "max_iterations": 8, "seed": 1}
+SOME = {"T_1": 1e-4, "A_A": 4e-6}
+JUMPS = point(v=-1e-3, p_A=15e6, p_B=3e6)
+
+
+def measured(points: fp.Experiments, *missing: tuple[int, int]) -> Measurements:
+    """Exact outputs, but for those that are missing."""
+    y = fp.simulate(MODEL, points, THETA).y.copy()
+    for row, column in missing:
+        y[row, column] = np.nan
+    return Measurements(points, y)
+
+
+def standardised(points: fp.Experiments) -> Floats:
+    s: Floats = fp.sensitivities(MODEL, points, THETA).dy_dtheta * np.array(list(PRIOR.std.values()))
+    return s
+
+
+def same_information(a: fp.Evaluation, b: fp.Evaluation, rtol: float = 1e-9) -> None:
+    size = np.sqrt(np.outer(np.diag(b.fisher), np.diag(b.fisher)))
+    np.testing.assert_allclose(a.fisher / size, b.fisher / size, rtol=0, atol=rtol)
+    assert a.log_det == pytest.approx(b.log_det, rel=1e-9)
+
+
+@pytest.mark.parametrize("uncertain", [None, SOME], ids=["exact", "uncertain"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_previous_points_count_as_all_others(kind: str, uncertain: dict[str, float] | None) -> None:
+    given = problem(output_covariance=kind, uncertain=uncertain)
+    together = fp.evaluate_design(given, POINTS)
+    for previous in (FIRST, measured(FIRST), [FIRST[:4], measured(FIRST[4:])], (FIRST,)):
+        evaluation = fp.evaluate_design(given, SECOND, previous=previous)
+        same_information(evaluation, together)
+        assert evaluation.standard_errors == pytest.approx(together.standard_errors, rel=1e-6)
+        np.testing.assert_allclose(evaluation.output_covariance, together.output_covariance, rtol=1e-9)
+
+
+def test_nothing_previous_is_the_same_to_the_last_bit() -> None:
+    alone = fp.evaluate_design(problem(), POINTS)
+    for nothing in (None, [], (), POINTS[:0]):
+        assert same_bits(fp.evaluate_design(problem(), POINTS, previous=nothing).fisher, alone.fisher)
+    design, other = (fp.exchange(problem(), 9, **QUICK, previous=nothing) for nothing in (None, []))
+    assert same_bits(design.points.table, other.points.table) and same_bits(design.evaluation.fisher, other.evaluation.fisher)
+    assert (other.n_previous, other.previous_left_out) == (0, {})
+
+
+MISSING = ((0, 1), (2, 0), (2, 3), (5, 0), (5, 1), (5, 2))
+
+
+@pytest.mark.parametrize("uncertain", [None, SOME], ids=["exact", "uncertain"])
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "pooled"])
+def test_what_was_not_measured_says_nothing(kind: str, uncertain: dict[str, float] | None) -> None:
+    """F is the sum over what was measured, with the rows and columns of D_k that belong to it."""
+    given = problem(output_covariance=kind, uncertain=uncertain)
+    data = measured(FIRST, *MISSING)
+    evaluation = fp.evaluate_design(given, SECOND, previous=data)
+    r = np.diag(np.square(list(NOISE.values())))
+    d = np.broadcast_to(r, (len(POINTS), 4, 4)).copy()
+    if kind == "region":
+        d += region_mean(given, 1)
+    if kind == "pointwise":
+        d += fp.predictive_covariance(MODEL, POINTS, PRIOR, given.rule).covariance
+    if uncertain:
+        d += fp.assumed_covariance(MODEL, POINTS, THETA, uncertain).covariance
+    there = np.concatenate([np.isfinite(data.y), np.ones((len(SECOND), 4), dtype=bool)])
+    fisher = np.zeros((9, 9))
+    for s_k, d_k, of_k in zip(standardised(POINTS), d, there, strict=True):
+        fisher += 2 / len(POINTS) * s_k[of_k].T @ np.linalg.inv(d_k[np.ix_(of_k, of_k)]) @ s_k[of_k]
+    size = np.sqrt(np.outer(np.diag(fisher), np.diag(fisher)))
+    np.testing.assert_allclose(evaluation.fisher / size, fisher / size, rtol=0, atol=1e-6)
+    assert evaluation.log_det == pytest.approx(np.linalg.slogdet(fisher)[1], abs=1e-4)
+    assert evaluation.log_det < fp.evaluate_design(given, SECOND, previous=FIRST).log_det
+
+
+def test_one_covariance_for_all_points_needs_all_outputs() -> None:
+    with pytest.raises(ValueError, match=r"previous: expected all outputs measured for output_covariance 'pooled', given some"):
+        fp.evaluate_design(problem(output_covariance="pooled"), SECOND, previous=measured(FIRST, *MISSING))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_search_never_removes_them(kind: str) -> None:
+    given = problem(output_covariance=kind, uncertain=SOME)
+    design = fp.exchange(given, 6, **QUICK, previous=measured(FIRST[:6]))
+    assert (len(design.points), design.n_previous, design.previous_left_out) == (6, 6, {})
+    assert not {row.tobytes() for row in FIRST.table} & {row.tobytes() for row in design.points.table}
+    again = fp.evaluate_design(given, design.points, previous=FIRST[:6])
+    same_information(design.evaluation, again)
+    assert design.trace[-1].log_det == design.evaluation.log_det
+    assert all(b.log_det >= a.log_det for a, b in zip(design.trace, design.trace[1:], strict=False))
+    under_noise = fp.evaluate_under_noise(given, design.points, previous=FIRST[:6])
+    assert design.under_noise is not None and under_noise is not None
+    same_information(design.under_noise, under_noise)
+
+
+def test_six_after_six_are_better_than_random_ones_after_the_same_six() -> None:
+    given = problem()
+    design = fp.exchange(given, 6, 50, 60, previous=FIRST[:6])
+    rivals = random_designs(given, 6, 7, 1, previous_information(given, FIRST[:6], 1)[0])
+    assert design.evaluation.log_det > rivals.max()
+    assert design.efficiency is not None and design.efficiency.random_median is not None
+    assert design.efficiency.random_median == pytest.approx(np.median(rivals), abs=1.0)
+    assert design.efficiency.noise_optimum is not None and design.efficiency.noise_optimum >= design.evaluation.log_det
+    # Of those that know nothing of the six.
+    blind = fp.exchange(given, 6, 50, 60, references=False)
+    assert design.evaluation.log_det > fp.evaluate_design(given, blind.points, previous=FIRST[:6]).log_det
+
+
+def test_they_may_determine_what_too_few_new_points_cannot() -> None:
+    design = fp.exchange(problem(), 1, **QUICK, references=False, previous=FIRST)
+    assert design.evaluation.standard_errors is not None
+    before = fp.evaluate_design(problem(), FIRST).standard_errors
+    assert before is not None
+    assert all(design.evaluation.standard_errors[name] < before[name] for name in before)
+
+
+def test_a_search_after_points_of_which_an_output_was_never_measured() -> None:
+    blind = measured(FIRST, *((k, 1) for k in range(len(FIRST))))
+    design = fp.exchange(problem(), 3, **QUICK, references=False, previous=blind)
+    same_information(design.evaluation, fp.evaluate_design(problem(), design.points, previous=blind))
+
+
+def test_previous_points_that_are_none_are_counted() -> None:
+    jumping, surface = fp.Experiments.join([JUMPS, FIRST]), point(v=0.0)
+    design = fp.exchange(problem(), 3, **QUICK, references=False, previous=[jumping, surface, JUMPS])
+    assert design.previous_left_out == {"met_jump": 2, "starts on v = 0": 1}
+    assert design.n_previous == len(FIRST)
+    same_information(design.evaluation, fp.evaluate_design(problem(), design.points, previous=FIRST))
+    with pytest.warns(UserWarning, match=r"previous: expected experiment points at the prior mean, left out met_jump 1"):
+        fp.evaluate_design(problem(), SECOND, previous=jumping)
+    report = pytest.importorskip("fisherpoint.report", reason="needs the extras", exc_type=ImportError)
+    text = " ".join(report.to_text(report.design_report(design)).split())
+    assert "3 experiment points beside 10 previous ones" in text
+    assert "previous points left out met_jump 2, starts on v = 0 1" in text
+
+
+def test_a_design_is_its_points_and_remembers_how_many_were_before(tmp_path: Path) -> None:
+    first = fp.exchange(problem(), 6, **QUICK, references=False)
+    second = fp.exchange(problem(), 5, **QUICK, references=False, previous=[first, JUMPS])
+    assert second.n_previous == 6
+    same_information(second.evaluation, fp.evaluate_design(problem(), fp.Experiments.join([first.points, second.points])))
+    second.save(tmp_path)
+    loaded = fp.Design.load(tmp_path)
+    assert (loaded.n_previous, loaded.previous_left_out) == (6, {"met_jump": 1})
+    assert same_bits(loaded.evaluation.fisher, second.evaluation.fisher)
+    third = fp.exchange(problem(), 4, **QUICK, references=False, previous=[first, loaded])
+    assert third.n_previous == 11
+
+
+@pytest.mark.parametrize(
+    ("previous", "error", "expected"),
+    [
+        (3, TypeError, r"previous: expected Measurements, Experiments, a Design or a sequence of these, given int"),
+        ([FIRST, "data.csv"], TypeError, r"previous: .* given str"),
+        (fp.Experiments([[1.0]], [1.0], [1.0]), ValueError, r"previous: expected points of 5 states and 1 inputs, given 1 and 1"),
+        (Measurements(FIRST, np.ones((10, 3))), ValueError, r"previous: expected measurements of 4 outputs, given 3"),
+    ],
+)
+def test_mistakes(previous: Any, error: type[Exception], expected: str) -> None:
+    with pytest.raises(error, match=expected):
+        fp.exchange(problem(), 3, **QUICK, previous=previous)
+    with pytest.raises(error, match=expected):
+        fp.evaluate_design(problem(), SECOND, previous=previous)
