@@ -173,6 +173,19 @@ def test_what_is_uncertain_makes_no_point_better() -> None:
     assert all(uncertain.standard_errors[name] > exact.standard_errors[name] for name in NAMES)
 
 
+def test_a_design_that_knows_what_is_uncertain_hangs_on_it_less() -> None:
+    """What docs/assumptions.md states of T_1, with a shorter search."""
+    exact, stated = (problem(uncertain=of, rule=fp.SparseGaussHermite(2)) for of in (None, {"T_1": 2.2e-4}))
+    blind, aware = (fp.exchange(of, 12, 50, 80, references=False).points for of in (exact, stated))
+    log_dets = {
+        name: [fp.evaluate_design(of, points).log_det for of in (exact, stated)]
+        for name, points in {"blind": blind, "aware": aware}.items()
+    }
+    lost = {name: (known - uncertain) / 9 for name, (known, uncertain) in log_dets.items()}  # log of squared standard errors
+    assert log_dets["aware"][1] > log_dets["blind"][1]
+    assert 2 * lost["aware"] < lost["blind"]
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_nothing_uncertain_is_the_same_to_the_last_bit(kind: str) -> None:
     without = fp.exchange(problem(output_covariance=kind), **QUICK)
