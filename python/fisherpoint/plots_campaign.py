@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator, NullFormatter, PercentFormatter
+from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
 from .campaign_state import relative
 from .plot_style import CRITERION, NOISE, PRIOR, STYLE
@@ -47,7 +47,7 @@ def plot_campaign(campaign: Campaign) -> Figure:
         low, high = first.get_ylim()
         if high < 10 * low:  # a decade at least, so that there are two labels
             first.set_ylim(low / 3, 3 * high)
-        first.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=None))
+        first.yaxis.set_major_formatter(FuncFormatter(lambda share, _: f"{100 * share:g} %"))
         first.yaxis.set_minor_formatter(NullFormatter())
         first.set_xlim(-0.3, max(batches[-1], 1) + 0.3)
         first.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=6))
