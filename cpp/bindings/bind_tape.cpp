@@ -42,8 +42,10 @@ TapeModel tape_model(const std::vector<double>& scales, int inputs, int outputs,
 
 using P = Pack<16>;
 using Equation = StateEquation<TapeModel, P>;
+using Variation = VariationalEquation<TapeModel, P>;
 
 // function(equation, x), with `width` values, for every row; lanes = rows.
+template <class E = Equation>
 py::array_t<double> map_rows(const TapeModel& model, const Input& x, const Input& u, const Input& theta, int width,
                              const auto& function) {
   const auto& shape = model.shape();
@@ -58,7 +60,7 @@ py::array_t<double> map_rows(const TapeModel& model, const Input& x, const Input
       for (int lane = 0; lane < P::width; ++lane) set_lane(packs, lane, of.data() + std::min(first + lane, count - 1) * n);
       return packs;
     };
-    const Equation equation(model, rows(theta, shape.parameters), rows(u, shape.inputs));
+    const E equation(model, rows(theta, shape.parameters), rows(u, shape.inputs));
     const HeapArray<P> values = function(equation, rows(x, shape.states));
     for (int lane = 0; lane < P::width && first + lane < count; ++lane)
       for (int i = 0; i < width; ++i) result.mutable_data()[(first + lane) * width + i] = values[i][lane];
@@ -107,6 +109,24 @@ void bind_tape(py::module_& m) {
                             [](const Equation& f, const Equation::State& x) { return f.output(x); });
           },
           "x"_a, "u"_a, "theta"_a)
+      .def(
+          "output_jacobian",
+          [](const TapeModel& model, const Input& x, const Input& u, const Input& theta) {
+            const auto& shape = model.shape();
+            auto slopes = map_rows<Variation>(model, x, u, theta, shape.outputs * shape.parameters,
+                                              [](const Variation& equation, const Equation::State& x) {
+                                                Columns<TapeModel, P> at_rest(equation.dependence.in_columns);
+                                                for (P& entry : at_rest) entry = P(0.0);
+                                                Equation::Output y(equation.outputs);
+                                                std::vector<P> dy_dtheta(equation.outputs * equation.parameters);
+                                                equation.output(x, at_rest, y, dy_dtheta);
+                                                HeapArray<P> values(equation.outputs * equation.parameters);
+                                                std::copy(dy_dtheta.begin(), dy_dtheta.end(), values.begin());
+                                                return values;
+                                              });
+            return slopes.reshape({slopes.shape(0), py::ssize_t{shape.outputs}, py::ssize_t{shape.parameters}});
+          },
+          "x"_a, "u"_a, "theta"_a, "Derivatives of g by the parameters where the state is held: (K, n_y, p).")
       .def(
           "switching",
           [](const TapeModel& model, const Input& x, const Input& u, const Input& theta) {

@@ -4,6 +4,7 @@
 #include <pybind11/stl.h>
 
 #include "arrays.hpp"
+#include "fisherpoint/chain.hpp"
 #include "fisherpoint/compiled_model.hpp"
 #include "fisherpoint/kernel_models.hpp"
 #include "fisherpoint/predictive_covariance.hpp"
@@ -86,7 +87,7 @@ void bind_model(py::module_& m) {
   m.def(
       "sensitivities",
       [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& theta, double rtol, bool cross_kinks,
-         const std::string& method, int threads) {
+         const std::string& method, int threads, bool whole_first) {
         const auto [n_x, n_y, p] = sizes_of(model);
         const Points points = checked_points(model, x0, u, dt);
         const auto count = static_cast<py::ssize_t>(points.count);
@@ -95,12 +96,38 @@ void bind_model(py::module_& m) {
         py::array_t<std::int32_t> status(count);
         const SensitiveTrajectories out{x.mutable_data(), y.mutable_data(), dx.mutable_data(), dy.mutable_data(),
                                         reinterpret_cast<Status*>(status.mutable_data())};
-        run(threads, [&](const Workers& workers) {
-          sensitivities(model, points, parameters, tolerance_of(rtol, cross_kinks, method), workers, out);
-        });
+        Tolerance tolerance = tolerance_of(rtol, cross_kinks, method);
+        tolerance.whole_first = whole_first;
+        run(threads, [&](const Workers& workers) { sensitivities(model, points, parameters, tolerance, workers, out); });
         return py::make_tuple(x, y, dx, dy, status);
       },
-      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "method"_a, "threads"_a);
+      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "method"_a, "threads"_a, "whole_first"_a = false);
+
+  m.def(
+      "chain",
+      [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& theta, double rtol, bool cross_kinks,
+         const std::string& method, int threads) {
+        const auto [n_x, n_y, p] = sizes_of(model);
+        const py::ssize_t count = x0.ndim() == 2 ? x0.shape(0) : -1, pieces = dt.ndim() == 1 ? dt.shape(0) : -1;
+        check_shape(x0, {count, n_x}, "x0");
+        check_shape(dt, {-1}, "dt");
+        check_shape(u, {pieces, shape_of(model).inputs}, "u");
+        const Points records{static_cast<std::size_t>(count), x0.data(), u.data(), dt.data()};
+        const Parameters parameters = checked_parameters(model, theta, count);
+        auto x = empty({count, pieces + 1, n_x});
+        py::array_t<std::int32_t> status(count);
+        py::array_t<std::int64_t> reached(count);
+        const ChainedStates out{x.mutable_data(), reinterpret_cast<Status*>(status.mutable_data()), reached.mutable_data()};
+        run(threads, [&](const Workers& workers) {
+          chain(model, records, static_cast<std::size_t>(pieces), parameters, tolerance_of(rtol, cross_kinks, method), workers,
+                out);
+        });
+        return py::make_tuple(x, status, reached);
+      },
+      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "method"_a, "threads"_a,
+      "States (B, pieces + 1, n_x) of records with the starts x0 (B, n_x) under the inputs u (pieces, n_u), each held for its "
+      "dt "
+      "(pieces,); statuses, and how many pieces were completed. A jump ends a record.");
 
   m.def(
       "predictive_covariance",

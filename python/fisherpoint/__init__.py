@@ -6,7 +6,7 @@ from .assumed import assumed_covariance
 from .campaign import Campaign
 from .comparison import RuleComparison, compare_rules
 from .constraints import Constraint
-from .data import Measurements, VirtualRig
+from .data import Measurements, Record, RecordTrajectory, VirtualRig, simulate_record
 from .design import Design, ExchangeSettings, TraceRecord
 from .efficiency import Efficiency
 from .estimation.estimate import estimate
@@ -31,6 +31,8 @@ from .trajectories import (
     sensitivities,
     simulate,
 )
+from .validation.result import DesignValidation, Validation
+from .validation.validate import validate
 
 __version__ = "0.1.0"
 
@@ -39,6 +41,7 @@ __all__ = [
     "Constraint",
     "Design",
     "DesignProblem",
+    "DesignValidation",
     "Efficiency",
     "Evaluation",
     "ExchangeSettings",
@@ -55,6 +58,8 @@ __all__ = [
     "PredictiveCovariance",
     "Progress",
     "Quantity",
+    "Record",
+    "RecordTrajectory",
     "Rule",
     "RuleComparison",
     "Sensitivities",
@@ -65,6 +70,7 @@ __all__ = [
     "TraceRecord",
     "Trajectories",
     "Unscented",
+    "Validation",
     "VirtualRig",
     "assumed_covariance",
     "available_isas",
@@ -78,6 +84,8 @@ __all__ = [
     "predictive_covariance",
     "sensitivities",
     "simulate",
+    "simulate_record",
+    "validate",
 ]
 
 _LAZY = {

@@ -154,6 +154,15 @@ class TapeModel:
         u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
         theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     ) -> numpy.typing.NDArray[numpy.float64]: ...
+    def output_jacobian(
+        self,
+        x: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    ) -> numpy.ndarray[typing.Any, numpy.dtype[typing.Any]]:
+        """
+        Derivatives of g by the parameters where the state is held: (K, n_y, p).
+        """
     def rhs(
         self,
         x: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],

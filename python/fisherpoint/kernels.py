@@ -27,9 +27,24 @@ class Kernels(Protocol):
         """x, y, status."""
 
     def sensitivities(
+        self,
+        model: Any,
+        x0: Any,
+        u: Any,
+        dt: Any,
+        theta: Any,
+        rtol: float,
+        cross_kinks: bool,
+        method: str,
+        threads: int,
+        whole_first: bool = False,
+    ) -> tuple[Any, ...]:
+        """x, y, dx_dtheta, dy_dtheta, status; with `whole_first` dt is the first step that is tried."""
+
+    def chain(
         self, model: Any, x0: Any, u: Any, dt: Any, theta: Any, rtol: float, cross_kinks: bool, method: str, threads: int
     ) -> tuple[Any, ...]:
-        """x, y, dx_dtheta, dy_dtheta, status."""
+        """x, status, reached of records; u and dt are of their pieces."""
 
     def predictive_covariance(
         self,

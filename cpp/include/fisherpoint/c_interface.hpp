@@ -12,7 +12,7 @@ extern "C" {
 struct FisherpointRequest {
   std::int64_t count;
   const double *x0, *u, *dt, *theta;
-  std::int32_t theta_per_point, cross_kinks, method, threads;  // method: 0 the fastest, 1 RK45, 2 DOP853
+  std::int32_t theta_per_point, cross_kinks, method, whole_first, threads;  // method: 0 the fastest, 1 RK45, 2 DOP853
   double rtol;
   int (*interrupted)(const void* asked);  // on the calling thread, now and then; not 0 ends the work
   const void* asked;
@@ -27,6 +27,9 @@ namespace fisherpoint {
 using SimulateFunction = FisherpointOutcome(const FisherpointRequest*, double* x, double* y, std::int32_t* status);
 using SensitivitiesFunction = FisherpointOutcome(const FisherpointRequest*, double* x, double* y, double* dx_dtheta,
                                                  double* dy_dtheta, std::int32_t* status);
+// x0 is of `count` records; u and dt are of `pieces`.
+using ChainFunction = FisherpointOutcome(const FisherpointRequest*, std::int64_t pieces, double* x, std::int32_t* status,
+                                         std::int64_t* reached);
 using PredictiveCovarianceFunction = FisherpointOutcome(const FisherpointRequest*, const PriorNodes* nodes, double max_lost,
                                                         double* covariance, std::int32_t* status, std::int64_t* redone,
                                                         double* lost, double* y);

@@ -4,6 +4,7 @@
 #include <exception>
 
 #include "c_interface.hpp"
+#include "chain.hpp"
 #include "predictive_covariance.hpp"
 #include "sensitivities.hpp"
 #include "simulate.hpp"
@@ -19,7 +20,10 @@ struct Request {
   explicit Request(const FisherpointRequest& r)
       : points{static_cast<std::size_t>(r.count), r.x0, r.u, r.dt},
         parameters{r.theta, r.theta_per_point != 0},
-        tolerance{.relative = r.rtol, .cross_kinks = r.cross_kinks != 0, .method = static_cast<MethodName>(r.method)},
+        tolerance{.relative = r.rtol,
+                  .cross_kinks = r.cross_kinks != 0,
+                  .method = static_cast<MethodName>(r.method),
+                  .whole_first = r.whole_first != 0},
         workers(r.threads, [r] { return r.interrupted(r.asked) != 0; }) {}
 };
 
@@ -53,6 +57,18 @@ FisherpointOutcome sensitivities_request(const FisherpointRequest* request, doub
     with_method(r.tolerance.method, [&]<class Method>(Method) {
       sensitivity_packs<Pack<native_lanes>, Method>(M{}, r.points, r.parameters, r.tolerance, r.workers,
                                                     {x, y, dx_dtheta, dy_dtheta, reinterpret_cast<Status*>(status)});
+    });
+  });
+}
+
+template <class M>
+FisherpointOutcome chain_request(const FisherpointRequest* request, std::int64_t pieces, double* x, std::int32_t* status,
+                                 std::int64_t* reached) {
+  return outcome_of([&] {
+    const Request r(*request);
+    with_method(r.tolerance.method, [&]<class Method>(Method) {
+      chain_packs<Pack<native_lanes>, Method>(M{}, r.points, static_cast<std::size_t>(pieces), r.parameters, r.tolerance,
+                                              r.workers, {x, reinterpret_cast<Status*>(status), reached});
     });
   });
 }

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "c_interface.hpp"
+#include "chain.hpp"
 #include "predictive_covariance.hpp"
 #include "sensitivities.hpp"
 #include "simulate.hpp"
@@ -25,11 +26,13 @@ class CompiledModel : public TapeModel {
     };
     find(simulate_, "fisherpoint_simulate");
     find(sensitivities_, "fisherpoint_sensitivities");
+    find(chain_, "fisherpoint_chain");
     find(predictive_covariance_, "fisherpoint_predictive_covariance");
   }
 
   SimulateFunction* simulate_;
   SensitivitiesFunction* sensitivities_;
+  ChainFunction* chain_;
   PredictiveCovarianceFunction* predictive_covariance_;
 };
 
@@ -47,6 +50,7 @@ inline FisherpointRequest request(const Points& points, const double* theta, boo
           per_point,
           tolerance.cross_kinks,
           static_cast<std::int32_t>(tolerance.method),
+          tolerance.whole_first,
           workers.threads(),
           tolerance.relative,
           [](const void* asked) -> int { return static_cast<const Workers*>(asked)->interrupted(); },
@@ -72,6 +76,12 @@ inline void sensitivities(const CompiledModel& model, const Points& points, cons
                           const Tolerance& tolerance, const Workers& workers, const SensitiveTrajectories& out) {
   const auto request = detail::request(points, parameters.theta, parameters.per_point, tolerance, workers);
   detail::raise(model.sensitivities_(&request, out.x, out.y, out.dx_dtheta, out.dy_dtheta, detail::plain(out.status)));
+}
+
+inline void chain(const CompiledModel& model, const Points& records, std::size_t pieces, const Parameters& parameters,
+                  const Tolerance& tolerance, const Workers& workers, const ChainedStates& out) {
+  const auto request = detail::request(records, parameters.theta, parameters.per_point, tolerance, workers);
+  detail::raise(model.chain_(&request, static_cast<std::int64_t>(pieces), out.x, detail::plain(out.status), out.reached));
 }
 
 inline void predictive_covariance(const CompiledModel& model, const Points& points, const double* nominal_theta,

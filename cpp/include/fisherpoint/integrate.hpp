@@ -28,6 +28,7 @@ struct Tolerance {
   int max_attempts = 20000;  // tried steps of one trajectory
   bool cross_kinks = true;   // false: a kink ends the trajectory as met_kink
   MethodName method = MethodName::fastest;
+  bool whole_first = false;  // of sensitivities: the first step tried is the whole trajectory, for pieces that are short
 };
 
 // The local error of a step is held this far below the requested tolerance, so that the global error meets it.
@@ -44,6 +45,7 @@ template <class P>
 struct Outcome {
   std::array<Status, lanes_of<P>::width> status{};
   P first_step{0.0};  // the first step that was taken: a good start for a similar trajectory
+  P next_step{0.0};   // what step control would try next: a good start for the trajectory's continuation
   int attempts = 0;   // of the slowest lane
 };
 
@@ -88,6 +90,7 @@ class Integrator {
       attempt(y, duration);
       control(y, duration);
     }
+    outcome_.next_step = step_size_;
     return outcome_;
   }
 
@@ -185,18 +188,23 @@ class Integrator {
     P next_cap(infinity);
     for_each_index(f_.surfaces, [&](auto m) {
       const Quartic<P>& h = along_[m];
-      Mask crossed = good & !(h.b4 > zero);
+      Mask crossed = good & !(h.b4 > zero), clear = Lanes::none();
       if (m >= f_.jumps_end && m < f_.kinks_end) {
         const P slope = 4.0 * (h.b4 - h.b3);  // of the whole step
-        landed_[m] = good & (abs(h.b4) <= -landing_ * slope) & !(ends_ & (h.b4 > zero));
+        // A start along the kink, or at rest on it, belongs to the side where the step ends; f has no jump there.
+        const Mask along = good & !(abs(value_[m]) + abs(rate_[m]) > zero), wrong = along & (h.b4 < zero);
+        side_[m] = select(wrong, -side_[m], side_[m]);
+        unsure = unsure | wrong;
+        landed_[m] = good & !along & (abs(h.b4) <= -landing_ * slope) & !(ends_ & (h.b4 > zero));
         lands = lands | landed_[m];
-        crossed = crossed & !landed_[m];
+        crossed = crossed & !landed_[m] & !along;
+        clear = along;
         to_kink = to_kink | crossed;
         if (any(crossed)) next_cap = select(crossed, min(next_cap, h.zero() * step_), next_cap);
       } else {
         stopped = stopped | crossed;
       }
-      unsure = unsure | (good & !crossed & !h.clear());
+      unsure = unsure | (good & !crossed & !clear & !h.clear());
     });
     if (!tolerance_.cross_kinks && any(to_kink | lands)) {
       stop((to_kink | lands) & !stopped, Status::met_kink);

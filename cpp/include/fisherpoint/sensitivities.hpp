@@ -74,7 +74,8 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
   const Equation equation(model, pack.theta, pack.u);
   auto x = pack.x0;
   steps.clear();
-  const auto outcome = Integrator<Equation, Method>(equation, tolerance).run(x, pack.dt, P(0.0), &steps);
+  const auto outcome =
+      Integrator<Equation, Method>(equation, tolerance).run(x, pack.dt, tolerance.whole_first ? pack.dt : P(0.0), &steps);
   const auto y = equation.output(x);
   for (int lane = 0; lane < pack.used; ++lane) {
     const std::size_t k = rows[lane];

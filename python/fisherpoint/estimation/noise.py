@@ -37,6 +37,42 @@ def correlations_can_be_told(measured: NDArray[np.bool_], n_unknowns: int) -> bo
     return bool(measured.all()) and n_samples > n_unknowns + 2 * n_y
 
 
+def output_degrees_of_freedom(jacobian: Array, covariance: Array, counts: NDArray[np.intp]) -> Array:
+    """Number of measured values of each output less what the unknowns take up of it, (B, n_y).
+
+    Parameters
+    ----------
+    jacobian : ndarray, (B, N, n_y, P)
+        Of the whitened residuals of the data.
+    covariance : ndarray, (B, P, P)
+        Of the unknowns.
+    counts : ndarray, (n_y,)
+        Number of measured values of each output.
+    """
+    leverage = ((jacobian @ covariance[:, None]) * jacobian).sum(axis=(1, 3))
+    degrees: Array = np.maximum(counts - leverage, 0.0)
+    return degrees
+
+
+def unbiased(covariance: Array, degrees: Array, counts: NDArray[np.intp]) -> Array:
+    """Residual covariances (B, n_y, n_y) with each variance divided by degrees of freedom in the place of the number of values."""
+    growth = np.sqrt(np.where(counts > 0, counts / np.maximum(degrees, 1e-3), 1.0))
+    grown: Array = covariance * growth[:, :, None] * growth[:, None, :]
+    return grown
+
+
+def quantile_degrees_of_freedom(jacobian: Array, covariance: Array, degrees: Array) -> Array:
+    """Degrees of freedom of Student's t for each unknown, (B, P), where the noise was estimated.
+
+    An unknown's variance is a sum of shares of the outputs' estimated variances; Welch and Satterthwaite's formula says how many
+    degrees of freedom such a sum has.
+    """
+    shares = np.square(jacobian @ covariance[:, None]).sum(axis=1)  # (B, n_y, P)
+    spread = (shares**2 / np.maximum(degrees, 1e-3)[:, :, None]).sum(axis=1)
+    degrees_of_each: Array = np.divide(shares.sum(axis=1) ** 2, spread, out=np.full(spread.shape, np.inf), where=spread > 0)
+    return degrees_of_each
+
+
 def minimise_log_det(residuals: WeightedResiduals, z0: Array, full: bool, max_iterations: int = 200) -> tuple[Minima, Array]:
     """Minimise log det of the residual covariance of B problems; its diagonal's where not `full`.
 
@@ -48,7 +84,9 @@ def minimise_log_det(residuals: WeightedResiduals, z0: Array, full: bool, max_it
         The residual covariance, which is the maximum-likelihood estimate of the noise's.
     """
     unknowns, keep = residuals.unknowns, np.ones(residuals.y.shape[-1]) if full else np.eye(residuals.y.shape[-1])
-    least = FLOOR * np.nanmean(residuals.y**2, axis=(0, 1)) + 1e-300
+    counts = np.maximum(residuals.measured.sum(axis=0), 1)
+    least = FLOOR * np.nansum(residuals.y**2, axis=(0, 1)) / counts / len(residuals.y) + 1e-300
+    least[~residuals.measured.any(axis=0)] = 1.0  # any number: it weighs nothing
 
     def covariance_at(z: Array, y: Array) -> Array:
         covariance = residual_covariance(residuals.observed.respond(unknowns.values(z)).y - y) * keep

@@ -13,6 +13,7 @@ from ..kernels import Kernels
 from ..quantity import Array, FrozenMapping, as_float, names_of
 from .base import Model
 from .quantities import Described, check_distinct, constants_of, quantities_of, start_offsets
+from .tangents import complex_step_works, tangents
 
 Function = Callable[[Any, Any, Any], Any]
 
@@ -225,6 +226,20 @@ class CallableCore:
 
     def output(self, x: NDArray[Any], u: NDArray[Any], theta: NDArray[Any]) -> NDArray[Any]:
         return self._call(self._g, "g", self.n_y, x, u, theta)
+
+    def output_jacobian(self, x: Array, u: Array, theta: Array) -> Array:
+        """Derivatives of g by the parameters where the state is held: (K, n_y, p)."""
+        by_complex_step, held = self.takes_complex(x, u, theta), np.zeros((self.n_x, theta.shape[1]))
+        slopes = np.empty((len(x), self.n_y, theta.shape[1]))
+        for k, size in enumerate(np.where(theta != 0, np.abs(theta), 1.0)):
+            slopes[k] = tangents(self.output, x[k], held, u[k], theta[k], size, self.scale, by_complex_step)[1] / size
+        return slopes
+
+    def takes_complex(self, x: Array, u: Array, theta: Array) -> bool:
+        """Whether f and g take complex numbers; found out at some of the first rows."""
+        if self.by_complex_step is None and len(x):
+            self.by_complex_step = complex_step_works(self, x[:64], u[:64], theta[:64])
+        return bool(self.by_complex_step)
 
     def switching(self, x: NDArray[Any], u: NDArray[Any], theta: NDArray[Any]) -> NDArray[Any]:
         return self._each(self._surfaces, x, u, theta)

@@ -110,10 +110,14 @@ def _at_start(model: CallableCore, x: Array, u: Array, theta: Array) -> tuple[in
 
 
 def _event(model: CallableCore, m: int, side: float, start: float, u: Array, theta: Array) -> Callable[[float, Array], float]:
-    """Surface or limit m as an event; at the start, which may lie on it, the side counts on which the state is going to be."""
+    """Surface or limit m as an event.
+
+    At the start, which may lie on it, the side counts on which the state is going to be; so it does while it rests on a surface.
+    """
+    at_rest = side if m < model.n_surfaces else 0.0
 
     def value(t: float, z: Array) -> float:
-        return side if t <= start else model.boundary(m, z[None, : model.n_x], u, theta)
+        return side if t <= start else model.boundary(m, z[None, : model.n_x], u, theta) or at_rest
 
     value.terminal = True  # type: ignore[attr-defined]
     return value

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .. import _core
 from ..quantity import Array, IntArray
 from .callable_integration import NOT_FINITE, OK, integrate, static_status
-from .tangents import complex_step_works, tangents
+from .tangents import tangents
 
 if TYPE_CHECKING:
     from .callable import CallableCore
@@ -32,14 +32,21 @@ def simulate(
 
 
 def sensitivities(
-    model: CallableCore, x0: Array, u: Array, dt: Array, theta: Array, rtol: float, cross_kinks: bool, method: str, threads: int
+    model: CallableCore,
+    x0: Array,
+    u: Array,
+    dt: Array,
+    theta: Array,
+    rtol: float,
+    cross_kinks: bool,
+    method: str,
+    threads: int,
+    whole_first: bool = False,
 ) -> tuple[Array, Array, Array, Array, IntArray]:
-    """x, y, dx_dtheta, dy_dtheta, status."""
+    """x, y, dx_dtheta, dy_dtheta, status; SciPy chooses the first step."""
     count, n_x, p = len(dt), model.n_x, theta.shape[-1]
     rows = _rows(theta, count)
-    if model.by_complex_step is None and count:
-        model.by_complex_step = complex_step_works(model, x0[:64], u[:64], rows[:64])
-    by_complex_step = bool(model.by_complex_step)
+    by_complex_step = model.takes_complex(x0, u, rows)
     x, status = np.array(x0), np.zeros(count, dtype=np.int32)
     dx, dy = np.zeros((count, n_x, p)), np.zeros((count, model.n_y, p))
     start = perf_counter()
@@ -71,6 +78,24 @@ def sensitivities(
         )
         _warn(model, f"sensitivities by {kind}", what, (perf_counter() - start) / count)
     return x, y, dx, dy, status
+
+
+def chain(
+    model: CallableCore, x0: Array, u: Array, dt: Array, theta: Array, rtol: float, cross_kinks: bool, method: str, threads: int
+) -> tuple[Array, IntArray, NDArray[np.int64]]:
+    """x (B, pieces + 1, n_x), status, pieces that were completed."""
+    count, pieces = len(x0), len(dt)
+    rows = _rows(theta, count)
+    x, status = np.repeat(x0[:, None], pieces + 1, axis=1), np.zeros(count, dtype=np.int32)
+    reached = np.zeros(count, dtype=np.int64)
+    for b in range(count):
+        for n in range(pieces):
+            end, status[b] = _end(model, x[b, n], u[n], dt[n], rows[b], (rtol, cross_kinks, method))
+            x[b, n + 1 :] = end
+            if status[b] != OK:
+                break
+            reached[b] += 1
+    return x, status, reached
 
 
 def predictive_covariance(

@@ -27,6 +27,8 @@ _SOURCES = {
     " {{ return simulate_request<{name}>(r, x, y, status); }}",
     "sensitivities": "FisherpointOutcome fisherpoint_sensitivities(const FisherpointRequest* r, double* x, double* y, double* dx,"
     " double* dy, std::int32_t* status) {{ return sensitivities_request<{name}>(r, x, y, dx, dy, status); }}",
+    "chain": "FisherpointOutcome fisherpoint_chain(const FisherpointRequest* r, std::int64_t pieces, double* x,"
+    " std::int32_t* status, std::int64_t* reached) {{ return chain_request<{name}>(r, pieces, x, status, reached); }}",
     "predictive_covariance": "FisherpointOutcome fisherpoint_predictive_covariance(const FisherpointRequest* r,"
     " const fisherpoint::PriorNodes* nodes, double max_lost, double* covariance, std::int32_t* status, std::int64_t* redone,"
     " double* lost, double* y) {{ return predictive_covariance_request<{name}>(r, nodes, max_lost, covariance, status, redone,"

@@ -1,0 +1,103 @@
+"""Trajectories of records: chains of pieces with constant input."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..models import Model
+from ..quantity import Array, IntArray, as_floats_of_shape, in_order, names_of
+from ..trajectories import Settings, Status, check_rtol, check_type
+from .record import checked_times, held_inputs
+
+
+class RecordTrajectory(NamedTuple):
+    """States x (N, n_x) and outputs y (N, n_y) at the samples, the status, and the last sample that was reached.
+
+    Behind that sample x and y are those of the state at which the trajectory ended; a y without a finite value is zero.
+    """
+
+    x: Array
+    y: Array
+    status: Status
+    reached: int
+
+
+def simulate_record(
+    model: Model,
+    theta: Mapping[str, float] | ArrayLike,
+    t: ArrayLike,
+    u: ArrayLike,
+    x0: Mapping[str, float] | ArrayLike = (),
+    rtol: float = 1e-6,
+) -> RecordTrajectory:
+    """Simulate one long trajectory under inputs that are held from sample to sample.
+
+    Parameters
+    ----------
+    model : Model
+        With jumps only where the trajectory meets none: they end it. Kinks are crossed.
+    theta : mapping by name, or array_like (p,)
+        Parameters, SI units.
+    t : array_like, (N,)
+        Times of the samples, s, increasing.
+    u : array_like, (N, n_u)
+        u[n] is held from t[n] to t[n+1]; (N,) is taken for a single input.
+    x0 : mapping by name, or array_like (n_x,)
+        State at t[0], SI units; none for a model without states.
+    rtol : float
+        Tolerance of each piece between two samples, in units of the states' natural sizes.
+
+    Returns
+    -------
+    RecordTrajectory
+        x, y[n] = g(x(t[n]), u[n], theta), status, reached.
+
+    Raises
+    ------
+    ValueError
+        For wrong shapes or names, and a theta with which the model has no value.
+    """
+    check_type(model, Model, "model")
+    check_rtol(rtol)
+    p, names = len(model.parameters), names_of(model.states)
+    theta = as_floats_of_shape(model.theta(theta), (p,), "theta")
+    times = checked_times(t)
+    inputs = held_inputs(u, len(times))
+    if inputs.shape[1] != len(model.inputs):
+        raise ValueError(f"u: expected shape ({len(times)}, {len(model.inputs)}), given {inputs.shape}")
+    start = in_order(x0, names, "x0") if isinstance(x0, Mapping) else as_floats_of_shape(x0, (len(names),), "x0")
+    x, y, status, reached = record_trajectories(model, theta[None], start[None], times, inputs, (float(rtol), True, "fastest", 1))
+    return RecordTrajectory(x[0], y[0], Status(int(status[0])), int(reached[0]))
+
+
+def record_trajectories(
+    model: Model, theta: Array, x0: Array, t: Array, u: Array, settings: Settings
+) -> tuple[Array, Array, IntArray, IntArray]:
+    """x (B, N, n_x), y (B, N, n_y), status (B,) and last sample reached (B,) for B starts and parameter sets."""
+    count, samples = len(theta), len(t)
+    if not model.states:
+        rows = np.repeat(theta, samples, axis=0)
+        none, ones = np.empty((count * samples, 0)), np.ones(count * samples)
+        _, y, ended = model.kernels.simulate(model.core, none, np.tile(u, (count, 1)), ones, rows, *settings)
+        x, failed = np.empty((count, samples, 0)), ended.reshape(count, samples)
+        status, reached = first_failure(failed), np.full(count, samples - 1)
+    else:
+        x, status, reached = model.kernels.chain(model.core, x0, u[:-1], np.diff(t), theta, *settings)
+        y = model.core.output(x.reshape(count * samples, -1), np.tile(u, (count, 1)), np.repeat(theta, samples, axis=0))
+        failed = np.zeros((count, samples), dtype=np.int32)
+    y = y.reshape(count, samples, -1)
+    failed[(failed == Status.ok) & ~np.isfinite(y).all(axis=2)] = Status.not_finite
+    status = np.where(status == Status.ok, first_failure(failed), status)
+    reached = np.minimum(reached, np.argmax(failed != Status.ok, axis=1) - 1, out=reached, where=failed.any(axis=1))
+    return x, np.where(np.isfinite(y), y, 0.0), status, np.maximum(reached, 0)
+
+
+def first_failure(status: IntArray) -> IntArray:
+    """Of statuses (B, n) the first in each row that is not ok."""
+    if not status.shape[1]:
+        return np.zeros(len(status), dtype=np.int32)
+    return np.take_along_axis(status, np.argmax(status != Status.ok, axis=1)[:, None], axis=1)[:, 0]
