@@ -132,7 +132,8 @@ def _options() -> argparse.Namespace:
         nargs="?",
         choices=("peers", "scaling", "models", "campaign", "packs", "cost", "table"),
         help="other programs; how the cost grows; models written in Python; design in batches; kinds of vectors under the core;"
-        " instructions per trajectory next to the recorded ones; a report as Markdown; nothing for all of fisherpoint next to SciPy",
+        " instructions per trajectory next to the recorded ones; a report as Markdown; nothing for all of"
+        " fisherpoint next to SciPy",
     )
     parser.add_argument("file", nargs="?", type=Path, help="the report for `table`")
     parser.add_argument("--quick", action="store_true", help="smaller samples and fewer rounds, for a look")

@@ -82,6 +82,11 @@ class Campaign:
         self._state, self._files, self._threads = state, files, resolve_threads(threads)
         self._fit: Fit | None = None
 
+    @staticmethod
+    def is_in(directory: str | Path) -> bool:
+        """Whether a campaign was begun in `directory`: `load` goes on with it."""
+        return CampaignFiles.path_in(directory).exists()
+
     @classmethod
     def load(cls, directory: str | Path, threads: int | None = None) -> Campaign:
         """Go on with a campaign that was saved in `directory`, at any moment: with the same points, to the same result.

@@ -53,9 +53,13 @@ class CampaignFiles:
             raise ValueError("constraints: expected text for a campaign in a directory, given a function, which cannot be saved")
         self._last: bytes | None = None
 
+    @staticmethod
+    def path_in(directory: str | Path) -> Path:
+        return Path(directory) / NAME
+
     @property
     def path(self) -> Path:
-        return self.directory / NAME
+        return self.path_in(self.directory)
 
     def create(self, state: State) -> None:
         """Write the first state into a directory that has none."""
@@ -92,7 +96,7 @@ class CampaignFiles:
     @classmethod
     def read(cls, directory: str | Path) -> tuple[CampaignFiles, State]:
         """Read the state of a campaign, and make sure that the data beside it are those that were told."""
-        path = Path(directory) / NAME
+        path = cls.path_in(directory)
         given = path.read_bytes()
         try:
             data = json.loads(given.decode())

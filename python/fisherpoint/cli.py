@@ -1,4 +1,4 @@
-"""The command line: ``fisherpoint design | evaluate | simulate | estimate | info``."""
+"""The command line: ``fisherpoint design | evaluate | simulate | estimate | campaign | info``."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ try:
     )
     from rich.text import Text
 
+    from .cli_campaign import campaign
     from .cli_estimate import estimate
     from .config import Config, ConfigError, load_config
     from .files import write_whole
@@ -159,6 +160,7 @@ def simulate(
 
 
 app.command(epilog="Example: fisherpoint estimate examples/cylinder.toml measured.csv -o fit/")(estimate)
+app.command(epilog="Example: fisherpoint campaign examples/cylinder.toml -o run/ --data measured.csv")(campaign)
 
 
 @app.command(epilog="Example: fisherpoint info")
