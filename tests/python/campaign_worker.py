@@ -15,7 +15,7 @@ import time
 import traceback
 from pathlib import Path
 
-import scipy.optimize  # noqa: F401  whatever is imported before the fork need not be after it
+import scipy.optimize  # whatever is imported before the fork need not be after it
 import scipy.stats  # noqa: F401
 
 import fisherpoint as fp

@@ -123,13 +123,13 @@ def test_a_truncated_file_is_never_read_as_a_whole_one(undisturbed: dict[str, by
     state = undisturbed["campaign.json"]
     for length in [*range(0, len(state) - 1, 97), len(state) - 2]:
         (tmp_path / "campaign.json").write_bytes(state[:length])
-        with pytest.raises(ValueError, match="campaign.json: expected a whole JSON file"):
+        with pytest.raises(ValueError, match=r"campaign.json: expected a whole JSON file"):
             fp.Campaign.load(tmp_path)
     (tmp_path / "campaign.json").write_bytes(state)
     data = undisturbed["data_2.csv"]
     for length in range(len(data)):
         (tmp_path / "data_2.csv").write_bytes(data[:length])
-        with pytest.raises(ValueError, match="data_2.csv: expected the data that were told"):
+        with pytest.raises(ValueError, match=r"data_2.csv: expected the data that were told"):
             fp.Campaign.load(tmp_path)
     (tmp_path / "data_2.csv").unlink()
     fp.Campaign.load(tmp_path)
