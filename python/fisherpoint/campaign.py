@@ -162,8 +162,8 @@ class Campaign:
 
     @property
     def done(self) -> bool:
-        """Whether there are targets, and data by which all of them are met."""
-        return bool(self.history) and bool(self.targets) and all(self.met.values())
+        """Whether there are targets, and an estimate that is a minimum by which all of them are met."""
+        return bool(self.history and self.targets) and self.history[-1].converged and all(self.met.values())
 
     @property
     def data(self) -> Measurements | None:

@@ -21,7 +21,7 @@ import scipy.stats  # noqa: F401
 import fisherpoint as fp
 from fisherpoint.config import load_config
 
-BATCHES = 3
+BATCHES = 2
 
 
 def main() -> None:
