@@ -3,6 +3,7 @@
 from typing import Any
 
 from .assumed import assumed_covariance
+from .campaign import Campaign
 from .comparison import RuleComparison, compare_rules
 from .constraints import Constraint
 from .data import Measurements, Record, RecordTrajectory, VirtualRig, simulate_record
@@ -36,6 +37,7 @@ from .validation.validate import validate
 __version__ = "0.1.0"
 
 __all__ = [
+    "Campaign",
     "Constraint",
     "Design",
     "DesignProblem",

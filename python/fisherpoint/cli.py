@@ -1,4 +1,4 @@
-"""The command line: ``fisherpoint design | evaluate | simulate | estimate | validate | info``."""
+"""The command line: ``fisherpoint design | evaluate | simulate | estimate | validate | campaign | info``."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ try:
     )
     from rich.text import Text
 
+    from .cli_campaign import campaign
     from .cli_estimate import estimate
     from .cli_validate import validate
     from .config import Config, ConfigError, load_config
@@ -161,6 +162,7 @@ def simulate(
 
 app.command(epilog="Example: fisherpoint estimate examples/cylinder.toml measured.csv -o fit/")(estimate)
 app.command(epilog="Example: fisherpoint validate examples/cylinder.toml run/design.csv -o validated/")(validate)
+app.command(epilog="Example: fisherpoint campaign examples/cylinder.toml -o run/ --data measured.csv")(campaign)
 
 
 @app.command(epilog="Example: fisherpoint info")
