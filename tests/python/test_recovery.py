@@ -1,14 +1,13 @@
 """Noise-free data give theta back, from starts two prior standard deviations away; where they cannot, the open direction is told.
 
-The rule for starts: the search begins at the one that is given. Where trajectories are not ok there, that is an error, and where it
-ends in a minimum that does not explain the data, chi-square says so. A prior as `start` then gives several starts around that point,
-of which those that are not ok are left out.
+The rule for starts: the search begins at the one that is given. Where trajectories are not ok there, that is an error, and where
+it ends in a minimum that does not explain the data, chi-square says so. A prior as `start` then gives several starts around that
+point, in the place of those that are not ok further ones.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -114,7 +113,7 @@ def test_a_tank_of_which_the_level_at_the_start_is_not_known_is_told_to_have_no_
         rtol=RTOL,
     )
     assert len(fit.null_directions) == 1
-    moves = dict(move.rsplit(" ", 3)[:1] + [" ".join(move.rsplit(" ", 3)[1:])] for move in fit.null_directions[0].split(", "))
+    moves = dict(move.split(" ", 1) for move in fit.null_directions[0].split(", "))
     assert moves in (
         {"k1": "up 0.5 %", "k2": "down 0.5 %", "k4": "up 1 %", "x0_h1": "up 1 %"},
         {"k1": "down 0.5 %", "k2": "up 0.5 %", "k4": "down 1 %", "x0_h1": "down 1 %"},
