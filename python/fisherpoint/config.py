@@ -55,7 +55,9 @@ class ModelFile(Table):
     @model_validator(mode="after")
     def _build_model(self) -> ModelFile:
         if self.model.equations is None:
-            _check_table("model.constants", self.model.constants, MODELS[self.model.name].constant_quantities)
+            kind = MODELS[self.model.name]
+            _check_table("model.constants", self.model.constants, kind.constant_quantities)
+            _check_names("model.smooth", self.model.smooth or (), (*kind.jumps, *kind.kinks))
         try:
             self._model = self.model.build()
         except (ValueError, TypeError) as error:

@@ -117,9 +117,13 @@ class OutputEntry(QuantityEntry):
 
 
 class ModelTable(Table):
-    """Which model and its known constants where they differ from the defaults, or a model's equations and quantities."""
+    """Which model and its known constants where they differ from the defaults, or a model's equations and quantities.
+
+    `smooth` is that of `HydraulicCylinder`.
+    """
 
     name: str
+    smooth: dict[str, Positive] | None = None
     states: dict[str, QuantityEntry] = Field(default_factory=dict)
     inputs: dict[str, QuantityEntry] = Field(default_factory=dict)
     parameters: dict[str, ParameterEntry] = Field(default_factory=dict)
@@ -135,6 +139,8 @@ class ModelTable(Table):
                 fail(f"model.name: expected one of {listed(MODELS)}, given {toml(self.name)}")
             for key in (*(kind for kind, given in self.quantities.items() if given), *(["domain"] if self.domain else [])):
                 fail(f"model.{key}: expected only with a table [model.equations], given without")
+        elif self.smooth is not None:
+            fail("model.smooth: expected only of a model that comes with the package, given with [model.equations]")
         return self
 
     @property
@@ -154,7 +160,7 @@ class ModelTable(Table):
             from .models.toml import model_of_table
 
             return model_of_table(self)
-        return MODELS[self.name](**{name: entry.value for name, entry in self.constants.items()})
+        return MODELS[self.name](smooth=self.smooth, **{name: entry.value for name, entry in self.constants.items()})
 
 
 class RegionTable(Table):

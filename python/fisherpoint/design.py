@@ -18,7 +18,7 @@ from .evaluation import Evaluation
 from .experiments import Experiments
 from .files import write_whole
 from .kernels import isa
-from .models import MODELS, Model
+from .models import MODELS, HydraulicCylinder, Model
 from .prior import GaussianPrior
 from .problem import DesignProblem
 from .quantity import Array, FrozenMapping, as_float, check_positive_int
@@ -202,8 +202,10 @@ def _problem_to_json(problem: DesignProblem) -> dict[str, Any]:
 
 
 def _model_to_json(model: Model) -> dict[str, Any]:
-    data = {"name": model.name, "constants": dict(model.constants)}
-    return data if type(model) in MODELS.values() else data | {"toml": model.to_toml()}
+    data: dict[str, Any] = {"name": model.name, "constants": dict(model.constants)}
+    if not isinstance(model, HydraulicCylinder):
+        return data | {"toml": model.to_toml()}
+    return data | ({"smooth": dict(model.smooth)} if model.smooth else {})
 
 
 def _model_from_json(data: dict[str, Any]) -> Model:
@@ -213,7 +215,7 @@ def _model_from_json(data: dict[str, Any]) -> Model:
         return model_from_toml(data["toml"])
     if data["name"] not in MODELS:
         raise ValueError(f"model: expected one of {', '.join(MODELS)}, given {data['name']!r}")
-    return MODELS[data["name"]](**data["constants"])
+    return MODELS[data["name"]](smooth=data.get("smooth"), **data["constants"])
 
 
 def _prior_from_json(data: dict[str, Any]) -> GaussianPrior:

@@ -15,10 +15,10 @@ def write_whole(path: str | Path, text: str) -> None:
     OSError
         Where the file cannot be written; what was there stays.
     """
-    target = Path(os.path.realpath(path))  # of a link its file is replaced, not the link
-    if target.exists() and not target.is_file():  # a terminal or a pipe has no whole
-        target.write_text(text, encoding="utf-8", newline="")
+    if Path(path).exists() and not Path(path).is_file():  # a terminal or a pipe has no whole
+        Path(path).write_text(text, encoding="utf-8", newline="")
         return
+    target = Path(os.path.realpath(path))  # of a link its file is replaced, not the link
     try:
         with tempfile.NamedTemporaryFile(
             "w", encoding="utf-8", newline="", dir=target.parent, prefix=f".{target.name}.", suffix=".part", delete=False
@@ -33,5 +33,4 @@ def write_whole(path: str | Path, text: str) -> None:
                 os.unlink(part.name)
                 raise
     except OSError as error:
-        error.filename, error.filename2 = str(path), None  # what was asked for, not the part
-        raise
+        raise OSError(error.errno, error.strerror, str(path)) from error  # names what was asked for, not the part

@@ -12,9 +12,9 @@ from typing import Any
 import sympy
 from sympy.logic.boolalg import Boolean
 
-__all__ = ["ARGUMENTS", "FUNCTIONS", "NAMES", "heaviside", "sign", "sqrt", "where"]
+__all__ = ["ARGUMENTS", "FUNCTIONS", "NAMES", "heaviside", "sign", "sqrt", "tanh", "where"]
 
-heaviside, sign, sqrt = sympy.Heaviside, sympy.sign, sympy.sqrt
+heaviside, sign, sqrt, tanh = sympy.Heaviside, sympy.sign, sympy.sqrt, sympy.tanh
 
 
 def where(condition: Any, a: Any, b: Any) -> Any:

@@ -173,6 +173,19 @@ def test_what_is_uncertain_makes_no_point_better() -> None:
     assert all(uncertain.standard_errors[name] > exact.standard_errors[name] for name in NAMES)
 
 
+def test_a_design_that_knows_what_is_uncertain_hangs_on_it_less() -> None:
+    """What docs/assumptions.md states of T_1, with a shorter search."""
+    exact, stated = (problem(uncertain=of, rule=fp.SparseGaussHermite(2)) for of in (None, {"T_1": 2.2e-4}))
+    blind, aware = (fp.exchange(of, 12, 50, 80, references=False).points for of in (exact, stated))
+    log_dets = {
+        name: [fp.evaluate_design(of, points).log_det for of in (exact, stated)]
+        for name, points in {"blind": blind, "aware": aware}.items()
+    }
+    lost = {name: (known - uncertain) / 9 for name, (known, uncertain) in log_dets.items()}  # log of squared standard errors
+    assert log_dets["aware"][1] > log_dets["blind"][1]
+    assert 2 * lost["aware"] < lost["blind"]
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_nothing_uncertain_is_the_same_to_the_last_bit(kind: str) -> None:
     without = fp.exchange(problem(output_covariance=kind), **QUICK)
@@ -212,6 +225,17 @@ def test_the_predictive_form_is_16_over_what_is_uncertain() -> None:
         close(tangents, expected, 1e-2)
     linear = fp.evaluate_design(given.replace(rule=fp.Linearized()), points).output_covariance
     close(linear - np.diag(np.square(list(NOISE.values()))), tangents, 1e-6)
+
+
+def test_both_forms_agree_where_deviations_are_small() -> None:
+    chosen = [name for name in NAMES if name != "c_L"]
+    small: dict[str, Any] = {"uncertain": {"T_1": 2e-6, "c_L": 2e-12}, "initial_state_std": {"q": 1e-6, "v": 1e-5, "p_A": 100.0}}
+    tangents = problem(parameters=chosen, rule=fp.SparseGaussHermite(2), **small)
+    shares = [
+        fp.evaluate_design(given, POINTS).output_covariance - given.noise_covariance
+        for given in (tangents, tangents.replace(assumed_covariance="predictive", rtol=1e-10))
+    ]
+    close(shares[1], shares[0], 1e-3)
 
 
 # --- starts --------------------------------------------------------------------------------------------------------------

@@ -335,3 +335,14 @@ def test_noise_around_zero_is_no_change_of_unit(tmp_path: Path) -> None:
     assert (np.abs(ratios[:, None] / [60, 100, 1000] - 1) < 0.05).any(axis=1).sum() >= 3
     data.to_csv(tmp_path / "data.csv", decay)
     assert fp.Measurements.from_csv(tmp_path / "data.csv", decay) == data
+
+
+def test_the_documented_file_is_read(tmp_path: Path) -> None:
+    page = Path(__file__).parents[2] / "docs" / "measurements.md"
+    if not page.exists():
+        pytest.skip("the documentation is not beside the tests")
+    (tmp_path / "data.csv").write_text(page.read_text().split("```")[3].lstrip("\n"))
+    data = fp.Measurements.from_csv(tmp_path / "data.csv", MODEL)
+    assert data.points.x0[:, 0].tolist() == [0.1503, 0.1498, 0.1]
+    np.testing.assert_allclose(data.y[:, :2], [[0.1505, 8.103e6], [0.1501, 8.076e6], [0.1002, np.nan]], rtol=1e-15)
+    assert np.isnan(data.y[:, 2:]).all()

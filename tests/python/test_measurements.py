@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -180,5 +185,43 @@ def test_a_link_stays_and_a_missing_directory_is_named(tmp_path: Path) -> None:
     (tmp_path / "link.csv").symlink_to("data.csv")
     data[[0, 3]].to_csv(tmp_path / "link.csv", MODEL)
     assert (tmp_path / "link.csv").is_symlink() and len(fp.Measurements.from_csv(tmp_path / "data.csv", MODEL)) == 2
-    with pytest.raises(FileNotFoundError, match=r"nowhere.data\.csv"):
+    with pytest.raises(FileNotFoundError, match=r"nowhere.data\.csv'$"):
         data.to_csv(tmp_path / "nowhere" / "data.csv", MODEL)
+
+
+def test_a_pipe_is_written_to_and_stays(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    data = fp.Measurements(POINTS, Y)
+    data.to_csv(tmp_path / "data.csv", MODEL)
+    with ThreadPoolExecutor(1) as pool:
+        read = pool.submit((tmp_path / "pipe").read_bytes)
+        data.to_csv(tmp_path / "pipe", MODEL)
+        assert read.result(10) == (tmp_path / "data.csv").read_bytes()
+    assert (tmp_path / "pipe").is_fifo()
+
+
+WRITER = """
+import sys
+import fisherpoint as fp
+model = fp.HydraulicCylinder()
+data = fp.Measurements.from_csv(sys.argv[1], model)
+while True:
+    for part in (data, data[:100]):
+        part.to_csv(sys.argv[2], model)
+"""
+
+
+def test_who_reads_while_it_is_written_or_after_a_kill_finds_a_whole_file(tmp_path: Path) -> None:
+    points = random_points(np.random.default_rng(2), 3000)
+    fp.Measurements(points, points.x0[:, [0, 2, 3, 4]]).to_csv(tmp_path / "source.csv", MODEL)
+    written = tmp_path / "written.csv"
+    writer = subprocess.Popen([sys.executable, "-c", WRITER, tmp_path / "source.csv", written])
+    try:
+        deadline = time.monotonic() + 60
+        while not written.exists() and time.monotonic() < deadline:
+            time.sleep(0.01)
+        seen = {len(fp.Measurements.from_csv(written, MODEL)) for _ in range(30)}
+    finally:
+        writer.kill()
+        writer.wait()
+    assert seen | {len(fp.Measurements.from_csv(written, MODEL))} <= {100, 3000}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ..functions import heaviside, sign, sqrt
+from ..functions import heaviside, sign, sqrt, tanh
 from .decorator import model
 
 if TYPE_CHECKING:
@@ -16,6 +16,14 @@ def symbolic_cylinder(cylinder: HydraulicCylinder) -> SymbolicModel:
     """The built-in cylinder as a model of equations; readings of the print are those of `HydraulicCylinder`."""
     constants = {quantity.name: (cylinder.constants[quantity.name], quantity) for quantity in cylinder.constant_quantities}
 
+    width = cylinder.smooth
+
+    def direction(v: Any) -> Any:
+        return tanh(v / width["v"]) if "v" in width else sign(v)
+
+    def positive(x_v: Any) -> Any:
+        return (1 + tanh(x_v / width["x_v"])) / 2 if "x_v" in width else heaviside(x_v)
+
     @model(
         states=cylinder.states,
         inputs=cylinder.inputs,
@@ -26,11 +34,11 @@ def symbolic_cylinder(cylinder: HydraulicCylinder) -> SymbolicModel:
         nominal=cylinder.nominal,
     )
     def equations(x: Any, u: Any, p: Any) -> Any:
-        opening, closing = x.x_v * heaviside(x.x_v), -x.x_v * heaviside(-x.x_v)
+        opening, closing = x.x_v * positive(x.x_v), -x.x_v * positive(-x.x_v)
         s_A, t_A = sqrt(p.p_s - x.p_A), sqrt(x.p_A - p.p_t)  # supply to A, A to tank
         s_B, t_B = sqrt(p.p_s - x.p_B), sqrt(x.p_B - p.p_t)
 
-        tau_f = p.a_tau * sign(x.v) + p.b_tau * x.v  # (19c)
+        tau_f = p.a_tau * direction(x.v) + p.b_tau * x.v  # (19c)
         Q_A = p.B_v * (opening * s_A - closing * t_A)  # (19d)
         Q_B = p.B_v * (closing * s_B - opening * t_B)  # (19e)
         Q_LA = p.c_L * (s_A - t_A)  # (19f)
@@ -46,7 +54,7 @@ def symbolic_cylinder(cylinder: HydraulicCylinder) -> SymbolicModel:
             (p.k_u * u.u - x.x_v) / p.T_1,
         ]
         limits = [x.p_A - p.p_t, p.p_s - x.p_A, x.p_B - p.p_t, p.p_s - x.p_B, V_A, V_B]
-        positive = [p.p_s - p.p_t, p.T_1, p.m_q, p.E_oil, p.B_v, p.V_0A, p.V_0B, p.A_A, p.A_B, p.q_max - p.q_min]
-        return f, [x.q, x.p_A, x.p_B, x.x_v], [*limits, *positive]  # (19b)
+        sensible = [p.p_s - p.p_t, p.T_1, p.m_q, p.E_oil, p.B_v, p.V_0A, p.V_0B, p.A_A, p.A_B, p.q_max - p.q_min]
+        return f, [x.q, x.p_A, x.p_B, x.x_v], [*limits, *sensible]  # (19b)
 
     return equations

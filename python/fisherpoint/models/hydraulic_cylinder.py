@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Hashable, Mapping
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from .. import _core
@@ -18,6 +20,7 @@ class HydraulicCylinder(Model):
 
     Every known constant can be given by keyword, in SI units; the defaults are a 50/36 mm cylinder with a two-stage servo valve.
     The friction makes f jump at v = 0, the valve gives it a kink at x_v = 0, and the pressures must stay between tank and supply.
+    With `smooth`, tanh takes the place of sign and Heaviside function, so that trajectories may start, rest and turn round there.
 
     Parameters
     ----------
@@ -31,13 +34,17 @@ class HydraulicCylinder(Model):
         Time constant of the valve, s.
     k_u : float
         Valve polarity in x_v' = (k_u u - x_v) / T_1; -1 is the paper's print, +1 the usual.
+    smooth : mapping of "v" and "x_v" to float, optional
+        Widths w, m/s and 1, of the transitions that replace the jump and the kink: sign(v) becomes tanh(v/w), and H(x_v) becomes
+        (1 + tanh(x_v/w))/2. What is not named stays sharp. Friction then holds nothing still: under a force F < a_tau the piston
+        creeps at w artanh(F/a_tau). Such a model is interpreted by the core; `compile` makes it faster.
 
     Raises
     ------
     TypeError
         For a constant that does not exist.
     ValueError
-        For a constant that is not finite or makes no physical sense.
+        For a constant that is not finite or makes no physical sense, or a width that is not positive.
     """
 
     constant_quantities = (
@@ -71,7 +78,7 @@ class HydraulicCylinder(Model):
         }
     )
 
-    def __init__(self, **constants: float) -> None:
+    def __init__(self, *, smooth: Mapping[str, float] | None = None, **constants: float) -> None:
         known = names_of(self.constant_quantities)
         for unknown in (name for name in constants if name not in known):
             raise TypeError(f"HydraulicCylinder: expected constants {', '.join(known)}; given unknown {unknown!r}")
@@ -81,11 +88,13 @@ class HydraulicCylinder(Model):
                 raise ValueError(f"{name}: expected a positive number, given {getattr(self._core, name)}")
         if not self._core.q_min < self._core.q_max:
             raise ValueError(f"q_max: expected more than q_min = {self._core.q_min}, given {self._core.q_max}")
+        self.smooth = _checked_widths(smooth, (*type(self).jumps, *type(self).kinks))
+        self.jumps, self.kinks = (tuple(name for name in names if name not in self.smooth) for names in (self.jumps, self.kinks))
 
     @property
-    def core(self) -> _core.HydraulicCylinder:
-        """The compiled model."""
-        return self._core
+    def core(self) -> Any:
+        """The compiled model; of the smooth form its equations, as the kernels interpret them."""
+        return self._equations.core if self.smooth else self._core
 
     @property
     def constants(self) -> Mapping[str, float]:
@@ -107,26 +116,52 @@ class HydraulicCylinder(Model):
         if not p_t < self._core.p_s:
             raise ValueError(f"p_t: expected less than the supply pressure p_s = {self._core.p_s:g} Pa, given {p_t:g} Pa")
 
+    def compile(self) -> HydraulicCylinder:
+        """Return the cylinder with kernels compiled for it: itself where it is sharp, else see `SymbolicModel.compile`."""
+        if not self.smooth:
+            return self
+        compiled = copy.copy(self)
+        compiled.__dict__["_equations"] = self._equations.compile()
+        return compiled
+
     @property
     def compiled(self) -> bool:
-        """True: the core has them."""
-        return True
+        """True for the sharp form, as the core has its kernels."""
+        return not self.smooth or self._equations.compiled
 
     def symbolic(self) -> SymbolicModel:
         """The cylinder as equations, of which constants and parameters can be exchanged."""
+        return self._equations
+
+    @cached_property
+    def _equations(self) -> SymbolicModel:
         from .cylinder_equations import symbolic_cylinder
 
         return symbolic_cylinder(self)
 
     def _identity(self) -> Hashable:
-        return (self.name, *self.constants.values())
+        return (self.name, *self.constants.values(), *self.smooth.items())
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return (_rebuild, (type(self), dict(self.constants)))
+        return (_rebuild, (type(self), dict(self.constants), dict(self.smooth)))
 
     def __repr__(self) -> str:
-        return f"HydraulicCylinder({', '.join(f'{name}={value!r}' for name, value in self.constants.items())})"
+        given = [f"{name}={value!r}" for name, value in self.constants.items()]
+        return f"HydraulicCylinder({', '.join([*given, *([f'smooth={dict(self.smooth)}'] if self.smooth else [])])})"
 
 
-def _rebuild(kind: type[HydraulicCylinder], constants: dict[str, float]) -> HydraulicCylinder:
-    return kind(**constants)
+def _rebuild(kind: type[HydraulicCylinder], constants: dict[str, float], smooth: dict[str, float]) -> HydraulicCylinder:
+    return kind(smooth=smooth, **constants)
+
+
+def _checked_widths(given: Mapping[str, float] | None, surfaces: tuple[str, ...]) -> FrozenMapping[float]:
+    """Widths in the order of the surfaces."""
+    if given is not None and not isinstance(given, Mapping):
+        raise TypeError(f"smooth: expected widths by name, as in {{'v': 1e-3, 'x_v': 1e-3}}, given {given!r:.60}")
+    widths = {name: as_float(value, f"smooth[{name!r}]") for name, value in (given or {}).items()}
+    for name, width in widths.items():
+        if name not in surfaces:
+            raise ValueError(f"smooth: expected widths of {', '.join(surfaces)}; given unknown {name!r:.60}")
+        if not width > 0:
+            raise ValueError(f"smooth[{name!r}]: expected a positive width, given {width:g}")
+    return FrozenMapping({name: widths[name] for name in surfaces if name in widths})

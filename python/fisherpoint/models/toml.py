@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from ..quantity import Quantity, names_of
 from .base import Model
+from .hydraulic_cylinder import HydraulicCylinder
 from .symbolic import SymbolicModel
 
 if TYPE_CHECKING:
@@ -19,6 +20,8 @@ def model_to_toml(model: Model) -> str:
     lines = ["[model]", f"name = {_string(model.name)}"]
     constants = [(q.name, _entry(q, value=model.constants[q.name])) for q in model.constant_quantities]
     if not isinstance(model, SymbolicModel):
+        if isinstance(model, HydraulicCylinder) and model.smooth:
+            lines.append(f"smooth = {{ {', '.join(f'{name} = {width!r}' for name, width in model.smooth.items())} }}")
         return "\n".join([*lines, *_table("constants", constants), ""])
     f, g, domain = model.texts
     if domain:
