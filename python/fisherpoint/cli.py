@@ -1,4 +1,4 @@
-"""The command line: ``fisherpoint design | evaluate | simulate | estimate | info``."""
+"""The command line: ``fisherpoint design | evaluate | simulate | estimate | validate | info``."""
 
 from __future__ import annotations
 
@@ -29,6 +29,7 @@ try:
     from rich.text import Text
 
     from .cli_estimate import estimate
+    from .cli_validate import validate
     from .config import Config, ConfigError, load_config
     from .files import write_whole
     from .report import design_report, evaluation_report, simulation_report, to_text
@@ -159,6 +160,7 @@ def simulate(
 
 
 app.command(epilog="Example: fisherpoint estimate examples/cylinder.toml measured.csv -o fit/")(estimate)
+app.command(epilog="Example: fisherpoint validate examples/cylinder.toml run/design.csv -o validated/")(validate)
 
 
 @app.command(epilog="Example: fisherpoint info")

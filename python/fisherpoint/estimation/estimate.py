@@ -12,13 +12,13 @@ from ..data.measurements import Measurements
 from ..models import Model
 from ..prior import GaussianPrior
 from ..quantity import Array, as_float, check_positive_int, names_of
-from ..rules import Sobol
 from ..trajectories import Status, check_rtol, check_type, resolve_threads
+from .estimated_noise import unbiased
 from .fit import Fit
 from .least_squares import CONVERGED, ENDS, NOT_EVALUABLE, Minima, minimise
-from .noise import correlations_can_be_told, minimise_log_det, unbiased
+from .noise import correlations_can_be_told, likelihood_deviance, minimise_log_det
 from .response import Observed
-from .unknowns import Unknowns, checked_bounds, prior_factor, unknowns_of
+from .unknowns import Unknowns, checked_bounds, prior_factor, spread_starts, unknowns_of
 from .weighting import WeightedResiduals, noise_covariance
 
 SAME_MINIMUM = 1e-3
@@ -112,6 +112,9 @@ def estimate(
     begin = {name: first[name] if name in first else _start_guess(model, name, parts) for name in observed.names}
     sizes = {f"x0_{q.name}": q.scale or 0.0 for q in model.states}
     unknowns = unknowns_of(begin, spread, sizes, checked_bounds(model, bounds, observed.names))
+    for name, log in zip(observed.names, unknowns.log, strict=True):
+        if log and not begin[name] > 0:
+            raise ValueError(f"start[{name!r}]: expected a positive number, as its prior is log-normal; given {begin[name]:g}")
     z0 = _starts(observed, unknowns, begin, spread, check_positive_int(starts, "starts"))
     factor = None if prior is None else prior_factor(prior, unknowns)
     residuals = WeightedResiduals(observed, unknowns, observed.y[None], np.eye(observed.y.shape[1]), factor)
@@ -127,8 +130,8 @@ def estimate(
         _check_noise_can_be_told(observed, prior)
         full = correlations_can_be_told(np.isfinite(observed.y), len(unknowns))
         minima, covariances = minimise_log_det(residuals, z0, full, FIRST_ITERATIONS)
-        log_det = np.linalg.slogdet(covariances)[1] * len(observed.y) / 2
-        minima = minima._replace(cost=np.where(np.isfinite(log_det), log_det, np.inf))
+        twice = likelihood_deviance(covariances, residuals.measured, full) + residuals.prior_square(minima.z)
+        minima = minima._replace(cost=np.where(np.isfinite(twice), twice / 2, np.inf))
     best, reached = _best(minima, observed, unknowns, z0)
     if not known:
         residuals = replace(residuals, covariance=covariances[best])
@@ -231,14 +234,9 @@ def _check_noise_can_be_told(observed: Observed, prior: GaussianPrior | None) ->
 
 def _starts(observed: Observed, unknowns: Unknowns, begin: Mapping[str, float], spread: GaussianPrior | None, count: int) -> Array:
     """Coordinates (B, P) of the starts: as given, and nodes of the prior; further nodes in the place of those that are not ok."""
-    z = np.clip(unknowns.coordinates(np.array([list(begin.values())])), unknowns.lower, unknowns.upper)
-    if spread is None or count == 1:
+    z = spread_starts(unknowns, begin, spread, MOST_DRAWN * count if count > 1 else 1)
+    if len(z) == 1:
         return z
-    named = [name for name in unknowns.names if name in spread.names]
-    nodes, _ = Sobol(1 << (MOST_DRAWN * count - 1).bit_length()).nodes(spread.marginal(named))
-    values = np.tile(list(begin.values()), (len(nodes), 1))
-    values[:, [unknowns.names.index(name) for name in named]] = nodes
-    z = np.concatenate([z, np.clip(unknowns.coordinates(values), unknowns.lower, unknowns.upper)])[: MOST_DRAWN * count]
     ok = np.zeros(len(z), dtype=bool)
     for first in range(0, len(z), count):
         some = slice(first, first + count)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,8 @@ import numpy as np
 from ..models import Model
 from ..prior import GaussianPrior
 from ..quantity import Array, FrozenMapping, as_float, names_of
-from .noise import output_degrees_of_freedom, quantile_degrees_of_freedom, residual_covariance
+from .estimated_noise import Inflated, inflated, output_degrees_of_freedom
+from .noise import correlations_can_be_told, residual_covariance
 from .precision import Precision, in_words, quantile
 from .weighting import WeightedResiduals, whiten
 
@@ -100,8 +101,9 @@ class Fit:
 
     @cached_property
     def precision(self) -> Precision:
-        """The a-posteriori information, in standardised coordinates."""
-        return Precision.of(self.jacobian)
+        """The a-posteriori information, standardised; where the noise was estimated, the covariance has its share."""
+        precision = self._precision
+        return precision if self.noise_known else replace(precision, covariance=self._inflated.covariance[0])
 
     @property
     def fisher(self) -> Array:
@@ -163,7 +165,7 @@ class Fit:
     def output_degrees_of_freedom(self) -> Array:
         """Number of measured values of each output less what the unknowns take up of it, (n_y,)."""
         counts = np.isfinite(self.residuals).sum(axis=0)
-        degrees: Array = output_degrees_of_freedom(self._data_jacobian, self.precision.covariance[None], counts)[0]
+        degrees: Array = output_degrees_of_freedom(self._data_jacobian, self._precision.covariance[None], counts)[0]
         return degrees
 
     @property
@@ -194,12 +196,12 @@ class Fit:
     def quantile_degrees_of_freedom(self) -> Mapping[str, float]:
         """Degrees of freedom of Student's t for each unknown: inf where the noise is known.
 
-        See `noise.quantile_degrees_of_freedom` for the formula.
+        An unknown's variance is a sum of shares of the outputs' estimated variances; Satterthwaite's formula says how many degrees
+        of freedom such a sum has. See `fisherpoint.estimation.estimated_noise`.
         """
         if self.noise_known:
             return self._by_name(np.full(len(self.values), np.inf))
-        covariance, degrees = self.precision.covariance[None], self.output_degrees_of_freedom[None]
-        return self._by_name(quantile_degrees_of_freedom(self._data_jacobian, covariance, degrees)[0])
+        return self._by_name(self._inflated.degrees_of_freedom[0])
 
     def intervals(self, level: float = 0.95) -> Mapping[str, tuple[float, float]]:
         """Confidence intervals by name: estimate -+ quantile times standard error, of the logarithm where the prior is log-normal.
@@ -293,6 +295,17 @@ class Fit:
         """Of the whitened residuals, with the prior's rows last: (M, P)."""
         jacobian: Array = self.problem(self.z[None], np.zeros(1, dtype=np.intp))[1][0]
         return jacobian
+
+    @cached_property
+    def _precision(self) -> Precision:
+        """As if the weights were known."""
+        return Precision.of(self.jacobian)
+
+    @cached_property
+    def _inflated(self) -> Inflated:
+        measured = np.isfinite(self.residuals)
+        full = correlations_can_be_told(measured, len(self.values))
+        return inflated(self._data_jacobian, self._precision.covariance[None], measured.sum(axis=0), full)
 
     @property
     def _data_jacobian(self) -> Array:

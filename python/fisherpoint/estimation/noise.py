@@ -31,46 +31,20 @@ def residual_covariance(residuals: Array) -> Array:
     return covariance
 
 
+def likelihood_deviance(covariance: Array, measured: NDArray[np.bool_], full: bool) -> Array:
+    """-2 log likelihood (B,), but for a constant, where the noise has the residual covariance (B, n_y, n_y): N log det of (10).
+
+    Where correlations are not told, the sum over outputs of their number of values times the logarithm of the variance.
+    """
+    if full:
+        return np.asarray(len(measured) * np.linalg.slogdet(covariance)[1])
+    return np.asarray(np.log(np.einsum("bii->bi", covariance)) @ measured.sum(axis=0))
+
+
 def correlations_can_be_told(measured: NDArray[np.bool_], n_unknowns: int) -> bool:
     """Whether log det of the full covariance has a minimum: all outputs in every sample, and more samples than can be fitted."""
     n_samples, n_y = measured.shape
     return bool(measured.all()) and n_samples > n_unknowns + 2 * n_y
-
-
-def output_degrees_of_freedom(jacobian: Array, covariance: Array, counts: NDArray[np.intp]) -> Array:
-    """Number of measured values of each output less what the unknowns take up of it, (B, n_y).
-
-    Parameters
-    ----------
-    jacobian : ndarray, (B, N, n_y, P)
-        Of the whitened residuals of the data.
-    covariance : ndarray, (B, P, P)
-        Of the unknowns.
-    counts : ndarray, (n_y,)
-        Number of measured values of each output.
-    """
-    leverage = ((jacobian @ covariance[:, None]) * jacobian).sum(axis=(1, 3))
-    degrees: Array = np.maximum(counts - leverage, 0.0)
-    return degrees
-
-
-def unbiased(covariance: Array, degrees: Array, counts: NDArray[np.intp]) -> Array:
-    """Residual covariances (B, n_y, n_y) with each variance divided by degrees of freedom in the place of the number of values."""
-    growth = np.sqrt(np.where(counts > 0, counts / np.maximum(degrees, 1e-3), 1.0))
-    grown: Array = covariance * growth[:, :, None] * growth[:, None, :]
-    return grown
-
-
-def quantile_degrees_of_freedom(jacobian: Array, covariance: Array, degrees: Array) -> Array:
-    """Degrees of freedom of Student's t for each unknown, (B, P), where the noise was estimated.
-
-    An unknown's variance is a sum of shares of the outputs' estimated variances; Welch and Satterthwaite's formula says how many
-    degrees of freedom such a sum has.
-    """
-    shares = np.square(jacobian @ covariance[:, None]).sum(axis=1)  # (B, n_y, P)
-    spread = (shares**2 / np.maximum(degrees, 1e-3)[:, :, None]).sum(axis=1)
-    degrees_of_each: Array = np.divide(shares.sum(axis=1) ** 2, spread, out=np.full(spread.shape, np.inf), where=spread > 0)
-    return degrees_of_each
 
 
 def minimise_log_det(residuals: WeightedResiduals, z0: Array, full: bool, max_iterations: int = 200) -> tuple[Minima, Array]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..quantity import Array, as_float
 from .least_squares import NOT_EVALUABLE, Residuals, minimise
-from .noise import FLOOR, MAX_ROUNDS, SETTLED, correlations_can_be_told, residual_covariance
+from .noise import FLOOR, MAX_ROUNDS, SETTLED, correlations_can_be_told, likelihood_deviance, residual_covariance
 from .precision import Precision
 from .unknowns import FARTHEST
 from .weighting import WeightedResiduals
@@ -206,9 +206,7 @@ def _held_likelihood(fit: Fit, j: int) -> _Minimum:
         return covariance + np.eye(len(least)) * short[:, :, None], response.status == 0
 
     def likelihood(z: Array, covariance: Array) -> Array:
-        """Twice the negative logarithm of the likelihood, and of the prior, but for a constant."""
-        logs = np.linalg.slogdet(covariance)[1] * len(measured) if full else np.log(np.einsum("bii->bi", covariance)) @ counts
-        twice: Array = logs if problem.prior_factor is None else logs + np.square(z @ problem.prior_factor.T).sum(axis=1)
+        twice: Array = likelihood_deviance(covariance, measured, full) + problem.prior_square(z)
         return twice
 
     at_fit, _ = covariance_at(fit.z[None])

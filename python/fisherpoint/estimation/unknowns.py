@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..models import Model
 from ..prior import GaussianPrior
 from ..quantity import Array, as_float
+from ..rules import Sobol
 
 FARTHEST = 30.0
 """How far the logarithm of an unknown may go from its center: a factor of 1e13, past which trajectories mean nothing."""
@@ -122,3 +123,15 @@ def prior_factor(prior: GaussianPrior, unknowns: Unknowns) -> Array:
     factor = np.zeros((len(columns), len(unknowns)))
     factor[:, columns] = np.linalg.solve(np.linalg.cholesky(correlation), np.eye(len(columns)))
     return factor
+
+
+def spread_starts(unknowns: Unknowns, begin: Mapping[str, float], spread: GaussianPrior | None, count: int) -> Array:
+    """Coordinates (B, P) of the starts: the first as given, others at nodes of the prior."""
+    z = unknowns.coordinates(np.array([list(begin.values())]))
+    if spread is not None and count > 1:
+        named = [name for name in unknowns.names if name in spread.names]
+        nodes, _ = Sobol(1 << (count - 1).bit_length()).nodes(spread.marginal(named))
+        values = np.tile(list(begin.values()), (count - 1, 1))
+        values[:, [unknowns.names.index(name) for name in named]] = nodes[: count - 1]
+        z = np.concatenate([z, unknowns.coordinates(values)])
+    return np.clip(z, unknowns.lower, unknowns.upper)

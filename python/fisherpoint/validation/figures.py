@@ -12,6 +12,9 @@ from ..quantity import Array
 FEWEST = 10
 """Fits below which nothing is told of a parameter."""
 
+LEVEL = 0.95
+"""Of the intervals of which the coverage is counted."""
+
 NORMAL_MEDIAN = 0.6744897501960817
 """Median of the absolute value of a standard normal variable."""
 
@@ -95,7 +98,8 @@ def parameter_figures(
 ) -> ParameterFigures:
     """Figures from the fits (n,) that did not fail."""
     if len(errors) < FEWEST or np.isnan(promised):
-        return ParameterFigures(parameter, prior_std, promised, *[NOTHING] * 6, int(at_bound.sum()))
+        none = NOTHING
+        return ParameterFigures(parameter, prior_std, promised, none, none, none, none, none, none, int(at_bound.sum()))
     return ParameterFigures(
         parameter,
         prior_std,

@@ -9,30 +9,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..data.measurements import Measurements
-from ..estimation.least_squares import CONVERGED, ENDS, minimise
-from ..estimation.noise import (
-    correlations_can_be_told,
-    minimise_log_det,
-    output_degrees_of_freedom,
-    quantile_degrees_of_freedom,
-    unbiased,
-)
+from ..estimation.estimated_noise import inflated, output_degrees_of_freedom, unbiased
+from ..estimation.least_squares import CONVERGED, ENDS, Minima, minimise
+from ..estimation.noise import correlations_can_be_told, minimise_log_det
 from ..estimation.precision import Precision, covariances, in_words, quantile
 from ..estimation.response import Observed
-from ..estimation.unknowns import Unknowns, checked_bounds, prior_factor, unknowns_of
+from ..estimation.unknowns import Unknowns, checked_bounds, prior_factor, spread_starts, unknowns_of
 from ..estimation.weighting import WeightedResiduals, noise_covariance
 from ..experiments import Experiments
 from ..information import point_information
 from ..problem import DesignProblem
 from ..quantity import Array, names_of
 from ..trajectories import Status
+from .figures import LEVEL
 from .truths import Rig, Streams
 
 MOST_NUMBERS = 4_000_000
 """Entries of the Jacobians of the problems that are advanced at once, so that memory stays bounded."""
 
-LEVEL = 0.95
-"""Of the intervals of which the coverage is counted."""
+STARTS = 8
+"""Starts of a search at most, as `estimate` has by default."""
 
 
 class Runs(NamedTuple):
@@ -60,6 +56,8 @@ class Estimator:
         Of which the data are replaced; the covariance is that of the known noise.
     start : ndarray, (P,)
         The prior mean in coordinates.
+    further_starts : ndarray, (k, P)
+        Nodes spread over the prior, for searches that get stuck.
     noise_known : bool
     promise : Precision
         What the noise and the points promise at the prior mean.
@@ -67,6 +65,7 @@ class Estimator:
 
     residuals: WeightedResiduals
     start: Array
+    further_starts: Array
     noise_known: bool
     promise: Precision
 
@@ -93,9 +92,9 @@ class Estimator:
         unknowns = unknowns_of(mean, problem.prior, {}, checked_bounds(model, None, names))
         factor = prior_factor(problem.prior, unknowns) if use_prior else None
         residuals = WeightedResiduals(observed, unknowns, blank[None], covariance, factor)
-        start = np.clip(unknowns.coordinates(np.array([list(mean.values())])), unknowns.lower, unknowns.upper)
-        _, jacobian, _ = residuals(start, np.zeros(1, dtype=np.intp))
-        return cls(residuals, start[0], noise_known, Precision.of(jacobian[0]))
+        starts = spread_starts(unknowns, mean, problem.prior, STARTS)
+        _, jacobian, _ = residuals(starts[:1], np.zeros(1, dtype=np.intp))
+        return cls(residuals, starts[0], starts[1:], noise_known, Precision.of(jacobian[0]))
 
     @property
     def unknowns(self) -> Unknowns:
@@ -124,7 +123,7 @@ class Estimator:
         unknowns, count = self.unknowns, len(y)
         start, residuals = np.tile(self.start, (count, 1)), replace(self.residuals, y=y)
         if self.noise_known:
-            minima = minimise(residuals, start, unknowns.lower, unknowns.upper)
+            minima = self._minimised(residuals, start)
         else:
             full = correlations_can_be_told(residuals.measured, len(unknowns))
             minima, noise = minimise_log_det(replace(residuals, covariance=np.eye(y.shape[-1])), start, full)
@@ -139,9 +138,7 @@ class Estimator:
             residuals = replace(residuals, covariance=unbiased(noise, degrees, counts)[:, None])
             _, jacobian, _ = residuals(minima.z, everything)
             covariance, determined = covariances(jacobian)
-            rows = self._of_data(jacobian)
-            degrees = output_degrees_of_freedom(rows, covariance, counts)
-            degrees_of_freedom = quantile_degrees_of_freedom(rows, covariance, degrees)
+            covariance, degrees_of_freedom = inflated(self._of_data(jacobian), covariance, counts, full)
         spread = np.where(determined, np.sqrt(np.einsum("bii->bi", covariance)), np.inf)
         estimate = unknowns.values(minima.z)
         off = np.abs(minima.z - unknowns.coordinates(truth))
@@ -153,6 +150,21 @@ class Estimator:
             (minima.z <= unknowns.lower + 1e-6) | (minima.z >= unknowns.upper - 1e-6),
             np.array(["" if end == CONVERGED else ENDS[int(end)] for end in minima.end], dtype=np.str_),
         )
+
+    def _minimised(self, residuals: WeightedResiduals, start: Array) -> Minima:
+        """Minima from the start; of searches that got stuck, from further starts, as `estimate` has them."""
+        minima = minimise(residuals, start, self.unknowns.lower, self.unknowns.upper)
+        for further in self.further_starts:
+            stuck = np.flatnonzero(minima.end != CONVERGED)
+            if not len(stuck):
+                break
+            some = replace(residuals, y=residuals.y[stuck])
+            found = minimise(some, np.tile(further, (len(stuck), 1)), self.unknowns.lower, self.unknowns.upper)
+            better = found.end == CONVERGED
+            places = stuck[better]
+            minima.z[places], minima.cost[places], minima.end[places] = found.z[better], found.cost[better], CONVERGED
+            minima.iterations[stuck] += found.iterations
+        return minima
 
     def _of_data(self, jacobian: Array) -> Array:
         """The rows of Jacobians (B, M, P) that belong to the data, (B, N, n_y, P)."""
