@@ -17,7 +17,7 @@ from fisherpoint.config import load_config
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 NAMES = sorted(path.stem for path in EXAMPLES.glob("*.toml") if "[model]" in path.read_text(encoding="utf-8"))
-PATTERNS = 4
+PATTERNS = {"figure2": 2}  # of signs; others have 4
 RTOL = 1e-12
 
 
@@ -46,8 +46,8 @@ def prior_around(prior: fp.GaussianPrior, signs: np.ndarray) -> fp.GaussianPrior
 @pytest.mark.parametrize("name", NAMES)
 def test_theta_is_recovered_from_noise_free_data(name: str) -> None:
     problem, data, noise = experiment(name)
-    rng, recovered = np.random.default_rng(0), 0
-    for _ in range(PATTERNS):
+    rng, recovered, patterns = np.random.default_rng(0), 0, PATTERNS.get(name, 4)
+    for _ in range(patterns):
         start = prior_around(problem.prior, rng.choice([-1.0, 1.0], len(problem.prior.names)))
         fit, said = None, False
         try:
@@ -62,7 +62,7 @@ def test_theta_is_recovered_from_noise_free_data(name: str) -> None:
         assert said, str(fit)
         fit = fp.estimate(problem.model, data, start=start, noise_std=noise, rtol=RTOL)
         assert is_recovered(fit, problem), str(fit)
-    assert recovered >= PATTERNS // 2
+    assert recovered >= patterns // 2
 
 
 def is_recovered(fit: fp.Fit, problem: fp.DesignProblem) -> bool:

@@ -247,7 +247,9 @@ def _threshold(fit: Fit, j: int, level: float) -> float:
     maximum_likelihood = residual_covariance(fit.residuals[None])[0] * _kept(fit) + np.diag(1.0 * (counts == 0))
     weighted = replace(fit.problem, covariance=maximum_likelihood)
     plain = Precision.of(weighted(fit.z[None], np.zeros(1, dtype=np.intp))[1][0])
-    ratio = float(fit.precision.covariance[j, j] / plain.covariance[j, j]) if plain.covariance[j, j] > 0 else 1.0
+    # What estimated weights add beyond that is in the profile itself, which estimates them anew at each value.
+    unbiased = Precision.of(fit.jacobian)
+    ratio = float(unbiased.covariance[j, j] / plain.covariance[j, j]) if plain.covariance[j, j] > 0 else 1.0
     degrees = fit.quantile_degrees_of_freedom[fit.parameters[j]]
     squared = float(t.ppf(0.5 + level / 2, degrees) ** 2)
     return ratio * (degrees * float(np.log1p(squared / degrees)) if np.isfinite(degrees) else squared)
