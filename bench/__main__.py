@@ -2,6 +2,7 @@
 
 ``python -m bench peers`` and ``python -m bench scaling`` do the same for other programs and for how the cost grows;
 ``python -m bench models`` compares the built-in cylinder with the same model written in Python, interpreted and compiled;
+``python -m bench validation`` times a thousand fits next to a loop over SciPy's `least_squares`, and compares the minima;
 ``python -m bench packs`` for what the core's packs could be made of;
 ``python -m bench cost`` counts instructions per trajectory, and exits with 1 where they are a tenth more than recorded;
 ``python -m bench table FILE`` prints what they wrote with ``--json`` as Markdown.
@@ -19,7 +20,7 @@ from typing import Any
 
 from fisherpoint.trajectories import resolve_threads
 
-from . import cost, covariances, designs, machine, memory, models, packs, scaling, screening, sensitivities, tables
+from . import cost, covariances, designs, machine, memory, models, packs, scaling, screening, sensitivities, tables, validation
 from .peers import compare, show
 
 TARGET = 500
@@ -51,6 +52,11 @@ def main() -> int:
         tables.show_models(of_models, first_trajectory)
         report = {"models": [asdict(figures) for figures in of_models], "first_trajectory": first_trajectory}
         _save(options, {"machine": found, "quick": options.quick, **report})
+        return 0
+    if options.task == "validation":
+        of_fits = validation.measure(options.quick)
+        tables.show_validation(of_fits)
+        _save(options, {"machine": found, "quick": options.quick, "validation": [asdict(figures) for figures in of_fits]})
         return 0
     if options.task == "scaling":
         series = scaling.measure(options.quick)
@@ -124,8 +130,8 @@ def _options() -> argparse.Namespace:
     parser.add_argument(
         "task",
         nargs="?",
-        choices=("peers", "scaling", "models", "packs", "cost", "table"),
-        help="other programs; how the cost grows; models written in Python; kinds of vectors under the core; instructions per"
+        choices=("peers", "scaling", "models", "validation", "packs", "cost", "table"),
+        help="other programs; how the cost grows; models written in Python; many fits; kinds of vectors; instructions per"
         " trajectory next to the recorded ones; a report as Markdown; nothing for all of fisherpoint next to SciPy",
     )
     parser.add_argument("file", nargs="?", type=Path, help="the report for `table`")

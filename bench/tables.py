@@ -21,6 +21,7 @@ from .peers.compare import Comparison
 from .scaling import Series
 from .screening import ScreeningFigures
 from .sensitivities import SensitivityFigures
+from .validation import SAME, ValidationFigures
 
 console = Console(highlight=False, width=max(Console().width, 120))  # narrower, the tables break their rows
 
@@ -88,6 +89,22 @@ def show_screening(figures: Sequence[ScreeningFigures]) -> None:
         console.print(
             f"Screening, {f.output_covariance}: the best of 50 candidates under the rule was among the {SHORTLIST} that are left in"
             f" {f.same} of {f.draws} draws ({f.share:.1%})."
+        )
+    console.print()
+
+
+def show_validation(figures: Sequence[ValidationFigures]) -> None:
+    """Print one row per tolerance, and how near SciPy's minima are."""
+    header = ("rtol", "threads", "1000 fits, s", "cores", "validate, s", "per fit, next to a loop")
+    rows = [
+        (f"{f.rtol:.0e}", str(f.threads), f"{f.seconds:.2f}", f"{f.cores:.1f}", f"{f.whole:.2f}", f"{f.ratio:.0f} x")
+        for f in figures
+    ]
+    _show("Fits of a 12-point design of the default cylinder, nine parameters", header, rows)
+    for f in figures:
+        console.print(
+            f"rtol {f.rtol:.0e}: {f.same} of {f.compared} within {SAME:.0e} standard errors of SciPy's (median {f.median:.0e},"
+            f" worst {f.worst:.0e}); after a Gauss-Newton step from there, worst {f.worst_stepped:.0e}."
         )
     console.print()
 

@@ -66,7 +66,8 @@ def validate(
         written.append("validation.png")
     if not quiet:
         print(found)
-        show(Text(f"\nWritten to {output}: {', '.join(written)}"))
+        print()
+        show(Text(f"Written to {output}: {', '.join(written)}"))
     return 0
 
 

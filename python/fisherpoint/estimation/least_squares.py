@@ -34,6 +34,10 @@ NEGLIGIBLE = 1e-15
 """Share of the largest curvature, of columns scaled to length 1, up to which a direction is not moved along."""
 
 
+MOST_REFUSED = 15
+"""Trials of a search that cannot be evaluated, after which it counts as stuck at the border of what can."""
+
+
 class Residuals(Protocol):
     def __call__(self, z: Array, rows: NDArray[np.intp]) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Residuals (b, M) and their Jacobian (b, M, P) of the problems `rows` (b,) at z (b, P), and which can be evaluated."""
@@ -70,6 +74,7 @@ def minimise(residuals: Residuals, z0: Array, lower: Array, upper: Array, max_it
     damping, growth = np.full(count, 1e-3), np.full(count, 2.0)
     length = np.full(count, np.inf)  # of the last undamped step
     end, iterations = np.where(ok, LIMIT, NOT_EVALUABLE).astype(np.int32), np.zeros(count, dtype=np.int32)
+    refused = np.zeros(count, dtype=np.int32)
     active = everything[ok]
     for _ in range(max_iterations):
         if not len(active):
@@ -107,7 +112,8 @@ def minimise(residuals: Residuals, z0: Array, lower: Array, upper: Array, max_it
         worse = active[~better]
         damping[worse] *= growth[worse]
         growth[worse] *= 2.0
-        lost = worse[damping[worse] > 1e12]
+        refused[active[~ok]] += 1
+        lost = worse[(damping[worse] > 1e12) | (refused[worse] >= MOST_REFUSED)]
         end[lost] = np.where(end[lost] == CONVERGED, CONVERGED, STALLED)
         active = active[~done & ~np.isin(active, lost)]
     return Minima(z, cost, end, iterations)

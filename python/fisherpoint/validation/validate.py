@@ -7,6 +7,9 @@ from collections.abc import Mapping
 from time import perf_counter
 from typing import Any
 
+import numpy as np
+
+from ..estimation.weighting import noise_covariance
 from ..experiments import Experiments
 from ..models import Model
 from ..problem import DesignProblem
@@ -104,8 +107,6 @@ def validate(
 
 def _validation(problem: DesignProblem, points: Experiments, estimator: Estimator, runs: Runs | None) -> DesignValidation:
     """Figures of one design, of the fits that did not fail."""
-    import numpy as np
-
     names, promised = estimator.unknowns.names, estimator.promised_errors
     nothing = np.empty((0, len(names)))
     errors, claimed, covered, at_bound, failures = nothing, nothing, nothing > 0, nothing > 0, Counter[str]()
@@ -149,12 +150,11 @@ def _check_truth(truth: Model, model: Model) -> None:
 
 
 def _noise_std(problem: DesignProblem, given: Mapping[str, float] | None) -> dict[str, float]:
-    """Standard deviations of the outputs that are measured, which `noise_covariance` checks."""
+    """Standard deviations of the outputs that are measured."""
     if given is None and problem.noise_std is None:
         raise ValueError("noise_std: expected the sensor noise, which the problem does not have either; given none")
     stds = problem.noise_std if given is None else given
-    if not isinstance(stds, Mapping):
-        raise TypeError(f"noise_std: expected a mapping of names to numbers, given {type(stds).__name__}")
+    noise_covariance(problem.model, stds or {}, np.full((1, len(problem.model.outputs)), np.nan))  # for its checks
     if not stds:
         raise ValueError(f"noise_std: expected at least one of {', '.join(names_of(problem.model.outputs))}; given none")
     return dict(stds)
