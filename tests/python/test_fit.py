@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ def decay(n: int = 12, noise: float = 0.2, seed: int = 0) -> tuple[Any, fp.Measu
     return model, fp.Measurements(fp.Experiments(np.ones((n, 1)), np.zeros((n, 0)), dt), y)
 
 
+@cache
 def cylinder(T_1: float = 2.2e-3) -> tuple[fp.DesignProblem, fp.Measurements]:
     """Twelve points of the default cylinder, measured; the model that is fitted has the given T_1."""
     problem = load_config(EXAMPLES / "cylinder.toml").problem()
