@@ -272,7 +272,8 @@ def _profile_panel(axes: Axes, profile: Profile) -> None:
     ends += [estimate + side * 3 * half for side, how in zip((-1, 1), profile.ends, strict=True) if how == OPEN]
     margin = 0.12 * (max(ends) - min(ends))
     limits = min(ends) - margin, max(ends) + margin
-    at = np.linspace(*limits, 400)
+    inside = (profile.values >= limits[0]) & (profile.values <= limits[1])
+    at = np.union1d(np.linspace(*limits, 400), profile.values[inside])
     factor, unit = scale(fp.Quantity(profile.name, profile.unit, ""), at)
     values, first = np.unique(profile.values, return_index=True)
     root = PchipInterpolator(values, profile.signed_root[first], extrapolate=False)
@@ -283,8 +284,7 @@ def _profile_panel(axes: Axes, profile: Profile) -> None:
         curve = profile.threshold * np.square((at - estimate) / half)
         axes.plot(factor * at, curve, color=CRITERION, linewidth=1.1, linestyle=":", label="from the standard error")
     axes.plot(factor * at, np.square(root(at)), color=NOISE, linewidth=1.6, label="profile")
-    shown = (profile.values >= limits[0]) & (profile.values <= limits[1])
-    axes.plot(factor * profile.values[shown], profile.deviance[shown], "o", color=NOISE, markersize=2.5)
+    axes.plot(factor * profile.values[inside], profile.deviance[inside], "o", color=NOISE, markersize=2.5)
     for side, how in zip((0, 1), profile.ends, strict=True):
         if how == OPEN:
             x, align = (0.02, "left") if side == 0 else (0.98, "right")

@@ -203,6 +203,23 @@ def test_a_single_parameter() -> None:
         assert rise / 0.5**2 == pytest.approx(chi2.ppf(0.95, 1), rel=1e-5)
 
 
+def test_a_better_minimum_on_the_way_is_told() -> None:
+    """p is measured roughly and its square well: from -1 the search ends near -1, and the profile comes past +1."""
+    names = {kind: dict.fromkeys(given, "1") for kind, given in {"inputs": "s", "parameters": "p", "outputs": "yz"}.items()}
+    model = fp.SymbolicModel([], ["s*p**2", "s*p"], states={}, **names)
+    data = fp.Measurements(fp.Experiments(np.zeros((1, 0)), [[1.0]], [1.0]), [[1.0, 1.0]])
+    fit = fp.estimate(model, data, start={"p": -1.0}, noise_std={"y": 0.8, "z": 3.0})
+    assert fit.estimate["p"] < 0
+    profile = fit.profile("p")
+    assert profile.better
+    assert "a better estimate was found on the way" in str(profile)
+    again = fp.estimate(
+        model, data, start={"p": float(profile.values[np.argmin(profile.deviance)])}, noise_std={"y": 0.8, "z": 3.0}
+    )
+    assert again.estimate["p"] == pytest.approx(1.0, abs=1e-6)
+    assert not again.profile("p").better
+
+
 def test_misuse_names_the_quantity() -> None:
     model, data = straight_line()
     fit = fp.estimate(model, data, start={"a": 0.0, "b": 1.0}, noise_std={"y": 0.3, "z": 0.9})

@@ -1,14 +1,13 @@
 """Noise-free data give theta back, from starts two prior standard deviations away; where they cannot, the open direction is told.
 
-The rule for starts: the search begins at the one that is given. Where trajectories are not ok there, that is an error, and where it
-ends in a minimum that does not explain the data, chi-square says so. A prior as `start` then gives several starts around that point,
-of which those that are not ok are left out.
+The rule for starts: the search begins at the one that is given. Where trajectories are not ok there, that is an error, and where
+it ends in a minimum that does not explain the data, chi-square says so. A prior as `start` then gives several starts around that
+point, in the place of those that are not ok further ones.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +17,7 @@ from fisherpoint.config import load_config
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 NAMES = sorted(path.stem for path in EXAMPLES.glob("*.toml") if "[model]" in path.read_text(encoding="utf-8"))
-PATTERNS = 4
+PATTERNS = {"figure2": 2}  # of signs; others have 4
 RTOL = 1e-12
 
 
@@ -47,8 +46,8 @@ def prior_around(prior: fp.GaussianPrior, signs: np.ndarray) -> fp.GaussianPrior
 @pytest.mark.parametrize("name", NAMES)
 def test_theta_is_recovered_from_noise_free_data(name: str) -> None:
     problem, data, noise = experiment(name)
-    rng, recovered = np.random.default_rng(0), 0
-    for _ in range(PATTERNS):
+    rng, recovered, patterns = np.random.default_rng(0), 0, PATTERNS.get(name, 4)
+    for _ in range(patterns):
         start = prior_around(problem.prior, rng.choice([-1.0, 1.0], len(problem.prior.names)))
         fit, said = None, False
         try:
@@ -63,7 +62,7 @@ def test_theta_is_recovered_from_noise_free_data(name: str) -> None:
         assert said, str(fit)
         fit = fp.estimate(problem.model, data, start=start, noise_std=noise, rtol=RTOL)
         assert is_recovered(fit, problem), str(fit)
-    assert recovered >= PATTERNS // 2
+    assert recovered >= patterns // 2
 
 
 def is_recovered(fit: fp.Fit, problem: fp.DesignProblem) -> bool:
@@ -114,7 +113,7 @@ def test_a_tank_of_which_the_level_at_the_start_is_not_known_is_told_to_have_no_
         rtol=RTOL,
     )
     assert len(fit.null_directions) == 1
-    moves = dict(move.rsplit(" ", 3)[:1] + [" ".join(move.rsplit(" ", 3)[1:])] for move in fit.null_directions[0].split(", "))
+    moves = dict(move.split(" ", 1) for move in fit.null_directions[0].split(", "))
     assert moves in (
         {"k1": "up 0.5 %", "k2": "down 0.5 %", "k4": "up 1 %", "x0_h1": "up 1 %"},
         {"k1": "down 0.5 %", "k2": "up 0.5 %", "k4": "down 1 %", "x0_h1": "down 1 %"},

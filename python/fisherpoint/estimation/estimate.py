@@ -16,7 +16,7 @@ from ..trajectories import Status, check_rtol, check_type, resolve_threads
 from .estimated_noise import unbiased
 from .fit import Fit
 from .least_squares import CONVERGED, ENDS, NOT_EVALUABLE, Minima, minimise
-from .noise import correlations_can_be_told, minimise_log_det
+from .noise import correlations_can_be_told, likelihood_deviance, minimise_log_det
 from .response import Observed
 from .unknowns import Unknowns, checked_bounds, prior_factor, spread_starts, unknowns_of
 from .weighting import WeightedResiduals, noise_covariance
@@ -26,6 +26,9 @@ SAME_MINIMUM = 1e-3
 
 FIRST_ITERATIONS = 50
 """Of each of several starts: more are spent on the best one alone."""
+
+MOST_DRAWN = 8
+"""Nodes of the prior, for each start, that are tried where trajectories are not ok."""
 
 WEIGHTINGS = 2
 """How often the share of what is assumed is taken anew at the estimate."""
@@ -72,7 +75,8 @@ def estimate(
         covariance of the outputs is taken at the estimate. Not for records, of which they would correlate all samples: estimate
         them there.
     starts : int
-        Number of starts where there is a prior, nodes spread over it.
+        Number of starts where there is a prior: its mean, and nodes spread over it, of which those at which trajectories are not
+        ok are left out.
     rtol : float
         Tolerance of the trajectories.
     threads : int, optional
@@ -101,12 +105,17 @@ def estimate(
     check_rtol(rtol)
     observed = Observed(model, parts, chosen, theta, rtol, threads)
     known_names = dict.fromkeys((*names, *observed.names))
-    for unknown in (name for name in (start if isinstance(start, Mapping) else ()) if name not in known_names):
-        raise ValueError(f"start: expected names of {', '.join(known_names)}; given unknown {unknown!r}")
+    for label, mapping in (("start", start), ("prior", prior)):
+        given_names = mapping.names if isinstance(mapping, GaussianPrior) else tuple(mapping or ())
+        for unknown in (name for name in given_names if name not in known_names):
+            raise ValueError(f"{label}: expected names of {', '.join(known_names)}; given unknown {unknown!r}")
     begin = {name: first[name] if name in first else _start_guess(model, name, parts) for name in observed.names}
     sizes = {f"x0_{q.name}": q.scale or 0.0 for q in model.states}
     unknowns = unknowns_of(begin, spread, sizes, checked_bounds(model, bounds, observed.names))
-    z0 = spread_starts(unknowns, begin, spread, check_positive_int(starts, "starts"))
+    for name, log in zip(observed.names, unknowns.log, strict=True):
+        if log and not begin[name] > 0:
+            raise ValueError(f"start[{name!r}]: expected a positive number, as its prior is log-normal; given {begin[name]:g}")
+    z0 = _starts(observed, unknowns, begin, spread, check_positive_int(starts, "starts"))
     factor = None if prior is None else prior_factor(prior, unknowns)
     residuals = WeightedResiduals(observed, unknowns, observed.y[None], np.eye(observed.y.shape[1]), factor)
 
@@ -118,10 +127,11 @@ def estimate(
     elif uncertain or initial_state_std:
         raise ValueError("noise_std: expected the sensor noise beside uncertain or initial_state_std, given none")
     else:
+        _check_noise_can_be_told(observed, prior)
         full = correlations_can_be_told(np.isfinite(observed.y), len(unknowns))
         minima, covariances = minimise_log_det(residuals, z0, full, FIRST_ITERATIONS)
-        log_det = np.linalg.slogdet(covariances)[1] * len(observed.y) / 2
-        minima = minima._replace(cost=np.where(np.isfinite(log_det), log_det, np.inf))
+        twice = likelihood_deviance(covariances, residuals.measured, full) + residuals.prior_square(minima.z)
+        minima = minima._replace(cost=np.where(np.isfinite(twice), twice / 2, np.inf))
     best, reached = _best(minima, observed, unknowns, z0)
     if not known:
         residuals = replace(residuals, covariance=covariances[best])
@@ -211,6 +221,29 @@ def _start_guess(model: Model, name: str, parts: Sequence[Any]) -> float:
         if np.isfinite(column).any():
             return float(column[np.isfinite(column)][0])
     return states[state].scale or 1.0
+
+
+def _check_noise_can_be_told(observed: Observed, prior: GaussianPrior | None) -> None:
+    count = int(np.isfinite(observed.y).sum())
+    free = sum(prior is None or name not in prior.names for name in observed.names)
+    if count <= free:
+        raise ValueError(
+            f"noise_std: expected the noise, or more than {free} numbers to estimate it beside the unknowns; given {count}"
+        )
+
+
+def _starts(observed: Observed, unknowns: Unknowns, begin: Mapping[str, float], spread: GaussianPrior | None, count: int) -> Array:
+    """Coordinates (B, P) of the starts: as given, and nodes of the prior; further nodes in the place of those that are not ok."""
+    z = spread_starts(unknowns, begin, spread, MOST_DRAWN * count if count > 1 else 1)
+    if len(z) == 1:
+        return z
+    ok = np.zeros(len(z), dtype=bool)
+    for first in range(0, len(z), count):
+        some = slice(first, first + count)
+        ok[some] = observed.respond(unknowns.values(z[some])).status == Status.ok
+        if ok.sum() >= count:
+            break
+    return z[ok][:count] if ok.any() else z[:1]
 
 
 def _with_assumed(

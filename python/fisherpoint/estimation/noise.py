@@ -31,6 +31,16 @@ def residual_covariance(residuals: Array) -> Array:
     return covariance
 
 
+def likelihood_deviance(covariance: Array, measured: NDArray[np.bool_], full: bool) -> Array:
+    """-2 log likelihood (B,), but for a constant, where the noise has the residual covariance (B, n_y, n_y): N log det of (10).
+
+    Where correlations are not told, the sum over outputs of their number of values times the logarithm of the variance.
+    """
+    if full:
+        return np.asarray(len(measured) * np.linalg.slogdet(covariance)[1])
+    return np.asarray(np.log(np.einsum("bii->bi", covariance)) @ measured.sum(axis=0))
+
+
 def correlations_can_be_told(measured: NDArray[np.bool_], n_unknowns: int) -> bool:
     """Whether log det of the full covariance has a minimum: all outputs in every sample, and more samples than can be fitted."""
     n_samples, n_y = measured.shape

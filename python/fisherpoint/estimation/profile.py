@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..quantity import Array, as_float
 from .least_squares import NOT_EVALUABLE, Residuals, minimise
-from .noise import FLOOR, MAX_ROUNDS, SETTLED, correlations_can_be_told, residual_covariance
+from .noise import FLOOR, MAX_ROUNDS, correlations_can_be_told, likelihood_deviance, residual_covariance
 from .precision import Precision
 from .unknowns import FARTHEST
 from .weighting import WeightedResiduals
@@ -37,6 +37,12 @@ FAR = 1e4
 
 PRECISE = 1e-7
 """Error of the root of the deviance at an end, as a share of the threshold's."""
+
+ITERATIONS = 4
+"""Of least squares with the same weights, which then are taken anew."""
+
+SETTLED = 1e-5
+"""Change of the weights, as a share, from which on the deviance, which is flat there, no longer changes."""
 
 BETTER = 1e-4
 """Fall of the deviance below that of the fit from which on the fit was not at the minimum."""
@@ -169,14 +175,14 @@ class _Held(NamedTuple):
         return r, np.delete(jacobian, self.j, axis=2), ok
 
 
-def _minimum(problem: WeightedResiduals, j: int, z: Array) -> tuple[Array, Array]:
+def _minimum(problem: WeightedResiduals, j: int, z: Array, iterations: int = 200) -> tuple[Array, Array]:
     """Minimise over all coordinates (B, P) but `j`; return where, and the cost (B,), inf where there are no trajectories."""
     others = np.arange(z.shape[1]) != j
     if not others.any():
         r, _, ok = problem(z, np.arange(len(z)))
         return z, np.where(ok, 0.5 * np.square(r).sum(axis=1), np.inf)
     lower, upper = problem.unknowns.lower[others], problem.unknowns.upper[others]
-    found = minimise(_Held(problem, j, z[:, j]), np.clip(z[:, others], lower, upper), lower, upper)
+    found = minimise(_Held(problem, j, z[:, j]), np.clip(z[:, others], lower, upper), lower, upper, iterations)
     return np.insert(found.z, j, z[:, j], axis=1), np.where(found.end == NOT_EVALUABLE, np.inf, found.cost)
 
 
@@ -206,9 +212,7 @@ def _held_likelihood(fit: Fit, j: int) -> _Minimum:
         return covariance + np.eye(len(least)) * short[:, :, None], response.status == 0
 
     def likelihood(z: Array, covariance: Array) -> Array:
-        """Twice the negative logarithm of the likelihood, and of the prior, but for a constant."""
-        logs = np.linalg.slogdet(covariance)[1] * len(measured) if full else np.log(np.einsum("bii->bi", covariance)) @ counts
-        twice: Array = logs if problem.prior_factor is None else logs + np.square(z @ problem.prior_factor.T).sum(axis=1)
+        twice: Array = likelihood_deviance(covariance, measured, full) + problem.prior_square(z)
         return twice
 
     at_fit, _ = covariance_at(fit.z[None])
@@ -222,7 +226,7 @@ def _held_likelihood(fit: Fit, j: int) -> _Minimum:
             if not len(active):
                 break
             weighted = replace(problem, covariance=covariance[active][:, None])
-            z[active], cost = _minimum(weighted, j, z[active])
+            z[active], cost = _minimum(weighted, j, z[active], ITERATIONS)
             ok[active] = np.isfinite(cost)
             update, _ = covariance_at(z[active])
             scale = np.sqrt(np.einsum("bii->bi", covariance[active]))
@@ -249,7 +253,9 @@ def _threshold(fit: Fit, j: int, level: float) -> float:
     maximum_likelihood = residual_covariance(fit.residuals[None])[0] * _kept(fit) + np.diag(1.0 * (counts == 0))
     weighted = replace(fit.problem, covariance=maximum_likelihood)
     plain = Precision.of(weighted(fit.z[None], np.zeros(1, dtype=np.intp))[1][0])
-    ratio = float(fit.precision.covariance[j, j] / plain.covariance[j, j]) if plain.covariance[j, j] > 0 else 1.0
+    # What estimated weights add beyond that is in the profile itself, which estimates them anew at each value.
+    unbiased = Precision.of(fit.jacobian)
+    ratio = float(unbiased.covariance[j, j] / plain.covariance[j, j]) if plain.covariance[j, j] > 0 else 1.0
     degrees = fit.quantile_degrees_of_freedom[fit.parameters[j]]
     squared = float(t.ppf(0.5 + level / 2, degrees) ** 2)
     return ratio * (degrees * float(np.log1p(squared / degrees)) if np.isfinite(degrees) else squared)

@@ -90,6 +90,10 @@ def warnings(fit: Fit) -> Iterator[str]:
         elif test.p_value is not None and test.p_value > 1 - OFF:
             per = number(test.per_degree_of_freedom, 3)
             yield f"{name}: chi-square per degree of freedom {per}: the noise of this output is smaller than given"
+        elif not fit.noise_known and test.degrees_of_freedom < 0.5:
+            yield f"{name}: the unknowns fit it whatever its noise is, which cannot be estimated: give noise_std"
+    if fit.starts > 1 and fit.reached == 1:
+        yield f"only one of {fit.starts} starts came to this minimum: more starts may find a better one"
     if not fit.noise_known and fit.degrees_of_freedom < 3:
         yield (
             f"the noise is estimated with {_degrees(fit.degrees_of_freedom)} left: standard errors are rough; give noise_std, "

@@ -90,6 +90,10 @@ class WeightedResiduals:
         measured: NDArray[np.bool_] = np.isfinite(self.y[0])
         return measured
 
+    def prior_square(self, z: Array) -> Array:
+        """Sum of squares of the prior's residuals at z (B, P), zero without a prior."""
+        return np.zeros(len(z)) if self.prior_factor is None else np.square(z @ self.prior_factor.T).sum(axis=1)
+
     def __call__(self, z: Array, rows: NDArray[np.intp]) -> tuple[Array, Array, NDArray[np.bool_]]:
         values = self.unknowns.values(z)
         response = self.observed.respond(values)
