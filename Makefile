@@ -6,6 +6,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# Tests of a file stay on one core: what they share is made once.
+PARALLEL := -n auto --dist loadfile
 PACKAGES := g++ cmake ninja-build make python3-dev python3-venv libeigen3-dev doctest-dev
 SOURCES := CMakeLists.txt pyproject.toml $(shell find cpp python -name '*.[ch]pp' -o -name '*.py' -o -name '*.pyi' -o -name '*.map')
 
@@ -23,12 +25,12 @@ test-cpp: $(VENV)/.system
 	ctest --preset release
 
 test-python: $(VENV)/.installed
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest $(PARALLEL)
 
 # The kernels' tests on the levels that `test-python`, which takes the best one, leaves out.
 test-levels: $(VENV)/.installed
 	@set -e; for level in $$($(BIN)/python -c 'import fisherpoint as fp; print(*fp.available_isas()[:-1])'); do \
-	  echo "x86-64-$$level"; FISHERPOINT_ISA=$$level $(BIN)/python -m pytest -q -m kernels; \
+	  echo "x86-64-$$level"; FISHERPOINT_ISA=$$level $(BIN)/python -m pytest -q $(PARALLEL) -m kernels; \
 	done
 
 bench: $(VENV)/.installed

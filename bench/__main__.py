@@ -2,6 +2,8 @@
 
 ``python -m bench peers`` and ``python -m bench scaling`` do the same for other programs and for how the cost grows;
 ``python -m bench models`` compares the built-in cylinder with the same model written in Python, interpreted and compiled;
+``python -m bench validation`` times a thousand fits next to a loop over SciPy's `least_squares`, and compares the minima;
+``python -m bench campaign`` compares experiments that are designed in batches with as many that are designed at once;
 ``python -m bench packs`` for what the core's packs could be made of;
 ``python -m bench cost`` counts instructions per trajectory, and exits with 1 where they are a tenth more than recorded;
 ``python -m bench table FILE`` prints what they wrote with ``--json`` as Markdown.
@@ -19,7 +21,21 @@ from typing import Any
 
 from fisherpoint.trajectories import resolve_threads
 
-from . import cost, covariances, designs, machine, memory, models, packs, scaling, screening, sensitivities, tables
+from . import (
+    campaign,
+    cost,
+    covariances,
+    designs,
+    machine,
+    memory,
+    models,
+    packs,
+    scaling,
+    screening,
+    sensitivities,
+    tables,
+    validation,
+)
 from .peers import compare, show
 
 TARGET = 500
@@ -41,6 +57,11 @@ def main() -> int:
         tables.show_comparison(comparison)
         _save(options, {"machine": found, "quick": options.quick, "peers": asdict(comparison)})
         return 0
+    if options.task == "campaign":
+        of_campaigns = campaign.measure(options.quick, tables.console.print)
+        tables.show_campaign(of_campaigns)
+        _save(options, {"machine": found, "quick": options.quick, "campaign": asdict(of_campaigns)})
+        return 0
     if options.task == "packs":
         of_packs, left_out = packs.measure(options.quick)
         tables.show_packs(of_packs, left_out)
@@ -51,6 +72,11 @@ def main() -> int:
         tables.show_models(of_models, first_trajectory)
         report = {"models": [asdict(figures) for figures in of_models], "first_trajectory": first_trajectory}
         _save(options, {"machine": found, "quick": options.quick, **report})
+        return 0
+    if options.task == "validation":
+        of_fits = validation.measure(options.quick)
+        tables.show_validation(of_fits)
+        _save(options, {"machine": found, "quick": options.quick, "validation": [asdict(figures) for figures in of_fits]})
         return 0
     if options.task == "scaling":
         series = scaling.measure(options.quick)
@@ -124,9 +150,10 @@ def _options() -> argparse.Namespace:
     parser.add_argument(
         "task",
         nargs="?",
-        choices=("peers", "scaling", "models", "packs", "cost", "table"),
-        help="other programs; how the cost grows; models written in Python; kinds of vectors under the core; instructions per"
-        " trajectory next to the recorded ones; a report as Markdown; nothing for all of fisherpoint next to SciPy",
+        choices=("peers", "scaling", "models", "validation", "campaign", "packs", "cost", "table"),
+        help="other programs; how the cost grows; models written in Python; many fits; design in batches; kinds of vectors;"
+        " instructions per trajectory next to the recorded ones; a report as Markdown; nothing for all of fisherpoint next to"
+        " SciPy",
     )
     parser.add_argument("file", nargs="?", type=Path, help="the report for `table`")
     parser.add_argument("--quick", action="store_true", help="smaller samples and fewer rounds, for a look")

@@ -12,6 +12,7 @@ from fisherpoint.search import SHORTLIST
 
 from . import cost, packs
 from .accuracy import ACCURACY_RULE, Errors
+from .campaign import CampaignFigures, Outcome
 from .covariances import Contender, CovarianceFigures
 from .designs import DesignFigures
 from .memory import MemoryFigures
@@ -21,6 +22,7 @@ from .peers.compare import Comparison
 from .scaling import Series
 from .screening import ScreeningFigures
 from .sensitivities import SensitivityFigures
+from .validation import SAME, ValidationFigures
 
 console = Console(highlight=False, width=max(Console().width, 120))  # narrower, the tables break their rows
 
@@ -89,6 +91,48 @@ def show_screening(figures: Sequence[ScreeningFigures]) -> None:
             f"Screening, {f.output_covariance}: the best of 50 candidates under the rule was among the {SHORTLIST} that are left in"
             f" {f.same} of {f.draws} draws ({f.share:.1%})."
         )
+    console.print()
+
+
+def show_validation(figures: Sequence[ValidationFigures]) -> None:
+    """Print one row per tolerance, and how near SciPy's minima are."""
+    header = ("rtol", "threads", "1000 fits, s", "cores", "validate, s", "per fit, next to a loop")
+    rows = [
+        (f"{f.rtol:.0e}", str(f.threads), f"{f.seconds:.2f}", f"{f.cores:.1f}", f"{f.whole:.2f}", f"{f.ratio:.0f} x")
+        for f in figures
+    ]
+    _show("Fits of a 12-point design of the default cylinder, nine parameters", header, rows)
+    for f in figures:
+        console.print(
+            f"rtol {f.rtol:.0e}: {f.same} of {f.compared} within {SAME:.0e} standard errors of SciPy's (median {f.median:.0e},"
+            f" worst {f.worst:.0e}); after a Gauss-Newton step from there, worst {f.worst_stepped:.0e}."
+        )
+    console.print()
+
+
+def show_campaign(figures: CampaignFigures) -> None:
+    """Print how often campaigns come out ahead of single designs, and by how much."""
+
+    def standard_error(outcome: Outcome) -> float:
+        return outcome.standard_error
+
+    def error(outcome: Outcome) -> float:
+        return outcome.error
+
+    whole = figures.whole
+    header = ("geometric mean over the parameters", "campaign lower in", "campaign / single: quartiles", "", "")
+    rows = []
+    for name, figure in (("achieved standard errors", standard_error), ("amounts of the errors", error)):
+        quartiles = [f"{value:.2f}" for value in figures.ratios(figure)]
+        rows.append((name, f"{figures.wins(figure)} of {len(whole)}", *quartiles))
+    _show(f"Four batches of six against one design of 24 points, {len(figures.runs)} truths from twice the prior std", header, rows)
+    missing = [24 * len(whole) - sum(pair[way].measured for pair in whole) for way in (0, 1)]
+    console.print(
+        f"Root mean square of the errors, geometric mean over the parameters: {figures.rmse(True):.4f} against"
+        f" {figures.rmse(False):.4f} prior std. Points that gave no measurement: {missing[0]} against {missing[1]}."
+        f" Runs that failed: {len(figures.runs) - len(whole)}. {figures.max_iterations} iterations a batch;"
+        f" {figures.seconds:.0f} s."
+    )
     console.print()
 
 

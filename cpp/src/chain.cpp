@@ -12,9 +12,7 @@ void chain(const M& model, const Points& records, std::size_t pieces, const Para
   });
 }
 
-template void chain(const HydraulicCylinder&, const Points&, std::size_t, const Parameters&, const Tolerance&, const Workers&,
-                    const ChainedStates&);
-template void chain(const TapeModel&, const Points&, std::size_t, const Parameters&, const Tolerance&, const Workers&,
+template void chain(const FISHERPOINT_MODEL&, const Points&, std::size_t, const Parameters&, const Tolerance&, const Workers&,
                     const ChainedStates&);
 
 }  // namespace fisherpoint

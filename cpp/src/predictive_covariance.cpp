@@ -14,9 +14,7 @@ void predictive_covariance(const M& model, const Points& points, const double* n
   });
 }
 
-template void predictive_covariance(const HydraulicCylinder&, const Points&, const double*, const PriorNodes&, double,
+template void predictive_covariance(const FISHERPOINT_MODEL&, const Points&, const double*, const PriorNodes&, double,
                                     const Tolerance&, const Workers&, const PredictiveCovariances&);
-template void predictive_covariance(const TapeModel&, const Points&, const double*, const PriorNodes&, double, const Tolerance&,
-                                    const Workers&, const PredictiveCovariances&);
 
 }  // namespace fisherpoint

@@ -12,9 +12,7 @@ void sensitivities(const M& model, const Points& points, const Parameters& param
   });
 }
 
-template void sensitivities(const HydraulicCylinder&, const Points&, const Parameters&, const Tolerance&, const Workers&,
-                            const SensitiveTrajectories&);
-template void sensitivities(const TapeModel&, const Points&, const Parameters&, const Tolerance&, const Workers&,
+template void sensitivities(const FISHERPOINT_MODEL&, const Points&, const Parameters&, const Tolerance&, const Workers&,
                             const SensitiveTrajectories&);
 
 }  // namespace fisherpoint

@@ -12,9 +12,7 @@ void simulate(const M& model, const Points& points, const Parameters& parameters
   });
 }
 
-template void simulate(const HydraulicCylinder&, const Points&, const Parameters&, const Tolerance&, const Workers&,
-                       const Trajectories&);
-template void simulate(const TapeModel&, const Points&, const Parameters&, const Tolerance&, const Workers&,
+template void simulate(const FISHERPOINT_MODEL&, const Points&, const Parameters&, const Tolerance&, const Workers&,
                        const Trajectories&);
 
 }  // namespace fisherpoint

@@ -3,6 +3,7 @@
 from typing import Any
 
 from .assumed import assumed_covariance
+from .campaign import Campaign
 from .comparison import RuleComparison, compare_rules
 from .constraints import Constraint
 from .data import Measurements, Record, RecordTrajectory, VirtualRig, simulate_record
@@ -30,13 +31,17 @@ from .trajectories import (
     sensitivities,
     simulate,
 )
+from .validation.result import DesignValidation, Validation
+from .validation.validate import validate
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "Campaign",
     "Constraint",
     "Design",
     "DesignProblem",
+    "DesignValidation",
     "Efficiency",
     "Evaluation",
     "ExchangeSettings",
@@ -65,6 +70,7 @@ __all__ = [
     "TraceRecord",
     "Trajectories",
     "Unscented",
+    "Validation",
     "VirtualRig",
     "assumed_covariance",
     "available_isas",
@@ -79,6 +85,7 @@ __all__ = [
     "sensitivities",
     "simulate",
     "simulate_record",
+    "validate",
 ]
 
 _LAZY = {

@@ -21,6 +21,7 @@ import fisherpoint as fp
 from .config_messages import ConfigError, describe, fail, listed, toml, unknown_key
 from .config_tables import (
     Bounds,
+    CampaignTable,
     Constant,
     Correlation,
     DesignTable,
@@ -81,6 +82,7 @@ class Config(ModelFile):
     region: RegionTable | None = None
     rule: RuleTable = RuleTable()
     design: DesignTable = DesignTable()
+    campaign: CampaignTable = CampaignTable()
 
     @model_validator(mode="after")
     def _check_against_model(self) -> Config:
@@ -109,6 +111,8 @@ class Config(ModelFile):
                 for name in parameters:
                     if name not in given:
                         fail(f"rule.{key}.{name}: missing; expected {expected}")
+        if isinstance(self.campaign.rse, dict):
+            _check_names("campaign.rse", self.campaign.rse, self.design.parameters or parameters)
         for name in self.design.parameters or ():
             if name not in parameters:
                 fail(f"design.parameters: expected names out of {listed(parameters, name)}, given {toml(name)}")
@@ -268,6 +272,7 @@ def _keys_of(place: tuple[str, ...]) -> list[str]:
         in_model: dict[str, type[BaseModel]] = {"constants": ModelConstant, "parameters": ParameterEntry, "outputs": OutputEntry}
         return list(entries.get(place[0], in_model.get(place[1], QuantityEntry)).model_fields)
     tables: dict[str, type[BaseModel]] = {"": Config, "model": ModelTable, "rule": RuleTable, "design": DesignTable}
+    tables["campaign"] = CampaignTable
     return list(tables["".join(place)].model_fields)
 
 

@@ -228,3 +228,10 @@ class DesignTable(Table):
     parameters: Annotated[list[str], Field(min_length=1)] | None = None
     kinks: Literal["cross", "exclude"] | None = None
     assumed_covariance: Literal["tangents", "predictive"] | None = None
+
+
+class CampaignTable(Table):
+    """A campaign: how many points a batch has, and the relative standard errors to reach, one for all or by parameter."""
+
+    batch: Count | None = None
+    rse: Positive | dict[str, Positive] | None = None

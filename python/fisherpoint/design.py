@@ -158,7 +158,8 @@ class Design:
             raise ValueError(f"{path}: {what}") from error
 
 
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """What made a file: versions, and the instruction set, on which the last bits may depend."""
     try:
         own = version("fisherpoint")
     except PackageNotFoundError:
@@ -174,7 +175,8 @@ def _log_det(value: float | None) -> float:
     return -np.inf if value is None else float(value)
 
 
-def _problem_to_json(problem: DesignProblem) -> dict[str, Any]:
+def problem_to_json(problem: DesignProblem) -> dict[str, Any]:
+    """A problem as JSON has it; functions among the constraints are not kept."""
     region = problem.region
     region_data = region and {
         "bounds": {name: list(pair) for name, pair in region.bounds.items()},
@@ -242,7 +244,8 @@ def _constraint_not_saved(columns: Mapping[str, Array]) -> NDArray[np.bool_]:
     raise ValueError("constraint: expected the function that this design was made with, given none: functions are not saved")
 
 
-def _problem_from_json(data: dict[str, Any]) -> DesignProblem:
+def problem_from_json(data: dict[str, Any]) -> DesignProblem:
+    """The problem of which this is the JSON, to the last bit."""
     region = data["region"]
     return DesignProblem(
         _model_from_json(data["model"]),
@@ -306,8 +309,8 @@ def _to_json(design: Design) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "format_version": FORMAT_VERSION,
-        "versions": _versions(),
-        "problem": _problem_to_json(design.problem),
+        "versions": versions(),
+        "problem": problem_to_json(design.problem),
         "settings": asdict(design.settings),
         "points": {
             "columns": list(design.points.columns or ()),
@@ -344,7 +347,7 @@ def _from_json(data: dict[str, Any]) -> Design:
     if data["stop_reason"] not in STOP_REASONS:
         raise ValueError(f"stop_reason: expected one of {', '.join(STOP_REASONS)}; given {data['stop_reason']!r}")
     return Design(
-        problem=_problem_from_json(data["problem"]),
+        problem=problem_from_json(data["problem"]),
         settings=settings,
         points=Experiments(points["x0"], points["u"], points["dt"], tuple(points["columns"]) or None),
         evaluation=evaluation,

@@ -29,8 +29,19 @@ def write_whole(path: str | Path, text: str) -> None:
                 os.fsync(part.fileno())
                 os.chmod(part.name, target.stat().st_mode & 0o777 if target.exists() else 0o644)
                 os.replace(part.name, target)
+                _keep_entries(target.parent)
             except BaseException:
-                os.unlink(part.name)
+                Path(part.name).unlink(missing_ok=True)
                 raise
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from error  # names what was asked for, not the part
+
+
+def _keep_entries(directory: Path) -> None:
+    """Bring a directory's new names to the disk too, where the system lets a directory be opened."""
+    if os.name == "posix":
+        descriptor = os.open(directory, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)

@@ -158,7 +158,7 @@ MISTAKES = {
         "[design]",
         "[desing]",
         "unknown key desing; expected one of model, prior, prior_correlation, noise_std, uncertain, initial_state_std, "
-        "region, rule, design "
+        "region, rule, design, campaign "
         '(did you mean "design"?)',
     ),
 }

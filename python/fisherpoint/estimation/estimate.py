@@ -12,17 +12,23 @@ from ..data.measurements import Measurements
 from ..models import Model
 from ..prior import GaussianPrior
 from ..quantity import Array, as_float, check_positive_int, names_of
-from ..rules import Sobol
 from ..trajectories import Status, check_rtol, check_type, resolve_threads
+from .estimated_noise import unbiased
 from .fit import Fit
 from .least_squares import CONVERGED, ENDS, NOT_EVALUABLE, Minima, minimise
-from .noise import correlations_can_be_told, minimise_log_det
+from .noise import correlations_can_be_told, likelihood_deviance, minimise_log_det
 from .response import Observed
-from .unknowns import Unknowns, checked_bounds, unknowns_of
-from .weighting import WeightedResiduals
+from .unknowns import Unknowns, checked_bounds, prior_factor, spread_starts, unknowns_of
+from .weighting import WeightedResiduals, noise_covariance
 
 SAME_MINIMUM = 1e-3
 """Difference of costs, in half squares of standard errors, up to which two starts have come to the same minimum."""
+
+FIRST_ITERATIONS = 50
+"""Of each of several starts: more are spent on the best one alone."""
+
+MOST_DRAWN = 8
+"""Nodes of the prior, for each start, that are tried where trajectories are not ok."""
 
 WEIGHTINGS = 2
 """How often the share of what is assumed is taken anew at the estimate."""
@@ -69,7 +75,8 @@ def estimate(
         covariance of the outputs is taken at the estimate. Not for records, of which they would correlate all samples: estimate
         them there.
     starts : int
-        Number of starts where there is a prior, nodes spread over it.
+        Number of starts where there is a prior: its mean, and nodes spread over it, of which those at which trajectories are not
+        ok are left out.
     rtol : float
         Tolerance of the trajectories.
     threads : int, optional
@@ -98,27 +105,33 @@ def estimate(
     check_rtol(rtol)
     observed = Observed(model, parts, chosen, theta, rtol, threads)
     known_names = dict.fromkeys((*names, *observed.names))
-    for unknown in (name for name in (start if isinstance(start, Mapping) else ()) if name not in known_names):
-        raise ValueError(f"start: expected names of {', '.join(known_names)}; given unknown {unknown!r}")
+    for label, mapping in (("start", start), ("prior", prior)):
+        given_names = mapping.names if isinstance(mapping, GaussianPrior) else tuple(mapping or ())
+        for unknown in (name for name in given_names if name not in known_names):
+            raise ValueError(f"{label}: expected names of {', '.join(known_names)}; given unknown {unknown!r}")
     begin = {name: first[name] if name in first else _start_guess(model, name, parts) for name in observed.names}
     sizes = {f"x0_{q.name}": q.scale or 0.0 for q in model.states}
     unknowns = unknowns_of(begin, spread, sizes, checked_bounds(model, bounds, observed.names))
-    z0 = _starts(unknowns, begin, spread, check_positive_int(starts, "starts"))
-    factor = None if prior is None else _prior_factor(prior, unknowns)
+    for name, log in zip(observed.names, unknowns.log, strict=True):
+        if log and not begin[name] > 0:
+            raise ValueError(f"start[{name!r}]: expected a positive number, as its prior is log-normal; given {begin[name]:g}")
+    z0 = _starts(observed, unknowns, begin, spread, check_positive_int(starts, "starts"))
+    factor = None if prior is None else prior_factor(prior, unknowns)
     residuals = WeightedResiduals(observed, unknowns, observed.y[None], np.eye(observed.y.shape[1]), factor)
 
     known = noise_std is not None
     if known:
-        residuals = replace(residuals, covariance=_noise(model, noise_std or {}, observed.y))
+        residuals = replace(residuals, covariance=noise_covariance(model, noise_std or {}, observed.y))
         residuals = _with_assumed(residuals, model, parts, theta, uncertain, initial_state_std, rtol, threads)
-        minima, _ = minimise(residuals, z0, unknowns.lower, unknowns.upper), None
+        minima = minimise(residuals, z0, unknowns.lower, unknowns.upper, FIRST_ITERATIONS)
     elif uncertain or initial_state_std:
         raise ValueError("noise_std: expected the sensor noise beside uncertain or initial_state_std, given none")
     else:
+        _check_noise_can_be_told(observed, prior)
         full = correlations_can_be_told(np.isfinite(observed.y), len(unknowns))
-        minima, covariances = minimise_log_det(residuals, z0, full)
-        log_det = np.linalg.slogdet(covariances)[1] * len(observed.y) / 2
-        minima = minima._replace(cost=np.where(np.isfinite(log_det), log_det, np.inf))
+        minima, covariances = minimise_log_det(residuals, z0, full, FIRST_ITERATIONS)
+        twice = likelihood_deviance(covariances, residuals.measured, full) + residuals.prior_square(minima.z)
+        minima = minima._replace(cost=np.where(np.isfinite(twice), twice / 2, np.inf))
     best, reached = _best(minima, observed, unknowns, z0)
     if not known:
         residuals = replace(residuals, covariance=covariances[best])
@@ -127,7 +140,7 @@ def estimate(
         z, message, polished, converged = _polished(residuals, z)
         evaluations += polished
         if uncertain or initial_state_std:
-            residuals = replace(residuals, covariance=_noise(model, noise_std or {}, observed.y))
+            residuals = replace(residuals, covariance=noise_covariance(model, noise_std or {}, observed.y))
             at = observed.parameters(unknowns.values(z[None]))[0]
             residuals = _with_assumed(residuals, model, parts, at, uncertain, initial_state_std, rtol, threads)
     if minima.end[best] != CONVERGED and not converged:
@@ -144,7 +157,7 @@ def estimate(
         predicted=response.y[0],
         residuals=observed.y - response.y[0],
         noise_known=known,
-        noise_covariance=_noise(model, noise_std or {}, observed.y) if known else residuals.covariance,
+        noise_covariance=noise_covariance(model, noise_std or {}, observed.y) if known else residuals.covariance,
         converged=converged or int(minima.end[best]) == CONVERGED,
         message=message,
         evaluations=evaluations,
@@ -210,44 +223,27 @@ def _start_guess(model: Model, name: str, parts: Sequence[Any]) -> float:
     return states[state].scale or 1.0
 
 
-def _starts(unknowns: Unknowns, begin: Mapping[str, float], spread: GaussianPrior | None, count: int) -> Array:
-    """Coordinates (B, P) of the starts: the first as given, others at nodes of the prior."""
-    z = unknowns.coordinates(np.array([list(begin.values())]))
-    if spread is not None and count > 1:
-        named = [name for name in unknowns.names if name in spread.names]
-        nodes, _ = Sobol(1 << (count - 1).bit_length()).nodes(spread.marginal(named))
-        values = np.tile(list(begin.values()), (count - 1, 1))
-        values[:, [unknowns.names.index(name) for name in named]] = nodes[: count - 1]
-        z = np.concatenate([z, unknowns.coordinates(values)])
-    return np.clip(z, unknowns.lower, unknowns.upper)
+def _check_noise_can_be_told(observed: Observed, prior: GaussianPrior | None) -> None:
+    count = int(np.isfinite(observed.y).sum())
+    free = sum(prior is None or name not in prior.names for name in observed.names)
+    if count <= free:
+        raise ValueError(
+            f"noise_std: expected the noise, or more than {free} numbers to estimate it beside the unknowns; given {count}"
+        )
 
 
-def _prior_factor(prior: GaussianPrior, unknowns: Unknowns) -> Array:
-    """L^-1 (k, P) of the correlation L L^T that the prior has in coordinates, for the k unknowns that it covers."""
-    columns = [j for j, name in enumerate(unknowns.names) if name in prior.names]
-    correlation = prior.marginal([unknowns.names[j] for j in columns]).normal_correlation
-    factor = np.zeros((len(columns), len(unknowns)))
-    factor[:, columns] = np.linalg.solve(np.linalg.cholesky(correlation), np.eye(len(columns)))
-    return factor
-
-
-def _noise(model: Model, noise_std: Mapping[str, float], y: Array) -> Array:
-    """R (n_y, n_y) of the noise; outputs that were never measured need none."""
-    names, variances = names_of(model.outputs), np.ones(len(model.outputs))
-    if not isinstance(noise_std, Mapping):
-        raise TypeError(f"noise_std: expected a mapping of names to numbers, given {type(noise_std).__name__}")
-    for unknown in (name for name in noise_std if name not in names):
-        raise ValueError(f"noise_std: expected the names {', '.join(names)}; given unknown {unknown!r}")
-    for i, name in enumerate(names):
-        if name not in noise_std:
-            if np.isfinite(y[:, i]).any():
-                raise ValueError(f"noise_std: expected a value for {name!r}, which was measured; given none")
-            continue
-        std = as_float(noise_std[name], f"noise_std[{name!r}]")
-        if not std > 0:
-            raise ValueError(f"noise_std[{name!r}]: expected a positive standard deviation, given {std:g}")
-        variances[i] = std**2
-    return np.diag(variances)
+def _starts(observed: Observed, unknowns: Unknowns, begin: Mapping[str, float], spread: GaussianPrior | None, count: int) -> Array:
+    """Coordinates (B, P) of the starts: as given, and nodes of the prior; further nodes in the place of those that are not ok."""
+    z = spread_starts(unknowns, begin, spread, MOST_DRAWN * count if count > 1 else 1)
+    if len(z) == 1:
+        return z
+    ok = np.zeros(len(z), dtype=bool)
+    for first in range(0, len(z), count):
+        some = slice(first, first + count)
+        ok[some] = observed.respond(unknowns.values(z[some])).status == Status.ok
+        if ok.sum() >= count:
+            break
+    return z[ok][:count] if ok.any() else z[:1]
 
 
 def _with_assumed(
@@ -328,7 +324,5 @@ def _polished(residuals: WeightedResiduals, z: Array) -> tuple[Array, str, int, 
 def _with_unbiased_noise(fit: Fit) -> Fit:
     """The fit with the noise's variances divided by degrees of freedom in the place of the number of samples."""
     counts = np.isfinite(fit.residuals).sum(axis=0)
-    degrees = np.maximum(fit.output_degrees_of_freedom, 1e-3)
-    growth = np.sqrt(np.where(counts > 0, counts / degrees, 1.0))
-    covariance = fit.noise_covariance * np.outer(growth, growth)
+    covariance = unbiased(fit.noise_covariance[None], fit.output_degrees_of_freedom[None], counts)[0]
     return replace(fit, noise_covariance=covariance, problem=replace(fit.problem, covariance=covariance))

@@ -27,8 +27,15 @@ TOLERANCE = 1e-8
 FLAT = 1e-7
 """Expected decrease, as a share of 1 + the cost, from which on a decrease cannot be told."""
 
+STRIDE = 10.0
+"""Longest step of a coordinate, in units of max(1, |z|): past it, where the model is another one, trajectories cost most."""
+
 NEGLIGIBLE = 1e-15
 """Share of the largest curvature, of columns scaled to length 1, up to which a direction is not moved along."""
+
+
+MOST_REFUSED = 15
+"""Trials of a search that cannot be evaluated, after which it counts as stuck at the border of what can."""
 
 
 class Residuals(Protocol):
@@ -67,6 +74,7 @@ def minimise(residuals: Residuals, z0: Array, lower: Array, upper: Array, max_it
     damping, growth = np.full(count, 1e-3), np.full(count, 2.0)
     length = np.full(count, np.inf)  # of the last undamped step
     end, iterations = np.where(ok, LIMIT, NOT_EVALUABLE).astype(np.int32), np.zeros(count, dtype=np.int32)
+    refused = np.zeros(count, dtype=np.int32)
     active = everything[ok]
     for _ in range(max_iterations):
         if not len(active):
@@ -82,6 +90,7 @@ def minimise(residuals: Residuals, z0: Array, lower: Array, upper: Array, max_it
         divisor = values + np.where(flat, 0.0, damping[active])[:, None]
         part = np.divide(-along, divisor, out=np.zeros_like(along), where=moved)
         step = np.einsum("bij,bj->bi", vectors, part) / size
+        step /= np.max(np.abs(step) / (STRIDE * np.maximum(1.0, np.abs(z[active]))), axis=1, initial=1.0)[:, None]
 
         done = newton <= TOLERANCE
         # Rounding and the integrator's tolerance end what the formula does not: steps that no longer become shorter.
@@ -103,7 +112,8 @@ def minimise(residuals: Residuals, z0: Array, lower: Array, upper: Array, max_it
         worse = active[~better]
         damping[worse] *= growth[worse]
         growth[worse] *= 2.0
-        lost = worse[damping[worse] > 1e12]
+        refused[active[~ok]] += 1
+        lost = worse[(damping[worse] > 1e12) | (refused[worse] >= MOST_REFUSED)]
         end[lost] = np.where(end[lost] == CONVERGED, CONVERGED, STALLED)
         active = active[~done & ~np.isin(active, lost)]
     return Minima(z, cost, end, iterations)

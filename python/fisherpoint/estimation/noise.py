@@ -31,6 +31,16 @@ def residual_covariance(residuals: Array) -> Array:
     return covariance
 
 
+def likelihood_deviance(covariance: Array, measured: NDArray[np.bool_], full: bool) -> Array:
+    """-2 log likelihood (B,), but for a constant, where the noise has the residual covariance (B, n_y, n_y): N log det of (10).
+
+    Where correlations are not told, the sum over outputs of their number of values times the logarithm of the variance.
+    """
+    if full:
+        return np.asarray(len(measured) * np.linalg.slogdet(covariance)[1])
+    return np.asarray(np.log(np.einsum("bii->bi", covariance)) @ measured.sum(axis=0))
+
+
 def correlations_can_be_told(measured: NDArray[np.bool_], n_unknowns: int) -> bool:
     """Whether log det of the full covariance has a minimum: all outputs in every sample, and more samples than can be fitted."""
     n_samples, n_y = measured.shape
@@ -48,7 +58,9 @@ def minimise_log_det(residuals: WeightedResiduals, z0: Array, full: bool, max_it
         The residual covariance, which is the maximum-likelihood estimate of the noise's.
     """
     unknowns, keep = residuals.unknowns, np.ones(residuals.y.shape[-1]) if full else np.eye(residuals.y.shape[-1])
-    least = FLOOR * np.nanmean(residuals.y**2, axis=(0, 1)) + 1e-300
+    counts = np.maximum(residuals.measured.sum(axis=0), 1)
+    least = FLOOR * np.nansum(residuals.y**2, axis=(0, 1)) / counts / len(residuals.y) + 1e-300
+    least[~residuals.measured.any(axis=0)] = 1.0  # any number: it weighs nothing
 
     def covariance_at(z: Array, y: Array) -> Array:
         covariance = residual_covariance(residuals.observed.respond(unknowns.values(z)).y - y) * keep

@@ -1,0 +1,170 @@
+"""``fisherpoint campaign``: what it writes and says, going on, and one line where it fails."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import fisherpoint as fp
+from fisherpoint import cli
+from fisherpoint.config import ConfigError, load_config
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Any:
+    """Run a command in this process; returns its exit code and what it printed on the two streams."""
+
+    def call(*arguments: object) -> tuple[int, str, str]:
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as caught:
+            cli.main([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        return int(caught.value.code or 0), captured.out, captured.err
+
+    return call
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """The cylinder with settings that take a fraction of a second."""
+    return edited(
+        EXAMPLES / "cylinder.toml", tmp_path / "quick.toml", {"= 50 ": "= 10 ", "= 200": "= 10", "rse = 0.02": "rse = 0.2"}
+    )
+
+
+def edited(source: Path, target: Path, changes: dict[str, str]) -> Path:
+    text = source.read_text()
+    for old, new in changes.items():
+        assert text.count(old) == 1, old
+        text = text.replace(old, new)
+    target.write_text(text)
+    return target
+
+
+def measured(file: Path, points: Path, target: Path, seed: int = 0) -> Path:
+    problem = load_config(file).problem()
+    rig = fp.VirtualRig(problem.model, 1.05 * problem.theta, problem.noise_std or {}, seed=seed)
+    rig.measure(fp.Experiments.from_csv(points, problem.model)).to_csv(target, problem.model)
+    return target
+
+
+def names(directory: Path) -> list[str]:
+    return sorted(path.name for path in directory.iterdir())
+
+
+def test_a_campaign_from_the_first_batch_to_its_targets(run: Any, file: Path, tmp_path: Path) -> None:
+    directory = tmp_path / "run"
+    code, out, err = run("campaign", file, "-o", directory)
+    assert (code, err) == (0, "")
+    assert names(directory) == ["batch_1.csv", "campaign.json"]
+    assert f"Measure the points of {directory / 'batch_1.csv'}" in out
+    assert "y_q, y_p_A, y_p_B, y_x_v" in out and f"fisherpoint campaign {file} -o {directory} --data MEASURED.csv" in out
+    points = (directory / "batch_1.csv").read_bytes()
+    assert run("campaign", file, "-o", directory)[:2] == (0, out)
+    assert (directory / "batch_1.csv").read_bytes() == points and len(points.splitlines()) == 7
+
+    data = measured(file, directory / "batch_1.csv", tmp_path / "measured.csv")
+    code, out, err = run("campaign", file, "-o", directory, "--data", data)
+    assert (code, err) == (0, "")
+    assert f"{data}: taken as batch 1" in out and "Campaign on hydraulic_cylinder: 1 batch, 6 points measured" in out
+    assert names(directory) == ["batch_1.csv", "campaign.json", "campaign.png", "data_1.csv", "report.txt"]
+    assert "All targets are met" in out and "Measure the points" not in out
+    assert (directory / "report.txt").read_text().strip() in out
+
+    code, again, _ = run("campaign", file, "-o", directory, "--data", data)
+    assert code == 0 and f"{data}: these are the data of batch 1, which were taken before" in again
+    assert len(fp.Campaign.load(directory).history) == 1
+
+    finer = edited(file, tmp_path / "finer.toml", {"rse = 0.2": "rse = {c_L = 1e-3, m_q = 0.5}"})
+    code, out, _ = run("campaign", finer, "-o", directory, "--no-plots")
+    assert code == 0 and f"Measure the points of {directory / 'batch_2.csv'}" in out and "above target: c_L" in out
+    assert fp.Campaign.load(directory).targets == {"m_q": 0.5, "c_L": 1e-3}
+    assert run("campaign", finer, "-o", directory, "--quiet", "--no-plots")[:2] == (0, "")
+
+
+def test_a_file_that_was_changed_needs_another_directory(run: Any, file: Path, tmp_path: Path) -> None:
+    directory = tmp_path / "run"
+    assert run("campaign", file, "-o", directory, "--no-plots")[0] == 0
+    for changes, key in (
+        ({"mean = 400.0": "mean = 401.0"}, "prior"),
+        ({"seed = 0": "seed = 1"}, "settings"),
+        ({"batch = 6": "batch = 5"}, "batch"),
+        ({"x_v = 1e-3": "x_v = 2e-3"}, "noise_std"),
+    ):
+        changed = edited(file, tmp_path / "changed.toml", changes)
+        code, _, err = run("campaign", changed, "-o", directory)
+        assert code == 2 and f"changed.toml: {key}: expected what the campaign in" in err and len(err.splitlines()) == 1
+    assert run("campaign", file, "-o", directory, "--no-plots")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"rse = 0.2": "rse = 0"}, "campaign.rse: expected a number > 0, given 0"),
+        ({"rse = 0.2": "rse = {c_M = 0.1}"}, 'unknown key campaign.rse.c_M; expected one of a_tau, .* (did you mean "c_L"?)'),
+        ({"batch = 6": "batch = 0"}, "campaign.batch: expected a number >= 1, given 0"),
+        ({"batch = 6": "batches = 6"}, "unknown key campaign.batches; expected one of batch, rse"),
+        ({"# time_limit = 600 ": "time_limit = 600 #"}, "design.time_limit: expected none with a campaign"),
+    ],
+)
+def test_mistakes_in_the_file_are_one_line(run: Any, file: Path, tmp_path: Path, changes: dict[str, str], message: str) -> None:
+    wrong = edited(file, tmp_path / "wrong.toml", changes)
+    code, out, err = run("campaign", wrong, "-o", tmp_path / "run")
+    assert (code, out, len(err.splitlines())) == (2, "", 1)
+    assert all(part in err for part in message.split(".* ")), err
+
+
+def test_other_failures_are_one_line_and_change_nothing(run: Any, file: Path, tmp_path: Path) -> None:
+    directory = tmp_path / "run"
+    assert run("campaign", file, "-o", directory, "--no-plots")[0] == 0
+    before = {path: path.read_bytes() for path in directory.iterdir()}
+    data = measured(file, directory / "batch_1.csv", tmp_path / "measured.csv")
+    (tmp_path / "cut.csv").write_text(data.read_text()[:-30])
+    for given, message in (
+        (tmp_path / "nowhere.csv", "expected a CSV file of measurements, found no such file"),
+        (directory / "batch_1.csv", "expected the columns"),
+        (tmp_path / "cut.csv", "cut.csv: "),
+    ):
+        code, _, err = run("campaign", file, "-o", directory, "--data", given, "--no-plots")
+        assert code == 2 and message in err and len(err.splitlines()) == 1
+        assert {path: path.read_bytes() for path in directory.iterdir()} == before
+
+    broken = Path(shutil.copytree(directory, tmp_path / "broken"))
+    state = broken / "campaign.json"
+    state.write_text(state.read_text()[:-100])
+    code, _, err = run("campaign", file, "-o", broken)
+    assert code == 2 and "campaign.json: expected a whole JSON file" in err and len(err.splitlines()) == 1
+
+    without = edited(
+        EXAMPLES / "michaelis_menten.toml",
+        tmp_path / "m.toml",
+        {"[region]": "[design]", 's = { bounds = [0.0, 1.1], unit = "ppm" }\n\n[design]': ""},
+    )
+    code, _, err = run("campaign", without, "-o", tmp_path / "other")
+    assert code == 2 and "region: missing" in err
+
+
+def test_an_interrupt_leaves_a_campaign_to_go_on_with(
+    run: Any, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> fp.Experiments:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(fp.Campaign, "next", interrupted)
+        code, _, err = run("campaign", file, "-o", tmp_path / "run")
+    assert code == 130 and "the same command goes on" in err
+    assert run("campaign", file, "-o", tmp_path / "run", "--no-plots")[0] == 0
+    assert (tmp_path / "run" / "batch_1.csv").exists()
+
+
+def test_the_table_is_optional(file: Path, tmp_path: Path) -> None:
+    config = load_config(EXAMPLES / "michaelis_menten.toml")
+    assert config.campaign.batch is None and config.campaign.rse is None
+    with pytest.raises(ConfigError, match=r"campaign.rse: expected a number > 0, or one for each parameter"):
+        load_config(edited(file, tmp_path / "wrong.toml", {"rse = 0.2": "rse = {c_L = -1}"}))

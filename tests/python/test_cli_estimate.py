@@ -1,0 +1,124 @@
+"""`fisherpoint estimate` as a user runs it."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fisherpoint as fp
+from fisherpoint.cli import main
+from fisherpoint.config import load_config
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+DECAY = EXAMPLES / "exponential_decay.toml"
+
+
+def run(*arguments: object) -> int:
+    with pytest.raises(SystemExit) as stopped:
+        main(["estimate", *map(str, arguments)])
+    return int(stopped.value.code or 0)
+
+
+@pytest.fixture
+def measured(tmp_path: Path) -> Path:
+    model = load_config(DECAY).build_model()
+    dt = np.linspace(100.0, 6000.0, 8)
+    points = fp.Experiments(np.ones((8, 1)), np.zeros((8, 0)), dt)
+    rig = fp.VirtualRig(model, dict(model.nominal), {"c": 0.2}, seed=4)
+    rig.measure(points).to_csv(tmp_path / "measured.csv", model)
+    return tmp_path / "measured.csv"
+
+
+def test_it_writes_the_fit_and_prints_the_report(tmp_path: Path, measured: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "fit"
+    assert run(DECAY, measured, "-o", out, "--profiles") == 0
+    printed = capsys.readouterr().out
+    names = {"estimate.csv", "residuals.csv", "fit.json", "report.txt"}
+    pictures = {f"{name}.png" for name in ("parity", "residuals", "correlation", "ellipses", "profiles")}
+    assert {path.name for path in out.iterdir()} == names | pictures
+    assert "Profile likelihood" in printed
+    assert "maximum a posteriori, noise given" in printed
+    assert (out / "report.txt").read_text(encoding="utf-8").strip() in printed
+    config = load_config(DECAY)
+    data = fp.Measurements.from_csv(measured, config.build_model())
+    expected = fp.estimate(config.build_model(), data, config.build_prior(), noise_std={"c": 0.2})
+    told = json.loads((out / "fit.json").read_text())
+    assert told["parameters"]["k"]["estimate"] == pytest.approx(expected.estimate["k"], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("options", "known", "prior"),
+    [
+        ([], True, True),
+        (["--noise", "known", "--no-prior"], True, False),
+        (["--noise", "estimated", "--no-prior"], False, False),
+        (["--noise", "estimated"], False, True),
+    ],
+)
+def test_noise_and_prior_are_as_asked(tmp_path: Path, measured: Path, options: list[str], known: bool, prior: bool) -> None:
+    assert run(DECAY, measured, "-o", tmp_path / "fit", "--no-plots", "--quiet", *options) == 0
+    told = json.loads((tmp_path / "fit" / "fit.json").read_text())
+    assert told["noise_known"] is known
+    assert (told["parameters"]["k"]["prior_std"] is not None) is prior
+
+
+def test_several_files_are_one_fit(tmp_path: Path, measured: Path) -> None:
+    assert run(DECAY, measured, measured, "-o", tmp_path / "fit", "--no-plots", "--quiet") == 0
+    with (tmp_path / "fit" / "residuals.csv").open() as file:
+        assert [row["data"] for row in csv.DictReader(file)] == ["1"] * 8 + ["2"] * 8
+
+
+def test_quiet_prints_nothing(tmp_path: Path, measured: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(DECAY, measured, "-o", tmp_path / "fit", "--no-plots", "--quiet") == 0
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_file_with_times_is_a_record(tmp_path: Path) -> None:
+    config = load_config(EXAMPLES / "cascaded_tanks.toml")
+    model, t = config.build_model(), 4.0 * np.arange(60)
+    u = 2.0 + np.where((np.arange(60) // 15) % 2, 1.0, -1.0)
+    y = fp.simulate_record(model, dict(model.nominal), t, u, {"h1": 5.0, "h2": 4.0}).y[:, 0]
+    noisy = y + np.random.default_rng(0).normal(0.0, 0.05, 60)
+    rows = ["t,u,y_level", *(f"{a!r},{b!r},{c!r}" for a, b, c in zip(t.tolist(), u.tolist(), noisy.tolist(), strict=True))]
+    (tmp_path / "record.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    assert run(EXAMPLES / "cascaded_tanks.toml", tmp_path / "record.csv", "-o", tmp_path / "fit", "--quiet") == 0
+    told = json.loads((tmp_path / "fit" / "fit.json").read_text())
+    assert {"x0_h1", "x0_h2"} < set(told["parameters"])
+    assert (tmp_path / "fit" / "time.png").exists()
+
+
+def test_mistakes_are_one_line_and_code_2(tmp_path: Path, measured: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    without_noise = tmp_path / "without_noise.toml"
+    text = DECAY.read_text(encoding="utf-8")
+    without_noise.write_text(text.replace("[noise_std]\nc = 0.2\n", ""), encoding="utf-8")
+    taken = tmp_path / "taken"
+    taken.write_text("a file", encoding="utf-8")
+    broken = tmp_path / "broken.csv"
+    broken.write_text(measured.read_text().replace("20.", "twenty", 1) + "1,2\n", encoding="utf-8")
+    cases = [
+        ((DECAY, tmp_path / "no.csv", "-o", tmp_path / "fit"), "expected a CSV file of measurements, found no such file"),
+        ((tmp_path / "no.toml", measured, "-o", tmp_path / "fit"), "expected a TOML file, found no such file"),
+        ((EXAMPLES / "box_lucas.toml", measured, "-o", tmp_path / "fit"), "measured.csv: expected the columns A, B, dt"),
+        ((without_noise, measured, "-o", tmp_path / "fit", "--noise", "known"), "noise_std: missing"),
+        ((DECAY, measured, "-o", taken), "--output: expected a directory"),
+        ((DECAY, broken, "-o", tmp_path / "fit"), "broken.csv: row"),
+        ((DECAY, measured, "-o", tmp_path / "fit", "--noise", "perhaps"), "perhaps"),
+        ((DECAY, measured), "Missing option"),
+        ((DECAY, "-o", tmp_path / "fit"), "Missing argument"),
+    ]
+    for arguments, message in cases:
+        assert run(*arguments) == 2
+        told = capsys.readouterr()
+        assert told.out == ""
+        assert told.err.count("\n") == 1
+        assert message in told.err
+        assert not (tmp_path / "fit").exists()
+
+
+def test_help_has_an_example(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("--help") == 0
+    assert "fisherpoint estimate examples/cylinder.toml measured.csv" in " ".join(capsys.readouterr().out.split())

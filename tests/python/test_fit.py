@@ -1,0 +1,274 @@
+"""What a user sees of a fit: estimates, tests, warnings, files, pictures, and what happens at the edges."""
+
+from __future__ import annotations
+
+import csv
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import chi2, f
+
+import fisherpoint as fp
+from fisherpoint.config import load_config
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def decay(n: int = 12, noise: float = 0.2, seed: int = 0) -> tuple[Any, fp.Measurements]:
+    model = load_config(EXAMPLES / "exponential_decay.toml").build_model()
+    dt = np.linspace(100.0, 6000.0, n)
+    y = 20.0 * np.exp(-5e-4 * dt) + np.random.default_rng(seed).normal(0.0, noise, n)
+    return model, fp.Measurements(fp.Experiments(np.ones((n, 1)), np.zeros((n, 0)), dt), y)
+
+
+@cache
+def cylinder(T_1: float = 2.2e-3) -> tuple[fp.DesignProblem, fp.Measurements]:
+    """Twelve points of the default cylinder, measured; the model that is fitted has the given T_1."""
+    problem = load_config(EXAMPLES / "cylinder.toml").problem()
+    design = fp.exchange(problem, n_experiments=12, n_candidates=30, max_iterations=5, seed=1, references=False)
+    data = fp.VirtualRig(problem.model, dict(problem.prior.mean), problem.noise_std, seed=2).measure(design.points)
+    model = fp.HydraulicCylinder(T_1=T_1)
+    return fp.DesignProblem(model, problem.prior, None, noise_std=problem.noise_std), data
+
+
+def test_it_is_the_least_squares_fit_of_numpy() -> None:
+    """Gauss-Newton by hand on c_0 exp(-k t), and the textbook's standard errors with n - p."""
+    model, data = decay()
+    t, y = data.points.dt, data.y[:, 0]
+    theta = np.array([20.0, 5e-4])
+    for _ in range(50):
+        predicted = theta[0] * np.exp(-theta[1] * t)
+        jacobian = np.stack([np.exp(-theta[1] * t), -t * predicted], axis=1)
+        theta = theta + np.linalg.lstsq(jacobian * [1, 1e-4], y - predicted, rcond=None)[0] * [1, 1e-4]
+    variance = np.square(y - theta[0] * np.exp(-theta[1] * t)).sum() / (len(y) - 2)
+    covariance = np.linalg.inv(jacobian.T @ jacobian) * variance
+    fit = fp.estimate(model, data)
+    assert list(fit.estimate.values()) == pytest.approx(theta, rel=1e-8)
+    assert list(fit.standard_errors.values()) == pytest.approx(np.sqrt(np.diag(covariance)), rel=1e-5)
+    assert fit.covariance == pytest.approx(covariance, rel=1e-5)
+    known = fp.estimate(model, data, noise_std={"c": 0.2})
+    assert known.chi_square == pytest.approx(np.square((y - theta[0] * np.exp(-theta[1] * t)) / 0.2).sum(), rel=1e-8)
+    assert known.degrees_of_freedom == pytest.approx(len(y) - 2)
+    assert known.tests["c"].p_value == pytest.approx(chi2.sf(known.chi_square, len(y) - 2))
+
+
+def test_the_print_has_what_a_fit_is_judged_by() -> None:
+    problem, data = cylinder()
+    fit = fp.estimate(problem.model, data, problem.prior, noise_std=problem.noise_std)
+    text = str(fit)
+    for name, quantity in zip(fit.parameters, problem.model.parameters, strict=True):
+        line = next(line for line in text.splitlines() if line.strip().startswith(f"{name} "))
+        assert quantity.unit in line
+        assert "%" in line
+    assert "Beside the prior" in text
+    assert "chi-square" in text
+    assert "residual rms (10)" in text
+    assert "starts at this minimum" in text
+    assert "Warning" not in text
+    assert fit._repr_html_().count("<tr>") == text.count("\n  ") - 0
+    assert repr(fit).startswith("Fit(a_tau=")
+
+
+def test_a_wrong_constant_is_exposed_by_the_output_that_it_rules() -> None:
+    problem, data = cylinder(T_1=2.5e-3)
+    fit = fp.estimate(problem.model, data, problem.prior, noise_std=problem.noise_std)
+    per = fit.tests["x_v"].per_degree_of_freedom
+    assert per > 10
+    assert f"x_v: chi-square per degree of freedom {per:.3g}: the model or the noise of this output is wrong" in str(fit)
+
+
+def test_noise_that_is_smaller_than_given_is_told() -> None:
+    model, data = decay(n=40, noise=0.01)
+    fit = fp.estimate(model, data, noise_std={"c": 0.2})
+    assert "the noise of this output is smaller than given" in str(fit)
+
+
+def test_files_hold_the_fit_and_are_whole(tmp_path: Path) -> None:
+    model, data = decay()
+    fit = fp.estimate(model, data, noise_std={"c": 0.2}, start=None)
+    paths = fit.save(tmp_path / "new" / "directory")
+    assert sorted(path.name for path in paths) == ["estimate.csv", "fit.json", "residuals.csv"]
+    assert sorted(path.name for path in (tmp_path / "new" / "directory").iterdir()) == ["estimate.csv", "fit.json", "residuals.csv"]
+    told = json.loads((tmp_path / "new" / "directory" / "fit.json").read_text())
+    assert told == fit.to_dict()
+    assert told["parameters"]["k"]["estimate"] == fit.estimate["k"]
+    assert np.array(told["covariance"]) == pytest.approx(fit.covariance)
+    with (tmp_path / "new" / "directory" / "estimate.csv").open() as file:
+        rows = {row["parameter"]: row for row in csv.DictReader(file)}
+    assert float(rows["c_0"]["standard_error"]) == fit.standard_errors["c_0"]
+    assert rows["c_0"]["prior_mean"] == ""
+    with (tmp_path / "new" / "directory" / "residuals.csv").open() as file:
+        residuals = list(csv.DictReader(file))
+    assert [float(row["residual"]) for row in residuals] == pytest.approx(fit.residuals[:, 0])
+    assert float(residuals[3]["measured"]) - float(residuals[3]["predicted"]) == pytest.approx(float(residuals[3]["residual"]))
+
+
+def test_what_is_not_finite_is_null_in_the_file(tmp_path: Path) -> None:
+    model, data = decay(n=1)
+    fit = fp.estimate(model, data, noise_std={"c": 0.2})
+    assert fit.to_dict()["parameters"]["k"]["standard_error"] is None
+    fit.save(tmp_path)
+    json.loads((tmp_path / "fit.json").read_text(), parse_constant=lambda name: pytest.fail(name))
+
+
+# Edges
+
+
+def test_fewer_numbers_than_unknowns_is_told() -> None:
+    model, data = decay(n=1)
+    fit = fp.estimate(model, data, noise_std={"c": 0.2})
+    assert len(fit.null_directions) == 1
+    assert "not determined" in str(fit)
+    assert np.isinf(fit.standard_errors["k"])
+    with pytest.raises(ValueError, match="noise_std: expected the noise, or more than 2 numbers"):
+        fp.estimate(model, data)
+
+
+def test_as_many_numbers_as_unknowns_leave_nothing_for_the_noise() -> None:
+    model, data = decay(n=2)
+    with pytest.raises(ValueError, match="noise_std: expected the noise, or more than 2 numbers"):
+        fp.estimate(model, data)
+    fit = fp.estimate(model, data, noise_std={"c": 0.2})
+    assert fit.tests["c"].p_value is None
+    assert str(fit)
+
+
+def test_a_bound_is_kept_and_told() -> None:
+    model, data = decay()
+    fit = fp.estimate(model, data, noise_std={"c": 0.2}, bounds={"k": (None, 4e-4)})
+    assert fit.estimate["k"] == pytest.approx(4e-4, rel=1e-6)
+    assert fit.at_bounds == ("k",)
+    assert "k is at its bound" in str(fit)
+
+
+def test_several_sets_of_data_are_one() -> None:
+    model, data = decay()
+    whole = fp.estimate(model, data, noise_std={"c": 0.2})
+    parts = fp.estimate(model, [data[:5], data[5:]], noise_std={"c": 0.2})
+    assert parts.values == pytest.approx(whole.values, rel=1e-12)
+    assert len(parts.data) == 2
+
+
+def test_a_log_normal_prior_keeps_its_parameter_positive() -> None:
+    config = load_config(EXAMPLES / "pharmacokinetics.toml")
+    model, prior = config.build_model(), config.build_prior()
+    points = fp.Experiments(np.tile([15.0, 0.0], (3, 1)), np.zeros((3, 0)), np.array([1e3, 5e3, 6e4]))
+    fit = fp.estimate(model, fp.Measurements(points, [25.0, 20.0, 9.0]), prior, noise_std={"c": 1.0})
+    assert all(low > 0 for low, _ in fit.intervals().values())
+    assert all(fit.estimate[name] > 0 for name in fit.parameters)
+    error, std = fit.standard_errors["k_a"], fit.prior.std["k_a"]
+    assert error < std * fit.estimate["k_a"] / prior.mean["k_a"]
+
+
+def test_outputs_that_were_not_measured_do_not_count() -> None:
+    problem, data = cylinder()
+    y = data.y.copy()
+    y[:, 3], y[::3, 1] = np.nan, np.nan
+    some = fp.Measurements(data.points, y)
+    noise = {name: std for name, std in problem.noise_std.items() if name != "x_v"}
+    fit = fp.estimate(problem.model, some, problem.prior, noise_std=noise)
+    assert list(fit.tests) == ["q", "p_A", "p_B"]
+    assert fit.tests["p_A"].count == 8
+    assert np.isnan(fit.residuals[:, 3]).all()
+    estimated = fp.estimate(problem.model, some, problem.prior)
+    assert list(estimated.tests) == ["q", "p_A", "p_B"]
+    assert np.isfinite(list(estimated.standard_errors.values())).all()
+    assert "nan" not in str(estimated)
+
+
+def test_a_model_without_nominal_values_wants_a_start() -> None:
+    model = fp.SymbolicModel([], ["a*s"], states={}, inputs={"s": "1"}, parameters={"a": "1"}, outputs={"y": "1"})
+    data = fp.Measurements(fp.Experiments(np.zeros((3, 0)), [[1.0], [2.0], [3.0]], np.ones(3)), [2.0, 4.1, 5.9])
+    with pytest.raises(ValueError, match="start: expected a value of 'a'"):
+        fp.estimate(model, data)
+    fit = fp.estimate(model, data, start={"a": 1.0})
+    assert fit.estimate["a"] == pytest.approx((2.0 + 8.2 + 17.7) / 14)
+    assert fit.degrees_of_freedom == pytest.approx(2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"start": {"kk": 1.0}}, "start: expected names of c_0, k; given unknown 'kk'"),
+        ({"parameters": ["kk"]}, "parameters: expected names of c_0, k; given unknown 'kk'"),
+        ({"noise_std": {"d": 1.0}}, "noise_std: expected the names c; given unknown 'd'"),
+        ({"noise_std": {}}, "noise_std: expected a value for 'c'"),
+        ({"bounds": {"kk": (0, 1)}}, "bounds: expected names of c_0, k; given unknown 'kk'"),
+        ({"prior": fp.GaussianPrior({"kk": 1.0}, {"kk": 1.0})}, "prior: expected names of c_0, k; given unknown 'kk'"),
+    ],
+)
+def test_wrong_names_are_told(arguments: dict[str, Any], message: str) -> None:
+    model, data = decay()
+    with pytest.raises(ValueError, match=message):
+        fp.estimate(model, data, **arguments)
+
+
+def test_a_fit_with_a_perfect_match_and_unknown_noise_stays_finite() -> None:
+    model, data = decay(noise=0.0)
+    fit = fp.estimate(model, data)
+    assert fit.estimate["k"] == pytest.approx(5e-4, rel=1e-6)
+    assert np.isfinite(list(fit.standard_errors.values())).all()
+
+
+# Pictures
+
+
+def test_an_ellipse_has_the_roots_of_the_eigenvalues_as_half_axes() -> None:
+    from fisherpoint.plots_fit import ellipse
+
+    covariance = np.array([[4.0, 1.5], [1.5, 1.0]])
+    curve = ellipse(covariance, 5.99, count=100_001)
+    radius = np.linalg.norm(curve, axis=1)
+    values = np.linalg.eigvalsh(covariance)
+    assert radius.max() == pytest.approx(np.sqrt(5.99 * values[1]), rel=1e-6)
+    assert radius.min() == pytest.approx(np.sqrt(5.99 * values[0]), rel=1e-6)
+    small = ellipse(covariance * np.outer([1e-9, 1e9], [1e-9, 1e9]), 5.99)
+    assert small / [1e-9, 1e9] == pytest.approx(ellipse(covariance, 5.99))
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_every_picture_is_drawn(tmp_path: Path, known: bool) -> None:
+    from fisherpoint import plots_fit
+
+    problem, data = cylinder()
+    fit = fp.estimate(problem.model, data, problem.prior, noise_std=problem.noise_std if known else None)
+    paths = plots_fit.save_all(fit, tmp_path, [fit.profile("c_L")] if known else [])
+    expected_names = {"parity", "residuals", "correlation", "ellipses", *(["profiles"] if known else [])}
+    assert {path.stem for path in paths} == expected_names
+    assert all(path.stat().st_size > 10_000 for path in paths)
+    figure = plots_fit.plot_ellipses(fit)
+    assert len(figure.axes) == 6
+    degrees = min(fit.quantile_degrees_of_freedom.values())
+    expected = chi2.ppf(0.95, 2) if known else 2 * f.ppf(0.95, 2, degrees)
+    assert known or expected > chi2.ppf(0.95, 2)
+
+
+def test_pictures_of_a_single_parameter(tmp_path: Path) -> None:
+    from fisherpoint import plots_fit
+
+    model, data = decay()
+    fit = fp.estimate(model, data, parameters=["k"], noise_std={"c": 0.2})
+    paths = plots_fit.save_all(fit, tmp_path)
+    assert {path.stem for path in paths} == {"parity", "residuals"}
+
+
+def test_a_record_is_drawn_over_time(tmp_path: Path) -> None:
+    from fisherpoint import plots_fit
+
+    model = load_config(EXAMPLES / "cascaded_tanks.toml").build_model()
+    t = 4.0 * np.arange(100)
+    u = 2.0 + np.where((np.arange(100) // 15) % 2, 1.0, -1.0)
+    theta = dict(model.nominal)
+    y = fp.simulate_record(model, theta, t, u, {"h1": 5.0, "h2": 4.0}).y + np.random.default_rng(1).normal(0, 0.05, (100, 1))
+    fit = fp.estimate(model, fp.Record(t, u, y, {"h1": 5.0}), parameters=["k1", "k3", "k4"], noise_std={"level": 0.05})
+    assert fit.parameters == ("k1", "k3", "k4", "x0_h2")
+    assert fit.units["x0_h2"] == "V"
+    assert "x0_h2" in str(fit)
+    assert abs(fit.estimate["x0_h2"] - 4.0) < 4 * fit.standard_errors["x0_h2"]
+    assert fit.profile("x0_h2").interval == pytest.approx(fit.intervals()["x0_h2"], rel=0.01)
+    paths = plots_fit.save_all(fit, tmp_path)
+    assert "time" in {path.stem for path in paths}
