@@ -4,8 +4,8 @@
 
 The force that the drive must have given is a static model of acceleration and velocity; these come from the measured position by a
 filter without phase and central differences. Force and regressors are then brought down to 100 Hz by the same filter, so that what
-the filter does to one it does to the other. Records and published estimates: A. Janot, M. Gautier, M. Brunot, Data Set and Reference
-Models of EMPS, Workshop on Nonlinear System Identification Benchmarks, Eindhoven 2019.
+the filter does to one it does to the other. Records and published estimates: A. Janot, M. Gautier, M. Brunot, Data Set and
+Reference Models of EMPS, Workshop on Nonlinear System Identification Benchmarks, Eindhoven 2019.
 """
 
 import sys
