@@ -157,3 +157,17 @@ def test_what_the_data_leave_open_is_named() -> None:
     assert np.isinf(values(fit.standard_errors)).all()
     with pytest.raises(ValueError, match="posterior: expected data that determine every parameter"):
         fit.posterior()
+
+
+def test_points_of_which_nothing_was_measured_are_left_out() -> None:
+    model = fp.HydraulicCylinder()
+    theta = np.array(list(model.nominal.values()))
+    x0 = [[0.1, 0.1, 8e6, 6e6, 0.2], [0.1, -1e-9, 8e6, 6e6, 0.2]]  # the second one meets the jump
+    points = fp.Experiments(x0, [[0.5], [0.5]], [5e-3, 5e-3])
+    assert fp.simulate(model, points, theta).status.tolist() == [fp.Status.ok, fp.Status.met_jump]
+    y = fp.simulate(model, points, theta, rtol=1e-9).y
+    noise_std = {"q": 5e-6, "p_A": 2e4, "p_B": 2e4, "x_v": 1e-3}
+    data = fp.Measurements(points, np.where([[True], [False]], y, np.nan))
+    fit = fp.estimate(model, data, start={**model.nominal, "E_oil": 1.1e9}, parameters=["E_oil"], noise_std=noise_std)
+    assert fit.estimate["E_oil"] == pytest.approx(1.2e9, rel=1e-8)
+    assert fit.residuals.shape == (1, 4)

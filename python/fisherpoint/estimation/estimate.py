@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..data.measurements import Measurements
+from ..data.record import Record
 from ..models import Model
 from ..prior import GaussianPrior
 from ..quantity import Array, as_float, check_positive_int, names_of
@@ -29,6 +30,9 @@ FIRST_ITERATIONS = 50
 
 MOST_DRAWN = 8
 """Nodes of the prior, for each start, that are tried where trajectories are not ok."""
+
+SETTLED_TO_COMPARE = 1e-4
+"""Change of estimated weights from which on starts can be compared."""
 
 WEIGHTINGS = 2
 """How often the share of what is assumed is taken anew at the estimate."""
@@ -59,6 +63,7 @@ def estimate(
     ----------
     model : Model
     data : Measurements, Record, or a sequence of these
+        Points of which nothing was measured are left out.
     prior : GaussianPrior, optional
         Takes part in the estimate. Log-normal parameters stay positive: their logarithms are what is searched.
     start : mapping of name to float, or GaussianPrior, optional
@@ -129,13 +134,16 @@ def estimate(
     else:
         _check_noise_can_be_told(observed, prior)
         full = correlations_can_be_told(np.isfinite(observed.y), len(unknowns))
-        minima, covariances = minimise_log_det(residuals, z0, full, FIRST_ITERATIONS)
+        minima, covariances = minimise_log_det(residuals, z0, full, FIRST_ITERATIONS, SETTLED_TO_COMPARE)
         twice = likelihood_deviance(covariances, residuals.measured, full) + residuals.prior_square(minima.z)
         minima = minima._replace(cost=np.where(np.isfinite(twice), twice / 2, np.inf))
     best, reached = _best(minima, observed, unknowns, z0)
+    evaluations = int(minima.iterations[best])
     if not known:
-        residuals = replace(residuals, covariance=covariances[best])
-    z, message, evaluations, converged = minima.z[best], ENDS[int(minima.end[best])], int(minima.iterations[best]), False
+        minima, covariances = minimise_log_det(residuals, minima.z[best : best + 1], full)
+        evaluations, best = evaluations + int(minima.iterations[0]), 0
+        residuals = replace(residuals, covariance=covariances[0])
+    z, message, converged = minima.z[best], ENDS[int(minima.end[best])], False
     for _ in range(WEIGHTINGS if uncertain or initial_state_std else 1):
         z, message, polished, converged = _polished(residuals, z)
         evaluations += polished
@@ -168,22 +176,20 @@ def estimate(
     return fit if known else _with_unbiased_noise(fit)
 
 
-def _parts(data: Any, model: Model) -> tuple[Any, ...]:
-    parts = tuple(data) if isinstance(data, list | tuple) else (data,)
-    for part in parts:
-        if not isinstance(part, Measurements) and not _is_record(part):
+def _parts(data: Any, model: Model) -> tuple[Measurements | Record, ...]:
+    """The sets of data, without points of which nothing was measured: their trajectories may well fail."""
+    given = tuple(data) if isinstance(data, list | tuple) else (data,)
+    if not given:
+        raise ValueError("data: expected at least one set of data, given none")
+    parts: list[Measurements | Record] = []
+    for part in given:
+        if not isinstance(part, Measurements | Record):
             raise TypeError(f"data: expected Measurements, a Record or a sequence of them, given {type(part).__name__}")
         if part.y.shape[1] != len(model.outputs):
             raise ValueError(f"y: expected shape (N, {len(model.outputs)}) for the outputs of {model.name}, given {part.y.shape}")
-    if not parts:
-        raise ValueError("data: expected at least one set of data, given none")
-    return parts
-
-
-def _is_record(part: Any) -> bool:
-    from ..data.record import Record
-
-    return isinstance(part, Record)
+        measured = np.isfinite(part.y).any(axis=1)
+        parts.append(part[np.flatnonzero(measured)] if isinstance(part, Measurements) and not measured.all() else part)
+    return tuple(parts)
 
 
 def _chosen(given: Sequence[str], names: tuple[str, ...]) -> tuple[str, ...]:

@@ -47,8 +47,12 @@ def correlations_can_be_told(measured: NDArray[np.bool_], n_unknowns: int) -> bo
     return bool(measured.all()) and n_samples > n_unknowns + 2 * n_y
 
 
-def minimise_log_det(residuals: WeightedResiduals, z0: Array, full: bool, max_iterations: int = 200) -> tuple[Minima, Array]:
+def minimise_log_det(
+    residuals: WeightedResiduals, z0: Array, full: bool, max_iterations: int = 200, settled: float = SETTLED
+) -> tuple[Minima, Array]:
     """Minimise log det of the residual covariance of B problems; its diagonal's where not `full`.
+
+    The weights are taken anew until they change by less than `settled` of themselves.
 
     Returns
     -------
@@ -80,7 +84,7 @@ def minimise_log_det(residuals: WeightedResiduals, z0: Array, full: bool, max_it
         scale = np.sqrt(np.einsum("bii->bi", covariance[active]))
         change = np.abs(update - covariance[active]) / (scale[:, :, None] * scale[:, None, :])
         covariance[active] = update
-        active = active[change.max(axis=(1, 2), initial=0.0) > SETTLED]
+        active = active[change.max(axis=(1, 2), initial=0.0) > settled]
         if not len(active):
             break
         latest = minimised(minima.z[active], y[active], covariance[active])
