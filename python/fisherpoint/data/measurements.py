@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..experiments import Experiments
 from ..files import write_whole
 from ..models import Model
 from ..quantity import Array
+from .measured_outputs import measured_outputs
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +42,7 @@ class Measurements:
     def __post_init__(self) -> None:
         if not isinstance(self.points, Experiments):
             raise TypeError(f"points: expected Experiments, given {type(self.points).__name__}")
-        y = _outputs(self.y, len(self.points))
+        y = measured_outputs(self.y, len(self.points))
         y.flags.writeable = False
         object.__setattr__(self, "y", y)
 
@@ -103,22 +104,3 @@ class Measurements:
     def __repr__(self) -> str:
         measured = int(np.isfinite(self.y).sum())
         return f"Measurements({len(self)} points, {self.y.shape[1]} outputs, {measured} of {self.y.size} numbers)"
-
-
-def _outputs(values: ArrayLike, count: int) -> Array:
-    try:
-        if np.iscomplexobj(values):
-            raise TypeError("complex numbers")
-        y = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"y: expected numbers, given {values!r:.80}") from error
-    if y.ndim == 1 and len(y) == count:
-        y = y.reshape(count, 1)
-    if y.ndim != 2 or len(y) != count:
-        raise ValueError(f"y: expected shape ({count}, n_y), given {y.shape}")
-    if np.isinf(y).any():
-        row, column = (int(i) for i in np.argwhere(np.isinf(y))[0])
-        raise ValueError(f"y: expected finite numbers, or NaN for what was not measured; given {y[row, column]} at {(row, column)}")
-    if np.isnan(y).all():
-        raise ValueError("y: expected at least one measured number, given none")
-    return y

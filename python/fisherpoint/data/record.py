@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,8 +9,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..csv_table import CsvTable, csv_text
+from ..files import write_whole
 from ..models import Model
-from ..quantity import Array, FrozenMapping, as_float, as_floats, names_of
+from ..quantity import Array, FrozenMapping, Quantity, as_float, as_floats, names_of
+from .measured_outputs import measured_outputs
+
+TIME = Quantity("t", "s", "time of a sample")
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +46,7 @@ class Record:
 
     def __post_init__(self) -> None:
         t = checked_times(self.t)
-        arrays = {"t": t, "u": held_inputs(self.u, len(t)), "y": _outputs(self.y, len(t))}
+        arrays = {"t": t, "u": held_inputs(self.u, len(t)), "y": measured_outputs(self.y, len(t))}
         for name, array in arrays.items():
             array.flags.writeable = False
             object.__setattr__(self, name, array)
@@ -81,11 +85,8 @@ class Record:
     def to_csv(self, path: str | Path, model: Model) -> None:
         """Write one row per sample: t, the inputs, and the outputs as ``y_<name>``, empty where not measured. x0 is not written."""
         self.check(model)
-        with Path(path).open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(["t", *names_of(model.inputs), *(f"y_{name}" for name in names_of(model.outputs))])
-            for row in np.column_stack([self.t, self.u, self.y]).tolist():
-                writer.writerow(["" if np.isnan(value) else repr(value) for value in row])
+        header = ("t", *names_of(model.inputs), *(f"y_{name}" for name in names_of(model.outputs)))
+        write_whole(path, csv_text(header, np.column_stack([self.t, self.u, self.y])))
 
     @classmethod
     def from_csv(cls, path: str | Path, model: Model, x0: Mapping[str, float] | None = None) -> Record:
@@ -95,7 +96,7 @@ class Record:
         ----------
         path : str or Path
             The column of an output is called ``y_<name>``, or as the output where no state or input has that name. Outputs may
-            be left out, or single entries empty: these were not measured.
+            be left out, or single entries empty: these were not measured. Units in the header, as in ``u [mV]``, are converted.
         model : Model
         x0 : mapping of state name to float, optional
             Start values that are known.
@@ -107,23 +108,19 @@ class Record:
         ValueError
             Where a column is missing or unknown, or an entry is no number; the message names row and column.
         """
+        table = CsvTable(path)
+        table.refuse_cut_off()
+        columns = _columns(table, model)
+        table.read_decimal_commas(("t", *names_of(model.inputs), *columns.values()))
+        u = np.column_stack([np.empty((len(table), 0)), *(table.complete(quantity) for quantity in model.inputs)])
+        y = np.full((len(table), len(model.outputs)), np.nan)
+        for i, quantity in enumerate(model.outputs):
+            if quantity.name in columns:
+                y[:, i] = table.numbers(columns[quantity.name], quantity.unit)
         try:
-            with Path(path).open(newline="", encoding="utf-8-sig") as file:
-                header, *rows = [row for row in csv.reader(file) if row] or [[]]
-        except (UnicodeDecodeError, csv.Error) as error:
-            raise ValueError(f"{path}: expected a CSV text file, given {error}") from error
-        header = [name.strip() for name in header]
-        inputs, place = names_of(model.inputs), _places(header, model, path)
-        if not rows:
-            raise ValueError(f"{path}: expected at least one row of samples, given none")
-        table = np.full((len(rows), 1 + len(inputs) + len(model.outputs)), np.nan)
-        for n, row in enumerate(rows):
-            if len(row) != len(header):
-                raise ValueError(f"{path}: row {n + 1}: expected {len(header)} entries, given {len(row)}")
-            for column, text in enumerate(row):
-                if text.strip() or place[column] <= len(inputs):
-                    table[n, place[column]] = _number(text, f"{path}: row {n + 1}, column {header[column]}")
-        record = cls(table[:, 0], table[:, 1 : 1 + len(inputs)], table[:, 1 + len(inputs) :], x0 or {})
+            record = cls(table.complete(TIME), u, y, x0 or {})
+        except ValueError as error:
+            raise error if str(path) in str(error) else ValueError(f"{path}: {error}") from error
         record.check(model)
         return record
 
@@ -150,45 +147,16 @@ def held_inputs(values: ArrayLike, count: int) -> Array:
     return u
 
 
-def _outputs(values: ArrayLike, count: int) -> Array:
-    try:
-        if np.iscomplexobj(values):
-            raise TypeError("complex numbers")
-        y = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"y: expected numbers, given {values!r:.80}") from error
-    if y.ndim == 1 and len(y) == count:
-        y = y.reshape(count, 1)
-    if y.ndim != 2 or len(y) != count:
-        raise ValueError(f"y: expected shape ({count}, n_y), given {y.shape}")
-    if np.isinf(y).any():
-        n, i = np.argwhere(np.isinf(y))[0].tolist()
-        raise ValueError(f"y: expected finite numbers, or NaN for what was not measured; given {y[n, i]} at index {(n, i)}")
-    if np.isnan(y).all():
-        raise ValueError("y: expected at least one measured number, given none")
-    return y
-
-
-def _places(header: list[str], model: Model, path: str | Path) -> list[int]:
-    """For each column of a file its place in the table of t, inputs and outputs."""
-    inputs, outputs = names_of(model.inputs), names_of(model.outputs)
-    taken = {"t", *inputs, *names_of(model.states)}
-    known = {name: place for place, name in enumerate(("t", *inputs))}
-    for i, name in enumerate(outputs):
-        known |= {column: 1 + len(inputs) + i for column in (name, f"y_{name}") if column not in taken}
-    places = [known.get(name, -1) for name in header]
-    measured = {place for place in places if place > len(inputs)}
-    if -1 in places or len(set(places)) < len(places) or not {0, *range(1 + len(inputs))} <= set(places) or not measured:
-        expected = ", ".join(("t", *inputs, *(f"y_{name}" for name in outputs)))
-        raise ValueError(f"{path}: expected the columns {expected}, of outputs those measured; given {', '.join(header) or 'none'}")
-    return places
-
-
-def _number(text: str, place: str) -> float:
-    try:
-        value = float(text)
-    except ValueError as error:
-        raise ValueError(f"{place}: expected a number, given {text!r:.60}") from error
-    if not np.isfinite(value):
-        raise ValueError(f"{place}: expected a finite number, given {text!r:.60}")
-    return value
+def _columns(table: CsvTable, model: Model) -> dict[str, str]:
+    """The column of each output that was measured, after a check of all columns."""
+    needed = ("t", *names_of(model.inputs))
+    taken = {*needed, *names_of(model.states)}
+    outputs = names_of(model.outputs)
+    choices = {name: [column for column in (f"y_{name}", name) if column in table and column not in taken] for name in outputs}
+    read = {*needed, *(column for columns in choices.values() for column in columns)}
+    if not set(needed) <= set(table.names) or set(table.names) - read or sorted(map(len, choices.values()))[-1] != 1:
+        expected = ", ".join((*needed, *(f"y_{name}" for name in outputs)))
+        raise ValueError(
+            f"{table.path}: expected the columns {expected}, of outputs those measured, once; given {', '.join(table.names)}"
+        )
+    return {name: columns[0] for name, columns in choices.items() if columns}

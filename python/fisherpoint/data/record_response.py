@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..estimation.response import Response
+from ..estimation.response import Response, sensible
 from ..models import Model
 from ..quantity import Array, IntArray, names_of
 from ..trajectories import Settings, Status, check_rtol, check_type, resolve_threads
@@ -108,18 +108,8 @@ class RecordResponse:
         """Statuses of rows that need no trajectory to be refused."""
         status = np.where(np.isfinite(theta).all(axis=1) & np.isfinite(x0).all(axis=1), Status.ok, Status.not_finite)
         rows = np.flatnonzero(status == Status.ok)
-        if not self._sensible(theta[rows]):  # one of them is not: which?
-            for b in rows:
-                status[b] = Status.ok if self._sensible(theta[b : b + 1]) else Status.left_domain
+        status[rows[~sensible(self.model, theta[rows])]] = Status.left_domain
         return status.astype(np.int32)
-
-    def _sensible(self, theta: Array) -> bool:
-        try:
-            if len(theta):
-                self.model._check_theta(theta)
-        except ValueError:
-            return False
-        return True
 
     def _static(self, theta: Array, _: Array) -> tuple[Array, IntArray]:
         """Derivatives of the outputs of a model without states, each sample a point of its own."""

@@ -121,7 +121,7 @@ def measurements_response(model: Model, points: Experiments, theta: Array, colum
 def sensible(model: Model, theta: Array) -> NDArray[np.bool_]:
     """Which of the parameters (B, p) make sense to the model."""
     finite = np.asarray(np.isfinite(theta).all(axis=1))
-    if finite.all() and _makes_sense(model, theta):
+    if not len(theta) or (finite.all() and _makes_sense(model, theta)):
         return finite
     return np.array([ok and _makes_sense(model, row[None]) for ok, row in zip(finite, theta, strict=True)], dtype=bool)
 
