@@ -26,7 +26,7 @@ from .data import Measurements
 from .data.measurement_files import measurements_csv
 from .design import ExchangeSettings, problem_from_json, versions
 from .experiments import Experiments
-from .files import write_whole
+from .files import built_from, parse_json, write_whole
 from .models import Model
 from .quantity import FrozenMapping
 
@@ -98,22 +98,10 @@ class CampaignFiles:
         """Read the state of a campaign, and make sure that the data beside it are those that were told."""
         path = cls.path_in(directory)
         given = path.read_bytes()
-        try:
-            data = json.loads(given.decode())
-        except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
-            raise ValueError(f"{path}: expected a whole JSON file, given one that ends or breaks at: {error}") from error
-        if not isinstance(data, dict) or data.get("format") != FORMAT:
-            raise ValueError(f"{path}: expected a file of format {FORMAT!r}, given another")
-        if data.get("format_version") != FORMAT_VERSION:
-            raise ValueError(f"{path}: expected format version {FORMAT_VERSION}, given {data.get('format_version')}")
+        data = parse_json(path, given, FORMAT, FORMAT_VERSION)
         if data.pop("sha256", None) != _digest(data):
             raise ValueError(f"{path}: expected the file as it was written, given one that was changed (its SHA-256 differs)")
-        try:
-            state = _state_from_json(data)
-        except (KeyError, TypeError, AttributeError, IndexError) as error:
-            raise ValueError(f"{path}: expected a complete campaign, given one without or with a wrong {error}") from error
-        except (ValueError, OverflowError) as error:
-            raise ValueError(f"{path}: {error}") from error
+        state = built_from(path, "campaign", data, _state_from_json)
         files = cls(directory, data["problem"])
         files._last = given
         files._check_data(state)

@@ -31,11 +31,11 @@ try:
     from .cli_campaign import campaign
     from .cli_estimate import estimate
     from .cli_validate import validate
-    from .config import Config, ConfigError, load_config
+    from .config import ConfigError, load_config
     from .files import write_whole
     from .report import design_report, evaluation_report, simulation_report, to_text
     from .results import Evaluated, evaluate_points, parameter_frame, simulation_frame
-    from .terminal import make_directory, show
+    from .terminal import make_directory, read_data, show
 except ModuleNotFoundError as missing:
     if (missing.name or "").startswith("fisherpoint"):
         raise
@@ -129,7 +129,7 @@ def evaluate(
     save_pictures = _picture_writer(output) if output else None
     if output:
         make_directory(output)
-    evaluated = evaluate_points(problem, _read_points(points, config))
+    evaluated = evaluate_points(problem, read_data(points, "points", fp.Experiments.from_csv, config.build_model()))
     report = evaluation_report(evaluated)
     show(report)
     if output and save_pictures:
@@ -151,7 +151,7 @@ def simulate(
     """Simulate given experiment points at the prior mean: the outputs after dt, and what went wrong where."""
     config = load_config(file)
     model, prior = config.build_model(), config.build_prior()
-    experiments = _read_points(points, config)
+    experiments = read_data(points, "points", fp.Experiments.from_csv, config.build_model())
     theta = np.array([prior.mean[quantity.name] for quantity in model.parameters])
     done = fp.simulate(model, experiments, theta)
     show(simulation_report(model, experiments, done.y, done.status))
@@ -216,16 +216,6 @@ def _fail(message: str) -> int:
 
 def _complain(message: str) -> None:
     print(f"fisherpoint: {' '.join(message.split())}", file=sys.stderr)
-
-
-def _read_points(path: Path, config: Config) -> fp.Experiments:
-    try:
-        return fp.Experiments.from_csv(path, config.build_model())
-    except FileNotFoundError:
-        raise ConfigError(f"{path}: expected a CSV file of points, found no such file") from None
-    except (ValueError, TypeError) as error:
-        message = str(error)
-        raise ConfigError(message if str(path) in message else f"{path}: {message}") from error
 
 
 def _picture_writer(directory: Path) -> Callable[[Evaluated], list[Path]]:

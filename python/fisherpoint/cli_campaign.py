@@ -13,7 +13,7 @@ import fisherpoint as fp
 from .config import Config, ConfigError, load_config
 from .design import problem_to_json
 from .files import write_whole
-from .terminal import make_directory
+from .terminal import make_directory, read_data
 
 INTERRUPTED = 130
 
@@ -89,10 +89,7 @@ def _opened(config: Config, directory: Path, threads: int | None) -> fp.Campaign
 
 def _taken(run: fp.Campaign, path: Path) -> list[str]:
     """Take the measured batch, but not twice: a command that was killed is given again."""
-    try:
-        data = fp.Measurements.from_csv(path, run.problem.model)
-    except FileNotFoundError:
-        raise ConfigError(f"{path}: expected a CSV file of measurements, found no such file") from None
+    data = read_data(path, "measurements", fp.Measurements.from_csv, run.problem.model)
     before = run.told(data)
     if before is not None:
         return [f"{path}: these are the data of batch {before}, which were taken before"]

@@ -13,12 +13,12 @@ from rich.text import Text
 
 import fisherpoint as fp
 
-from .config import Config, ConfigError, load_config
+from .config import load_config
 from .csv_table import CsvTable
 from .files import write_whole
 from .report import to_text
 from .report_fit import fit_report
-from .terminal import make_directory, show
+from .terminal import make_directory, read_data, show
 
 
 class Noise(StrEnum):
@@ -60,7 +60,7 @@ def estimate(
     if noise is Noise.known and problem.noise_std is None:
         raise config.error("noise_std", "missing; expected the noise of every measured output with --noise known")
     known = problem.noise_std is not None and noise is not Noise.estimated
-    parts = [_read(path, config, problem) for path in data]
+    parts = [read_data(path, "measurements", _read, problem.model) for path in data]
     if not no_plots:
         from .plots_fit import save_all  # what can fail for a trivial reason fails before the work
     make_directory(output)
@@ -90,19 +90,12 @@ def estimate(
     return 0
 
 
-def _read(path: Path, config: Config, problem: fp.DesignProblem) -> Any:
+def _read(path: Path, model: fp.Model) -> fp.Measurements | fp.Record:
     """Measurements of points, or a record where the file has a column t that is not the model's."""
-    model = problem.model
-    try:
-        axes = {quantity.name for quantity in (*model.axes, *model.outputs)}
-        if "t" in CsvTable(path).names and "t" not in axes:
-            return fp.Record.from_csv(path, model)
-        return fp.Measurements.from_csv(path, model)
-    except FileNotFoundError:
-        raise ConfigError(f"{path}: expected a CSV file of measurements, found no such file") from None
-    except (ValueError, TypeError) as error:
-        message = str(error)
-        raise ConfigError(message if str(path) in message else f"{path}: {message}") from error
+    axes = {quantity.name for quantity in (*model.axes, *model.outputs)}
+    if "t" in CsvTable(path).names and "t" not in axes:
+        return fp.Record.from_csv(path, model)
+    return fp.Measurements.from_csv(path, model)
 
 
 def _measured_noise(problem: fp.DesignProblem, parts: Sequence[Any]) -> Mapping[str, float]:

@@ -13,7 +13,7 @@ import fisherpoint as fp
 
 from .config import ConfigError, load_config
 from .files import write_whole
-from .terminal import make_directory, show
+from .terminal import make_directory, read_data, show
 
 
 class Truth(StrEnum):
@@ -51,7 +51,7 @@ def validate(
     problem = config.problem()
     if problem.noise_std is None:
         raise config.error("noise_std", "missing; expected the noise of every output, without which there is no promise")
-    points = {name: _read(path, problem.model) for name, path in _named(designs).items()}
+    points = {name: read_data(path, "points", fp.Experiments.from_csv, problem.model) for name, path in _named(designs).items()}
     if not no_plots:
         from .plots_validation import plot_validation  # what can fail for a trivial reason fails before the work
     make_directory(output)
@@ -78,13 +78,3 @@ def _named(paths: list[Path]) -> dict[str, Path]:
         if len(named) == len(paths):
             return named
     raise ConfigError(f"DESIGN.csv: expected different files, given {', '.join(map(str, paths))}")
-
-
-def _read(path: Path, model: fp.Model) -> fp.Experiments:
-    try:
-        return fp.Experiments.from_csv(path, model)
-    except FileNotFoundError:
-        raise ConfigError(f"{path}: expected a CSV file of points, found no such file") from None
-    except (ValueError, TypeError) as error:
-        message = str(error)
-        raise ConfigError(message if str(path) in message else f"{path}: {message}") from error

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from .efficiency import Efficiency
 from .evaluation import Evaluation
 from .experiments import Experiments
-from .files import write_whole
+from .files import built_from, parse_json, write_whole
 from .kernels import isa
 from .models import MODELS, HydraulicCylinder, Model
 from .prior import GaussianPrior
@@ -141,21 +141,8 @@ class Design:
             Where it is truncated, or not a design of this format.
         """
         path = Path(directory) / "design.json"
-        try:
-            data = json.loads(path.read_text())
-        except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
-            raise ValueError(f"{path}: expected a whole JSON file, given one that ends or breaks at: {error}") from error
-        if not isinstance(data, dict) or data.get("format") != FORMAT:
-            raise ValueError(f"{path}: expected a file of format {FORMAT!r}, given another")
-        if data.get("format_version") != FORMAT_VERSION:
-            raise ValueError(f"{path}: expected format version {FORMAT_VERSION}, given {data.get('format_version')}")
-        try:
-            return _from_json(data)
-        except (KeyError, TypeError, AttributeError, IndexError) as error:
-            raise ValueError(f"{path}: expected a complete design, given one without or with a wrong {error}") from error
-        except (ValueError, OverflowError) as error:
-            what = str(error) if "expected" in str(error) else f"expected a complete design, given a wrong value: {error}"
-            raise ValueError(f"{path}: {what}") from error
+        data = parse_json(path, path.read_bytes(), FORMAT, FORMAT_VERSION)
+        return built_from(path, "design", data, _from_json)
 
 
 def versions() -> dict[str, str]:

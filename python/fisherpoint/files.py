@@ -1,10 +1,15 @@
-"""Files that appear whole or not at all."""
+"""Files that appear whole or not at all, and are read as what they were."""
 
 from __future__ import annotations
 
+import json
 import os
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, TypeVar
+
+Built = TypeVar("Built")
 
 
 def write_whole(path: str | Path, text: str) -> None:
@@ -45,3 +50,33 @@ def _keep_entries(directory: Path) -> None:
             os.fsync(descriptor)
         finally:
             os.close(descriptor)
+
+
+def parse_json(path: Path, given: bytes, kind: str, version: int) -> dict[str, Any]:
+    """Return what a JSON file of this format says.
+
+    Raises
+    ------
+    ValueError
+        Where it is truncated, or of another format or version.
+    """
+    try:
+        data = json.loads(given.decode())
+    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise ValueError(f"{path}: expected a whole JSON file, given one that ends or breaks at: {error}") from error
+    if not isinstance(data, dict) or data.get("format") != kind:
+        raise ValueError(f"{path}: expected a file of format {kind!r}, given another")
+    if data.get("format_version") != version:
+        raise ValueError(f"{path}: expected format version {version}, given {data.get('format_version')}")
+    return data
+
+
+def built_from(path: Path, what: str, data: dict[str, Any], build: Callable[[dict[str, Any]], Built]) -> Built:
+    """Return what `build` makes of the data of a file; where it cannot, the ValueError names the file."""
+    try:
+        return build(data)
+    except (KeyError, TypeError, AttributeError, IndexError) as error:
+        raise ValueError(f"{path}: expected a complete {what}, given one without or with a wrong {error}") from error
+    except (ValueError, OverflowError) as error:
+        wrong = str(error) if "expected" in str(error) else f"expected a complete {what}, given a wrong value: {error}"
+        raise ValueError(f"{path}: {wrong}") from error

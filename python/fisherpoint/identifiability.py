@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 
@@ -12,7 +12,7 @@ from .combinations import changes_of, describe
 from .models import Model
 from .null_space import column_scaled_svd, pivots, reduced_basis
 from .prior import GaussianPrior
-from .quantity import Array, FrozenMapping, check_positive_int, names_of
+from .quantity import Array, FrozenMapping, check_positive_int, names_among, names_of, some_names_among
 from .region import ExperimentRegion
 from .sensitivity_stack import Sampler, Stack, default_region, draw_theta
 from .trajectories import check_type
@@ -153,10 +153,9 @@ def identifiability(
     k1, k2 and k4 can only be told up to it; a known level at which the tank overflows, or k1 = k2, sets it again.
     """
     check_type(model, Model, "model")
-    chosen = _names(names_of(model.parameters) if parameters is None else parameters, names_of(model.parameters), "parameters")
-    starts = _names(unknown_start, names_of(model.states), "unknown_start")
-    if not chosen:
-        raise ValueError("parameters: expected at least one name, given none")
+    names = names_of(model.parameters)
+    chosen = some_names_among(names if parameters is None else parameters, names, "parameters")
+    starts = names_among(unknown_start, names_of(model.states), "unknown_start")
     count = max(20, 4 * -(-len(chosen) // len(model.outputs))) if n_points is None else check_positive_int(n_points, "n_points")
     rng = np.random.default_rng(seed)
     theta = draw_theta(model, prior, check_positive_int(n_theta, "n_theta"), rng)
@@ -237,12 +236,3 @@ def _structure(model: Model) -> tuple[Mapping[str, tuple[str, ...]], tuple[tuple
         return model.reaches, model.blocks
     except TypeError:
         return {}, ()
-
-
-def _names(given: Sequence[str], known: tuple[str, ...], label: str) -> tuple[str, ...]:
-    if isinstance(given, str) or not isinstance(given, Iterable):
-        raise TypeError(f"{label}: expected a sequence of names, given {given!r}")
-    chosen = tuple(given)
-    for unknown in (name for name in chosen if name not in known):
-        raise ValueError(f"{label}: expected names of {', '.join(known) or 'nothing'}; given unknown {unknown!r}")
-    return tuple(name for name in known if name in chosen)

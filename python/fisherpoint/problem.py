@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -14,7 +14,7 @@ import numpy as np
 from .assumed import Assumed, assumed_of, checked_stds
 from .models import Model
 from .prior import GaussianPrior
-from .quantity import Array, FrozenMapping, check_names, in_order, names_of
+from .quantity import Array, FrozenMapping, check_names, in_order, names_of, some_names_among
 from .region import ExperimentRegion
 from .rules import DEFAULT_RULE, Rule
 from .trajectories import check_kinks, check_rtol
@@ -99,14 +99,7 @@ class DesignProblem:
                     raise ValueError(f"noise_std[{name!r}]: expected a positive standard deviation, given {value:g}")
             set_field(self, "noise_std", FrozenMapping(dict(zip(names_of(self.model.outputs), map(float, stds), strict=True))))
         given = everything if self.parameters is None else self.parameters
-        if isinstance(given, str) or not isinstance(given, Iterable):
-            raise TypeError(f"parameters: expected a sequence of names, given {given!r}")
-        chosen = tuple(given)
-        for unknown in (name for name in chosen if name not in everything):
-            raise ValueError(f"parameters: expected names of {', '.join(everything)}; given unknown {unknown!r}")
-        if not chosen:
-            raise ValueError("parameters: expected at least one name, given none")
-        set_field(self, "parameters", tuple(name for name in everything if name in chosen))
+        set_field(self, "parameters", some_names_among(given, everything, "parameters"))
         self._check_assumed(everything)
         default = "noise" if self.noise_std is not None else "region"
         set_field(self, "output_covariance", default if self.output_covariance is None else self.output_covariance)

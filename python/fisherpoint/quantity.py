@@ -91,6 +91,24 @@ def check_names(given: Iterable[str], expected: Iterable[str], name: str) -> Non
         raise ValueError(f"{name}: expected a value for {missing!r}, given none")
 
 
+def names_among(given: Iterable[str], known: tuple[str, ...], label: str) -> tuple[str, ...]:
+    """Return the given ones of the `known` names, in their order."""
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise TypeError(f"{label}: expected a sequence of names, given {given!r}")
+    chosen = tuple(given)
+    for unknown in (name for name in chosen if name not in known):
+        raise ValueError(f"{label}: expected names of {', '.join(known) or 'nothing'}; given unknown {unknown!r}")
+    return tuple(name for name in known if name in chosen)
+
+
+def some_names_among(given: Iterable[str], known: tuple[str, ...], label: str) -> tuple[str, ...]:
+    """As `names_among`, of which there must be one at least."""
+    chosen = names_among(given, known, label)
+    if not chosen:
+        raise ValueError(f"{label}: expected at least one name, given none")
+    return chosen
+
+
 def in_order(mapping: Mapping[str, Any], expected: Iterable[str], name: str) -> Array:
     """Return the values of `mapping` in the order of the `expected` names."""
     if not isinstance(mapping, Mapping):

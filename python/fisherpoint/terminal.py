@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 from rich.console import Console, RenderableType
 
+import fisherpoint as fp
+
 from .config import ConfigError
 from .report import to_text
+
+Read = TypeVar("Read")
 
 
 def show(report: RenderableType) -> None:
@@ -25,3 +31,14 @@ def make_directory(path: Path) -> None:
         path.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError):
         raise ConfigError(f"--output: expected a directory, given {path}, which is or lies under a file") from None
+
+
+def read_data(path: Path, what: str, read: Callable[[Path, fp.Model], Read], model: fp.Model) -> Read:
+    """What `read` finds in a file, with errors that name the file."""
+    try:
+        return read(path, model)
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: expected a CSV file of {what}, found no such file") from None
+    except (ValueError, TypeError) as error:
+        message = str(error)
+        raise ConfigError(message if str(path) in message else f"{path}: {message}") from error

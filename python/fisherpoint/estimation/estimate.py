@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +12,7 @@ from ..data.measurements import Measurements
 from ..data.record import Record
 from ..models import Model
 from ..prior import GaussianPrior
-from ..quantity import Array, as_float, check_positive_int, names_of
+from ..quantity import Array, as_float, check_positive_int, names_of, some_names_among
 from ..trajectories import Status, check_rtol, check_type, resolve_threads
 from .estimated_noise import unbiased
 from .fit import Fit
@@ -99,7 +99,7 @@ def estimate(
     check_type(model, Model, "model")
     parts = _parts(data, model)
     names = names_of(model.parameters)
-    chosen = names if parameters is None else _chosen(parameters, names)
+    chosen = some_names_among(names if parameters is None else parameters, names, "parameters")
     for label, given in (("prior", prior), ("start", start)):
         if (label == "prior" and given is not None) or isinstance(given, GaussianPrior):
             check_type(given, GaussianPrior, label)
@@ -190,17 +190,6 @@ def _parts(data: Any, model: Model) -> tuple[Measurements | Record, ...]:
         measured = np.isfinite(part.y).any(axis=1)
         parts.append(part[np.flatnonzero(measured)] if isinstance(part, Measurements) and not measured.all() else part)
     return tuple(parts)
-
-
-def _chosen(given: Sequence[str], names: tuple[str, ...]) -> tuple[str, ...]:
-    if isinstance(given, str) or not isinstance(given, Iterable):
-        raise TypeError(f"parameters: expected a sequence of names, given {given!r}")
-    given = tuple(given)
-    for unknown in (name for name in given if name not in names):
-        raise ValueError(f"parameters: expected names of {', '.join(names)}; given unknown {unknown!r}")
-    if not given:
-        raise ValueError("parameters: expected at least one name, given none")
-    return tuple(name for name in names if name in given)
 
 
 def _first(model: Model, prior: GaussianPrior | None, start: Any, parts: Sequence[Any]) -> dict[str, float]:
