@@ -138,7 +138,15 @@ _Respond = Callable[[Array, Array], Response]
 
 
 def _points_response(model: Model, points: Experiments, columns: list[int], settings: Settings) -> _Respond:
-    return lambda theta, _: measurements_response(model, points, theta, columns, settings)
+    """The response of points, of which replicates are simulated once."""
+    _, first, replicate = np.unique(points.table, axis=0, return_index=True, return_inverse=True)
+    distinct, replicate = points[first], replicate.reshape(-1)
+
+    def respond(theta: Array, _: Array) -> Response:
+        found = measurements_response(model, distinct, theta, columns, settings)
+        return Response(found.y[:, replicate], found.dy[:, replicate], found.status)
+
+    return respond
 
 
 def _record_response(model: Model, record: Any, columns: list[int], rtol: float, threads: int) -> tuple[_Respond, tuple[str, ...]]:
