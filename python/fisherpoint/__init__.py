@@ -30,6 +30,8 @@ from .trajectories import (
     sensitivities,
     simulate,
 )
+from .validation.result import DesignValidation, Validation
+from .validation.validate import validate
 
 __version__ = "0.1.0"
 
@@ -37,6 +39,7 @@ __all__ = [
     "Constraint",
     "Design",
     "DesignProblem",
+    "DesignValidation",
     "Efficiency",
     "Evaluation",
     "ExchangeSettings",
@@ -65,6 +68,7 @@ __all__ = [
     "TraceRecord",
     "Trajectories",
     "Unscented",
+    "Validation",
     "VirtualRig",
     "assumed_covariance",
     "available_isas",
@@ -79,6 +83,7 @@ __all__ = [
     "sensitivities",
     "simulate",
     "simulate_record",
+    "validate",
 ]
 
 _LAZY = {

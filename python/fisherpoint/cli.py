@@ -1,4 +1,4 @@
-"""The command line: ``fisherpoint design | evaluate | simulate | info``."""
+"""The command line: ``fisherpoint design | evaluate | simulate | estimate | validate | info``."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ import fisherpoint as fp
 
 try:
     import typer
-    from rich.console import Console, RenderableType
+    from rich.console import Console
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,
@@ -28,10 +28,13 @@ try:
     )
     from rich.text import Text
 
+    from .cli_estimate import estimate
+    from .cli_validate import validate
     from .config import Config, ConfigError, load_config
     from .files import write_whole
     from .report import design_report, evaluation_report, simulation_report, to_text
     from .results import Evaluated, evaluate_points, parameter_frame, simulation_frame
+    from .terminal import make_directory, show
 except ModuleNotFoundError as missing:
     if (missing.name or "").startswith("fisherpoint"):
         raise
@@ -87,7 +90,7 @@ def design(
             settings[name] = value
     # What can fail for a trivial reason fails before the work, not after it.
     save_pictures = None if no_plots else _picture_writer(output)
-    _make_directory(output)
+    make_directory(output)
 
     try:
         found = _exchange(problem, settings, threads, show=not quiet)
@@ -98,16 +101,16 @@ def design(
     report = design_report(found)
     (output / "report.txt").write_text(to_text(report), encoding="utf-8")
     if not quiet:
-        _show(report)
+        show(report)
     written = ["design.csv", "design.json", "report.txt"]
     interrupted = found.stop_reason == "interrupted"
     if save_pictures is not None and not interrupted:  # who interrupts wants an end
         written += [path.name for path in save_pictures(found)]
     if not quiet:
         print()
-        _show(Text(f"Written to {output}: {', '.join(written)}"))
+        show(Text(f"Written to {output}: {', '.join(written)}"))
         if interrupted:
-            _show(Text(f"For pictures: fisherpoint evaluate {file} {output / 'design.csv'} -o {output}"))
+            show(Text(f"For pictures: fisherpoint evaluate {file} {output / 'design.csv'} -o {output}"))
     return INTERRUPTED if interrupted else 0
 
 
@@ -124,10 +127,10 @@ def evaluate(
     problem = config.problem()
     save_pictures = _picture_writer(output) if output else None
     if output:
-        _make_directory(output)
+        make_directory(output)
     evaluated = evaluate_points(problem, _read_points(points, config))
     report = evaluation_report(evaluated)
-    _show(report)
+    show(report)
     if output and save_pictures:
         (output / "report.txt").write_text(to_text(report), encoding="utf-8")
         judged = evaluated.under_noise or evaluated.evaluation
@@ -150,10 +153,14 @@ def simulate(
     experiments = _read_points(points, config)
     theta = np.array([prior.mean[quantity.name] for quantity in model.parameters])
     done = fp.simulate(model, experiments, theta)
-    _show(simulation_report(model, experiments, done.y, done.status))
+    show(simulation_report(model, experiments, done.y, done.status))
     if output:
         write_whole(output, simulation_frame(model, experiments, done.y, done.status).to_csv(index=False))
     return 0
+
+
+app.command(epilog="Example: fisherpoint estimate examples/cylinder.toml measured.csv -o fit/")(estimate)
+app.command(epilog="Example: fisherpoint validate examples/cylinder.toml run/design.csv -o validated/")(validate)
 
 
 @app.command(epilog="Example: fisherpoint info")
@@ -207,21 +214,6 @@ def _fail(message: str) -> int:
 
 def _complain(message: str) -> None:
     print(f"fisherpoint: {' '.join(message.split())}", file=sys.stderr)
-
-
-def _show(report: RenderableType) -> None:
-    """Print on standard output: in the terminal's width and colours, or as plain text where it is piped."""
-    if sys.stdout.isatty():
-        Console(highlight=False).print(report)
-    else:
-        print(to_text(report), end="", flush=True)
-
-
-def _make_directory(path: Path) -> None:
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except (FileExistsError, NotADirectoryError):
-        raise ConfigError(f"--output: expected a directory, given {path}, which is or lies under a file") from None
 
 
 def _read_points(path: Path, config: Config) -> fp.Experiments:

@@ -12,17 +12,20 @@ from ..data.measurements import Measurements
 from ..models import Model
 from ..prior import GaussianPrior
 from ..quantity import Array, as_float, check_positive_int, names_of
-from ..rules import Sobol
 from ..trajectories import Status, check_rtol, check_type, resolve_threads
+from .estimated_noise import unbiased
 from .fit import Fit
 from .least_squares import CONVERGED, ENDS, NOT_EVALUABLE, Minima, minimise
 from .noise import correlations_can_be_told, minimise_log_det
 from .response import Observed
-from .unknowns import Unknowns, checked_bounds, unknowns_of
-from .weighting import WeightedResiduals
+from .unknowns import Unknowns, checked_bounds, prior_factor, spread_starts, unknowns_of
+from .weighting import WeightedResiduals, noise_covariance
 
 SAME_MINIMUM = 1e-3
 """Difference of costs, in half squares of standard errors, up to which two starts have come to the same minimum."""
+
+FIRST_ITERATIONS = 50
+"""Of each of several starts: more are spent on the best one alone."""
 
 WEIGHTINGS = 2
 """How often the share of what is assumed is taken anew at the estimate."""
@@ -103,20 +106,20 @@ def estimate(
     begin = {name: first[name] if name in first else _start_guess(model, name, parts) for name in observed.names}
     sizes = {f"x0_{q.name}": q.scale or 0.0 for q in model.states}
     unknowns = unknowns_of(begin, spread, sizes, checked_bounds(model, bounds, observed.names))
-    z0 = _starts(unknowns, begin, spread, check_positive_int(starts, "starts"))
-    factor = None if prior is None else _prior_factor(prior, unknowns)
+    z0 = spread_starts(unknowns, begin, spread, check_positive_int(starts, "starts"))
+    factor = None if prior is None else prior_factor(prior, unknowns)
     residuals = WeightedResiduals(observed, unknowns, observed.y[None], np.eye(observed.y.shape[1]), factor)
 
     known = noise_std is not None
     if known:
-        residuals = replace(residuals, covariance=_noise(model, noise_std or {}, observed.y))
+        residuals = replace(residuals, covariance=noise_covariance(model, noise_std or {}, observed.y))
         residuals = _with_assumed(residuals, model, parts, theta, uncertain, initial_state_std, rtol, threads)
-        minima, _ = minimise(residuals, z0, unknowns.lower, unknowns.upper), None
+        minima = minimise(residuals, z0, unknowns.lower, unknowns.upper, FIRST_ITERATIONS)
     elif uncertain or initial_state_std:
         raise ValueError("noise_std: expected the sensor noise beside uncertain or initial_state_std, given none")
     else:
         full = correlations_can_be_told(np.isfinite(observed.y), len(unknowns))
-        minima, covariances = minimise_log_det(residuals, z0, full)
+        minima, covariances = minimise_log_det(residuals, z0, full, FIRST_ITERATIONS)
         log_det = np.linalg.slogdet(covariances)[1] * len(observed.y) / 2
         minima = minima._replace(cost=np.where(np.isfinite(log_det), log_det, np.inf))
     best, reached = _best(minima, observed, unknowns, z0)
@@ -127,7 +130,7 @@ def estimate(
         z, message, polished, converged = _polished(residuals, z)
         evaluations += polished
         if uncertain or initial_state_std:
-            residuals = replace(residuals, covariance=_noise(model, noise_std or {}, observed.y))
+            residuals = replace(residuals, covariance=noise_covariance(model, noise_std or {}, observed.y))
             at = observed.parameters(unknowns.values(z[None]))[0]
             residuals = _with_assumed(residuals, model, parts, at, uncertain, initial_state_std, rtol, threads)
     if minima.end[best] != CONVERGED and not converged:
@@ -144,7 +147,7 @@ def estimate(
         predicted=response.y[0],
         residuals=observed.y - response.y[0],
         noise_known=known,
-        noise_covariance=_noise(model, noise_std or {}, observed.y) if known else residuals.covariance,
+        noise_covariance=noise_covariance(model, noise_std or {}, observed.y) if known else residuals.covariance,
         converged=converged or int(minima.end[best]) == CONVERGED,
         message=message,
         evaluations=evaluations,
@@ -208,46 +211,6 @@ def _start_guess(model: Model, name: str, parts: Sequence[Any]) -> float:
         if np.isfinite(column).any():
             return float(column[np.isfinite(column)][0])
     return states[state].scale or 1.0
-
-
-def _starts(unknowns: Unknowns, begin: Mapping[str, float], spread: GaussianPrior | None, count: int) -> Array:
-    """Coordinates (B, P) of the starts: the first as given, others at nodes of the prior."""
-    z = unknowns.coordinates(np.array([list(begin.values())]))
-    if spread is not None and count > 1:
-        named = [name for name in unknowns.names if name in spread.names]
-        nodes, _ = Sobol(1 << (count - 1).bit_length()).nodes(spread.marginal(named))
-        values = np.tile(list(begin.values()), (count - 1, 1))
-        values[:, [unknowns.names.index(name) for name in named]] = nodes[: count - 1]
-        z = np.concatenate([z, unknowns.coordinates(values)])
-    return np.clip(z, unknowns.lower, unknowns.upper)
-
-
-def _prior_factor(prior: GaussianPrior, unknowns: Unknowns) -> Array:
-    """L^-1 (k, P) of the correlation L L^T that the prior has in coordinates, for the k unknowns that it covers."""
-    columns = [j for j, name in enumerate(unknowns.names) if name in prior.names]
-    correlation = prior.marginal([unknowns.names[j] for j in columns]).normal_correlation
-    factor = np.zeros((len(columns), len(unknowns)))
-    factor[:, columns] = np.linalg.solve(np.linalg.cholesky(correlation), np.eye(len(columns)))
-    return factor
-
-
-def _noise(model: Model, noise_std: Mapping[str, float], y: Array) -> Array:
-    """R (n_y, n_y) of the noise; outputs that were never measured need none."""
-    names, variances = names_of(model.outputs), np.ones(len(model.outputs))
-    if not isinstance(noise_std, Mapping):
-        raise TypeError(f"noise_std: expected a mapping of names to numbers, given {type(noise_std).__name__}")
-    for unknown in (name for name in noise_std if name not in names):
-        raise ValueError(f"noise_std: expected the names {', '.join(names)}; given unknown {unknown!r}")
-    for i, name in enumerate(names):
-        if name not in noise_std:
-            if np.isfinite(y[:, i]).any():
-                raise ValueError(f"noise_std: expected a value for {name!r}, which was measured; given none")
-            continue
-        std = as_float(noise_std[name], f"noise_std[{name!r}]")
-        if not std > 0:
-            raise ValueError(f"noise_std[{name!r}]: expected a positive standard deviation, given {std:g}")
-        variances[i] = std**2
-    return np.diag(variances)
 
 
 def _with_assumed(
@@ -328,7 +291,5 @@ def _polished(residuals: WeightedResiduals, z: Array) -> tuple[Array, str, int, 
 def _with_unbiased_noise(fit: Fit) -> Fit:
     """The fit with the noise's variances divided by degrees of freedom in the place of the number of samples."""
     counts = np.isfinite(fit.residuals).sum(axis=0)
-    degrees = np.maximum(fit.output_degrees_of_freedom, 1e-3)
-    growth = np.sqrt(np.where(counts > 0, counts / degrees, 1.0))
-    covariance = fit.noise_covariance * np.outer(growth, growth)
+    covariance = unbiased(fit.noise_covariance[None], fit.output_degrees_of_freedom[None], counts)[0]
     return replace(fit, noise_covariance=covariance, problem=replace(fit.problem, covariance=covariance))

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..models import Model
 from ..prior import GaussianPrior
 from ..quantity import Array, FrozenMapping, as_float, names_of
-from .noise import residual_covariance
-from .precision import Precision, in_words
+from .estimated_noise import Inflated, inflated, output_degrees_of_freedom
+from .noise import correlations_can_be_told, residual_covariance
+from .precision import Precision, in_words, quantile
 from .weighting import WeightedResiduals, whiten
+
+if TYPE_CHECKING:
+    from .profile import Profile
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,10 +93,17 @@ class Fit:
         """The unknowns by name, SI units."""
         return self._by_name(self.values)
 
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Of the unknowns, by name."""
+        units = {q.name: q.unit for q in self.model.parameters} | {f"x0_{q.name}": q.unit for q in self.model.states}
+        return FrozenMapping({name: units.get(name) or units.get(name.rpartition("_")[0], "1") for name in self.parameters})
+
     @cached_property
     def precision(self) -> Precision:
-        """The a-posteriori information, in standardised coordinates."""
-        return Precision.of(self.jacobian)
+        """The a-posteriori information, standardised; where the noise was estimated, the covariance has its share."""
+        precision = self._precision
+        return precision if self.noise_known else replace(precision, covariance=self._inflated.covariance[0])
 
     @property
     def fisher(self) -> Array:
@@ -152,11 +164,9 @@ class Fit:
     @cached_property
     def output_degrees_of_freedom(self) -> Array:
         """Number of measured values of each output less what the unknowns take up of it, (n_y,)."""
-        n_y = len(self.model.outputs)
-        rows = self.jacobian[: self.residuals.size]
-        leverage = np.einsum("mi,ij,mj->m", rows, self.precision.covariance, rows).reshape(-1, n_y)
-        degrees: Array = np.isfinite(self.residuals).sum(axis=0) - leverage.sum(axis=0)
-        return np.maximum(degrees, 0.0)
+        counts = np.isfinite(self.residuals).sum(axis=0)
+        degrees: Array = output_degrees_of_freedom(self._data_jacobian, self._precision.covariance[None], counts)[0]
+        return degrees
 
     @property
     def chi_square(self) -> float:
@@ -186,33 +196,48 @@ class Fit:
     def quantile_degrees_of_freedom(self) -> Mapping[str, float]:
         """Degrees of freedom of Student's t for each unknown: inf where the noise is known.
 
-        An unknown's variance is a sum of shares of the outputs' estimated variances; Welch and Satterthwaite's formula says how
-        many degrees of freedom such a sum has.
+        An unknown's variance is a sum of shares of the outputs' estimated variances; Satterthwaite's formula says how many degrees
+        of freedom such a sum has. See `fisherpoint.estimation.estimated_noise`.
         """
         if self.noise_known:
             return self._by_name(np.full(len(self.values), np.inf))
-        n_y, covariance = len(self.model.outputs), self.precision.covariance
-        rows = self.jacobian[: self.residuals.size].reshape(-1, n_y, len(self.values))
-        effect = np.einsum("nip,pq->niq", rows, covariance) ** 2
-        shares = effect.sum(axis=0)  # (n_y, P)
-        degrees = np.maximum(self.output_degrees_of_freedom, 1e-3)[:, None]
-        spread = (shares**2 / degrees).sum(axis=0)
-        return self._by_name(np.divide(shares.sum(axis=0) ** 2, spread, out=np.full(len(spread), np.inf), where=spread > 0))
+        return self._by_name(self._inflated.degrees_of_freedom[0])
 
     def intervals(self, level: float = 0.95) -> Mapping[str, tuple[float, float]]:
         """Confidence intervals by name: estimate -+ quantile times standard error, of the logarithm where the prior is log-normal.
 
         The quantile is the normal one where the noise is known, and Student's t where it was estimated.
         """
-        from scipy.stats import t
-
         if not 0 < as_float(level, "level") < 1:
             raise ValueError(f"level: expected a probability between 0 and 1, given {level:g}")
         unknowns, spread = self.problem.unknowns, np.sqrt(np.diag(self.precision.covariance))
-        quantiles = t.ppf(0.5 + level / 2, np.array(list(self.quantile_degrees_of_freedom.values())))
+        quantiles = quantile(level, np.array(list(self.quantile_degrees_of_freedom.values())))
         reach = np.where(self.precision.determined, quantiles * spread, np.inf)
         low, high = (unknowns.values(self.z + side * reach) for side in (-1, 1))
         return FrozenMapping({name: (float(a), float(b)) for name, a, b in zip(self.parameters, low, high, strict=True)})
+
+    def profile(self, name: str, level: float = 0.95) -> Profile:
+        """The profile likelihood of one unknown, and the confidence interval by it; it is right where `intervals` are too linear.
+
+        All other unknowns are estimated anew at each value of this one, on values outward from the estimate until the deviance
+        passes its threshold on both sides, or an end is shown not to be bounded: the quantile of chi-square with one degree of
+        freedom where the noise is known, and its counterpart by Student's t where it was estimated. A prior takes part.
+
+        Parameters
+        ----------
+        name : str
+            One of `parameters`.
+        level : float
+            Probability of the interval.
+
+        Raises
+        ------
+        ValueError
+            For an unknown name or a level outside 0 to 1.
+        """
+        from .profile import profile_of
+
+        return profile_of(self, name, level)
 
     def posterior(self) -> GaussianPrior:
         """The estimate and its covariance as the prior of what comes next, of all parameters of the model.
@@ -227,6 +252,31 @@ class Fit:
         from .posterior import posterior_of
 
         return posterior_of(self)
+
+    def __str__(self) -> str:
+        from .summary import text
+
+        return text(self)
+
+    def _repr_html_(self) -> str:
+        from .summary import html
+
+        return html(self)
+
+    def __repr__(self) -> str:
+        return f"Fit({', '.join(f'{name}={value:.6g}' for name, value in self.estimate.items())})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Estimate, covariances, tests and how the search ended, as what JSON can hold; numbers that are not finite are None."""
+        from .fit_files import fit_dict
+
+        return fit_dict(self)
+
+    def save(self, directory: str | Path) -> list[Path]:
+        """Write ``estimate.csv``, ``residuals.csv`` and ``fit.json`` (`to_dict`), each whole or not at all; return their paths."""
+        from .fit_files import save_fit
+
+        return save_fit(self, directory)
 
     @cached_property
     def z(self) -> Array:
@@ -247,10 +297,33 @@ class Fit:
         return jacobian
 
     @cached_property
+    def _precision(self) -> Precision:
+        """As if the weights were known."""
+        return Precision.of(self.jacobian)
+
+    @cached_property
+    def _inflated(self) -> Inflated:
+        measured = np.isfinite(self.residuals)
+        full = correlations_can_be_told(measured, len(self.values))
+        return inflated(self._data_jacobian, self._precision.covariance[None], measured.sum(axis=0), full)
+
+    @property
+    def _data_jacobian(self) -> Array:
+        """The rows of `jacobian` that belong to the data, (1, N, n_y, P)."""
+        return self.jacobian[: self.residuals.size].reshape(1, *self.residuals.shape, len(self.values))
+
+    @cached_property
     def whitened(self) -> Array:
         """Residuals in units of the noise, (N, n_y), zero where not measured."""
         whitened: Array = whiten(self.problem.covariance, np.isfinite(self.residuals), self.residuals[None])[0][0]
         return whitened
+
+    @property
+    def standardised(self) -> Array:
+        """Residuals over the standard deviation of their noise, (N, n_y), NaN where not measured."""
+        covariance = self.problem.covariance
+        variances = np.einsum("...ii->...i", covariance[0] if covariance.ndim == 4 else covariance)
+        return np.asarray(self.residuals / np.sqrt(variances))
 
     def _by_name(self, values: Array) -> Mapping[str, float]:
         return FrozenMapping(dict(zip(self.parameters, values.tolist(), strict=True)))

@@ -27,6 +27,9 @@ TOLERANCE = 1e-8
 FLAT = 1e-7
 """Expected decrease, as a share of 1 + the cost, from which on a decrease cannot be told."""
 
+STRIDE = 10.0
+"""Longest step of a coordinate, in units of max(1, |z|): past it, where the model is another one, trajectories cost most."""
+
 NEGLIGIBLE = 1e-15
 """Share of the largest curvature, of columns scaled to length 1, up to which a direction is not moved along."""
 
@@ -82,6 +85,7 @@ def minimise(residuals: Residuals, z0: Array, lower: Array, upper: Array, max_it
         divisor = values + np.where(flat, 0.0, damping[active])[:, None]
         part = np.divide(-along, divisor, out=np.zeros_like(along), where=moved)
         step = np.einsum("bij,bj->bi", vectors, part) / size
+        step /= np.max(np.abs(step) / (STRIDE * np.maximum(1.0, np.abs(z[active]))), axis=1, initial=1.0)[:, None]
 
         done = newton <= TOLERANCE
         # Rounding and the integrator's tolerance end what the formula does not: steps that no longer become shorter.

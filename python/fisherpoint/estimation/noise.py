@@ -48,7 +48,9 @@ def minimise_log_det(residuals: WeightedResiduals, z0: Array, full: bool, max_it
         The residual covariance, which is the maximum-likelihood estimate of the noise's.
     """
     unknowns, keep = residuals.unknowns, np.ones(residuals.y.shape[-1]) if full else np.eye(residuals.y.shape[-1])
-    least = FLOOR * np.nanmean(residuals.y**2, axis=(0, 1)) + 1e-300
+    counts = np.maximum(residuals.measured.sum(axis=0), 1)
+    least = FLOOR * np.nansum(residuals.y**2, axis=(0, 1)) / counts / len(residuals.y) + 1e-300
+    least[~residuals.measured.any(axis=0)] = 1.0  # any number: it weighs nothing
 
     def covariance_at(z: Array, y: Array) -> Array:
         covariance = residual_covariance(residuals.observed.respond(unknowns.values(z)).y - y) * keep

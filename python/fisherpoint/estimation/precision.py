@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..combinations import changes_of
 from ..null_space import column_scaled_svd, pivots, reduced_basis
@@ -50,6 +51,29 @@ class Precision:
         weak = vectors[told & (share < WEAK)] / size
         determined = ~(np.abs(null) > 1e-6).any(axis=0) if len(null) else np.ones(len(length), dtype=bool)
         return cls(jacobian.T @ jacobian, half @ half.T, determined, null, weak)
+
+
+def covariances(jacobian: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """`Precision.covariance` (B, P, P) and `Precision.determined` (B, P) of B problems with Jacobians (B, M, P)."""
+    count, rows, p = jacobian.shape
+    if rows < p:  # else the null space would not be complete
+        jacobian = np.concatenate([jacobian, np.zeros((count, p - rows, p))], axis=1)
+    length = np.linalg.norm(jacobian, axis=1)
+    size = np.where(length > 0, length, 1.0)
+    _, values, vectors = np.linalg.svd(jacobian / size[:, None, :], full_matrices=False)
+    told = values > NULL * np.maximum(values[:, :1], 1e-300)
+    half = vectors * np.divide(1.0, values, out=np.zeros_like(values), where=told)[:, :, None] / size[:, None, :]
+    null = np.where(told[:, :, None], 0.0, vectors)
+    return half.transpose(0, 2, 1) @ half, np.square(null).sum(axis=1) < 1e-12
+
+
+def quantile(level: float, degrees_of_freedom: Array) -> Array:
+    """Half-width of two-sided intervals in standard errors: of Student's t, which for inf is the normal distribution."""
+    from scipy.special import ndtri, stdtrit  # not scipy.stats, of which the import takes a second
+
+    bounded = np.isfinite(degrees_of_freedom)
+    normal = np.full(degrees_of_freedom.shape, ndtri(0.5 + level / 2))
+    return np.where(bounded, stdtrit(np.where(bounded, degrees_of_freedom, 1.0), 0.5 + level / 2), normal)
 
 
 def in_words(directions: Array, slopes: Array, values: Array, names: tuple[str, ...]) -> tuple[str, ...]:

@@ -11,6 +11,10 @@ from numpy.typing import NDArray
 from ..models import Model
 from ..prior import GaussianPrior
 from ..quantity import Array, as_float
+from ..rules import Sobol
+
+FARTHEST = 30.0
+"""How far the logarithm of an unknown may go from its center: a factor of 1e13, past which trajectories mean nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +88,7 @@ def unknowns_of(
             center[j], scale[j] = prior.mean[name], prior.normal_std[prior.names.index(name)]
             if name in prior.log:
                 log[j], center[j] = True, np.log(prior.mean[name]) - scale[j] ** 2 / 2
+                lower[j], upper[j] = -FARTHEST / scale[j], FARTHEST / scale[j]
         else:
             center[j], scale[j] = start[name], sizes.get(name) or abs(start[name]) or 1.0
         for side, bound in zip((lower, upper), bounds.get(name, (None, None)), strict=True):
@@ -109,3 +114,24 @@ def checked_bounds(
             raise ValueError(f"bounds[{name!r}]: expected lower < upper, given {low:g} and {high:g}")
         bounds[name] = (bounds.get(name, (None, None))[0] if low is None else low, high)
     return bounds
+
+
+def prior_factor(prior: GaussianPrior, unknowns: Unknowns) -> Array:
+    """L^-1 (k, P) of the correlation L L^T that the prior has in coordinates, for the k unknowns that it covers."""
+    columns = [j for j, name in enumerate(unknowns.names) if name in prior.names]
+    correlation = prior.marginal([unknowns.names[j] for j in columns]).normal_correlation
+    factor = np.zeros((len(columns), len(unknowns)))
+    factor[:, columns] = np.linalg.solve(np.linalg.cholesky(correlation), np.eye(len(columns)))
+    return factor
+
+
+def spread_starts(unknowns: Unknowns, begin: Mapping[str, float], spread: GaussianPrior | None, count: int) -> Array:
+    """Coordinates (B, P) of the starts: the first as given, others at nodes of the prior."""
+    z = unknowns.coordinates(np.array([list(begin.values())]))
+    if spread is not None and count > 1:
+        named = [name for name in unknowns.names if name in spread.names]
+        nodes, _ = Sobol(1 << (count - 1).bit_length()).nodes(spread.marginal(named))
+        values = np.tile(list(begin.values()), (count - 1, 1))
+        values[:, [unknowns.names.index(name) for name in named]] = nodes[: count - 1]
+        z = np.concatenate([z, unknowns.coordinates(values)])
+    return np.clip(z, unknowns.lower, unknowns.upper)

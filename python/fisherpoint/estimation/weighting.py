@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..quantity import Array
+from ..models import Model
+from ..quantity import Array, as_float, names_of
 from .response import Observed
 from .unknowns import Unknowns
 
@@ -40,6 +42,25 @@ def whiten(covariance: Array, measured: NDArray[np.bool_], *arrays: Array) -> li
 def _spread(given: NDArray[Any], like: Array) -> NDArray[Any]:
     """`given` (..., N, n_y) with the trailing axes that `like` (B, N, n_y, ...) has after these."""
     return given.reshape(*given.shape, *(1,) * (like.ndim - 3))
+
+
+def noise_covariance(model: Model, noise_std: Mapping[str, float], y: Array) -> Array:
+    """R (n_y, n_y) of the noise; outputs that were never measured need none."""
+    names, variances = names_of(model.outputs), np.ones(len(model.outputs))
+    if not isinstance(noise_std, Mapping):
+        raise TypeError(f"noise_std: expected a mapping of names to numbers, given {type(noise_std).__name__}")
+    for unknown in (name for name in noise_std if name not in names):
+        raise ValueError(f"noise_std: expected the names {', '.join(names)}; given unknown {unknown!r}")
+    for i, name in enumerate(names):
+        if name not in noise_std:
+            if np.isfinite(y[:, i]).any():
+                raise ValueError(f"noise_std: expected a value for {name!r}, which was measured; given none")
+            continue
+        std = as_float(noise_std[name], f"noise_std[{name!r}]")
+        if not std > 0:
+            raise ValueError(f"noise_std[{name!r}]: expected a positive standard deviation, given {std:g}")
+        variances[i] = std**2
+    return np.diag(variances)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,90 @@
+"""``fisherpoint validate``: whether designs keep what they promise, by virtual experiments."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.text import Text
+
+import fisherpoint as fp
+
+from .config import ConfigError, load_config
+from .files import write_whole
+from .terminal import make_directory, show
+
+
+class Truth(StrEnum):
+    """Where the true parameters come from."""
+
+    prior = "prior"
+    mean = "mean"
+
+
+class Noise(StrEnum):
+    """Whether the fits know the noise."""
+
+    known = "known"
+    estimated = "estimated"
+
+
+def validate(
+    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Model, prior and sensor noise.")],
+    designs: Annotated[list[Path], typer.Argument(metavar="DESIGN.csv...", help="Points, with the columns of a design.csv.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Where table, report and picture go.")],
+    runs: Annotated[int, typer.Option("-n", "--runs", min=1, metavar="N", help="Virtual experiments with each design.")] = 1000,
+    theta: Annotated[Truth, typer.Option(help="True parameters: drawn from the prior for each run, or its mean.")] = Truth.prior,
+    noise: Annotated[Noise, typer.Option(help="Whether the fits know [noise_std] or estimate it.")] = Noise.known,
+    use_prior: Annotated[bool, typer.Option("--use-prior", help="Let the prior take part in the fits and the promise.")] = False,
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="The same seed gives the same figures.")] = 0,
+    threads: Annotated[int | None, typer.Option(min=1, metavar="N", help="Threads; the result is the same.")] = None,
+    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no picture.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No report on the terminal.")] = False,
+) -> int:
+    """Measure designs virtually many times, fit each time, and compare with what the designs promise.
+
+    Writes validation.csv, report.txt and validation.png.
+    """
+    config = load_config(file)
+    problem = config.problem()
+    if problem.noise_std is None:
+        raise config.error("noise_std", "missing; expected the noise of every output, without which there is no promise")
+    points = {name: _read(path, problem.model) for name, path in _named(designs).items()}
+    if not no_plots:
+        from .plots_validation import plot_validation  # what can fail for a trivial reason fails before the work
+    make_directory(output)
+    found = fp.validate(
+        points, problem, n=runs, theta=theta.value, seed=seed, noise=noise.value, use_prior=use_prior, threads=threads
+    )
+    write_whole(output / "validation.csv", found.frame().to_csv())
+    write_whole(output / "report.txt", f"{found}\n")
+    written = ["validation.csv", "report.txt"]
+    if not no_plots:
+        plot_validation(found).savefig(output / "validation.png", dpi=150)
+        written.append("validation.png")
+    if not quiet:
+        print(found)
+        print()
+        show(Text(f"Written to {output}: {', '.join(written)}"))
+    return 0
+
+
+def _named(paths: list[Path]) -> dict[str, Path]:
+    """Paths by the shortest names that tell them apart: file names, or with the directories."""
+    for name in (lambda path: path.stem, lambda path: f"{path.parent.name}/{path.stem}", str):
+        named = {name(path): path for path in paths}
+        if len(named) == len(paths):
+            return named
+    raise ConfigError(f"DESIGN.csv: expected different files, given {', '.join(map(str, paths))}")
+
+
+def _read(path: Path, model: fp.Model) -> fp.Experiments:
+    try:
+        return fp.Experiments.from_csv(path, model)
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: expected a CSV file of points, found no such file") from None
+    except (ValueError, TypeError) as error:
+        message = str(error)
+        raise ConfigError(message if str(path) in message else f"{path}: {message}") from error

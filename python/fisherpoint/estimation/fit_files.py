@@ -1,0 +1,135 @@
+"""A fit as plain data, and its files, each of which appears whole or not at all."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..files import write_whole
+from ..quantity import Array, names_of
+from . import summary
+
+if TYPE_CHECKING:
+    from .fit import Fit
+
+
+def fit_dict(fit: Fit) -> dict[str, Any]:
+    """See `Fit.to_dict`."""
+    outputs = list(names_of(fit.model.outputs))
+    tests = {
+        name: {
+            "measured": test.count,
+            "chi_square": test.chi_square,
+            "degrees_of_freedom": test.degrees_of_freedom,
+            "p_value": test.p_value,
+        }
+        for name, test in fit.tests.items()
+    }
+    degrees = fit.quantile_degrees_of_freedom
+    plain: dict[str, Any] = _plain(
+        {
+            "model": fit.model.name,
+            "parameters": {
+                name: {
+                    "unit": fit.units[name],
+                    "estimate": value,
+                    "standard_error": fit.standard_errors[name],
+                    "interval_95": list(fit.intervals()[name]),
+                    "t_degrees_of_freedom": degrees[name],
+                    "prior_mean": fit.prior.mean[name] if fit.prior is not None and name in fit.prior.names else None,
+                    "prior_std": fit.prior.std[name] if fit.prior is not None and name in fit.prior.names else None,
+                }
+                for name, value in fit.estimate.items()
+            },
+            "covariance": fit.covariance,
+            "correlation": fit.correlation,
+            "fisher": fit.fisher,
+            "outputs": outputs,
+            "noise_known": fit.noise_known,
+            "noise_covariance": fit.noise_covariance,
+            "residual_covariance": fit.residual_covariance,
+            "chi_square": fit.chi_square,
+            "degrees_of_freedom": fit.degrees_of_freedom,
+            "tests": tests,
+            "null_directions": list(fit.null_directions),
+            "weak_directions": list(fit.weak_directions),
+            "at_bounds": list(fit.at_bounds),
+            "warnings": list(summary.warnings(fit)),
+            "converged": fit.converged,
+            "message": fit.message,
+            "evaluations": fit.evaluations,
+            "starts": fit.starts,
+            "reached": fit.reached,
+        }
+    )
+    return plain
+
+
+def save_fit(fit: Fit, directory: str | Path) -> list[Path]:
+    """See `Fit.save`."""
+    directory = Path(directory)
+    directory.mkdir(parents=True, exist_ok=True)
+    texts = {
+        "estimate.csv": _estimate_csv(fit),
+        "residuals.csv": _residuals_csv(fit),
+        "fit.json": json.dumps(fit_dict(fit), indent=1, allow_nan=False) + "\n",  # last: where it is, the others are
+    }
+    for name, text in texts.items():
+        write_whole(directory / name, text)
+    return [directory / name for name in texts]
+
+
+def _plain(given: Any) -> Any:
+    """Lists, dicts, numbers and strings; what is not finite as null, which JSON has no number for."""
+    if isinstance(given, dict):
+        return {str(key): _plain(value) for key, value in given.items()}
+    if isinstance(given, np.ndarray | list | tuple):
+        return [_plain(value) for value in given]
+    if isinstance(given, float | np.floating):
+        return float(given) if math.isfinite(given) else None
+    return given.item() if isinstance(given, np.generic) else given
+
+
+def _estimate_csv(fit: Fit) -> str:
+    header = ["parameter", "unit", "estimate", "standard_error", "rse", "lower_95", "upper_95", "prior_mean", "prior_std"]
+    rows: list[list[str]] = []
+    for name, value in fit.estimate.items():
+        prior = fit.prior if fit.prior is not None and name in fit.prior.names else None
+        numbers = [value, fit.standard_errors[name], fit.rse.get(name, np.nan), *fit.intervals()[name]]
+        numbers += [np.nan, np.nan] if prior is None else [prior.mean[name], prior.std[name]]
+        rows.append([name, fit.units[name], *map(_text, numbers)])
+    return _csv(header, rows)
+
+
+def _residuals_csv(fit: Fit) -> str:
+    """A row per number that was measured: which part of the data, sample within it, output, and what was found."""
+    header = ["data", "sample", "output", "measured", "predicted", "residual", "standardised"]
+    standardised, names, rows, first = fit.standardised, names_of(fit.model.outputs), [], 0
+    for part, data in enumerate(fit.data, start=1):
+        for k in range(len(data)):
+            n = first + k
+            for i, name in enumerate(names):
+                if np.isfinite(fit.residuals[n, i]):
+                    numbers: Array = np.array([data.y[k, i], fit.predicted[n, i], fit.residuals[n, i], standardised[n, i]])
+                    rows.append([str(part), str(k + 1), name, *map(_text, numbers.tolist())])
+        first += len(data)
+    return _csv(header, rows)
+
+
+def _text(value: float) -> str:
+    return "" if math.isnan(value) else repr(float(value))
+
+
+def _csv(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    return file.getvalue()

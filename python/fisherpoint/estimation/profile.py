@@ -1,0 +1,351 @@
+"""Profile likelihood: what it costs to move one unknown when all others follow.
+
+Where the noise is known, the deviance is twice the rise of the cost of (5), and its threshold is the quantile of chi-square with
+one degree of freedom. Where it is estimated, the deviance is that of (10), N log(det D / det D^), with the noise estimated anew at
+each value, and the threshold n log(1 + t^2 / nu). For one output of n samples with nu degrees of freedom left, this is the F ratio;
+for several, nu is that of `Fit.quantile_degrees_of_freedom`, and n / nu how much unbiased noise makes the unknown's variance grow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..quantity import Array, as_float
+from .least_squares import NOT_EVALUABLE, Residuals, minimise
+from .noise import FLOOR, MAX_ROUNDS, SETTLED, correlations_can_be_told, residual_covariance
+from .precision import Precision
+from .unknowns import FARTHEST
+from .weighting import WeightedResiduals
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from .fit import Fit
+
+FOUND, BOUND, OPEN, FAILED = "found", "at its bound", "not bounded", "trajectories are not ok further out"
+
+STEPS = 6
+"""Values between the estimate and an end, about."""
+
+FAR = 1e4
+"""Distance, in half linear intervals, up to which an end is looked for."""
+
+PRECISE = 1e-7
+"""Error of the root of the deviance at an end, as a share of the threshold's."""
+
+BETTER = 1e-4
+"""Fall of the deviance below that of the fit from which on the fit was not at the minimum."""
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """The likelihood of one unknown, with all others estimated anew at each of its values.
+
+    Attributes
+    ----------
+    name, unit : str
+    level : float
+        Of the confidence interval.
+    estimate : float
+    values : ndarray, (G,)
+        Of the unknown, ascending, SI units; the ends of the interval and the estimate are among them.
+    deviance : ndarray, (G,)
+        Zero at the estimate; twice the fall of the log-likelihood.
+    unknowns : ndarray, (G, P)
+        All unknowns at each value, in the order of the fit's, SI units.
+    threshold : float
+        Deviance at the ends of the interval.
+    interval : tuple of float
+        Where the deviance reaches the threshold; -inf, or 0 of a positive unknown, and inf where it does not.
+    ends : tuple of str
+        What each end of the interval is: "found", "at its bound", "not bounded", or "trajectories are not ok further out".
+    linear_interval : tuple of float
+        From the standard error, as `Fit.intervals`.
+    """
+
+    name: str
+    unit: str
+    level: float
+    estimate: float
+    values: Array
+    deviance: Array
+    unknowns: Array
+    threshold: float
+    interval: tuple[float, float]
+    ends: tuple[str, str]
+    linear_interval: tuple[float, float]
+
+    @property
+    def signed_root(self) -> Array:
+        """Root of the deviance, negative below the estimate, (G,): over the values of a linear model, a straight line."""
+        root: Array = np.sign(self.values - self.estimate) * np.sqrt(np.maximum(self.deviance, 0.0))
+        return root
+
+    @property
+    def better(self) -> bool:
+        """Whether a lower minimum than the fit's was found on the way; then estimate again from `unknowns` there."""
+        return bool(self.deviance.min() < -BETTER)
+
+    def plot(self) -> Figure:
+        """The deviance over the unknown, beside the parabola of the linear interval; needs matplotlib."""
+        from ..plots_fit import plot_profiles
+
+        return plot_profiles([self])
+
+    def __str__(self) -> str:
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        lines = [
+            f"{self.name} = {self.estimate:.6g}{unit}, {100 * self.level:g} % interval by profile likelihood "
+            f"{self.interval[0]:.4g} to {self.interval[1]:.4g}, by standard error "
+            f"{self.linear_interval[0]:.4g} to {self.linear_interval[1]:.4g}"
+        ]
+        lines += [f"{side} end: {end}" for side, end in zip(("lower", "upper"), self.ends, strict=True) if end != FOUND]
+        if self.better:
+            lines.append("a better estimate was found on the way: estimate again, from `unknowns` where the deviance is least")
+        return "\n".join(lines)
+
+
+def profile_of(fit: Fit, name: str, level: float = 0.95) -> Profile:
+    """See `Fit.profile`."""
+    if name not in fit.parameters:
+        raise ValueError(f"name: expected one of {', '.join(fit.parameters)}; given unknown {name!r}")
+    if not 0 < as_float(level, "level") < 1:
+        raise ValueError(f"level: expected a probability between 0 and 1, given {level:g}")
+    j, unknowns = fit.parameters.index(name), fit.problem.unknowns
+    z, held, threshold = fit.z, _held_minimum(fit, j), _threshold(fit, j, level)
+    covariance = fit.precision.covariance
+    spread = float(np.sqrt(covariance[j, j])) if fit.precision.determined[j] else 1.0
+    tangent = covariance[:, j] / covariance[j, j] if fit.precision.determined[j] else np.eye(len(z))[j]
+    limits = (float(unknowns.lower[j]), float(unknowns.upper[j]))
+    reach = spread * float(np.sqrt(threshold))
+    sides = [_Side(z, tangent, j, sign, reach, limit) for sign, limit in zip((-1, 1), limits, strict=True)]
+    _walk(sides, held, threshold)
+    _refine(sides, held, threshold)
+
+    points = [*sides[0].points[:0:-1], *sides[1].points]
+    at = np.array([point.z for point in points])
+    values = unknowns.values(at)
+    for side in sides:
+        if side.how == BOUND and unknowns.log[j] and abs(side.limit) * unknowns.scale[j] >= FARTHEST - 1e-9:
+            side.how = OPEN  # that limit is ours, not the user's
+    beyond = [0.0 if unknowns.log[j] else -np.inf, np.inf]
+    ends = [beyond[i] if side.how == OPEN else float(unknowns.values(side.end[None])[0, j]) for i, side in enumerate(sides)]
+    return Profile(
+        name,
+        fit.units[name],
+        level,
+        fit.estimate[name],
+        values[:, j],
+        np.array([point.deviance for point in points]),
+        values,
+        threshold,
+        (ends[0], ends[1]),
+        (sides[0].how, sides[1].how),
+        fit.intervals(level)[name],
+    )
+
+
+# The minimum over the other unknowns
+
+
+_Minimum = Callable[[Array], tuple[Array, Array]]
+"""From coordinates (B, P), of which the profiled one stays: where the minimum over the others is, and its deviance, or inf."""
+
+
+class _Held(NamedTuple):
+    """Residuals as a function of all coordinates but `j`, which each problem holds at its own value in `at` (B,)."""
+
+    residuals: Residuals
+    j: int
+    at: Array
+
+    def __call__(self, z: Array, rows: NDArray[np.intp]) -> tuple[Array, Array, NDArray[np.bool_]]:
+        r, jacobian, ok = self.residuals(np.insert(z, self.j, self.at[rows], axis=1), rows)
+        return r, np.delete(jacobian, self.j, axis=2), ok
+
+
+def _minimum(problem: WeightedResiduals, j: int, z: Array) -> tuple[Array, Array]:
+    """Minimise over all coordinates (B, P) but `j`; return where, and the cost (B,), inf where there are no trajectories."""
+    others = np.arange(z.shape[1]) != j
+    if not others.any():
+        r, _, ok = problem(z, np.arange(len(z)))
+        return z, np.where(ok, 0.5 * np.square(r).sum(axis=1), np.inf)
+    lower, upper = problem.unknowns.lower[others], problem.unknowns.upper[others]
+    found = minimise(_Held(problem, j, z[:, j]), np.clip(z[:, others], lower, upper), lower, upper)
+    return np.insert(found.z, j, z[:, j], axis=1), np.where(found.end == NOT_EVALUABLE, np.inf, found.cost)
+
+
+def _held_minimum(fit: Fit, j: int) -> _Minimum:
+    if not fit.noise_known:
+        return _held_likelihood(fit, j)
+    least = 0.5 * np.square(fit.problem(fit.z[None], np.zeros(1, dtype=np.intp))[0]).sum()
+
+    def deviance(z: Array) -> tuple[Array, Array]:
+        found, cost = _minimum(fit.problem, j, z)
+        return found, 2 * (cost - least)
+
+    return deviance
+
+
+def _held_likelihood(fit: Fit, j: int) -> _Minimum:
+    """The minimum of log det of (10), by least squares weighted with the residual covariance of the minimum before."""
+    problem, measured = fit.problem, fit.problem.measured
+    counts, keep = measured.sum(axis=0), _kept(fit)
+    full = bool(keep[~np.eye(len(keep), dtype=bool)].any())
+    least = FLOOR * np.nan_to_num(np.square(np.nan_to_num(problem.y[0])).sum(axis=0) / np.maximum(counts, 1)) + 1e-300
+
+    def covariance_at(z: Array) -> tuple[Array, NDArray[np.bool_]]:
+        response = problem.observed.respond(problem.unknowns.values(z))
+        covariance = residual_covariance(problem.y - response.y) * keep
+        short = np.maximum(least - np.einsum("bii->bi", covariance), 0.0) + (counts == 0)
+        return covariance + np.eye(len(least)) * short[:, :, None], response.status == 0
+
+    def likelihood(z: Array, covariance: Array) -> Array:
+        """Twice the negative logarithm of the likelihood, and of the prior, but for a constant."""
+        logs = np.linalg.slogdet(covariance)[1] * len(measured) if full else np.log(np.einsum("bii->bi", covariance)) @ counts
+        twice: Array = logs if problem.prior_factor is None else logs + np.square(z @ problem.prior_factor.T).sum(axis=1)
+        return twice
+
+    at_fit, _ = covariance_at(fit.z[None])
+    least_likelihood = likelihood(fit.z[None], at_fit)
+
+    def deviance(z: Array) -> tuple[Array, Array]:
+        z = z.copy()
+        covariance, ok = covariance_at(z)
+        active = np.flatnonzero(ok)
+        for _ in range(MAX_ROUNDS):
+            if not len(active):
+                break
+            weighted = replace(problem, covariance=covariance[active][:, None])
+            z[active], cost = _minimum(weighted, j, z[active])
+            ok[active] = np.isfinite(cost)
+            update, _ = covariance_at(z[active])
+            scale = np.sqrt(np.einsum("bii->bi", covariance[active]))
+            change = np.abs(update - covariance[active]) / (scale[:, :, None] * scale[:, None, :])
+            covariance[active] = update
+            active = active[ok[active] & (change.max(axis=(1, 2)) > SETTLED)]
+        return z, np.where(ok, likelihood(z, covariance) - least_likelihood, np.inf)
+
+    return deviance
+
+
+def _kept(fit: Fit) -> Array:
+    """Which entries of the residual covariance the estimate used, (n_y, n_y)."""
+    full = correlations_can_be_told(fit.problem.measured, len(fit.parameters))
+    return np.ones_like(fit.noise_covariance) if full else np.eye(len(fit.noise_covariance))
+
+
+def _threshold(fit: Fit, j: int, level: float) -> float:
+    from scipy.stats import norm, t
+
+    if fit.noise_known:
+        return float(norm.ppf(0.5 + level / 2) ** 2)
+    counts = fit.problem.measured.sum(axis=0)
+    maximum_likelihood = residual_covariance(fit.residuals[None])[0] * _kept(fit) + np.diag(1.0 * (counts == 0))
+    weighted = replace(fit.problem, covariance=maximum_likelihood)
+    plain = Precision.of(weighted(fit.z[None], np.zeros(1, dtype=np.intp))[1][0])
+    ratio = float(fit.precision.covariance[j, j] / plain.covariance[j, j]) if plain.covariance[j, j] > 0 else 1.0
+    degrees = fit.quantile_degrees_of_freedom[fit.parameters[j]]
+    squared = float(t.ppf(0.5 + level / 2, degrees) ** 2)
+    return ratio * (degrees * float(np.log1p(squared / degrees)) if np.isfinite(degrees) else squared)
+
+
+# The two ends
+
+
+class _Point(NamedTuple):
+    z: Array  # (P,)
+    deviance: float
+
+
+class _Side:
+    """The values on one side of the estimate, outward, and where that side ends."""
+
+    def __init__(self, z: Array, tangent: Array, j: int, sign: int, reach: float, limit: float) -> None:
+        self.points, self.how = [_Point(z, 0.0)], ""
+        self.tangent, self.j, self.limit = tangent, j, limit
+        self.step, self.least, self.farthest = sign * reach / STEPS, 1e-6 * reach, FAR * reach
+        self.end = z
+
+    @property
+    def last(self) -> _Point:
+        return self.points[-1]
+
+    def guess(self) -> Array:
+        """The next coordinates (P,): the profiled one a step further, the others as they went before."""
+        z, before = self.last.z, self.points[-2].z if len(self.points) > 1 else None
+        along = self.tangent if before is None else (z - before) / (z[self.j] - before[self.j])
+        at = np.clip(z[self.j] + self.step, *sorted((z[self.j], self.limit)))
+        guess: Array = z + along * (at - z[self.j])
+        guess[self.j] = at
+        return guess
+
+    def take(self, point: _Point, threshold: float) -> None:
+        """Add the point, choose the next step from the rise of the deviance's root, and see whether this side has ended."""
+        if not np.isfinite(point.deviance):
+            self.step /= 2
+            if abs(self.step) < self.least:
+                self.how, self.end = FAILED, self.last.z
+            return
+        rise = np.sqrt(max(point.deviance, 0.0)) - np.sqrt(max(self.last.deviance, 0.0))
+        wanted = np.sqrt(threshold) / STEPS
+        self.step *= 2.0 if rise < wanted / 2 else float(np.clip(wanted / rise, 0.25, 2.0))
+        start = self.points[0].z[self.j]
+        self.points.append(point)
+        if point.deviance >= threshold:
+            self.how = FOUND
+        elif point.z[self.j] == self.limit:
+            self.how, self.end = BOUND, point.z
+        elif abs(point.z[self.j] - start) > self.farthest:
+            self.how, self.end = OPEN, point.z
+
+
+def _walk(sides: list[_Side], held: _Minimum, threshold: float, most: int = 200) -> None:
+    """Go outward on both sides together, each value from the one before."""
+    for side in sides:
+        if side.points[0].z[side.j] == side.limit:
+            side.how = BOUND
+    for _ in range(most):
+        going = [side for side in sides if not side.how]
+        if not going:
+            return
+        z, deviance = held(np.array([side.guess() for side in going]))
+        for side, at, value in zip(going, z, deviance, strict=True):
+            side.take(_Point(at, float(value)), threshold)
+    for side in sides:
+        side.how, side.end = side.how or OPEN, side.end if side.how else side.last.z
+
+
+def _refine(sides: list[_Side], held: _Minimum, threshold: float, most: int = 60) -> None:
+    """Find where the root of the deviance meets that of the threshold, by Illinois' variant of the false position on both sides."""
+    root = np.sqrt(threshold)
+    open_ = [side for side in sides if side.how == FOUND]
+    inner = {side: (side.points[-2], np.sqrt(max(side.points[-2].deviance, 0.0)) - root) for side in open_}
+    outer = {side: (side.points[-1], np.sqrt(side.points[-1].deviance) - root) for side in open_}
+    for _ in range(most):
+        if not open_:
+            return
+        guesses = []
+        for side in open_:
+            (a, low), (b, high) = inner[side], outer[side]
+            guesses.append(a.z + (b.z - a.z) * (-low / (high - low)))
+        z, deviance = held(np.array(guesses))
+        for side, at, value in zip(list(open_), z, deviance, strict=True):
+            point = _Point(at, float(value))
+            miss = np.sqrt(max(point.deviance, 0.0)) - root if np.isfinite(value) else np.inf
+            near, far = inner[side], outer[side]
+            if abs(miss) <= PRECISE * root or abs(far[0].z[side.j] - near[0].z[side.j]) <= 1e-12 * max(1.0, abs(at[side.j])):
+                side.end = at
+                side.points.insert(-1, point)
+                open_.remove(side)
+            elif miss < 0:
+                inner[side], outer[side] = (point, miss), (far[0], far[1] / 2)
+            else:
+                inner[side], outer[side] = (near[0], near[1] / 2), (point, miss)
+    for side in open_:
+        side.end = inner[side][0].z

@@ -1,0 +1,235 @@
+"""What a fit says, as rows of text that the console, a notebook and `report_fit` show alike."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from html import escape
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ..quantity import names_of
+
+if TYPE_CHECKING:
+    from ..prior import GaussianPrior
+    from .fit import Fit
+
+OFF = 0.001
+"""Probability of a chi-square by chance below which the model or the noise of an output is called wrong."""
+
+STRONG = 0.98
+"""Correlation of two unknowns from which on it is pointed out."""
+
+
+FAR_OFF = 3.0
+"""Prior standard deviations from the prior's mean from which on an estimate is pointed out."""
+
+
+class Section(NamedTuple):
+    """A titled table: names of columns, the first of which name the rows, rows of cells, and rows to point out."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    marked: tuple[int, ...] = ()
+
+
+def headline(fit: Fit) -> str:
+    """What was estimated, how, and from what, in a line."""
+    count, samples = int(np.isfinite(fit.residuals).sum()), len(fit.residuals)
+    kind = "least squares" if len(fit.tests) == 1 else "least log det of the residual covariance (10)"
+    kind = "weighted least squares" if fit.noise_known else kind
+    if fit.prior is not None:
+        kind = f"maximum a posteriori, {'noise given' if fit.noise_known else 'noise estimated'}"
+    unknowns = _plural(len(fit.parameters), "unknown")
+    return f"Fit of {fit.model.name}: {unknowns} from {_plural(count, 'number')} in {_plural(samples, 'sample')}, {kind}"
+
+
+def sections(fit: Fit, level: float = 0.95) -> Iterator[Section]:
+    """The tables: unknowns, outputs, and noise beside residuals."""
+    yield _unknowns(fit, level)
+    if fit.prior is not None:
+        yield _beside_prior(fit, fit.prior)
+    yield _outputs(fit)
+    if len(fit.tests) > 1 and not fit.noise_known:
+        yield _noise_correlation(fit)
+
+
+def facts(fit: Fit) -> Iterator[tuple[str, str]]:
+    """How good the fit is, and how it was found."""
+    degrees = fit.degrees_of_freedom
+    if fit.noise_known:
+        per = f", {number(fit.chi_square / degrees)} per degree of freedom" if degrees > 1e-9 else ""
+        yield "chi-square", f"{number(fit.chi_square)} with {_degrees(degrees)}{per}"
+    else:
+        yield "noise", f"estimated with {_degrees(degrees)}"
+    yield "search", f"{'converged' if fit.converged else fit.message.rstrip('.')}, {_plural(fit.evaluations, 'evaluation')}"
+    if fit.starts > 1:
+        yield "starts at this minimum", f"{fit.reached} of {fit.starts}"
+
+
+def warnings(fit: Fit) -> Iterator[str]:
+    """What the user should not miss, each as a sentence."""
+    if not fit.converged:
+        yield f"not converged: {fit.message.rstrip('.')}; other starts may help"
+    for direction in fit.null_directions:
+        yield f"not determined: {direction}, no measured output changes"
+    for direction in fit.weak_directions:
+        yield f"hardly determined: {direction}"
+    for name in fit.at_bounds:
+        yield f"{name} is at its bound: its standard error, and those of what goes along with it, mean nothing"
+    for name in (name for name in fit.parameters if fit.prior is not None and name in fit.prior.names):
+        off = shift(fit, fit.prior, name) if fit.prior is not None else 0.0
+        if abs(off) > FAR_OFF:
+            yield f"{name} is {abs(off):.1f} prior std from its prior mean: the prior, the model or the data are wrong"
+    for name, test in fit.tests.items():
+        if test.p_value is not None and test.p_value < OFF:
+            per = number(test.per_degree_of_freedom, 3)
+            yield f"{name}: chi-square per degree of freedom {per}: the model or the noise of this output is wrong"
+        elif test.p_value is not None and test.p_value > 1 - OFF:
+            per = number(test.per_degree_of_freedom, 3)
+            yield f"{name}: chi-square per degree of freedom {per}: the noise of this output is smaller than given"
+    if not fit.noise_known and fit.degrees_of_freedom < 3:
+        yield (
+            f"the noise is estimated with {_degrees(fit.degrees_of_freedom)} left: standard errors are rough; give noise_std, "
+            "or measure more"
+        )
+    names, correlation = fit.parameters, fit.correlation
+    for i, j in zip(*np.nonzero(np.triu(np.abs(correlation) > STRONG, 1)), strict=True):
+        yield f"{names[i]} and {names[j]} are told together only: their correlation is {correlation[i, j]:.3f}"
+
+
+def text(fit: Fit) -> str:
+    """All of it, for the console."""
+    lines = [headline(fit)]
+    for section in sections(fit):
+        lines += ["", section.title, *(f"  {line}" for line in _aligned(section))]
+    told = list(facts(fit))
+    width = max(len(name) for name, _ in told)
+    lines += ["", *(f"{name:<{width}}  {fact}" for name, fact in told)]
+    return "\n".join([*lines, *(f"Warning: {warning}" for warning in warnings(fit))])
+
+
+def html(fit: Fit) -> str:
+    """All of it, for a notebook."""
+    parts = [f"<p><b>{escape(headline(fit))}</b></p>"]
+    for section in sections(fit):
+        head = "".join(f"<th>{escape(column)}</th>" for column in section.columns)
+        rows = (
+            f"<tr><th>{escape(row[0])}</th>{''.join(f'<td>{escape(cell)}</td>' for cell in row[1:])}</tr>" for row in section.rows
+        )
+        parts.append(f"<table><caption>{escape(section.title)}</caption><tr>{head}</tr>{''.join(rows)}</table>")
+    parts += [f"<p>{escape(name)}: {escape(fact)}</p>" for name, fact in facts(fit)]
+    return "".join(parts + [f"<p><b>Warning:</b> {escape(warning)}</p>" for warning in warnings(fit)])
+
+
+# Tables
+
+
+def _unknowns(fit: Fit, level: float) -> Section:
+    units, errors, intervals = fit.units, fit.standard_errors, fit.intervals(level)
+    columns = ("parameter", "unit", "estimate", "std error", "RSE", f"{100 * level:g} % interval")
+    rows = []
+    for name, value in fit.estimate.items():
+        error, (low, high) = errors[name], intervals[name]
+        digits = digits_of(value, error)
+        row = [name, units[name], number(value, digits), number(error, 3), percent(error / abs(value)) if value else "-"]
+        rows.append((*row, f"{number(low, min(digits, 6))} to {number(high, min(digits, 6))}"))
+    marked = {*fit.at_bounds, *(name for name, error in errors.items() if not np.isfinite(error))}
+    title = "Estimates" + ("" if fit.noise_known else ", intervals by Student's t")
+    return Section(title, columns, tuple(rows), tuple(i for i, name in enumerate(fit.parameters) if name in marked))
+
+
+def _beside_prior(fit: Fit, prior: GaussianPrior) -> Section:
+    """What the data have made of the prior: how far the estimate has moved, and what is left of the standard deviation."""
+    rows, marked = [], []
+    for i, name in enumerate(name for name in fit.parameters if name in prior.names):
+        row = [name, fit.units[name], number(prior.mean[name]), number(prior.std[name], 3)]
+        rows.append((*row, f"{shift(fit, prior, name):+.2f} std", percent(fit.standard_errors[name] / prior.std[name])))
+        if abs(shift(fit, prior, name)) > FAR_OFF:
+            marked.append(i)
+    columns = ("parameter", "unit", "prior mean", "prior std", "estimate off by", "std error of prior std")
+    return Section("Beside the prior", columns, tuple(rows), tuple(marked))
+
+
+def shift(fit: Fit, prior: GaussianPrior, name: str) -> float:
+    """Estimate less prior mean in prior standard deviations; of the logarithm where that is normal."""
+    return (
+        float(fit.z[fit.parameters.index(name)]) if name in prior.log else (fit.estimate[name] - prior.mean[name]) / prior.std[name]
+    )
+
+
+def _outputs(fit: Fit) -> Section:
+    """Residuals of each output beside its noise; with chi-square, where the noise is known."""
+    units = {q.name: q.unit for q in fit.model.outputs}
+    given, found = (np.sqrt(np.diag(m)) for m in (fit.noise_covariance, fit.residual_covariance))
+    places = {name: i for i, name in enumerate(names_of(fit.model.outputs))}
+    noise = "noise std" if fit.noise_known else "noise std, estimated"
+    columns = ["output", "unit", "measured", noise, "residual rms (10)", "degrees"]
+    rows, marked = [], []
+    for k, (name, test) in enumerate(fit.tests.items()):
+        i = places[name]
+        row = [name, units[name], str(test.count), number(given[i]), number(found[i]), f"{test.degrees_of_freedom:.1f}"]
+        if fit.noise_known:
+            row += [number(test.chi_square), number(test.per_degree_of_freedom, 3)]
+            row += ["-" if test.p_value is None else number(test.p_value, 2)]
+            if test.p_value is not None and not OFF <= test.p_value <= 1 - OFF:
+                marked.append(k)
+        rows.append(tuple(row))
+    if fit.noise_known:
+        columns += ["chi-square", "per degree", "p"]
+    return Section("Outputs", tuple(columns), tuple(rows), tuple(marked))
+
+
+def _noise_correlation(fit: Fit) -> Section:
+    """Correlation of the residuals of outputs that were measured together."""
+    names, places = list(fit.tests), [names_of(fit.model.outputs).index(name) for name in fit.tests]
+    covariance = fit.residual_covariance[np.ix_(places, places)]
+    std = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    rows = [(name, *(f"{value:.2f}" for value in row)) for name, row in zip(names, covariance / np.outer(std, std), strict=True)]
+    return Section("Correlation of the residuals, (10)", ("output", *names), tuple(rows))
+
+
+def _aligned(section: Section) -> list[str]:
+    """Lines of a table: the first column to the left, numbers to the right."""
+    left = {i for i, column in enumerate(section.columns) if i == 0 or column == "unit"}
+    table = [section.columns, *section.rows]
+    widths = [max(len(row[i]) for row in table) for i in range(len(section.columns))]
+    lines = ("  ".join(f"{cell:{'<' if i in left else '>'}{widths[i]}}" for i, cell in enumerate(row)) for row in table)
+    return [line.rstrip() for line in lines]
+
+
+# Numbers
+
+
+def number(value: float, digits: int = 4) -> str:
+    """With at most that many significant digits."""
+    if not math.isfinite(value):
+        return str(value)
+    mantissa, _, exponent = f"{value:.{digits}g}".partition("e")
+    return f"{mantissa}e{int(exponent)}" if exponent else mantissa
+
+
+def digits_of(value: float, error: float) -> int:
+    """Digits that show a value to a hundredth of its error, at least 4 and at most 9."""
+    if not (error > 0 and math.isfinite(error) and value):
+        return 6
+    return min(9, max(4, 2 + math.ceil(math.log10(abs(value) / error))))
+
+
+def percent(share: float) -> str:
+    """A share in percent, with three significant digits; far above all, as a factor."""
+    if not math.isfinite(share):
+        return str(share)
+    if 0 < share < 1e-5:
+        return "< 0.001 %"
+    return f"{number(100 * share, 3)} %" if share < 9.995 else f"{number(share, 3)} times"
+
+
+def _degrees(degrees: float) -> str:
+    return f"{degrees:.0f} degrees of freedom" if abs(degrees - round(degrees)) < 1e-6 else f"{degrees:.1f} degrees of freedom"
+
+
+def _plural(count: int, what: str) -> str:
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"

@@ -1,0 +1,143 @@
+"""What the fits of virtual data have in common, each figure with its Monte Carlo error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..quantity import Array
+
+FEWEST = 10
+"""Fits below which nothing is told of a parameter."""
+
+LEVEL = 0.95
+"""Of the intervals of which the coverage is counted."""
+
+NORMAL_MEDIAN = 0.6744897501960817
+"""Median of the absolute value of a standard normal variable."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of a Monte Carlo study, and its standard error; NaN where there is none."""
+
+    value: float
+    error: float
+
+    def over(self, size: float) -> Figure:
+        return Figure(self.value / size, self.error / abs(size))
+
+
+NOTHING = Figure(np.nan, np.nan)
+
+
+@dataclass(frozen=True)
+class ParameterFigures:
+    """What the fits of one design say about one parameter, SI units; errors are those of estimates about the truth of each run.
+
+    Attributes
+    ----------
+    parameter : str
+    prior_std : float
+    promised : float
+        Standard error under the sensor noise at the prior mean; NaN where the points do not determine the parameter.
+    bias : Figure
+        Mean error.
+    achieved : Figure
+        Standard deviation of the errors about their mean: the empirical standard error.
+    typical : Figure
+        Median of |error| over 0.6745, which is the standard deviation were the errors normal. A few fits that run away, as those of
+        weakly determined parameters do, hardly move it.
+    rmse : Figure
+        Root mean square of the errors, over the prior std.
+    claimed : Figure
+        Mean of the standard errors that the fits themselves tell.
+    coverage : Figure
+        Share of the fits' own 95 % intervals that contain the truth.
+    at_bound : int
+        Fits that ended at a bound of the parameter.
+    """
+
+    parameter: str
+    prior_std: float
+    promised: float
+    bias: Figure
+    achieved: Figure
+    typical: Figure
+    rmse: Figure
+    claimed: Figure
+    coverage: Figure
+    at_bound: int
+
+    @property
+    def ratio(self) -> Figure:
+        """Achieved over promised standard error: 1 where the promise is kept."""
+        return self.achieved.over(self.promised)
+
+    @property
+    def typical_ratio(self) -> Figure:
+        """Typical over promised standard error."""
+        return self.typical.over(self.promised)
+
+    @property
+    def well_determined(self) -> bool:
+        """Whether the promise is below half of the prior std."""
+        return self.promised < 0.5 * self.prior_std
+
+
+def parameter_figures(
+    parameter: str,
+    prior_std: float,
+    promised: float,
+    errors: Array,
+    standard_errors: Array,
+    covered: NDArray[np.bool_],
+    at_bound: NDArray[np.bool_],
+) -> ParameterFigures:
+    """Figures from the fits (n,) that did not fail."""
+    if len(errors) < FEWEST or np.isnan(promised):
+        none = NOTHING
+        return ParameterFigures(parameter, prior_std, promised, none, none, none, none, none, none, int(at_bound.sum()))
+    return ParameterFigures(
+        parameter,
+        prior_std,
+        promised,
+        mean(errors),
+        standard_deviation(errors - errors.mean(), 1),
+        typical_size(errors),
+        standard_deviation(errors, 0).over(prior_std),
+        mean(standard_errors[np.isfinite(standard_errors)]),
+        share(covered),
+        int(at_bound.sum()),
+    )
+
+
+def mean(values: Array) -> Figure:
+    if len(values) < FEWEST:
+        return NOTHING
+    return Figure(float(values.mean()), float(values.std(ddof=1) / np.sqrt(len(values))))
+
+
+def standard_deviation(deviations: Array, taken: int) -> Figure:
+    """Root mean square of deviations less `taken` degrees of freedom, with an error that holds for heavy tails too."""
+    squares = deviations**2
+    n = len(squares)
+    value = float(np.sqrt(squares.sum() / (n - taken)))
+    error = float(squares.std(ddof=1) / np.sqrt(n) / (2 * value)) if value else 0.0
+    return Figure(value, error)
+
+
+def typical_size(errors: Array) -> Figure:
+    """Median of |error| over that of a standard normal variable; its error by the order statistics one standard deviation off."""
+    sizes, n = np.sort(np.abs(errors)) / NORMAL_MEDIAN, len(errors)
+    reach = np.sqrt(n) / 2
+    low, high = int(np.floor(n / 2 - reach)), int(np.ceil(n / 2 + reach))
+    return Figure(float(np.median(sizes)), float(sizes[min(high, n - 1)] - sizes[max(low, 0)]) / 2)
+
+
+def share(hits: NDArray[np.bool_]) -> Figure:
+    """A share with Wilson's error, which is not zero where all or none are hits."""
+    n, value = len(hits), float(hits.mean())
+    return Figure(value, float(np.sqrt(value * (1 - value) / n + 1 / (4 * n**2)) / (1 + 1 / n)))

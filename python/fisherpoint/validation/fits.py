@@ -1,0 +1,190 @@
+"""The fits of one design's virtual data, all advanced together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..data.measurements import Measurements
+from ..estimation.estimated_noise import inflated, output_degrees_of_freedom, unbiased
+from ..estimation.least_squares import CONVERGED, ENDS, Minima, minimise
+from ..estimation.noise import correlations_can_be_told, minimise_log_det
+from ..estimation.precision import Precision, covariances, in_words, quantile
+from ..estimation.response import Observed
+from ..estimation.unknowns import Unknowns, checked_bounds, prior_factor, spread_starts, unknowns_of
+from ..estimation.weighting import WeightedResiduals, noise_covariance
+from ..experiments import Experiments
+from ..information import point_information
+from ..problem import DesignProblem
+from ..quantity import Array, names_of
+from ..trajectories import Status
+from .figures import LEVEL
+from .truths import Rig, Streams
+
+MOST_NUMBERS = 4_000_000
+"""Entries of the Jacobians of the problems that are advanced at once, so that memory stays bounded."""
+
+STARTS = 8
+"""Starts of a search at most, as `estimate` has by default."""
+
+
+class Runs(NamedTuple):
+    """n virtual experiments and their fits; P estimated parameters.
+
+    estimate and standard_error (n, P) in SI units, covered (n, P) by the interval, at_bound (n, P), and why a fit failed (n,), an
+    empty string for one that did not. The numbers of one that did mean nothing.
+    """
+
+    truth: Array
+    estimate: Array
+    standard_error: Array
+    covered: NDArray[np.bool_]
+    at_bound: NDArray[np.bool_]
+    failure: NDArray[np.str_]
+
+
+@dataclass(frozen=True, eq=False)
+class Estimator:
+    """What turns the data of one design into estimates.
+
+    Attributes
+    ----------
+    residuals : WeightedResiduals
+        Of which the data are replaced; the covariance is that of the known noise.
+    start : ndarray, (P,)
+        The prior mean in coordinates.
+    further_starts : ndarray, (k, P)
+        Nodes spread over the prior, for searches that get stuck.
+    noise_known : bool
+    promise : Precision
+        What the noise and the points promise at the prior mean.
+    """
+
+    residuals: WeightedResiduals
+    start: Array
+    further_starts: Array
+    noise_known: bool
+    promise: Precision
+
+    @classmethod
+    def of(
+        cls,
+        problem: DesignProblem,
+        points: Experiments,
+        noise_std: dict[str, float],
+        noise_known: bool,
+        use_prior: bool,
+        rtol: float,
+        threads: int,
+    ) -> Estimator:
+        model, names = problem.model, problem.estimated
+        outputs = names_of(model.outputs)
+        blank = np.tile([0.0 if name in noise_std else np.nan for name in outputs], (len(points), 1))
+        observed = Observed(model, [Measurements(points, blank)], names, problem.theta, rtol, threads)
+        covariance = noise_covariance(model, noise_std, blank)
+        information = point_information(problem, points, False, threads)
+        if information.assumed is not None:
+            covariance = covariance + information.assumed
+        mean = {name: problem.prior.mean[name] for name in names}
+        unknowns = unknowns_of(mean, problem.prior, {}, checked_bounds(model, None, names))
+        factor = prior_factor(problem.prior, unknowns) if use_prior else None
+        residuals = WeightedResiduals(observed, unknowns, blank[None], covariance, factor)
+        starts = spread_starts(unknowns, mean, problem.prior, STARTS)
+        _, jacobian, _ = residuals(starts[:1], np.zeros(1, dtype=np.intp))
+        return cls(residuals, starts[0], starts[1:], noise_known, Precision.of(jacobian[0]))
+
+    @property
+    def unknowns(self) -> Unknowns:
+        return self.residuals.unknowns
+
+    @property
+    def promised_errors(self) -> Array:
+        """Standard errors (P,) in SI units at the prior mean; NaN for what the points do not determine."""
+        slopes = self.unknowns.slopes(self.unknowns.values(self.start[None]))[0]
+        errors: Array = np.sqrt(np.diag(self.promise.covariance)) * slopes
+        return np.where(self.promise.determined, errors, np.nan)
+
+    @property
+    def null_directions(self) -> tuple[str, ...]:
+        """What the points leave open at the prior mean, in words."""
+        values = self.unknowns.values(self.start[None])
+        return in_words(self.promise.null, self.unknowns.slopes(values)[0], values[0], self.unknowns.names)
+
+    @property
+    def at_once(self) -> int:
+        """How many problems are advanced together."""
+        return max(1, MOST_NUMBERS // (int(self.residuals.y[0].size) * len(self.unknowns)))
+
+    def fit(self, y: Array, truth: Array) -> Runs:
+        """Fit data (B, N, n_y) of true unknowns (B, P)."""
+        unknowns, count = self.unknowns, len(y)
+        start, residuals = np.tile(self.start, (count, 1)), replace(self.residuals, y=y)
+        if self.noise_known:
+            minima = self._minimised(residuals, start)
+        else:
+            full = correlations_can_be_told(residuals.measured, len(unknowns))
+            minima, noise = minimise_log_det(replace(residuals, covariance=np.eye(y.shape[-1])), start, full)
+            residuals = replace(residuals, covariance=noise[:, None])
+        everything = np.arange(count)
+        _, jacobian, _ = residuals(minima.z, everything)
+        covariance, determined = covariances(jacobian)
+        degrees_of_freedom = np.full(minima.z.shape, np.inf)
+        if not self.noise_known:
+            counts = residuals.measured.sum(axis=0)
+            degrees = output_degrees_of_freedom(self._of_data(jacobian), covariance, counts)
+            residuals = replace(residuals, covariance=unbiased(noise, degrees, counts)[:, None])
+            _, jacobian, _ = residuals(minima.z, everything)
+            covariance, determined = covariances(jacobian)
+            covariance, degrees_of_freedom = inflated(self._of_data(jacobian), covariance, counts, full)
+        spread = np.where(determined, np.sqrt(np.einsum("bii->bi", covariance)), np.inf)
+        estimate = unknowns.values(minima.z)
+        off = np.abs(minima.z - unknowns.coordinates(truth))
+        return Runs(
+            truth,
+            estimate,
+            spread * unknowns.slopes(estimate),
+            off <= quantile(LEVEL, degrees_of_freedom) * spread,
+            (minima.z <= unknowns.lower + 1e-6) | (minima.z >= unknowns.upper - 1e-6),
+            np.array(["" if end == CONVERGED else ENDS[int(end)] for end in minima.end], dtype=np.str_),
+        )
+
+    def _minimised(self, residuals: WeightedResiduals, start: Array) -> Minima:
+        """Minima from the start; of searches that got stuck, from further starts, as `estimate` has them."""
+        minima = minimise(residuals, start, self.unknowns.lower, self.unknowns.upper)
+        for further in self.further_starts:
+            stuck = np.flatnonzero(minima.end != CONVERGED)
+            if not len(stuck):
+                break
+            some = replace(residuals, y=residuals.y[stuck])
+            found = minimise(some, np.tile(further, (len(stuck), 1)), self.unknowns.lower, self.unknowns.upper)
+            better = found.end == CONVERGED
+            places = stuck[better]
+            minima.z[places], minima.cost[places], minima.end[places] = found.z[better], found.cost[better], CONVERGED
+            minima.iterations[stuck] += found.iterations
+        return minima
+
+    def _of_data(self, jacobian: Array) -> Array:
+        """The rows of Jacobians (B, M, P) that belong to the data, (B, N, n_y, P)."""
+        shape = self.residuals.y.shape[1:]
+        return jacobian[:, : shape[0] * shape[1]].reshape(len(jacobian), *shape, -1)
+
+
+def run(estimator: Estimator, rig: Rig, points: Experiments, theta: Array, seed: int, threads: int) -> Runs:
+    """Measure the points at true parameters theta (n, p), and fit each run's data."""
+    columns = [names_of(rig.model.parameters).index(name) for name in estimator.unknowns.names]
+    parts, streams = [], Streams.of(seed)
+    for first in range(0, len(theta), estimator.at_once):
+        some = theta[first : first + estimator.at_once]
+        y, status = rig.measure(points, some, streams, threads)
+        failure = np.array([f"the true trajectory: {Status(int(code)).name}" for code in status], dtype="<U80")
+        ok = status == Status.ok
+        blank = np.full((len(some), len(columns)), np.nan)
+        runs = Runs(some[:, columns], blank, blank.copy(), blank > 0, blank > 0, failure)
+        if ok.any():
+            for whole, part in zip(runs[1:], estimator.fit(y[ok], some[ok][:, columns])[1:], strict=True):
+                whole[ok] = part
+        parts.append(runs)
+    return Runs(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))

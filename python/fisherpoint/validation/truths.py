@@ -1,0 +1,141 @@
+"""True parameters, and what a rig that has them would measure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..assumed import Assumed, assumed_of
+from ..coordinates import cholesky_coordinates
+from ..estimation.response import sensible
+from ..experiments import Experiments
+from ..models import Model
+from ..problem import DesignProblem
+from ..quantity import Array, IntArray, names_of
+from ..trajectories import Status, simulate
+
+TRUTH_RTOL = 1e-10
+"""Tolerance of the true trajectories."""
+
+MOST_DRAWS = 100
+"""Draws for each truth that is wanted, after which a prior counts as one without physical sense."""
+
+
+def drawn_from_prior(problem: DesignProblem, count: int, rng: np.random.Generator) -> tuple[Array, int]:
+    """Parameters (count, p) of which the estimated ones follow the prior, and how many draws without physical sense were left out.
+
+    Raises
+    ------
+    ValueError
+        Where next to no draw makes sense to the model.
+    """
+    coordinates = cholesky_coordinates(problem.prior, problem.estimated)
+    names = names_of(problem.model.parameters)
+    columns = [problem.prior.names.index(name) for name in names]
+    found, drawn = np.empty((0, len(names))), 0
+    while len(found) < count:
+        if drawn > MOST_DRAWS * count:
+            raise ValueError(f"prior: expected draws that make sense to {problem.model.name}, given {len(found)} in {drawn}")
+        theta = coordinates.theta(rng.standard_normal((count, len(names))))[:, columns]
+        drawn += count
+        kept = theta[sensible(problem.model, theta)]
+        # Draws behind the last one that is wanted were not needed, and do not count.
+        surplus = max(0, len(found) + len(kept) - count)
+        drawn -= surplus
+        found = np.concatenate([found, kept])[:count]
+    return found, drawn - count
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """A virtual rig for many true parameters at once.
+
+    Attributes
+    ----------
+    model : Model
+        What makes the data.
+    assumed : Assumed or None
+        What deviates from run to run (constants) and from point to point (starts); None where nothing does.
+    n_starts : int
+        The last so many of what is assumed are starts.
+    noise_std : ndarray, (n_y,)
+        NaN for an output that is not measured.
+    """
+
+    model: Model
+    assumed: Assumed | None
+    n_starts: int
+    noise_std: Array
+
+    @classmethod
+    def of(cls, problem: DesignProblem, truth: Model | None, noise_std: Mapping[str, float]) -> Rig:
+        """The rig that the problem describes; a `truth` has exactly its own constants."""
+        model, uncertain = (problem.model, problem.uncertain) if truth is None else (truth, None)
+        starts = problem.initial_state_std
+        assumed = assumed_of(model, uncertain, starts) if uncertain or starts else None
+        std = np.array([noise_std.get(name, np.nan) for name in names_of(model.outputs)])
+        return cls(model, assumed, len(starts or ()), std)
+
+    def measure(self, points: Experiments, theta: Array, rng: Streams, threads: int) -> tuple[Array, IntArray]:
+        """Outputs (B, K, n_y) for true parameters (B, p), NaN where not measured, and the worst status (B,) of each run."""
+        count, n_points = len(theta), len(points)
+        noise = self.noise_std * rng.noise.standard_normal((count, n_points, len(self.noise_std)))
+        model, true = self.model, np.repeat(theta, n_points, axis=0)
+        if self.assumed is not None:
+            model, std = self.assumed.model, self.assumed.std
+            n_constants = len(std) - self.n_starts
+            deviation = np.concatenate(
+                [
+                    np.repeat(rng.constants.standard_normal((count, n_constants)), n_points, axis=0),
+                    rng.starts.standard_normal((count * n_points, self.n_starts)),
+                ],
+                axis=1,
+            )
+            true = self.assumed.theta(true)
+            true[:, self.assumed.columns] += std * deviation
+        y = np.zeros((count * n_points, len(self.noise_std)))
+        status = np.full(count * n_points, Status.not_finite, dtype=np.int32)
+        rows = np.flatnonzero(sensible(model, true))
+        if len(rows):
+            many = points[np.tile(np.arange(n_points), count)[rows]]
+            done = simulate(model, many, true[rows], TRUTH_RTOL, threads)
+            y[rows], status[rows] = done.y, done.status
+        of_runs = status.reshape(count, n_points)
+        worst = of_runs[np.arange(count), np.argmax(of_runs != Status.ok, axis=1)]
+        return y.reshape(count, n_points, -1) + noise, worst
+
+
+@dataclass(frozen=True, eq=False)
+class Streams:
+    """Random numbers of one design's runs, the same for every design: what differs between designs then is the designs."""
+
+    noise: np.random.Generator
+    constants: np.random.Generator
+    starts: np.random.Generator
+
+    @classmethod
+    def of(cls, seed: int) -> Streams:
+        return cls(*(np.random.default_rng([seed, stream]) for stream in (1, 2, 3)))
+
+
+def truths_of(problem: DesignProblem, theta: str | Mapping[str, float], count: int, seed: int) -> tuple[Array, int]:
+    """True parameters (count, p), and how many draws were left out.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For anything but "prior", "mean" or a mapping of names to values that make sense.
+    """
+    if isinstance(theta, str) and theta == "prior":
+        return drawn_from_prior(problem, count, np.random.default_rng([seed, 0]))
+    if not isinstance(theta, Mapping) and not (isinstance(theta, str) and theta == "mean"):
+        raise ValueError(f"theta: expected 'prior', 'mean' or a mapping of names to values, given {theta!r}")
+    values = dict(problem.prior.mean)
+    for name in theta if isinstance(theta, Mapping) else ():
+        if name not in values:
+            raise ValueError(f"theta: expected names of {', '.join(values)}; given unknown {name!r}")
+    if isinstance(theta, Mapping):
+        values |= theta
+    return np.tile(problem.model.theta(values), (count, 1)), 0

@@ -1,0 +1,160 @@
+"""`fp.validate`: does a design keep what it promises?"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from ..estimation.weighting import noise_covariance
+from ..experiments import Experiments
+from ..models import Model
+from ..problem import DesignProblem
+from ..quantity import FrozenMapping, check_positive_int, names_of
+from ..trajectories import check_rtol, check_type, resolve_threads
+from .figures import parameter_figures
+from .fits import Estimator, Runs, run
+from .result import DesignValidation, Validation
+from .truths import Rig, truths_of
+
+
+def validate(
+    designs: Mapping[str, Experiments],
+    problem: DesignProblem,
+    noise_std: Mapping[str, float] | None = None,
+    n: int = 1000,
+    theta: str | Mapping[str, float] = "prior",
+    seed: int = 0,
+    *,
+    truth: Model | None = None,
+    noise: str = "known",
+    use_prior: bool = False,
+    rtol: float = 1e-9,
+    threads: int | None = None,
+) -> Validation:
+    """Measure designs virtually, n times, estimate the parameters each time, and compare with what the designs promise.
+
+    Every run has true parameters, data y(theta) + v with v normal of standard deviations `noise_std`, and a fit that starts from
+    the prior mean. All fits of a design advance together.
+
+    Parameters
+    ----------
+    designs : mapping of name to Experiments
+        They share the true parameters and the random numbers.
+    problem : DesignProblem
+        With `uncertain`, the constants of every run deviate, and with `initial_state_std` the start of every point does; the fits
+        take the covariance that this adds to the outputs at the prior mean.
+    noise_std : mapping of output name to float, optional
+        Standard deviations of the sensor noise, SI units. Outputs that are left out are not measured. Default: the problem's.
+    n : int
+        Number of runs.
+    theta : "prior", "mean", or mapping of parameter name to float
+        The truth: drawn from the prior for each run, or the same for all runs; what a mapping leaves out is at the prior mean.
+        Draws that make no sense to the model, such as a negative mass, are left out and counted.
+    seed : int
+        The same seed gives the same figures on any number of threads.
+    truth : Model, optional
+        Makes the data in the place of the problem's model, with its own constants: a model error.
+    noise : {"known", "estimated"}
+        Whether the fits know `noise_std`, or estimate it from their residuals as `estimate` does.
+    use_prior : bool
+        Whether the prior takes part in the fits (maximum a posteriori), and in the promise.
+    rtol : float
+        Tolerance of the fits' trajectories.
+    threads : int, optional
+
+    Returns
+    -------
+    Validation
+
+    Raises
+    ------
+    TypeError, ValueError
+        For misuse, and where a point has no trajectory at the prior mean.
+    """
+    check_type(problem, DesignProblem, "problem")
+    named = _designs(designs)
+    threads = resolve_threads(threads)
+    check_rtol(rtol)
+    count, seed = check_positive_int(n, "n"), check_positive_int(seed, "seed", 0)
+    if noise not in ("known", "estimated"):
+        raise ValueError(f"noise: expected 'known' or 'estimated', given {noise!r}")
+    if noise == "estimated" and problem.assumed is not None:
+        raise ValueError("noise: expected 'known' beside uncertain or initial_state_std, given 'estimated'")
+    if truth is not None:
+        _check_truth(truth, problem.model)
+    std = _noise_std(problem, noise_std)
+    thetas, redrawn = truths_of(problem, theta, count, seed)
+    rig, begin, validations = Rig.of(problem, truth, std), perf_counter(), {}
+    for name, points in named.items():
+        try:
+            estimator = Estimator.of(problem, points, std, noise == "known", use_prior, rtol, threads)
+        except ValueError as error:
+            raise ValueError(f"designs[{name!r}]: {error}") from error
+        runs = None
+        if estimator.promise.determined.any():
+            runs = run(estimator, rig, points, thetas, seed, threads)
+        validations[name] = _validation(problem, points, estimator, runs)
+    described = theta if isinstance(theta, str) else FrozenMapping({key: float(value) for key, value in theta.items()})
+    seconds = perf_counter() - begin
+    return Validation(
+        problem, FrozenMapping(validations), FrozenMapping(std), count, described, seed, redrawn, truth, noise, use_prior, seconds
+    )
+
+
+def _validation(problem: DesignProblem, points: Experiments, estimator: Estimator, runs: Runs | None) -> DesignValidation:
+    """Figures of one design, of the fits that did not fail."""
+    names, promised = estimator.unknowns.names, estimator.promised_errors
+    nothing = np.empty((0, len(names)))
+    errors, claimed, covered, at_bound, failures = nothing, nothing, nothing > 0, nothing > 0, Counter[str]()
+    if runs is not None:
+        fine = runs.failure == ""
+        errors, claimed = (runs.estimate - runs.truth)[fine], runs.standard_error[fine]
+        covered, at_bound = runs.covered[fine], runs.at_bound[fine]
+        failures.update(runs.failure[~fine].tolist())
+    figures = {
+        name: parameter_figures(
+            name, problem.prior.std[name], float(promised[j]), errors[:, j], claimed[:, j], covered[:, j], at_bound[:, j]
+        )
+        for j, name in enumerate(names)
+    }
+    return DesignValidation(
+        points, FrozenMapping(figures), len(errors), FrozenMapping(dict(failures)), estimator.null_directions, runs
+    )
+
+
+def _designs(given: Any) -> dict[str, Experiments]:
+    if not isinstance(given, Mapping):
+        raise TypeError(f"designs: expected a mapping of names to Experiments, given {type(given).__name__}")
+    if not given:
+        raise ValueError("designs: expected at least one, given none")
+    for name, points in given.items():
+        if not isinstance(name, str):
+            raise TypeError(f"designs: expected names, given {name!r}")
+        if not isinstance(points, Experiments):
+            raise TypeError(f"designs[{name!r}]: expected Experiments, given {type(points).__name__}")
+        if not len(points):
+            raise ValueError(f"designs[{name!r}]: expected at least one point, given none")
+    return dict(given)
+
+
+def _check_truth(truth: Model, model: Model) -> None:
+    check_type(truth, Model, "truth")
+    for kind in ("states", "inputs", "outputs", "parameters"):
+        expected, given = names_of(getattr(model, kind)), names_of(getattr(truth, kind))
+        if expected != given:
+            raise ValueError(f"truth: expected the {kind} {', '.join(expected)}; given {', '.join(given)}")
+
+
+def _noise_std(problem: DesignProblem, given: Mapping[str, float] | None) -> dict[str, float]:
+    """Standard deviations of the outputs that are measured."""
+    if given is None and problem.noise_std is None:
+        raise ValueError("noise_std: expected the sensor noise, which the problem does not have either; given none")
+    stds = problem.noise_std if given is None else given
+    noise_covariance(problem.model, stds or {}, np.full((1, len(problem.model.outputs)), np.nan))  # for its checks
+    if not stds:
+        raise ValueError(f"noise_std: expected at least one of {', '.join(names_of(problem.model.outputs))}; given none")
+    return dict(stds)

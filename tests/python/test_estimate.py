@@ -1,0 +1,159 @@
+"""Estimates with known answers: models that are linear in the parameters have closed forms."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import t as student
+
+import fisherpoint as fp
+from fisherpoint.quantity import Array
+
+LINE = fp.SymbolicModel([], ["a + b*u"], {}, {"u": "1"}, {"a": "1", "b": "1"}, {"y": "1"}, nominal={"a": 1.0, "b": 1.0})
+PAIR = fp.SymbolicModel(
+    [],
+    ["a + b*u", "b - c*u"],
+    {},
+    {"u": "1"},
+    {"a": "1", "b": "1", "c": "1"},
+    {"y": "1", "w": "1"},
+    nominal={"a": 1, "b": 1, "c": 1},
+)
+U = np.linspace(-1.0, 2.0, 9)
+POINTS = fp.Experiments(np.empty((len(U), 0)), U[:, None])
+LINE_MATRIX = np.stack([np.ones_like(U), U], axis=1)
+PRIOR = fp.GaussianPrior({"a": 0.5, "b": -0.5}, covariance=[[0.09, 0.02], [0.02, 0.04]])
+
+
+def line_data(seed: int = 0, std: float = 0.1) -> Array:
+    return np.asarray(2.0 - 0.7 * U + std * np.random.default_rng(seed).standard_normal(len(U)))
+
+
+def pair_data(std: tuple[float, float] = (0.1, 0.3), seed: int = 0) -> Array:
+    noise = np.random.default_rng(seed).standard_normal((len(U), 2)) * std
+    return np.stack([2.0 - 0.7 * U, -0.7 - 0.4 * U], axis=1) + noise
+
+
+def values(mapping: Any) -> Array:
+    return np.array(list(mapping.values()))
+
+
+def test_known_noise_is_weighted_least_squares() -> None:
+    y, std = pair_data(), np.array([0.1, 0.3])
+    matrix = np.zeros((len(U), 2, 3))
+    matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 1, 1], matrix[:, 1, 2] = 1.0, U, 1.0, -U
+    white = (matrix / std[:, None]).reshape(-1, 3)
+    covariance = np.linalg.inv(white.T @ white)
+    fit = fp.estimate(PAIR, fp.Measurements(POINTS, y), noise_std={"y": 0.1, "w": 0.3})
+    np.testing.assert_allclose(values(fit.estimate), covariance @ white.T @ (y / std).ravel(), rtol=1e-9)
+    np.testing.assert_allclose(fit.covariance, covariance, rtol=1e-9)
+    np.testing.assert_allclose(values(fit.standard_errors), np.sqrt(np.diag(covariance)), rtol=1e-9)
+    low, high = fit.intervals()["a"]
+    assert (high - low) / 2 == pytest.approx(1.959964 * fit.standard_errors["a"], rel=1e-6)
+    assert fit.converged
+
+
+def test_outputs_that_were_not_measured_do_not_count() -> None:
+    y = pair_data()
+    y[2, 0] = y[5:, 1] = np.nan
+    some = np.isfinite(y)
+    matrix = np.zeros((len(U), 2, 3))
+    matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 1, 1], matrix[:, 1, 2] = 1.0, U, 1.0, -U
+    white, data = (matrix / np.array([[0.1], [0.3]]))[some], (y / [0.1, 0.3])[some]
+    fit = fp.estimate(PAIR, fp.Measurements(POINTS, y), noise_std={"y": 0.1, "w": 0.3})
+    np.testing.assert_allclose(values(fit.estimate), np.linalg.lstsq(white, data)[0], rtol=1e-9)
+    np.testing.assert_allclose(fit.covariance, np.linalg.inv(white.T @ white), rtol=1e-9)
+    assert fit.degrees_of_freedom == pytest.approx(some.sum() - 3)
+
+
+def test_prior_gives_the_maximum_a_posteriori() -> None:
+    y, inverse = line_data(), np.linalg.inv(PRIOR.covariance)
+    covariance = np.linalg.inv(LINE_MATRIX.T @ LINE_MATRIX / 0.01 + inverse)
+    mean = covariance @ (LINE_MATRIX.T @ y / 0.01 + inverse @ [0.5, -0.5])
+    fit = fp.estimate(LINE, fp.Measurements(POINTS, y), PRIOR, noise_std={"y": 0.1})
+    np.testing.assert_allclose(values(fit.estimate), mean, rtol=1e-8)
+    np.testing.assert_allclose(fit.covariance, covariance, rtol=1e-8)
+    posterior = fit.posterior()
+    np.testing.assert_allclose(posterior.covariance, covariance, rtol=1e-8)
+
+
+def test_two_batches_one_after_the_other_are_both_at_once() -> None:
+    y = line_data()
+    first = fp.estimate(LINE, fp.Measurements(POINTS[:4], y[:4]), PRIOR, noise_std={"y": 0.1})
+    second = fp.estimate(LINE, fp.Measurements(POINTS[4:], y[4:]), first.posterior(), noise_std={"y": 0.1})
+    both = fp.estimate(LINE, fp.Measurements(POINTS, y), PRIOR, noise_std={"y": 0.1})
+    np.testing.assert_allclose(values(second.estimate), values(both.estimate), rtol=1e-8)
+    np.testing.assert_allclose(second.covariance, both.covariance, rtol=1e-8)
+
+
+def test_unknown_noise_of_one_output_is_ordinary_least_squares() -> None:
+    y = line_data()
+    coefficients, squares, *_ = np.linalg.lstsq(LINE_MATRIX, y)
+    variance = squares[0] / (len(U) - 2)
+    fit = fp.estimate(LINE, fp.Measurements(POINTS, y))
+    np.testing.assert_allclose(values(fit.estimate), coefficients, rtol=1e-8)
+    np.testing.assert_allclose(fit.covariance, variance * np.linalg.inv(LINE_MATRIX.T @ LINE_MATRIX), rtol=1e-6)
+    np.testing.assert_allclose(fit.noise_covariance, variance, rtol=1e-6)
+    np.testing.assert_allclose(values(fit.quantile_degrees_of_freedom), len(U) - 2, rtol=1e-6)
+    low, high = fit.intervals(0.9)["b"]
+    assert (high - low) / 2 == pytest.approx(student.ppf(0.95, len(U) - 2) * fit.standard_errors["b"], rel=1e-6)
+
+
+def test_unknown_noise_minimises_log_det_of_the_residual_covariance() -> None:
+    y = pair_data()
+    fit = fp.estimate(PAIR, fp.Measurements(POINTS, y))
+
+    def log_det(theta: Array) -> float:
+        e = y - np.stack([theta[0] + theta[1] * U, theta[1] - theta[2] * U], axis=1)
+        return float(np.linalg.slogdet(e.T @ e / len(U) if full else np.diag(np.diag(e.T @ e / len(U))))[1])
+
+    full = len(U) > 3 + 2 * 2
+    best = values(fit.estimate)
+    for j in range(3):
+        step = 1e-4 * np.eye(3)[j]
+        assert abs(log_det(best + step) - log_det(best - step)) / 2e-4 < 1e-5 * np.sqrt(len(U)) / fit.standard_errors["abc"[j]]
+
+
+def test_an_output_that_was_never_measured_does_not_disturb_unknown_noise() -> None:
+    y = pair_data()
+    y[:, 0] = np.nan
+    alone = fp.SymbolicModel([], ["b - c*u"], {}, {"u": "1"}, {"b": "1", "c": "1"}, {"w": "1"}, nominal={"b": 1, "c": 1})
+    fit = fp.estimate(PAIR, fp.Measurements(POINTS, y), parameters=("b", "c"))
+    other = fp.estimate(alone, fp.Measurements(POINTS, y[:, 1:]))
+    np.testing.assert_allclose(values(fit.estimate), values(other.estimate), rtol=1e-8)
+    np.testing.assert_allclose(fit.covariance, other.covariance, rtol=1e-5)
+    np.testing.assert_allclose(values(fit.quantile_degrees_of_freedom), len(U) - 2, rtol=1e-5)
+
+
+def test_log_normal_posterior_is_the_same_normal_distribution_of_logarithms() -> None:
+    decay = fp.SymbolicModel([], ["exp(-k*u)"], {}, {"u": "1"}, {"k": "1"}, {"y": "1"}, nominal={"k": 1.0})
+    prior = fp.GaussianPrior({"k": 1.0}, relative_std={"k": 0.5}, log=["k"])
+    points = fp.Experiments(np.empty((5, 0)), np.linspace(0.2, 2, 5)[:, None])
+    y = np.exp(-1.3 * points.u)
+    fit = fp.estimate(decay, fp.Measurements(points, y), prior, noise_std={"y": 0.05})
+    posterior = fit.posterior()
+    assert posterior.log == ("k",)
+    spread = np.sqrt(fit.precision.covariance[0, 0]) * prior.normal_std[0]
+    assert posterior.normal_std[0] == pytest.approx(spread, rel=1e-9)
+    median = posterior.mean["k"] * np.exp(-(posterior.normal_std[0] ** 2) / 2)
+    assert median == pytest.approx(fit.estimate["k"], rel=1e-9)
+    low, high = fit.intervals()["k"]
+    assert low * high == pytest.approx(fit.estimate["k"] ** 2, rel=1e-9)  # symmetric in the logarithm
+    # The posterior as a prior with no further information stays what it is.
+    again = fp.estimate(
+        decay, fp.Measurements(points[:1], np.exp(-fit.estimate["k"] * points.u[:1])), posterior, noise_std={"y": 1e3}
+    )
+    assert again.estimate["k"] == pytest.approx(fit.estimate["k"], rel=1e-4)
+    assert again.posterior().normal_std[0] == pytest.approx(posterior.normal_std[0], rel=1e-4)
+
+
+def test_what_the_data_leave_open_is_named() -> None:
+    point = fp.Experiments(np.empty((3, 0)), np.ones((3, 1)))
+    fit = fp.estimate(LINE, fp.Measurements(point, np.array([1.0, 1.1, 0.9])), noise_std={"y": 0.1})
+    assert len(fit.null_directions) == 1
+    assert "a" in fit.null_directions[0] and "b" in fit.null_directions[0]
+    assert np.isinf(values(fit.standard_errors)).all()
+    with pytest.raises(ValueError, match="posterior: expected data that determine every parameter"):
+        fit.posterior()
