@@ -121,7 +121,7 @@ def best_exchanges(rows: Array, chosen: list[int]) -> list[int]:
 def random(_: float, seed: int) -> Candidate:
     """Valid points of the region, as an exchange starts from."""
     source = CandidateSource(problem(), np.random.default_rng([seed, 3]), None)
-    return Candidate(source.draw(N).points)
+    return Candidate(source.draw_confirmed(N).points)
 
 
 @cache

@@ -138,7 +138,7 @@ def of_levels(found: Found) -> Figure:
             found_here = [summary(found[f"{names[row]}|{level}|right"]) for row in places]
             for row, s in zip(places, found_here, strict=True):
                 axes.plot(s.seeds, [row] * len(s.seeds), "o", color=CRITERION, markersize=3, alpha=0.45, markeredgewidth=0)
-            own = [(s.own, row) for row, s in zip(places, found_here, strict=True) if s.own is not None]
+            own = np.array([(s.own, row) for row, s in zip(places, found_here, strict=True) if s.own is not None]).reshape(-1, 2)
             axes.plot(
                 [s.promised for s in found_here],
                 places,
@@ -148,7 +148,7 @@ def of_levels(found: Found) -> Figure:
                 markeredgewidth=2.2,
                 label="promised under R",
             )
-            axes.plot(*zip(*own, strict=True), "D", color=PRIOR, markersize=5, label="promised under the criterion's D")
+            axes.plot(own[:, 0], own[:, 1], "D", color=PRIOR, markersize=5, label="promised under the criterion's D")
             axes.plot(
                 [s.rmse for s in found_here],
                 places,
