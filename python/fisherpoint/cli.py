@@ -134,8 +134,7 @@ def evaluate(
     show(report)
     if output and save_pictures:
         (output / "report.txt").write_text(to_text(report), encoding="utf-8")
-        judged = evaluated.under_noise or evaluated.evaluation
-        parameter_frame(problem, judged).to_csv(output / "parameters.csv")
+        parameter_frame(problem, evaluated.under_noise).to_csv(output / "parameters.csv")
         save_pictures(evaluated)
     return 0
 

@@ -46,7 +46,8 @@ class Evaluation:
     covariance : ndarray, (p, p), or None
         Cramer-Rao bound (sum_k S_k^T D^-1 S_k)^-1 in SI units; None where F is singular.
     standard_errors, rse : mapping of parameter name to float, or None
-        Square roots of its diagonal, SI units, and their shares of the |prior mean|.
+        Square roots of its diagonal, SI units, and their shares of the |prior mean|. Only where D is R are they those of an
+        estimate: see `evaluate_under_noise`.
     correlation : ndarray, (p, p), or None
     rank : int
     null_directions : tuple of mappings of parameter name to float

@@ -57,31 +57,32 @@ def plot_criterion(design: fp.Design) -> Figure:
 
 
 def plot_standard_errors(design: Evaluated) -> Figure:
-    """Predicted standard errors next to the prior's, as a share of the prior std on a logarithmic axis."""
-    evaluation, under_noise = design.evaluation, design.under_noise
-    kind = evaluation.output_covariance_kind
-    series: list[tuple[fp.Evaluation, str, str]] = []
-    if under_noise is not None:
-        series.append((under_noise, "under the sensor noise", NOISE))
-    if under_noise is None or kind != "noise":
-        series.append((evaluation, f"under {_criterion_d(evaluation)}", CRITERION))
+    """Predicted standard errors under the sensor noise next to the prior's, as a share of the prior std on a logarithmic axis.
+
+    Raises
+    ------
+    ValueError
+        Where the sensor noise is not known: nothing can be predicted then.
+    """
+    evaluation = design.under_noise
+    if evaluation is None:
+        raise ValueError("noise_std: expected the sensor noise, from which standard errors follow; given none")
     names = evaluation.parameters
     units = {quantity.name: quantity.unit for quantity in design.problem.model.parameters}
-    rows = np.arange(len(names))
+    rows, errors = np.arange(len(names)), evaluation.standard_errors
 
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(8.0, 1.7 + 0.4 * len(names)), layout="constrained")
         axes = figure.subplots()
         axes.axvline(1.0, color=PRIOR, linewidth=1.5, label="prior")
         axes.axvline(0.5, color=PRIOR, linewidth=1.0, linestyle=":", label="half the prior")
-        for position, (values, label, color) in enumerate(series):
-            if values.standard_errors is None:
-                axes.plot([], [], "o", color=color, label=f"{label}: F is singular")
-                continue
-            share = np.array([values.standard_errors[name] / values.prior_std[name] for name in names])
-            offset = 0.22 * (position - 0.5 * (len(series) - 1))
-            axes.hlines(rows + offset, np.minimum(share, 1.0), np.maximum(share, 1.0), color=color, alpha=0.4)
-            axes.plot(share, rows + offset, "o", color=color, markersize=6, label=label)
+        label = "under the sensor noise"
+        if errors is None:
+            axes.plot([], [], "o", color=NOISE, label=f"{label}: F is singular")
+        else:
+            share = np.array([errors[name] / evaluation.prior_std[name] for name in names])
+            axes.hlines(rows, np.minimum(share, 1.0), np.maximum(share, 1.0), color=NOISE, alpha=0.4)
+            axes.plot(share, rows, "o", color=NOISE, markersize=6, label=label)
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=None))
         axes.xaxis.set_minor_formatter(NullFormatter())
@@ -90,11 +91,10 @@ def plot_standard_errors(design: Evaluated) -> Figure:
         axes.set_ylim(len(names) - 0.5, -0.5)
         axes.set_xlabel("standard error, share of the prior std")
         axes.grid(axis="y", visible=False)
-        # What the first series means in units, beside the axis.
-        shown = series[0][0]
+        # What that means in units, beside the axis.
         for row, name in zip(rows, names, strict=True):
-            prior = f"{result(float(shown.prior_std[name]))} {units[name]}"
-            error = "" if shown.standard_errors is None else f"{result(float(shown.standard_errors[name]))} of "
+            prior = f"{result(float(evaluation.prior_std[name]))} {units[name]}"
+            error = "" if errors is None else f"{result(float(errors[name]))} of "
             axes.annotate(
                 error + prior,
                 (1.0, float(row)),
@@ -102,7 +102,7 @@ def plot_standard_errors(design: Evaluated) -> Figure:
                 xytext=(8, 0),
                 textcoords="offset points",
                 va="center",
-                color=series[0][2],
+                color=NOISE,
             )
         figure.legend(loc="outside upper left", ncols=2, title="Prior against predicted standard errors", alignment="left")
     return figure
@@ -139,7 +139,7 @@ def plot_correlation(design: Evaluated) -> Figure:
 
 
 def save_all(design: Evaluated, directory: str | Path) -> list[Path]:
-    """Write every picture of `design` as PNG.
+    """Write every picture of `design` as PNG; standard errors only where the sensor noise is known.
 
     Parameters
     ----------
@@ -159,6 +159,8 @@ def save_all(design: Evaluated, directory: str | Path) -> list[Path]:
         "correlation": plot_correlation,
         "trajectories": plot_trajectories,
     }
+    if design.under_noise is None:
+        del plots["standard_errors"]
     if not design.problem.model.states:
         del plots["trajectories"]  # nothing moves
     if isinstance(design, fp.Design):

@@ -29,7 +29,7 @@ _ROWS = 40  # points shown of a longer list
 
 def design_report(design: fp.Design) -> Group:
     """The report of `fisherpoint design`: points, parameters, criterion, efficiency, search, warnings."""
-    parts = [_headline(design), _points_table(design), *_parameter_tables(design)]
+    parts = [_headline(design), _points_table(design), _parameter_table(design)]
     parts += [_criterion(design), _efficiency(design), _search(design)]
     if design.rejected:
         parts.append(_counts("Rejected candidates", design.rejected, design.drawn, "of drawn"))
@@ -38,7 +38,7 @@ def design_report(design: fp.Design) -> Group:
 
 def evaluation_report(evaluated: Evaluated) -> Group:
     """The report of `fisherpoint evaluate`: points, parameters, criterion, warnings."""
-    parts = [_headline(evaluated), _points_table(evaluated), *_parameter_tables(evaluated), _criterion(evaluated)]
+    parts = [_headline(evaluated), _points_table(evaluated), _parameter_table(evaluated), _criterion(evaluated)]
     return Group(*parts, *_warnings(evaluated, None))
 
 
@@ -162,35 +162,22 @@ def _more(total: int) -> list[RenderableType]:
     return [Text(f"... and {total - _ROWS} more\n", "dim")] if total > _ROWS else []
 
 
-def _parameter_tables(evaluated: Evaluated) -> Iterator[RenderableType]:
-    """One table under the sensor noise where it is known, one under the criterion's D where that is another."""
-    evaluation, under_noise = evaluated.evaluation, evaluated.under_noise
-    if under_noise is not None:
-        noise = "the sensor noise (D = R)" if evaluated.problem.assumed is None else "the sensor noise and what is uncertain (R_k)"
-        title = f"Parameters, predicted under {noise}"
-        yield _parameter_table(evaluated.problem, under_noise, title, promise=True)
-        if evaluation.output_covariance_kind == "noise":
-            return
-    kind = evaluation.output_covariance_kind
-    title = f'Parameters under the D of the criterion ("{kind}")'
-    yield _parameter_table(evaluated.problem, evaluation, title, promise=under_noise is None)
-    yield Text(
-        "This D is the spread of the outputs over the prior, not a measurement error: these standard errors\n"
-        "rank designs, they do not promise the precision of an estimate."
-        + ("" if under_noise is not None else " Give [noise_std] for that.")
-        + "\n",
-        "italic",
-    )
-
-
-def _parameter_table(problem: fp.DesignProblem, evaluation: fp.Evaluation, title: str, promise: bool) -> Table:
-    table = _table(title)
+def _parameter_table(evaluated: Evaluated) -> RenderableType:
+    """Standard errors under the sensor noise; none where it is not known, as no other D promises any."""
+    problem, under_noise = evaluated.problem, evaluated.under_noise
+    if under_noise is None:
+        return Text(
+            "No standard errors: the precision of an estimate follows from the sensor noise, which is not known. The D of the\n"
+            "criterion is the spread of the outputs over the prior; it ranks designs. Give [noise_std].\n",
+            "italic",
+        )
+    noise = "the sensor noise (D = R)" if problem.assumed is None else "the sensor noise and what is uncertain (R_k)"
+    table = _table(f"Parameters, predicted under {noise}")
     table.add_column("parameter")
     table.add_column("unit", style="dim")
     for column in ("mean", "prior std", "standard error", "RSE", "of prior std"):
         table.add_column(column, justify="right")
-    weak = evaluation.weak_parameters if promise else ()
-    for name, row in parameter_frame(problem, evaluation).iterrows():
+    for name, row in parameter_frame(problem, under_noise).iterrows():
         table.add_row(
             Text(str(name)),
             Text(row.unit),
@@ -199,7 +186,7 @@ def _parameter_table(problem: fp.DesignProblem, evaluation: fp.Evaluation, title
             result(row.standard_error),
             percent(row.rse),
             percent(row.of_prior),
-            style="yellow" if name in weak else None,
+            style="yellow" if name in under_noise.weak_parameters else None,
         )
     return table
 
@@ -325,7 +312,6 @@ def _counts(title: str, counts: Mapping[str, int], total: int, share: str) -> Re
 
 def _warnings(evaluated: Evaluated, efficiency: fp.Efficiency | None) -> Iterator[RenderableType]:
     """What the user should not miss, each as a paragraph."""
-    judged = evaluated.under_noise or evaluated.evaluation
     texts = []
     if efficiency is not None and efficiency.below_random:
         kind = evaluated.evaluation.output_covariance_kind
@@ -338,10 +324,9 @@ def _warnings(evaluated: Evaluated, efficiency: fp.Efficiency | None) -> Iterato
             "F is singular: the points do not determine all parameters. Add points, widen the region, or leave "
             "parameters out (parameters = [...])."
         )
-    elif judged.weak_parameters:
-        where = "" if evaluated.under_noise is not None else " under the D of the criterion"
+    elif evaluated.under_noise is not None and evaluated.under_noise.weak_parameters:
         texts.append(
-            f"The standard error stays above half the prior std for {', '.join(judged.weak_parameters)}{where}: these "
+            f"The standard error stays above half the prior std for {', '.join(evaluated.under_noise.weak_parameters)}: these "
             "experiments say little about them. More points, a longer dt or wider bounds may."
         )
     for text in texts:

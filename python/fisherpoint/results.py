@@ -52,17 +52,22 @@ def simulation_frame(model: fp.Model, points: fp.Experiments, y: NDArray[Any], s
     return frame.assign(status=[fp.Status(int(code)).name for code in status])
 
 
-def parameter_frame(problem: fp.DesignProblem, evaluation: fp.Evaluation) -> pd.DataFrame:
-    """Mean, prior std, predicted standard error and RSE of each estimated parameter; NaN where F is singular."""
+def parameter_frame(problem: fp.DesignProblem, under_noise: fp.Evaluation | None) -> pd.DataFrame:
+    """Mean, prior std, predicted standard error and RSE of each estimated parameter.
+
+    The last two are under the sensor noise, and NaN where that is not known or F is singular.
+    """
     units = {quantity.name: quantity.unit for quantity in problem.model.parameters}
-    names = list(evaluation.parameters)
+    names = list(problem.estimated)
+    errors = (under_noise and under_noise.standard_errors) or {}
+    relative = (under_noise and under_noise.rse) or {}
     frame = pd.DataFrame(
         {
             "unit": [units[name] for name in names],
             "mean": [float(problem.prior.mean[name]) for name in names],
-            "prior_std": [float(evaluation.prior_std[name]) for name in names],
-            "standard_error": [float((evaluation.standard_errors or {}).get(name, np.nan)) for name in names],
-            "rse": [float((evaluation.rse or {}).get(name, np.nan)) for name in names],
+            "prior_std": [float(problem.prior.std[name]) for name in names],
+            "standard_error": [float(errors.get(name, np.nan)) for name in names],
+            "rse": [float(relative.get(name, np.nan)) for name in names],
         },
         index=pd.Index(names, name="parameter"),
     )

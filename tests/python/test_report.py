@@ -60,8 +60,6 @@ def test_design_report_says_all_that_matters(design: fp.Design) -> None:
         "Points: start in this state",
         "m3/(s sqrt(Pa))",
         "under the sensor noise (D = R)",
-        'under the D of the criterion ("pooled")',
-        "rank designs, they do not promise",
         "R + mean predictive covariance of the points, (17)",
         "of the noise-only optimum found",
         "of the median random design",
@@ -74,6 +72,20 @@ def test_design_report_says_all_that_matters(design: fp.Design) -> None:
     for reason, count in design.rejected.items():
         assert f"{reason} {count}" in words(text)
     assert max(map(len, text.splitlines())) <= report.WIDTH
+
+
+def test_standard_errors_are_those_under_the_noise_whatever_the_criterion(design: fp.Design) -> None:
+    assert design.under_noise is not None and design.under_noise.standard_errors and design.evaluation.standard_errors
+    text = report.to_text(report.design_report(design))
+    assert text.count("standard error ") == 1
+    assert "under the D of the criterion" not in text
+    for name, error in design.under_noise.standard_errors.items():
+        row = next(line for line in text.splitlines() if line.split()[:1] == [name])
+        assert report.result(error) in row
+        assert report.result(design.evaluation.standard_errors[name]) not in row
+    drawn = plots.plot_standard_errors(design).axes[0].lines[-1].get_xdata()
+    expected = [design.under_noise.standard_errors[name] / design.under_noise.prior_std[name] for name in design.problem.estimated]
+    np.testing.assert_allclose(np.asarray(drawn), expected, rtol=1e-12)
 
 
 def test_a_design_below_random_is_warned_of(design: fp.Design) -> None:
@@ -111,12 +123,18 @@ def test_under_the_noise_there_is_one_table(design: fp.Design) -> None:
     assert "promise" not in text
 
 
-def test_without_noise_nothing_is_promised_and_left_out_outputs_are_named(design: fp.Design) -> None:
+def test_without_noise_nothing_is_promised_and_left_out_outputs_are_named(design: fp.Design, tmp_path: Path) -> None:
     evaluated = evaluate_points(problem(None), design.points)
     text = words(report.to_text(report.evaluation_report(evaluated)))
     assert evaluated.under_noise is None
-    assert "Give [noise_std]" in text
+    assert "No standard errors" in text and "Give [noise_std]" in text
+    assert "RSE" not in text and "stays above half the prior std" not in text
     assert "x_v: no noise is given and no parameter" in text
+    frame = parameter_frame(evaluated.problem, evaluated.under_noise)
+    assert frame.standard_error.isna().all() and frame.rse.isna().all() and frame.prior_std.notna().all()
+    with pytest.raises(ValueError, match="noise_std: expected the sensor noise"):
+        plots.plot_standard_errors(evaluated)
+    assert "standard_errors.png" not in {path.name for path in plots.save_all(evaluated, tmp_path)}
 
 
 def test_singular_designs_name_what_they_do_not_determine(design: fp.Design, tmp_path: Path) -> None:
