@@ -171,3 +171,34 @@ def test_points_of_which_nothing_was_measured_are_left_out() -> None:
     fit = fp.estimate(model, data, start={**model.nominal, "E_oil": 1.1e9}, parameters=["E_oil"], noise_std=noise_std)
     assert fit.estimate["E_oil"] == pytest.approx(1.2e9, rel=1e-8)
     assert fit.residuals.shape == (1, 4)
+
+
+def test_what_is_estimated_is_not_uncertain_too() -> None:
+    with pytest.raises(ValueError, match="^uncertain: expected constants or parameters that are not estimated, given 'a', which is"):
+        fp.estimate(LINE, fp.Measurements(POINTS, line_data()), noise_std={"y": 0.1}, uncertain={"a": 0.1})
+
+
+@pytest.mark.parametrize("use", ["prior", "start"])
+def test_a_prior_of_known_parameters_alone_only_fixes_them(use: str) -> None:
+    data, others = fp.Measurements(POINTS, line_data()), fp.GaussianPrior({"b": -0.7}, {"b": 0.1})
+    expected = fp.estimate(LINE, data, start={"b": -0.7}, parameters=["a"], noise_std={"y": 0.1})
+    prior, start = (others, None) if use == "prior" else (None, others)
+    fit = fp.estimate(LINE, data, prior, start, ["a"], {"y": 0.1})
+    np.testing.assert_allclose(fit.values, expected.values, rtol=1e-12)
+    np.testing.assert_allclose(fit.covariance, expected.covariance, rtol=1e-12)
+    assert "weighted least squares" in str(fit) and "Beside the prior" not in str(fit)
+
+
+def test_starts_of_records_that_would_share_a_name_are_refused() -> None:
+    model = fp.SymbolicModel(["-k*x", "-k*x_2"], ["x"], {"x": "1", "x_2": "1"}, {}, {"k": "1/s"}, {"y": "1"}, nominal={"k": 1.0})
+    record = fp.Record([0.0, 1.0, 2.0], np.empty((3, 0)), [1.0, 0.4, 0.1])
+    fp.estimate(model, record, noise_std={"y": 0.1})
+    with pytest.raises(ValueError, match="^states: expected names by which starts .* given two called 'x0_x_2'"):
+        fp.estimate(model, [record, record], noise_std={"y": 0.1})
+
+
+def test_starts_of_every_record_are_searched_in_their_natural_size() -> None:
+    model = fp.SymbolicModel(["-k*x"], ["x"], {"x": ("1", 1e-6)}, {}, {"k": "1/s"}, {"x": "1"}, nominal={"k": 1.0})
+    record = fp.Record([0.0, 1.0, 2.0], np.empty((3, 0)), [0.0, 4e-7, 1e-7])
+    fit = fp.estimate(model, [record, record], noise_std={"x": 1e-7})
+    np.testing.assert_allclose(fit.problem.unknowns.scale, [1.0, 1e-6, 1e-6])

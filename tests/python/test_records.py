@@ -109,7 +109,7 @@ def test_outputs_may_be_called_plainly_or_be_missing(tmp_path: Path) -> None:
         ("t,u,y_level\n0,1,2\n1,x,2\n", "row 2, column u: expected a number, given 'x'"),
         ("t,u,y_level\n0,,2\n", "row 1, column u: expected a number, given ''"),
         ("t,u,y_level\n0,1,inf\n", "row 1, column y_level: expected a finite number, given 'inf'"),
-        ("t,u,y_level\n0,1,2\n0,1,2\n", "t: expected increasing times"),
+        ("t,u,y_level\n0,1,2\n0,1,2\n", "row 2, column t: expected a time after that of the row before, given '0'"),
     ],
 )
 def test_a_file_says_what_is_wrong_with_it(tmp_path: Path, text: str, message: str) -> None:

@@ -35,6 +35,8 @@ class Record:
 
     Raises
     ------
+    TypeError
+        Where x0 is no mapping.
     ValueError
         For wrong shapes, times that do not increase, numbers that are not finite, or no measured number at all.
     """
@@ -50,6 +52,8 @@ class Record:
         for name, array in arrays.items():
             array.flags.writeable = False
             object.__setattr__(self, name, array)
+        if self.x0 is not None and not isinstance(self.x0, Mapping):
+            raise TypeError(f"x0: expected a mapping of state names to numbers, given {type(self.x0).__name__}")
         known = {name: as_float(value, f"x0[{name!r}]") for name, value in (self.x0 or {}).items()}
         object.__setattr__(self, "x0", FrozenMapping(known))
 
@@ -112,13 +116,15 @@ class Record:
         table.refuse_cut_off()
         columns = _columns(table, model)
         table.read_decimal_commas(("t", *names_of(model.inputs), *columns.values()))
+        t = table.complete(TIME)
+        table.refuse(np.diff(t, prepend=-np.inf) <= 0, "t", "a time after that of the row before")
         u = np.column_stack([np.empty((len(table), 0)), *(table.complete(quantity) for quantity in model.inputs)])
         y = np.full((len(table), len(model.outputs)), np.nan)
         for i, quantity in enumerate(model.outputs):
             if quantity.name in columns:
                 y[:, i] = table.numbers(columns[quantity.name], quantity.unit)
         try:
-            record = cls(table.complete(TIME), u, y, x0 or {})
+            record = cls(t, u, y, x0 or {})
         except ValueError as error:
             raise error if str(path) in str(error) else ValueError(f"{path}: {error}") from error
         record.check(model)

@@ -100,6 +100,8 @@ def estimate(
     parts = _parts(data, model)
     names = names_of(model.parameters)
     chosen = some_names_among(names if parameters is None else parameters, names, "parameters")
+    for name in (name for name in chosen if isinstance(uncertain, Mapping) and name in uncertain):
+        raise ValueError(f"uncertain: expected constants or parameters that are not estimated, given {name!r}, which is")
     for label, given in (("prior", prior), ("start", start)):
         if (label == "prior" and given is not None) or isinstance(given, GaussianPrior):
             check_type(given, GaussianPrior, label)
@@ -114,8 +116,9 @@ def estimate(
         given_names = mapping.names if isinstance(mapping, GaussianPrior) else tuple(mapping or ())
         for unknown in (name for name in given_names if name not in known_names):
             raise ValueError(f"{label}: expected names of {', '.join(known_names)}; given unknown {unknown!r}")
-    begin = {name: first[name] if name in first else _start_guess(model, name, parts) for name in observed.names}
-    sizes = {f"x0_{q.name}": q.scale or 0.0 for q in model.states}
+    begin = {name: first[name] if name in first else _start_guess(model, *observed.starts[name]) for name in observed.names}
+    scales = {q.name: q.scale or 0.0 for q in model.states}
+    sizes = {name: scales[state] for name, (state, _) in observed.starts.items()}
     unknowns = unknowns_of(begin, spread, sizes, checked_bounds(model, bounds, observed.names))
     for name, log in zip(observed.names, unknowns.log, strict=True):
         if log and not begin[name] > 0:
@@ -204,18 +207,14 @@ def _first(model: Model, prior: GaussianPrior | None, start: Any, parts: Sequenc
     return values
 
 
-def _start_guess(model: Model, name: str, parts: Sequence[Any]) -> float:
+def _start_guess(model: Model, state: str, record: Record) -> float:
     """A start for a state of a record that is not known: the first measurement of the output of its name, or its natural size."""
-    record_of, _, number = name.removeprefix("x0_").rpartition("_")
-    records = [part for part in parts if not isinstance(part, Measurements)]
-    states = {q.name: q for q in model.states}
-    state, place = (record_of, int(number) - 1) if record_of in states and number.isdigit() else (name.removeprefix("x0_"), 0)
     outputs = names_of(model.outputs)
     if state in outputs:
-        column = records[place].y[:, outputs.index(state)]
+        column = record.y[:, outputs.index(state)]
         if np.isfinite(column).any():
             return float(column[np.isfinite(column)][0])
-    return states[state].scale or 1.0
+    return next(q.scale for q in model.states if q.name == state) or 1.0
 
 
 def _check_noise_can_be_told(observed: Observed, prior: GaussianPrior | None) -> None:

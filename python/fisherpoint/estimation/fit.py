@@ -96,8 +96,10 @@ class Fit:
     @property
     def units(self) -> Mapping[str, str]:
         """Of the unknowns, by name."""
-        units = {q.name: q.unit for q in self.model.parameters} | {f"x0_{q.name}": q.unit for q in self.model.states}
-        return FrozenMapping({name: units.get(name) or units.get(name.rpartition("_")[0], "1") for name in self.parameters})
+        of_states = {q.name: q.unit for q in self.model.states}
+        units = {q.name: q.unit for q in self.model.parameters}
+        units |= {name: of_states[state] for name, (state, _) in self.problem.observed.starts.items()}
+        return FrozenMapping({name: units[name] for name in self.parameters})
 
     @cached_property
     def precision(self) -> Precision:

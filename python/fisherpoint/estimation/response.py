@@ -47,8 +47,15 @@ class Observed:
     ----------
     names : tuple of str
         The unknowns: the parameters, then starts of records that are not known, as "x0_h1", of the second record "x0_h1_2".
+    starts : mapping of str to (str, Record)
+        Of the unknowns that are starts: the state, and the record.
     y : ndarray, (N, n_y)
         Measured outputs, NaN where there are none.
+
+    Raises
+    ------
+    ValueError
+        Where two unknowns would have the same name.
     """
 
     def __init__(
@@ -58,6 +65,7 @@ class Observed:
         self._columns = [names_of(model.parameters).index(name) for name in parameters]
         self.y = np.concatenate([part.y for part in data])
         names, self._parts = list(parameters), []
+        self.starts: dict[str, tuple[str, Any]] = {}
         for part in data:
             if isinstance(part, Measurements):
                 settings = checked_arguments(model, part.points, theta, rtol, threads, "cross", None)
@@ -66,7 +74,11 @@ class Observed:
             respond, starts = _record_response(model, part, self._columns, rtol, threads)
             number = sum(not isinstance(other, Measurements) for other in data[: len(self._parts) + 1])
             first = len(names)
-            names += [f"x0_{state}" + (f"_{number}" if number > 1 else "") for state in starts]
+            of_part = {f"x0_{state}" + (f"_{number}" if number > 1 else ""): (state, part) for state in starts}
+            for name in (name for name in of_part if name in (*names_of(model.parameters), *names)):
+                raise ValueError(f"states: expected names by which starts of records can be told apart, given two called {name!r}")
+            self.starts |= of_part
+            names += of_part
             self._parts.append((respond, len(part), slice(first, len(names))))
         self.names = tuple(names)
 

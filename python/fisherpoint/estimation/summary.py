@@ -40,7 +40,7 @@ def headline(fit: Fit) -> str:
     count, samples = int(np.isfinite(fit.residuals).sum()), len(fit.residuals)
     kind = "least squares" if len(fit.tests) == 1 else "least log det of the residual covariance (10)"
     kind = "weighted least squares" if fit.noise_known else kind
-    if fit.prior is not None:
+    if fit.problem.prior_factor is not None:
         kind = f"maximum a posteriori, {'noise given' if fit.noise_known else 'noise estimated'}"
     unknowns = _plural(len(fit.parameters), "unknown")
     return f"Fit of {fit.model.name}: {unknowns} from {_plural(count, 'number')} in {_plural(samples, 'sample')}, {kind}"
@@ -49,7 +49,7 @@ def headline(fit: Fit) -> str:
 def sections(fit: Fit, level: float = 0.95) -> Iterator[Section]:
     """The tables: unknowns, outputs, and noise beside residuals."""
     yield _unknowns(fit, level)
-    if fit.prior is not None:
+    if fit.prior is not None and fit.problem.prior_factor is not None:
         yield _beside_prior(fit, fit.prior)
     yield _outputs(fit)
     if len(fit.tests) > 1 and not fit.noise_known:

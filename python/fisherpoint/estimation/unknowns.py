@@ -116,9 +116,11 @@ def checked_bounds(
     return bounds
 
 
-def prior_factor(prior: GaussianPrior, unknowns: Unknowns) -> Array:
-    """L^-1 (k, P) of the correlation L L^T that the prior has in coordinates, for the k unknowns that it covers."""
+def prior_factor(prior: GaussianPrior, unknowns: Unknowns) -> Array | None:
+    """L^-1 (k, P) of the correlation L L^T that the prior has in coordinates, for the k unknowns that it covers; None for none."""
     columns = [j for j, name in enumerate(unknowns.names) if name in prior.names]
+    if not columns:
+        return None
     correlation = prior.marginal([unknowns.names[j] for j in columns]).normal_correlation
     factor = np.zeros((len(columns), len(unknowns)))
     factor[:, columns] = np.linalg.solve(np.linalg.cholesky(correlation), np.eye(len(columns)))
@@ -128,8 +130,8 @@ def prior_factor(prior: GaussianPrior, unknowns: Unknowns) -> Array:
 def spread_starts(unknowns: Unknowns, begin: Mapping[str, float], spread: GaussianPrior | None, count: int) -> Array:
     """Coordinates (B, P) of the starts: the first as given, others at nodes of the prior."""
     z = unknowns.coordinates(np.array([list(begin.values())]))
-    if spread is not None and count > 1:
-        named = [name for name in unknowns.names if name in spread.names]
+    named = [name for name in unknowns.names if spread is not None and name in spread.names]
+    if spread is not None and named and count > 1:
         nodes, _ = Sobol(1 << (count - 1).bit_length()).nodes(spread.marginal(named))
         values = np.tile(list(begin.values()), (count - 1, 1))
         values[:, [unknowns.names.index(name) for name in named]] = nodes[: count - 1]
