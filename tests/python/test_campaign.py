@@ -172,7 +172,11 @@ def test_wrong_data_are_refused_and_change_nothing(problem: fp.DesignProblem, ki
     campaign.tell(data)
     with pytest.raises(ValueError, match="given those of batch 1 once more"):
         campaign.tell(fp.Measurements(data.points, data.y))
+    more = rig(problem, 1).measure(data.points[:2])
+    with pytest.raises(ValueError, match="new measurements alone, given those of batch 1 among them once more"):
+        campaign.tell(fp.Measurements.join([data, more]))
     assert len(campaign.history) == 1
+    campaign.tell(more)
     with pytest.raises(ValueError, match="region: expected an ExperimentRegion"):
         fp.Campaign(problem.replace(region=None))
 
