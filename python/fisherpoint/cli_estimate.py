@@ -13,7 +13,7 @@ from rich.text import Text
 
 import fisherpoint as fp
 
-from .config import load_config
+from .config import ConfigError, load_config
 from .csv_table import CsvTable
 from .files import write_whole
 from .report import to_text
@@ -60,6 +60,8 @@ def estimate(
     if noise is Noise.known and problem.noise_std is None:
         raise config.error("noise_std", "missing; expected the noise of every measured output with --noise known")
     known = problem.noise_std is not None and noise is not Noise.estimated
+    for path in (path for k, path in enumerate(data) if path.resolve() in [other.resolve() for other in data[:k]]):
+        raise ConfigError(f"DATA.csv: expected each file once, given {path} twice")
     parts = [read_data(path, "measurements", _read, problem.model) for path in data]
     if not no_plots:
         from .plots_fit import save_all  # what can fail for a trivial reason fails before the work
