@@ -174,7 +174,9 @@ def test_points_of_which_nothing_was_measured_are_left_out() -> None:
 
 
 def test_what_is_estimated_is_not_uncertain_too() -> None:
-    with pytest.raises(ValueError, match="^uncertain: expected constants or parameters that are not estimated, given 'a', which is"):
+    with pytest.raises(
+        ValueError, match=r"^uncertain: expected constants or parameters that are not estimated, given 'a', which is"
+    ):
         fp.estimate(LINE, fp.Measurements(POINTS, line_data()), noise_std={"y": 0.1}, uncertain={"a": 0.1})
 
 
@@ -193,7 +195,7 @@ def test_starts_of_records_that_would_share_a_name_are_refused() -> None:
     model = fp.SymbolicModel(["-k*x", "-k*x_2"], ["x"], {"x": "1", "x_2": "1"}, {}, {"k": "1/s"}, {"y": "1"}, nominal={"k": 1.0})
     record = fp.Record([0.0, 1.0, 2.0], np.empty((3, 0)), [1.0, 0.4, 0.1])
     fp.estimate(model, record, noise_std={"y": 0.1})
-    with pytest.raises(ValueError, match="^states: expected names by which starts .* given two called 'x0_x_2'"):
+    with pytest.raises(ValueError, match=r"^states: expected names by which starts .* given two called 'x0_x_2'"):
         fp.estimate(model, [record, record], noise_std={"y": 0.1})
 
 
@@ -202,3 +204,16 @@ def test_starts_of_every_record_are_searched_in_their_natural_size() -> None:
     record = fp.Record([0.0, 1.0, 2.0], np.empty((3, 0)), [0.0, 4e-7, 1e-7])
     fit = fp.estimate(model, [record, record], noise_std={"x": 1e-7})
     np.testing.assert_allclose(fit.problem.unknowns.scale, [1.0, 1e-6, 1e-6])
+
+
+def test_what_is_assumed_is_weighed_where_trajectories_are_ok() -> None:
+    """At the prior's mean the tank runs empty, which other starts do not."""
+    tank = fp.SymbolicModel(["-k*sqrt(h)"], ["h"], {"h": "1"}, {}, {"k": "1/s"}, {"h": "1"}, nominal={"k": 1.0})
+    points = fp.Experiments(np.ones((5, 1)), np.empty((5, 0)), np.linspace(0.2, 1.9, 5))
+    data = fp.VirtualRig(tank, {"k": 0.5}, {"h": 0.01}, {"h": 0.02}).measure(points)
+    assert fp.simulate(tank, points, {"k": 3.0}).status.any()
+    prior = fp.GaussianPrior({"k": 3.0}, {"k": 2.0})
+    fit, near = (
+        fp.estimate(tank, data, prior, start, noise_std={"h": 0.01}, initial_state_std={"h": 0.02}) for start in (None, {"k": 0.5})
+    )
+    assert fit.estimate["k"] == pytest.approx(near.estimate["k"], abs=1e-3 * near.standard_errors["k"])

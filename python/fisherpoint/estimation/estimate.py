@@ -130,7 +130,8 @@ def estimate(
     known = noise_std is not None
     if known:
         residuals = replace(residuals, covariance=noise_covariance(model, noise_std or {}, observed.y))
-        residuals = _with_assumed(residuals, model, parts, theta, uncertain, initial_state_std, rtol, threads)
+        at = observed.parameters(unknowns.values(z0[:1]))[0]  # not at the start as given, where trajectories may not be ok
+        residuals = _with_assumed(residuals, model, parts, at, uncertain, initial_state_std, rtol, threads)
         minima = minimise(residuals, z0, unknowns.lower, unknowns.upper, FIRST_ITERATIONS)
     elif uncertain or initial_state_std:
         raise ValueError("noise_std: expected the sensor noise beside uncertain or initial_state_std, given none")
