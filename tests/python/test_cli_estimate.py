@@ -67,7 +67,9 @@ def test_noise_and_prior_are_as_asked(tmp_path: Path, measured: Path, options: l
 
 
 def test_several_files_are_one_fit(tmp_path: Path, measured: Path) -> None:
-    assert run(DECAY, measured, measured, "-o", tmp_path / "fit", "--no-plots", "--quiet") == 0
+    other = tmp_path / "other.csv"
+    other.write_bytes(measured.read_bytes())
+    assert run(DECAY, measured, other, "-o", tmp_path / "fit", "--no-plots", "--quiet") == 0
     with (tmp_path / "fit" / "residuals.csv").open() as file:
         assert [row["data"] for row in csv.DictReader(file)] == ["1"] * 8 + ["2"] * 8
 
