@@ -34,8 +34,11 @@ MOST_DRAWN = 8
 SETTLED_TO_COMPARE = 1e-4
 """Change of estimated weights from which on starts can be compared."""
 
-WEIGHTINGS = 2
-"""How often the share of what is assumed is taken anew at the estimate."""
+WEIGHTINGS = 20
+"""How often at most the share of what is assumed is taken anew at the estimate."""
+
+SAME_WEIGHTS = 1e-5
+"""Change of variances, as a share, from which on they are the same weights."""
 
 
 def estimate(
@@ -148,13 +151,17 @@ def estimate(
         evaluations, best = evaluations + int(minima.iterations[0]), 0
         residuals = replace(residuals, covariance=covariances[0])
     z, message, converged = minima.z[best], ENDS[int(minima.end[best])], False
-    for _ in range(WEIGHTINGS if uncertain or initial_state_std else 1):
+    for _ in range(WEIGHTINGS):
         z, message, polished, converged = _polished(residuals, z)
         evaluations += polished
-        if uncertain or initial_state_std:
-            residuals = replace(residuals, covariance=noise_covariance(model, noise_std or {}, observed.y))
-            at = observed.parameters(unknowns.values(z[None]))[0]
-            residuals = _with_assumed(residuals, model, parts, at, uncertain, initial_state_std, rtol, threads)
+        if not uncertain and not initial_state_std:
+            break
+        before = residuals.variances
+        residuals = replace(residuals, covariance=noise_covariance(model, noise_std or {}, observed.y))
+        at = observed.parameters(unknowns.values(z[None]))[0]
+        residuals = _with_assumed(residuals, model, parts, at, uncertain, initial_state_std, rtol, threads)
+        if np.allclose(residuals.variances, before, rtol=SAME_WEIGHTS, atol=0.0):
+            break
     if minima.end[best] != CONVERGED and not converged:
         message = ENDS[int(minima.end[best])]
 

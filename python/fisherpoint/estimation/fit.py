@@ -323,9 +323,7 @@ class Fit:
     @property
     def standardised(self) -> Array:
         """Residuals over the standard deviation of their noise, (N, n_y), NaN where not measured."""
-        covariance = self.problem.covariance
-        variances = np.einsum("...ii->...i", covariance[0] if covariance.ndim == 4 else covariance)
-        return np.asarray(self.residuals / np.sqrt(variances))
+        return np.asarray(self.residuals / np.sqrt(self.problem.variances))
 
     def _by_name(self, values: Array) -> Mapping[str, float]:
         return FrozenMapping(dict(zip(self.parameters, values.tolist(), strict=True)))

@@ -90,6 +90,11 @@ class WeightedResiduals:
         measured: NDArray[np.bool_] = np.isfinite(self.y[0])
         return measured
 
+    @property
+    def variances(self) -> Array:
+        """Of the noise of every output, (..., n_y)."""
+        return np.asarray(np.einsum("...ii->...i", self.covariance))
+
     def prior_square(self, z: Array) -> Array:
         """Sum of squares of the prior's residuals at z (B, P), zero without a prior."""
         return np.zeros(len(z)) if self.prior_factor is None else np.square(z @ self.prior_factor.T).sum(axis=1)
