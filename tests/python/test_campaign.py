@@ -323,3 +323,11 @@ def test_the_picture_has_a_panel_for_each_parameter(saved: Path, tmp_path: Path)
     assert panels[6].lines[-1].get_ydata()[0] == 0.5  # the target
     campaign.plot(tmp_path / "campaign.png")
     assert (tmp_path / "campaign.png").stat().st_size > 10_000
+
+
+def test_a_batch_that_does_not_tell_its_noise_meets_no_target(kinetics: fp.DesignProblem) -> None:
+    unknown = kinetics.replace(noise_std=None, output_covariance=None)
+    campaign = fp.Campaign(unknown, 2, 0.5, **QUICK)
+    measuring = fp.VirtualRig(unknown.model, unknown.theta, kinetics.noise_std or {})
+    campaign.tell(measuring.measure(campaign.next()))
+    assert not campaign.done and "not a minimum" in campaign.report()

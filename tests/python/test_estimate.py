@@ -217,3 +217,13 @@ def test_what_is_assumed_is_weighed_where_trajectories_are_ok() -> None:
         fp.estimate(tank, data, prior, start, noise_std={"h": 0.01}, initial_state_std={"h": 0.02}) for start in (None, {"k": 0.5})
     )
     assert fit.estimate["k"] == pytest.approx(near.estimate["k"], abs=1e-3 * near.standard_errors["k"])
+
+
+def test_noise_of_an_output_that_can_be_fitted_exactly_is_not_told() -> None:
+    """Two values for two unknowns: the likelihood grows without end as the noise vanishes, also with a prior."""
+    data, prior = fp.Measurements(POINTS, line_data()), fp.GaussianPrior({"a": 2.0, "b": -0.7}, {"a": 1.0, "b": 1.0})
+    few, enough = (fp.estimate(LINE, data[:count], prior) for count in (2, 9))
+    assert few.noise_not_told == ("y",)
+    assert not few.converged and "no maximum" in few.message
+    assert "standard errors mean nothing" in str(few)
+    assert enough.converged and not enough.noise_not_told

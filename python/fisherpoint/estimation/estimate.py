@@ -324,7 +324,14 @@ def _polished(residuals: WeightedResiduals, z: Array) -> tuple[Array, str, int, 
 
 
 def _with_unbiased_noise(fit: Fit) -> Fit:
-    """The fit with the noise's variances divided by degrees of freedom in the place of the number of samples."""
+    """The fit with the noise's variances divided by degrees of freedom in the place of the number of samples.
+
+    Where the likelihood grows without end as the noise of an output that can be fitted exactly vanishes, it has not converged.
+    """
+    if fit.noise_not_told:
+        fit = replace(
+            fit, converged=False, message=f"the likelihood has no maximum, as {', '.join(fit.noise_not_told)} can be fitted exactly"
+        )
     counts = np.isfinite(fit.residuals).sum(axis=0)
     covariance = unbiased(fit.noise_covariance[None], fit.output_degrees_of_freedom[None], counts)[0]
     return replace(fit, noise_covariance=covariance, problem=replace(fit.problem, covariance=covariance))

@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from .profile import Profile
 
 
+FEWEST_DEGREES = 0.5
+"""Of freedom of an output, below which its residuals do not tell its noise."""
+
+
 @dataclass(frozen=True, eq=False)
 class OutputTest:
     """Chi-square of one output's residuals: their number, degrees of freedom, and the probability of more by chance.
@@ -193,6 +197,14 @@ class Fit:
                 p_value = float(chi2.sf(squares[i], degrees)) if self.noise_known and degrees > 1e-9 else None
                 tests[name] = OutputTest(int(counts[i]), float(squares[i]), degrees, p_value)
         return FrozenMapping(tests)
+
+    @property
+    def noise_not_told(self) -> tuple[str, ...]:
+        """Outputs of which the noise was to be estimated, and which the unknowns fit whatever that is: it comes out as nothing."""
+        if self.noise_known:
+            return ()
+        names, measured = names_of(self.model.outputs), np.isfinite(self.residuals).any(axis=0)
+        return tuple(names[i] for i in np.flatnonzero(measured & (self.output_degrees_of_freedom < FEWEST_DEGREES)))
 
     @property
     def quantile_degrees_of_freedom(self) -> Mapping[str, float]:

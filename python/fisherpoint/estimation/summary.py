@@ -72,7 +72,8 @@ def facts(fit: Fit) -> Iterator[tuple[str, str]]:
 def warnings(fit: Fit) -> Iterator[str]:
     """What the user should not miss, each as a sentence."""
     if not fit.converged:
-        yield f"not converged: {fit.message.rstrip('.')}; other starts may help"
+        hint = "standard errors mean nothing" if fit.noise_not_told else "other starts may help"
+        yield f"not converged: {fit.message.rstrip('.')}; {hint}"
     for direction in fit.null_directions:
         yield f"not determined: {direction}, no measured output changes"
     for direction in fit.weak_directions:
@@ -90,8 +91,8 @@ def warnings(fit: Fit) -> Iterator[str]:
         elif test.p_value is not None and test.p_value > 1 - OFF:
             per = number(test.per_degree_of_freedom, 3)
             yield f"{name}: chi-square per degree of freedom {per}: the noise of this output is smaller than given"
-        elif not fit.noise_known and test.degrees_of_freedom < 0.5:
-            yield f"{name}: the unknowns fit it whatever its noise is, which cannot be estimated: give noise_std"
+    for name in fit.noise_not_told:
+        yield f"{name}: the unknowns fit it whatever its noise is, which cannot be estimated: give noise_std, or measure more"
     if fit.starts > 1 and fit.reached == 1:
         yield f"only one of {fit.starts} starts came to this minimum: more starts may find a better one"
     if not fit.noise_known and fit.degrees_of_freedom < 3:
