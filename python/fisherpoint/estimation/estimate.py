@@ -266,7 +266,8 @@ def _with_assumed(
     covariances = []
     for part in parts:
         if not isinstance(part, Measurements):
-            raise ValueError("uncertain: expected measurements of points, given a record; estimate what is uncertain there")
+            label = "uncertain" if uncertain else "initial_state_std"
+            raise ValueError(f"{label}: expected measurements of points, given a record; estimate there what is not exact")
         added, status = assumed_covariance(model, part.points, theta, uncertain or {}, initial_state_std or {}, rtol, threads)
         if status.any():
             k = int(np.argmax(status != Status.ok))
