@@ -16,9 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from .experiments import Experiments
 from .models import Model
+from .predictive import PredictiveCovariance, covariance_over_nodes, nodes_of
 from .prior import GaussianPrior
 from .quantity import Array, FrozenMapping, IntArray, as_float, names_of
-from .trajectories import Status, check_type, checked_arguments, checked_sensitivities
+from .rules import Linearized, Rule
+from .trajectories import Settings, Status, check_type, checked_arguments, checked_sensitivities
 
 MARGIN = 3.0
 """Standard deviations of a surface's value, under those of the start, that a point keeps from a jump or limit."""
@@ -76,6 +78,11 @@ class Assumed:
         product: Array = spread @ spread.transpose(0, 2, 1)
         return (product + product.transpose(0, 2, 1)) / 2
 
+    def predictive(self, points: Experiments, theta: Array, rule: Rule, settings: Settings) -> PredictiveCovariance:
+        """The predictive covariance (16) over what is assumed, at parameters (p,) of the model."""
+        nodes = nodes_of(rule, self.prior(theta), names_of(self.model.parameters), self.names)
+        return covariance_over_nodes(self.model, points, self.theta(theta), nodes, rule, settings)
+
 
 def assumed_of(model: Model, uncertain: Mapping[str, float] | None, initial_state_std: Mapping[str, float] | None) -> Assumed:
     """Extend a model; the same arguments give the same object.
@@ -132,8 +139,9 @@ def assumed_covariance(
     rtol: float = 1e-6,
     threads: int | None = None,
     kinks: str = "cross",
+    rule: Rule | None = None,
 ) -> AssumedCovariance:
-    """Share of the output covariance that comes from what is assumed: G P G^T, with the exact tangents G.
+    """Share of the output covariance that comes from what is assumed: G P G^T, with the exact tangents G, or (16).
 
     Parameters
     ----------
@@ -143,6 +151,8 @@ def assumed_covariance(
         Standard deviations, SI units, of constants and of parameters that are not estimated.
     initial_state_std : mapping of state name to float, optional
         Standard deviations, SI units, of the deviations of the starts from x0.
+    rule : Rule, optional
+        Takes the predictive covariance (16) over what is assumed in the place of tangents; theta is (p,) then.
 
     Returns
     -------
@@ -159,6 +169,9 @@ def assumed_covariance(
     values = model.theta(theta)
     assumed = assumed_of(model, uncertain, initial_state_std)
     settings = checked_arguments(model, points, values, rtol, threads, kinks, None)
+    if rule is not None and not isinstance(rule, Linearized):
+        check_type(rule, Rule, "rule")
+        return AssumedCovariance(*assumed.predictive(points, values, rule, settings))
     result = checked_sensitivities(assumed.model, points, assumed.theta(values), settings)
     covariance = assumed.covariance(result.dy_dtheta)
     covariance[result.status != Status.ok] = 0.0

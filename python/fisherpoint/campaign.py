@@ -17,6 +17,7 @@ from .data import Measurements
 from .design import ExchangeSettings, problem_from_json, problem_to_json
 from .estimation.estimate import estimate
 from .estimation.fit import Fit
+from .estimation.precision import quantile
 from .exchange import exchange
 from .experiments import Experiments
 from .problem import DesignProblem
@@ -157,8 +158,20 @@ class Campaign:
 
     @property
     def met(self) -> Mapping[str, bool]:
-        """Whether the target of each parameter that has one is met."""
-        return FrozenMapping({name: bool(self.rse[name] <= target) for name, target in self.targets.items()})
+        """Whether the target of each parameter that has one is met.
+
+        Where the noise is estimated from little, standard errors are small by chance: they count as much wider as Student's t makes
+        their 95 % intervals.
+        """
+        wider = self._wider()
+        return FrozenMapping({name: bool(self.rse[name] * wider[name] <= target) for name, target in self.targets.items()})
+
+    def _wider(self) -> Mapping[str, float]:
+        fit = self.fit if self.problem.noise_std is None else None
+        if fit is None:
+            return dict.fromkeys(self.problem.estimated, 1.0)
+        quantiles = quantile(0.95, np.array(list(fit.quantile_degrees_of_freedom.values())))
+        return dict(zip(fit.parameters, (quantiles / quantile(0.95, np.array(np.inf))).tolist(), strict=True))
 
     @property
     def done(self) -> bool:
@@ -291,6 +304,7 @@ class Campaign:
             noise_std=problem.noise_std,
             uncertain=problem.uncertain,
             initial_state_std=problem.initial_state_std,
+            assumed_rule=problem.assumed_rule,
             threads=self._threads,
         )
 

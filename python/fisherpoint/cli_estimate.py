@@ -76,6 +76,7 @@ def estimate(
         # Noise that is estimated has what is assumed in it.
         uncertain=problem.uncertain if known else None,
         initial_state_std=problem.initial_state_std if known else None,
+        assumed_rule=problem.assumed_rule,
         threads=threads,
     )
     found = [fit.profile(name) for name in fit.parameters] if profiles else []

@@ -86,9 +86,7 @@ def point_sensitivities(problem: DesignProblem, points: Experiments, threads: in
     if assumed is not None:
         share = assumed.covariance(result.dy_dtheta)
         if problem.assumed_covariance == "predictive" and not isinstance(problem.rule, Linearized):
-            theta, prior = assumed.theta(problem.theta), assumed.prior(problem.theta)
-            nodes = nodes_of(problem.rule, prior, names_of(assumed.model.parameters), assumed.names)
-            share, over_nodes = covariance_over_nodes(assumed.model, points, theta, nodes, problem.rule, settings)
+            share, over_nodes = assumed.predictive(points, problem.theta, problem.rule, settings)
             status = np.where(status != Status.ok, status, over_nodes)
     return PointInformation(points, scaled, np.zeros((len(points), n_y, n_y)), share), status
 

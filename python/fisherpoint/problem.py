@@ -165,6 +165,11 @@ class DesignProblem:
             return None
         return assumed_of(self.model, self.uncertain, self.initial_state_std)
 
+    @property
+    def assumed_rule(self) -> Rule | None:
+        """The rule by which what is assumed spreads over the outputs, (16); None where that is by tangents."""
+        return self.rule if self.assumed_covariance == "predictive" else None
+
     @cached_property
     def noise_covariance(self) -> Array:
         """R of (17), (n_y, n_y); zero where the noise is not known."""

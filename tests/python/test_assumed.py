@@ -227,6 +227,20 @@ def test_the_predictive_form_is_16_over_what_is_uncertain() -> None:
     close(linear - np.diag(np.square(list(NOISE.values()))), tangents, 1e-6)
 
 
+def test_estimates_take_either_form() -> None:
+    """With one parameter, the standard error is that of the covariances that the form gives."""
+    points = POINTS[[k for k in range(12) if k != 9]]
+    data = fp.Measurements(points, fp.simulate(MODEL, points, THETA, rtol=1e-9).y)
+    names, uncertain = ["E_oil"], {"T_1": 6e-4}
+    for rule in (None, fp.TensorGrid(3, 1.5)):
+        fit = fp.estimate(MODEL, data, start=PRIOR.mean, parameters=names, noise_std=NOISE, uncertain=uncertain, assumed_rule=rule)
+        share = assumed_covariance(MODEL, points, THETA, uncertain, rtol=1e-9, rule=rule).covariance
+        s = fp.sensitivities(MODEL, points, THETA, rtol=1e-9).dy_dtheta[:, :, NAMES.index("E_oil")]
+        d = np.diag(np.square(list(NOISE.values()))) + share
+        information = np.einsum("ki,ki->", s, np.linalg.solve(d, s[:, :, None])[:, :, 0])
+        assert fit.standard_errors["E_oil"] == pytest.approx(information**-0.5, rel=1e-4)
+
+
 def test_both_forms_agree_where_deviations_are_small() -> None:
     chosen = [name for name in NAMES if name != "c_L"]
     small: dict[str, Any] = {"uncertain": {"T_1": 2e-6, "c_L": 2e-12}, "initial_state_std": {"q": 1e-6, "v": 1e-5, "p_A": 100.0}}

@@ -331,3 +331,20 @@ def test_a_batch_that_does_not_tell_its_noise_meets_no_target(kinetics: fp.Desig
     measuring = fp.VirtualRig(unknown.model, unknown.theta, kinetics.noise_std or {})
     campaign.tell(measuring.measure(campaign.next()))
     assert not campaign.done and "not a minimum" in campaign.report()
+
+
+def test_few_degrees_of_freedom_meet_no_target_by_chance() -> None:
+    """With estimated noise, targets are held against standard errors as wide as Student's t makes intervals."""
+    decay = load_config(EXAMPLES / "exponential_decay.toml").problem().replace(noise_std=None, output_covariance="region")
+    (output,) = decay.model.outputs
+    campaign = fp.Campaign(decay, 4, 0.1, seed=1, **QUICK)
+    campaign.tell(fp.VirtualRig(decay.model, decay.theta, {output.name: 0.01}).measure(campaign.next()))
+    fit = campaign.fit
+    assert fit is not None
+    for name in campaign.targets:
+        low, high = fit.intervals()[name]
+        wide = (high - low) / 2 / 1.959963984540054 / abs(fit.estimate[name])
+        assert wide > campaign.rse[name]
+        between = fp.Campaign(decay, 4, (wide + campaign.rse[name]) / 2, seed=1, **QUICK)
+        between.tell(campaign.history[0].data)
+        assert not between.met[name]

@@ -13,6 +13,7 @@ from ..data.record import Record
 from ..models import Model
 from ..prior import GaussianPrior
 from ..quantity import Array, as_float, check_positive_int, names_of, some_names_among
+from ..rules import Rule
 from ..trajectories import Status, check_rtol, check_type, resolve_threads
 from .estimated_noise import unbiased
 from .fit import Fit
@@ -52,6 +53,7 @@ def estimate(
     bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
     uncertain: Mapping[str, float] | None = None,
     initial_state_std: Mapping[str, float] | None = None,
+    assumed_rule: Rule | None = None,
     starts: int = 8,
     rtol: float = 1e-9,
     threads: int | None = None,
@@ -82,6 +84,8 @@ def estimate(
         As in `DesignProblem`: standard deviations of constants, and of the starts of experiment points. What they add to the
         covariance of the outputs is taken at the estimate. Not for records, of which they would correlate all samples: estimate
         them there.
+    assumed_rule : Rule, optional
+        Takes that share as a predictive covariance (16), where it is not linear; the default is by tangents.
     starts : int
         Number of starts where there is a prior: its mean, and nodes spread over it, of which those at which trajectories are not
         ok are left out.
@@ -134,7 +138,7 @@ def estimate(
     if known:
         residuals = replace(residuals, covariance=noise_covariance(model, noise_std or {}, observed.y))
         at = observed.parameters(unknowns.values(z0[:1]))[0]  # not at the start as given, where trajectories may not be ok
-        residuals = _with_assumed(residuals, model, parts, at, uncertain, initial_state_std, rtol, threads)
+        residuals = _with_assumed(residuals, model, parts, at, uncertain, initial_state_std, assumed_rule, rtol, threads)
         minima = minimise(residuals, z0, unknowns.lower, unknowns.upper, FIRST_ITERATIONS)
     elif uncertain or initial_state_std:
         raise ValueError("noise_std: expected the sensor noise beside uncertain or initial_state_std, given none")
@@ -159,7 +163,7 @@ def estimate(
         before = residuals.variances
         residuals = replace(residuals, covariance=noise_covariance(model, noise_std or {}, observed.y))
         at = observed.parameters(unknowns.values(z[None]))[0]
-        residuals = _with_assumed(residuals, model, parts, at, uncertain, initial_state_std, rtol, threads)
+        residuals = _with_assumed(residuals, model, parts, at, uncertain, initial_state_std, assumed_rule, rtol, threads)
         if np.allclose(residuals.variances, before, rtol=SAME_WEIGHTS, atol=0.0):
             break
     if minima.end[best] != CONVERGED and not converged:
@@ -255,6 +259,7 @@ def _with_assumed(
     theta: Array,
     uncertain: Mapping[str, float] | None,
     initial_state_std: Mapping[str, float] | None,
+    rule: Rule | None,
     rtol: float,
     threads: int,
 ) -> WeightedResiduals:
@@ -268,7 +273,7 @@ def _with_assumed(
         if not isinstance(part, Measurements):
             label = "uncertain" if uncertain else "initial_state_std"
             raise ValueError(f"{label}: expected measurements of points, given a record; estimate there what is not exact")
-        added, status = assumed_covariance(model, part.points, theta, uncertain or {}, initial_state_std or {}, rtol, threads)
+        added, status = assumed_covariance(model, part.points, theta, uncertain, initial_state_std, rtol, threads, rule=rule)
         if status.any():
             k = int(np.argmax(status != Status.ok))
             raise ValueError(f"points: expected trajectories that are ok, given points[{k}] ({Status(status[k]).name})")

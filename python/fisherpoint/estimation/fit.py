@@ -162,6 +162,12 @@ class Fit:
         return self.problem.unknowns.at_bounds(self.z)
 
     @property
+    def expected_std(self) -> Array:
+        """Root mean square (n_y,) of how measurements scatter: the noise, with the share of what is assumed and not exact."""
+        variances = self.problem.variances
+        return np.asarray(np.sqrt(variances.reshape(-1, variances.shape[-1]).mean(axis=0)))
+
+    @property
     def residual_covariance(self) -> Array:
         """(10): mean of residual times residual transposed, (n_y, n_y), zero for outputs that were never measured together."""
         covariance: Array = residual_covariance(self.residuals[None])[0]

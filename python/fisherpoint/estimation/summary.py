@@ -169,13 +169,16 @@ def _outputs(fit: Fit) -> Section:
     """Residuals of each output beside its noise; with chi-square, where the noise is known."""
     units = {q.name: q.unit for q in fit.model.outputs}
     given, found = (np.sqrt(np.diag(m)) for m in (fit.noise_covariance, fit.residual_covariance))
+    expected = fit.expected_std
     places = {name: i for i, name in enumerate(names_of(fit.model.outputs))}
     noise = "noise std" if fit.noise_known else "noise std, estimated"
-    columns = ["output", "unit", "measured", noise, "residual rms (10)", "degrees"]
+    assumed = fit.noise_known and not np.allclose(expected, given)
+    columns = ["output", "unit", "measured", noise, *(["with assumed"] if assumed else []), "residual rms (10)", "degrees"]
     rows, marked = [], []
     for k, (name, test) in enumerate(fit.tests.items()):
         i = places[name]
-        row = [name, units[name], str(test.count), number(given[i]), number(found[i]), f"{test.degrees_of_freedom:.1f}"]
+        of_noise = [number(given[i]), *([number(expected[i])] if assumed else [])]
+        row = [name, units[name], str(test.count), *of_noise, number(found[i]), f"{test.degrees_of_freedom:.1f}"]
         if fit.noise_known:
             row += [number(test.chi_square), number(test.per_degree_of_freedom, 3)]
             row += ["-" if test.p_value is None else number(test.p_value, 2)]
