@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .figures import Figure
+from .figures import FEWEST, Figure
 
 if TYPE_CHECKING:
     from .result import DesignValidation, Validation
@@ -51,6 +51,8 @@ def _design(name: str, design: DesignValidation, n: int) -> Iterator[str]:
     if design.runs is None:
         yield "  nothing was fitted: the points determine no parameter"
         return
+    if design.fits < FEWEST:
+        yield f"  no figures: expected at least {FEWEST} fits that did not fail"
     columns = ("promised", "claimed", "achieved", "ratio", "typical ratio", "bias", "rmse", "coverage")
     width = max(len("parameter"), *map(len, design.parameters))
     yield f"  {'parameter':<{width}} {columns[0]:>9} {columns[1]:>9}" + "".join(f" {column:>13}" for column in columns[2:])
