@@ -167,7 +167,7 @@ def _parameter_table(evaluated: Evaluated) -> RenderableType:
     problem, under_noise = evaluated.problem, evaluated.under_noise
     if under_noise is None:
         return Text(
-            "No standard errors: the precision of an estimate follows from the sensor noise, which is not known. The D of the\n"
+            "No standard errors: the precision of an estimate follows from the sensor noise, which is not known. The D of the "
             "criterion is the spread of the outputs over the prior; it ranks designs. Give [noise_std].\n",
             "italic",
         )
