@@ -254,6 +254,13 @@ def test_starts_that_deviate_are_part_of_the_promise(cylinder: tuple[fp.DesignPr
             assert sigmas(of.ratio, 1) < 4.5
 
 
+def test_the_headline_says_what_deviates() -> None:
+    model = fp.SymbolicModel([], ["a + b*u + c"], {}, **MODEL, constants={"c": 0.0}, nominal={"a": 1.0, "b": 1.0})
+    said = str(fp.validate({"d": SPREAD}, line(model, uncertain={"c": 0.1}), n=10))
+    assert "c off by an error that all points of an experiment share" in said and "starts off" not in said
+    assert " off by" not in str(fp.validate({"d": SPREAD}, line(model), n=10))
+
+
 def test_truths_whose_trajectories_fail_are_counted_by_status() -> None:
     tank = fp.SymbolicModel(
         ["-k*sqrt(h)"], ["h"], {"h": "m"}, {}, {"k": "1"}, {"h_m": "m"}, nominal={"k": 0.5}, domain=["h - 0.05"]
