@@ -167,7 +167,7 @@ def _parameter_table(evaluated: Evaluated) -> RenderableType:
     problem, under_noise = evaluated.problem, evaluated.under_noise
     if under_noise is None:
         return Text(
-            "No standard errors: the precision of an estimate follows from the sensor noise, which is not known. The D of the\n"
+            "No standard errors: the precision of an estimate follows from the sensor noise, which is not known. The D of the "
             "criterion is the spread of the outputs over the prior; it ranks designs. Give [noise_std].\n",
             "italic",
         )
@@ -188,7 +188,16 @@ def _parameter_table(evaluated: Evaluated) -> RenderableType:
             percent(row.of_prior),
             style="yellow" if name in under_noise.weak_parameters else None,
         )
-    return table
+    if problem.assumed is None or problem.assumed_covariance == "predictive":
+        return table
+    return Group(
+        table,
+        Text(
+            'To first order in what is uncertain; assumed_covariance = "predictive" takes in curvature, which may make estimates '
+            "worse than this. fisherpoint validate tells.\n",
+            "italic",
+        ),
+    )
 
 
 def _criterion(evaluated: Evaluated) -> Table:

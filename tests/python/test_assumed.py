@@ -446,6 +446,7 @@ def test_the_report_says_what_is_uncertain() -> None:
         "v 0.02 m/s",
         "of each point what is uncertain",
         "(R_k)",
+        "To first order in what is uncertain",
     ):
         assert part in text
     assert "starts near v = 0" in text and "three of initial_state_std" in text

@@ -127,6 +127,7 @@ def test_without_noise_nothing_is_promised_and_left_out_outputs_are_named(design
     evaluated = evaluate_points(problem(None), design.points)
     text = words(report.to_text(report.evaluation_report(evaluated)))
     assert evaluated.under_noise is None
+    assert "\nThe D of the\n" not in report.to_text(report.evaluation_report(evaluated))
     assert "No standard errors" in text and "Give [noise_std]" in text
     assert "RSE" not in text and "stays above half the prior std" not in text
     assert "x_v: no noise is given and no parameter" in text

@@ -14,6 +14,7 @@ from defaults import NOISE, problem, valid_points
 from fisherpoint.cli import main
 from fisherpoint.estimation.estimated_noise import inflated
 from fisherpoint.estimation.least_squares import CONVERGED, minimise
+from fisherpoint.estimation.precision import covariances
 from fisherpoint.quantity import Array
 from fisherpoint.validation import fits
 from fisherpoint.validation.figures import mean, share, standard_deviation, typical_size
@@ -164,6 +165,21 @@ def test_too_few_points_are_told_and_not_fitted() -> None:
     assert found.frame().loc["one"].ratio.isna().all() and found.frame().loc["two"].ratio.notna().all()
 
 
+def test_too_few_fits_for_figures_are_told() -> None:
+    assert "no figures: expected at least 10 fits" in str(fp.validate({"d": SPREAD}, line(), n=9))
+    assert "no figures" not in str(fp.validate({"d": SPREAD}, line(), n=10))
+
+
+def test_estimated_weights_never_make_a_fit_more_precise() -> None:
+    """Nor where rounding is larger than what they add, as with twelve numbers that hardly tell nine unknowns."""
+    rng = np.random.default_rng(0)
+    jacobian = rng.standard_normal((50, 3, 4, 9))
+    jacobian[..., 1] = jacobian[..., 0] + 1e-7 * jacobian[..., 1]
+    covariance, determined = covariances(jacobian.reshape(50, 12, 9))
+    grown = np.einsum("bpp->bp", inflated(jacobian, covariance, np.full(4, 3), False).covariance)
+    assert determined.all() and (grown >= np.einsum("bpp->bp", covariance)).all()
+
+
 def test_what_is_determined_is_shown_beside_what_is_not() -> None:
     model = fp.SymbolicModel(
         [], ["a", "b*c*u"], {}, {"u": "1"}, {"a": "1", "b": "1", "c": "1"}, {"y": "1", "w": "1"}, nominal={"a": 1, "b": 1, "c": 1}
@@ -238,6 +254,13 @@ def test_starts_that_deviate_are_part_of_the_promise(cylinder: tuple[fp.DesignPr
             assert sigmas(of.ratio, 1) < 4.5
 
 
+def test_the_headline_says_what_deviates() -> None:
+    model = fp.SymbolicModel([], ["a + b*u + c"], {}, **MODEL, constants={"c": 0.0}, nominal={"a": 1.0, "b": 1.0})
+    said = str(fp.validate({"d": SPREAD}, line(model, uncertain={"c": 0.1}), n=10))
+    assert "c off by an error that all points of an experiment share" in said and "starts off" not in said
+    assert " off by" not in str(fp.validate({"d": SPREAD}, line(model), n=10))
+
+
 def test_truths_whose_trajectories_fail_are_counted_by_status() -> None:
     tank = fp.SymbolicModel(
         ["-k*sqrt(h)"], ["h"], {"h": "m"}, {}, {"k": "1"}, {"h_m": "m"}, nominal={"k": 0.5}, domain=["h - 0.05"]
@@ -270,6 +293,7 @@ def test_figures() -> None:
         ({"noise_std": {"z": 1.0}}, "noise_std: expected the names y; given unknown 'z'"),
         ({"noise_std": {"y": 0.0}}, "noise_std.*expected a positive standard deviation"),
         ({"problem": line(DECAY, LOG), "theta": {"a": -1.0}}, r"theta\['a'\]: expected a positive value of a log-normal"),
+        ({"noise": "estimated", "designs": {"d": SPREAD[:2]}}, r"designs\['d'\]: noise_std: .* more than 2 numbers .* given 2"),
         ({"noise": "both"}, "noise: expected 'known' or 'estimated', given 'both'"),
         ({"n": 0}, "n: expected"),
         ({"truth": fp.HydraulicCylinder()}, "truth: expected the states"),

@@ -18,7 +18,7 @@ from ..trajectories import Status, check_rtol, check_type, resolve_threads
 from .estimated_noise import unbiased
 from .fit import Fit
 from .least_squares import CONVERGED, ENDS, NOT_EVALUABLE, Minima, minimise
-from .noise import correlations_can_be_told, likelihood_deviance, minimise_log_det
+from .noise import check_noise_can_be_told, correlations_can_be_told, likelihood_deviance, minimise_log_det
 from .response import Observed
 from .unknowns import Unknowns, checked_bounds, prior_factor, spread_starts, unknowns_of
 from .weighting import WeightedResiduals, noise_covariance
@@ -143,7 +143,7 @@ def estimate(
     elif uncertain or initial_state_std:
         raise ValueError("noise_std: expected the sensor noise beside uncertain or initial_state_std, given none")
     else:
-        _check_noise_can_be_told(observed, prior)
+        check_noise_can_be_told(observed, prior)
         full = correlations_can_be_told(np.isfinite(observed.y), len(unknowns))
         minima, covariances = minimise_log_det(residuals, z0, full, FIRST_ITERATIONS, SETTLED_TO_COMPARE)
         twice = likelihood_deviance(covariances, residuals.measured, full) + residuals.prior_square(minima.z)
@@ -227,15 +227,6 @@ def _start_guess(model: Model, state: str, record: Record) -> float:
         if np.isfinite(column).any():
             return float(column[np.isfinite(column)][0])
     return next(q.scale for q in model.states if q.name == state) or 1.0
-
-
-def _check_noise_can_be_told(observed: Observed, prior: GaussianPrior | None) -> None:
-    count = int(np.isfinite(observed.y).sum())
-    free = sum(prior is None or name not in prior.names for name in observed.names)
-    if count <= free:
-        raise ValueError(
-            f"noise_std: expected the noise, or more than {free} numbers to estimate it beside the unknowns; given {count}"
-        )
 
 
 def _starts(observed: Observed, unknowns: Unknowns, begin: Mapping[str, float], spread: GaussianPrior | None, count: int) -> Array:

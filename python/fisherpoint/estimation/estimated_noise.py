@@ -115,6 +115,8 @@ def inflated(jacobian: Array, covariance: Array, counts: NDArray[np.intp], full:
     weights = turn @ noise @ turn.transpose(0, 2, 1)  # covariance of the estimated delta
 
     added = b_matrix @ np.einsum("bcd,bcdpq->bpq", weights, scores) @ b_matrix
+    # A covariance itself; where next to nothing is told, rounding makes anything of it.
+    added[(np.einsum("bpp->bp", added) < 0).any(axis=1)] = 0.0
     shares = np.einsum("bpq,bcqr,brp->bcp", b_matrix, moved, b_matrix, optimize=True)
     spread = np.einsum("bcp,bcd,bdp->bp", shares, weights, shares, optimize=True)
     variance = np.einsum("bpp->bp", b_matrix)

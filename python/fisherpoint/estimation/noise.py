@@ -11,8 +11,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..prior import GaussianPrior
 from ..quantity import Array
 from .least_squares import NOT_EVALUABLE, Minima, minimise
+from .response import Observed
 from .weighting import WeightedResiduals
 
 FLOOR = 1e-12
@@ -39,6 +41,16 @@ def likelihood_deviance(covariance: Array, measured: NDArray[np.bool_], full: bo
     if full:
         return np.asarray(len(measured) * np.linalg.slogdet(covariance)[1])
     return np.asarray(np.log(np.einsum("bii->bi", covariance)) @ measured.sum(axis=0))
+
+
+def check_noise_can_be_told(observed: Observed, prior: GaussianPrior | None) -> None:
+    """Raise where there are not more numbers than unknowns that the prior does not have."""
+    count = int(np.isfinite(observed.y).sum())
+    free = sum(prior is None or name not in prior.names for name in observed.names)
+    if count <= free:
+        raise ValueError(
+            f"noise_std: expected the noise, or more than {free} numbers to estimate it beside the unknowns; given {count}"
+        )
 
 
 def correlations_can_be_told(measured: NDArray[np.bool_], n_unknowns: int) -> bool:

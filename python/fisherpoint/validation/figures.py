@@ -42,7 +42,8 @@ class ParameterFigures:
     parameter : str
     prior_std : float
     promised : float
-        Standard error under the sensor noise at the prior mean; NaN where the points do not determine the parameter.
+        Standard error under the noise that the fits reckon with (R, or R_k), at the prior mean; NaN where the points do not
+        determine the parameter.
     bias : Figure
         Mean error.
     achieved : Figure

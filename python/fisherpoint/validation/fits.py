@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..data.measurements import Measurements
 from ..estimation.estimated_noise import inflated, output_degrees_of_freedom, unbiased
 from ..estimation.least_squares import CONVERGED, ENDS, Minima, minimise
-from ..estimation.noise import correlations_can_be_told, minimise_log_det
+from ..estimation.noise import check_noise_can_be_told, correlations_can_be_told, minimise_log_det
 from ..estimation.precision import Precision, covariances, in_words, quantile
 from ..estimation.response import Observed
 from ..estimation.unknowns import Unknowns, checked_bounds, prior_factor, spread_starts, unknowns_of
@@ -84,6 +84,8 @@ class Estimator:
         outputs = names_of(model.outputs)
         blank = np.tile([0.0 if name in noise_std else np.nan for name in outputs], (len(points), 1))
         observed = Observed(model, [Measurements(points, blank)], names, problem.theta, rtol, threads)
+        if not noise_known:
+            check_noise_can_be_told(observed, problem.prior if use_prior else None)
         covariance = noise_covariance(model, noise_std, blank)
         information = point_information(problem, points, False, threads)
         if information.assumed is not None:

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .figures import Figure
+from .figures import FEWEST, Figure
 
 if TYPE_CHECKING:
     from .result import DesignValidation, Validation
 
 LEGEND = """\
-promised: standard error under the sensor noise at the prior mean; claimed: mean of the fits' own standard errors;
+promised: standard error under the noise that the fits reckon with, at the prior mean; claimed: mean of the fits' own ones;
 achieved: standard deviation of the estimates' errors, and its ratio to promised; typical ratio: the same of their median size,
 which a few fits that run away do not move; rmse: root mean square error; coverage: of the fits' 95 % intervals.
 promised, claimed, achieved, bias and rmse in shares of the prior std; 0.987(22) is 0.987 +- 0.022, a Monte Carlo standard error."""
@@ -36,6 +36,10 @@ def headline(validation: Validation) -> str:
     parts = [f"{validation.n} virtual experiments each, {said}, noise {validation.noise}, {kind}, seed {validation.seed}"]
     if validation.truth is not None:
         parts.append(f"data made by another model ({validation.truth.name})")
+    if validation.problem.uncertain and validation.truth is None:
+        parts.append(f"{', '.join(validation.problem.uncertain)} off by an error that all points of an experiment share")
+    if validation.problem.initial_state_std:
+        parts.append("starts off by an error of each point")
     if validation.redrawn:
         parts.append(f"{validation.redrawn} draws from the prior left out, which make no sense to the model")
     return "; ".join(parts)
@@ -51,6 +55,8 @@ def _design(name: str, design: DesignValidation, n: int) -> Iterator[str]:
     if design.runs is None:
         yield "  nothing was fitted: the points determine no parameter"
         return
+    if design.fits < FEWEST:
+        yield f"  no figures: expected at least {FEWEST} fits that did not fail"
     columns = ("promised", "claimed", "achieved", "ratio", "typical ratio", "bias", "rmse", "coverage")
     width = max(len("parameter"), *map(len, design.parameters))
     yield f"  {'parameter':<{width}} {columns[0]:>9} {columns[1]:>9}" + "".join(f" {column:>13}" for column in columns[2:])
