@@ -17,29 +17,15 @@ from ..rules import Rule
 from ..trajectories import Status, check_rtol, check_type, resolve_threads
 from .estimated_noise import unbiased
 from .fit import Fit
-from .least_squares import CONVERGED, ENDS, NOT_EVALUABLE, Minima, minimise
-from .noise import check_noise_can_be_told, correlations_can_be_told, likelihood_deviance, minimise_log_det
+from .known_noise import KnownNoise
+from .noise import check_noise_can_be_told
 from .response import Observed
+from .search import search_with_known_noise, search_with_unknown_noise
 from .unknowns import Unknowns, checked_bounds, prior_factor, spread_starts, unknowns_of
 from .weighting import WeightedResiduals, noise_covariance
 
-SAME_MINIMUM = 1e-3
-"""Difference of costs, in half squares of standard errors, up to which two starts have come to the same minimum."""
-
-FIRST_ITERATIONS = 50
-"""Of each of several starts: more are spent on the best one alone."""
-
 MOST_DRAWN = 8
 """Nodes of the prior, for each start, that are tried where trajectories are not ok."""
-
-SETTLED_TO_COMPARE = 1e-4
-"""Change of estimated weights from which on starts can be compared."""
-
-WEIGHTINGS = 20
-"""How often at most the share of what is assumed is taken anew at the estimate."""
-
-SAME_WEIGHTS = 1e-5
-"""Change of variances, as a share, from which on they are the same weights."""
 
 
 def estimate(
@@ -134,42 +120,18 @@ def estimate(
     factor = None if prior is None else prior_factor(prior, unknowns)
     residuals = WeightedResiduals(observed, unknowns, observed.y[None], np.eye(observed.y.shape[1]), factor)
 
-    known = noise_std is not None
-    if known:
-        residuals = replace(residuals, covariance=noise_covariance(model, noise_std or {}, observed.y))
-        at = observed.parameters(unknowns.values(z0[:1]))[0]  # not at the start as given, where trajectories may not be ok
-        residuals = _with_assumed(residuals, model, parts, at, uncertain, initial_state_std, assumed_rule, rtol, threads)
-        minima = minimise(residuals, z0, unknowns.lower, unknowns.upper, FIRST_ITERATIONS)
+    if noise_std is not None:
+        sensors = noise_covariance(model, noise_std, observed.y)
+        noise = KnownNoise(model, parts, sensors, uncertain, initial_state_std, assumed_rule, rtol, threads)
+        found = search_with_known_noise(residuals, z0, noise)
     elif uncertain or initial_state_std:
         raise ValueError("noise_std: expected the sensor noise beside uncertain or initial_state_std, given none")
     else:
         check_noise_can_be_told(observed, prior)
-        full = correlations_can_be_told(np.isfinite(observed.y), len(unknowns))
-        minima, covariances = minimise_log_det(residuals, z0, full, FIRST_ITERATIONS, SETTLED_TO_COMPARE)
-        twice = likelihood_deviance(covariances, residuals.measured, full) + residuals.prior_square(minima.z)
-        minima = minima._replace(cost=np.where(np.isfinite(twice), twice / 2, np.inf))
-    best, reached = _best(minima, observed, unknowns, z0)
-    evaluations = int(minima.iterations[best])
-    if not known:
-        minima, covariances = minimise_log_det(residuals, minima.z[best : best + 1], full)
-        evaluations, best = evaluations + int(minima.iterations[0]), 0
-        residuals = replace(residuals, covariance=covariances[0])
-    z, message, converged = minima.z[best], ENDS[int(minima.end[best])], False
-    for _ in range(WEIGHTINGS):
-        z, message, polished, converged = _polished(residuals, z)
-        evaluations += polished
-        if not uncertain and not initial_state_std:
-            break
-        before = residuals.variances
-        residuals = replace(residuals, covariance=noise_covariance(model, noise_std or {}, observed.y))
-        at = observed.parameters(unknowns.values(z[None]))[0]
-        residuals = _with_assumed(residuals, model, parts, at, uncertain, initial_state_std, assumed_rule, rtol, threads)
-        if np.allclose(residuals.variances, before, rtol=SAME_WEIGHTS, atol=0.0):
-            break
-    if minima.end[best] != CONVERGED and not converged:
-        message = ENDS[int(minima.end[best])]
+        found = search_with_unknown_noise(residuals, z0)
+        sensors = found.residuals.covariance
 
-    values = unknowns.values(z[None])
+    values = unknowns.values(found.z[None])
     response = observed.respond(values)
     fit = Fit(
         model=model,
@@ -179,16 +141,16 @@ def estimate(
         values=values[0],
         predicted=response.y[0],
         residuals=observed.y - response.y[0],
-        noise_known=known,
-        noise_covariance=noise_covariance(model, noise_std or {}, observed.y) if known else residuals.covariance,
-        converged=converged or int(minima.end[best]) == CONVERGED,
-        message=message,
-        evaluations=evaluations,
+        noise_known=noise_std is not None,
+        noise_covariance=sensors,
+        converged=found.converged,
+        message=found.message,
+        evaluations=found.evaluations,
         starts=len(z0),
-        reached=reached,
-        problem=residuals,
+        reached=found.reached,
+        problem=found.residuals,
     )
-    return fit if known else _with_unbiased_noise(fit)
+    return fit if fit.noise_known else _with_unbiased_noise(fit)
 
 
 def _parts(data: Any, model: Model) -> tuple[Measurements | Record, ...]:
@@ -241,83 +203,6 @@ def _starts(observed: Observed, unknowns: Unknowns, begin: Mapping[str, float], 
         if ok.sum() >= count:
             break
     return z[ok][:count] if ok.any() else z[:1]
-
-
-def _with_assumed(
-    residuals: WeightedResiduals,
-    model: Model,
-    parts: Sequence[Any],
-    theta: Array,
-    uncertain: Mapping[str, float] | None,
-    initial_state_std: Mapping[str, float] | None,
-    rule: Rule | None,
-    rtol: float,
-    threads: int,
-) -> WeightedResiduals:
-    """The residuals with R_k = R + G P G^T for every sample, at the parameters theta (p,)."""
-    if not uncertain and not initial_state_std:
-        return residuals
-    from ..assumed import assumed_covariance
-
-    covariances = []
-    for part in parts:
-        if not isinstance(part, Measurements):
-            label = "uncertain" if uncertain else "initial_state_std"
-            raise ValueError(f"{label}: expected measurements of points, given a record; estimate there what is not exact")
-        added, status = assumed_covariance(model, part.points, theta, uncertain, initial_state_std, rtol, threads, rule=rule)
-        if status.any():
-            k = int(np.argmax(status != Status.ok))
-            raise ValueError(f"points: expected trajectories that are ok, given points[{k}] ({Status(status[k]).name})")
-        covariances.append(residuals.covariance + added)
-    return replace(residuals, covariance=np.concatenate(covariances))
-
-
-def _best(minima: Minima, observed: Observed, unknowns: Unknowns, z0: Array) -> tuple[int, int]:
-    """The start that came lowest, and how many came there."""
-    usable = minima.end != NOT_EVALUABLE
-    if not usable.any():
-        status = Status(observed.respond(unknowns.values(z0[:1])).status[0])
-        raise ValueError(f"start: expected parameters at which trajectories are ok, given one with {status.name}. {status.advice}")
-    cost = np.where(usable, minima.cost, np.inf)
-    best = int(np.argmin(cost))
-    return best, int((cost <= cost[best] + SAME_MINIMUM).sum())
-
-
-def _polished(residuals: WeightedResiduals, z: Array) -> tuple[Array, str, int, bool]:
-    """SciPy's minimum from z (P,): where it is, how it ended, evaluations, and whether that is a minimum."""
-    from scipy.optimize import least_squares
-
-    row, kept = np.zeros(1, dtype=np.intp), {}
-
-    def function(at: Array) -> Array:
-        r, jacobian, ok = residuals(at[None], row)
-        kept["at"], kept["jacobian"] = at.copy(), jacobian[0]
-        return r[0] if ok[0] else np.full(r.shape[1], np.inf)
-
-    def jacobian(at: Array) -> Array:
-        return kept["jacobian"] if np.array_equal(kept["at"], at) else residuals(at[None], row)[1][0]
-
-    lower, upper = residuals.unknowns.lower, residuals.unknowns.upper
-    bounded = np.isfinite(lower).any() or np.isfinite(upper).any()
-    inside = np.clip(z, lower, upper)
-    try:
-        found = least_squares(
-            function,
-            inside,
-            jacobian,
-            bounds=(lower, upper) if bounded else (-np.inf, np.inf),
-            method="trf",
-            x_scale="jac",
-            ftol=1e-15,
-            xtol=1e-12,
-            gtol=1e-12,
-            max_nfev=100,
-        )
-    except ValueError as error:
-        if "not finite" not in str(error):
-            raise
-        return z, "the trajectories at the estimate are not ok", 1, False
-    return found.x, str(found.message), int(found.nfev), bool(found.success)
 
 
 def _with_unbiased_noise(fit: Fit) -> Fit:
