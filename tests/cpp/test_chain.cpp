@@ -93,6 +93,15 @@ TEST_CASE("records start on a kink, rest on it, go along it and cross it") {
   CHECK(up.x[2] == doctest::Approx(g / k * (1 - std::cos(std::sqrt(k) * t))).epsilon(1e-7));
 }
 
+TEST_CASE("a record that rounding has put next to a kink crosses it") {
+  for (double x0 : {3e-17, -3e-17, 1e-20, -1e-20}) {
+    const double u = x0 < 0 ? 2.0 : -2.0;
+    const auto r = chained<double>(Valve{}, {x0}, {u, -u}, {0.5, 3.0}, {0.5, 3.0}, {1e-9});
+    CHECK(r.reached[0] == 2);
+    CHECK(r.x[1] == doctest::Approx(through_kink(x0, u, 0.5, 0.5, 3.0)).epsilon(1e-7));
+  }
+}
+
 TEST_CASE("a record's states do not depend on what shares its pack, nor on the threads") {
   const int count = 2 * native_lanes + 3;
   std::vector<double> x0, theta, u, dt;

@@ -173,6 +173,21 @@ def test_a_record_starts_and_rests_on_a_kink() -> None:
     assert (done.x[:3] == 0).all()
 
 
+def test_a_record_that_settles_at_a_kink_goes_on() -> None:
+    """Where the level k of the kink is not zero, rounding leaves the state some last bits off it, on either side."""
+    lag = fp.SymbolicModel(
+        ["(u - x)/T", "max(x - k, 0)"], ["z"], {"x": "1", "z": "1"}, {"u": "1"}, {"T": "s", "k": "1"}, {"z": "1"}
+    )
+    rng, t = np.random.default_rng(0), np.arange(41.0)
+    for _ in range(60):
+        k, step = rng.uniform(0.1, 2.0), rng.choice([-1, 1]) * rng.uniform(0.1, 2.0)
+        done = fp.simulate_record(lag, [0.3, k], t, np.where(t < 30, k, k + step), [rng.normal(), 0.0])
+        assert done.status == fp.Status.ok
+        # Behind the 30th second x - k rises as step (1 - exp(-s/T)).
+        expected = max(step, 0.0) * (10 - 0.3 * (1 - np.exp(-10 / 0.3)))
+        assert abs(done.x[-1, 1] - done.x[30, 1] - expected) < 1e-5
+
+
 def test_a_start_outside_the_domain_is_a_status() -> None:
     done = fp.simulate_record(tanks, TANKS, T, U, [-0.1, 0.6])
     assert done.status == fp.Status.left_domain and done.reached == 0

@@ -52,6 +52,9 @@ struct Outcome {
 // A trajectory next to a limit leaves the domain if at its rate it would be there within this share of its duration.
 inline constexpr double brink = 1e-5;
 
+// A start is on a kink to rounding if it is as near to it as this share of how far the step goes past it.
+inline constexpr double rounding = 1e-12;
+
 template <class Equation, class Method>
 class Integrator {
   using P = typename Equation::Number;
@@ -192,12 +195,14 @@ class Integrator {
       if (m >= f_.jumps_end && m < f_.kinks_end) {
         const P slope = 4.0 * (h.b4 - h.b3);  // of the whole step
         // A start along the kink, or at rest on it, belongs to the side where the step ends; f has no jump there.
-        const Mask along = good & !(abs(value_[m]) + abs(rate_[m]) > zero), wrong = along & (h.b4 < zero);
+        const Mask along = good & !(abs(value_[m]) + abs(rate_[m]) > zero);
+        // So does a start that rounding has put next to the kink, from where the kink cannot be landed on.
+        const Mask next_to = good & (h.b1 < h.b0) & (h.b0 <= -rounding * h.b4), wrong = (along | next_to) & (h.b4 < zero);
         side_[m] = select(wrong, -side_[m], side_[m]);
         unsure = unsure | wrong;
-        landed_[m] = good & !along & (abs(h.b4) <= -landing_ * slope) & !(ends_ & (h.b4 > zero));
+        landed_[m] = good & !along & !wrong & (abs(h.b4) <= -landing_ * slope) & !(ends_ & (h.b4 > zero));
         lands = lands | landed_[m];
-        crossed = crossed & !landed_[m] & !along;
+        crossed = crossed & !landed_[m] & !along & !wrong;
         clear = along;
         to_kink = to_kink | crossed;
         if (any(crossed)) next_cap = select(crossed, min(next_cap, h.zero() * step_), next_cap);
