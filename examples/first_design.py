@@ -11,5 +11,5 @@ problem = fp.DesignProblem(model, prior, region, noise_std=noise_std)
 
 design = fp.exchange(problem, n_experiments=12, max_iterations=200)
 design.points.to_csv("design.csv", model)
-for name, rse in design.evaluation.rse.items():
+for name, rse in design.under_noise.rse.items():
     print(f"{name:6} known to {prior.std[name] / abs(prior.mean[name]):.0%}, afterwards to {rse:.2%}")
