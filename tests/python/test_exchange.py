@@ -225,7 +225,8 @@ def test_an_interrupt_returns_the_best_design_so_far() -> None:
 
 
 LONG_RUN = """
-import sys, time
+import signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs start with Ctrl-C ignored
 import fisherpoint as fp
 m = fp.HydraulicCylinder()
 prior = fp.GaussianPrior(m.nominal, relative_std=dict(
