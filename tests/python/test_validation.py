@@ -287,7 +287,7 @@ def test_figures() -> None:
     ("changes", "message"),
     [
         ({"designs": {}}, "designs: expected at least one, given none"),
-        ({"designs": {"d": 3}}, r"designs\['d'\]: expected Experiments, given int"),
+        ({"designs": {"d": 3}}, r"designs\['d'\]: expected Experiments or a Design, given int"),
         ({"theta": "true"}, "theta: expected 'prior', 'mean' or a mapping"),
         ({"theta": {"z": 1.0}}, "theta: expected names of a, b; given unknown 'z'"),
         ({"noise_std": {"z": 1.0}}, "noise_std: expected the names y; given unknown 'z'"),

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..design import Design
 from ..estimation.weighting import noise_covariance
 from ..experiments import Experiments
 from ..models import Model
@@ -42,7 +43,7 @@ def validate(
 
     Parameters
     ----------
-    designs : mapping of name to Experiments
+    designs : mapping of name to Experiments or Design
         They share the true parameters and the random numbers.
     problem : DesignProblem
         With `uncertain`, the constants of every run deviate, and with `initial_state_std` the start of every point does; the fits
@@ -131,14 +132,17 @@ def _designs(given: Any) -> dict[str, Experiments]:
         raise TypeError(f"designs: expected a mapping of names to Experiments, given {type(given).__name__}")
     if not given:
         raise ValueError("designs: expected at least one, given none")
-    for name, points in given.items():
+    named = {}
+    for name, design in given.items():
+        points = design.points if isinstance(design, Design) else design
         if not isinstance(name, str):
             raise TypeError(f"designs: expected names, given {name!r}")
         if not isinstance(points, Experiments):
-            raise TypeError(f"designs[{name!r}]: expected Experiments, given {type(points).__name__}")
+            raise TypeError(f"designs[{name!r}]: expected Experiments or a Design, given {type(points).__name__}")
         if not len(points):
             raise ValueError(f"designs[{name!r}]: expected at least one point, given none")
-    return dict(given)
+        named[name] = points
+    return named
 
 
 def _check_truth(truth: Model, model: Model) -> None:
