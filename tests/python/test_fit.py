@@ -272,3 +272,18 @@ def test_a_record_is_drawn_over_time(tmp_path: Path) -> None:
     assert fit.profile("x0_h2").interval == pytest.approx(fit.intervals()["x0_h2"], rel=0.01)
     paths = plots_fit.save_all(fit, tmp_path)
     assert "time" in {path.stem for path in paths}
+
+
+def test_a_fit_shows_what_its_outputs_were_expected_to_scatter_by() -> None:
+    """A line through the origin: the prior's spread of the slope times u, in the root mean square, beside the noise."""
+    line = fp.SymbolicModel([], ["a*u"], {}, {"u": "1"}, {"a": "1"}, {"y": "1"})
+    u = np.array([1.0, 2.0, 2.0, 5.0])
+    data = fp.Measurements(fp.Experiments(np.empty((4, 0)), u), 1.1 * u)
+    prior = fp.GaussianPrior({"a": 1.0}, std={"a": 0.3})
+    fit = fp.estimate(line, data, prior=prior, noise_std={"y": 0.1})
+    assert fit.apriori_covariance is not None
+    assert fit.apriori_covariance[0, 0] == pytest.approx(0.1**2 + 0.3**2 * np.mean(u**2), rel=1e-9)
+    assert "a priori (17)" in str(fit)
+    alone = fp.estimate(line, data, start={"a": 1.0}, noise_std={"y": 0.1})
+    assert alone.apriori_covariance is None
+    assert "a priori" not in str(alone)

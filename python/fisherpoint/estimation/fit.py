@@ -174,6 +174,14 @@ class Fit:
         return covariance
 
     @cached_property
+    def apriori_covariance(self) -> Array | None:
+        """D of (17) for the measured points, beside which (10) shows what the data told: the noise's covariance plus the mean
+        predictive covariance over the prior, (n_y, n_y); None without a prior of all parameters, or for records."""
+        from .apriori import apriori_covariance
+
+        return apriori_covariance(self)
+
+    @cached_property
     def output_degrees_of_freedom(self) -> Array:
         """Number of measured values of each output less what the unknowns take up of it, (n_y,)."""
         counts = np.isfinite(self.residuals).sum(axis=0)

@@ -173,11 +173,14 @@ def _outputs(fit: Fit) -> Section:
     places = {name: i for i, name in enumerate(names_of(fit.model.outputs))}
     noise = "noise std" if fit.noise_known else "noise std, estimated"
     assumed = fit.noise_known and not np.allclose(expected, given)
-    columns = ["output", "unit", "measured", noise, *(["with assumed"] if assumed else []), "residual rms (10)", "degrees"]
+    before = None if fit.apriori_covariance is None else np.sqrt(np.diag(fit.apriori_covariance))
+    columns = ["output", "unit", "count", noise, *(["with assumed"] if assumed else [])]
+    columns += [*(["a priori (17)"] if before is not None else []), "residual rms (10)", "dof"]
     rows, marked = [], []
     for k, (name, test) in enumerate(fit.tests.items()):
         i = places[name]
         of_noise = [number(given[i]), *([number(expected[i])] if assumed else [])]
+        of_noise += [] if before is None else [number(before[i])]
         row = [name, units[name], str(test.count), *of_noise, number(found[i]), f"{test.degrees_of_freedom:.1f}"]
         if fit.noise_known:
             row += [number(test.chi_square), number(test.per_degree_of_freedom, 3)]
@@ -186,7 +189,7 @@ def _outputs(fit: Fit) -> Section:
                 marked.append(k)
         rows.append(tuple(row))
     if fit.noise_known:
-        columns += ["chi-square", "per degree", "p"]
+        columns += ["chi-square", "per dof", "p"]
     return Section("Outputs", tuple(columns), tuple(rows), tuple(marked))
 
 
