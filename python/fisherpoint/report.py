@@ -237,7 +237,7 @@ def _describe_covariance(problem: fp.DesignProblem) -> str:
         "pooled": f"pooled: D = {noise}mean predictive covariance of the points, (17)",
         "pointwise": f"pointwise: D_k = {noise}predictive covariance of the point itself",
     }[problem.output_covariance or ""]
-    return form if problem.assumed is None else f"{form}, and of each point's outputs what the uncertain moves"
+    return form if problem.assumed is None else f"{form}; and of each point what is uncertain"
 
 
 def _combination(direction: Mapping[str, float]) -> str:
