@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 
 import fisherpoint as fp
 from fisherpoint.data.record_trajectory import record_trajectories
-from fisherpoint.estimation.estimated_noise import output_degrees_of_freedom
 from fisherpoint.estimation.least_squares import CONVERGED, Minima, minimise
 from fisherpoint.estimation.precision import Precision, covariances
 from fisherpoint.estimation.response import Observed
+from fisherpoint.estimation.small_samples import output_degrees_of_freedom
 from fisherpoint.estimation.unknowns import checked_bounds, prior_factor, spread_starts, unknowns_of
 from fisherpoint.estimation.weighting import WeightedResiduals, noise_covariance
 from fisherpoint.quantity import IntArray

@@ -8,8 +8,8 @@ import numpy as np
 
 from fisherpoint import _core
 from fisherpoint.design import ExchangeSettings
+from fisherpoint.exchange_search import SHORTLIST, ExchangeSearch
 from fisherpoint.information import PointInformation, with_linearized_covariance
-from fisherpoint.search import SHORTLIST, ExchangeSearch
 from fisherpoint.trajectories import resolve_threads
 
 from .designs import default_problem

@@ -13,6 +13,7 @@ from .estimation.estimate import estimate
 from .estimation.fit import Fit
 from .evaluation import Evaluation, evaluate_design, evaluate_under_noise
 from .exchange import exchange
+from .exchange_search import Progress
 from .experiments import Experiments
 from .identifiability import Identifiability, identifiability
 from .kernels import available_isas, isa
@@ -23,7 +24,6 @@ from .problem import DesignProblem
 from .quantity import Quantity
 from .region import ExperimentRegion
 from .rules import GaussHermite, Linearized, Rule, Sobol, SparseGaussHermite, TensorGrid, Unscented
-from .search import Progress
 from .trajectories import (
     Sensitivities,
     Status,

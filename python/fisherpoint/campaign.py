@@ -19,10 +19,10 @@ from .estimation.estimate import estimate
 from .estimation.fit import Fit
 from .estimation.precision import quantile
 from .exchange import exchange
+from .exchange_search import Progress
 from .experiments import Experiments
 from .problem import DesignProblem
 from .quantity import FrozenMapping, as_float, check_positive_int, names_of
-from .search import Progress
 from .trajectories import check_type, resolve_threads
 
 _NOT_SETTINGS = ("n_experiments", "seed", "time_limit")

@@ -14,9 +14,9 @@ import numpy as np
 from .design import Design, ExchangeSettings
 from .efficiency import Efficiency, efficiency_of, random_designs
 from .evaluation import Evaluation
+from .exchange_search import ExchangeSearch, Progress
 from .previous import previous_information
 from .problem import DesignProblem
-from .search import ExchangeSearch, Progress
 from .trajectories import resolve_threads
 
 if TYPE_CHECKING:

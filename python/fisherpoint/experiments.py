@@ -13,7 +13,7 @@ from .csv_table import CsvTable, csv_text
 from .files import write_whole
 from .models import Model
 from .models.base import DURATION
-from .quantity import Array, as_floats, names_of
+from .quantity import Array, as_floats, as_rows, names_of
 
 
 class Experiments:
@@ -41,10 +41,7 @@ class Experiments:
         if self.x0.ndim != 2:
             raise ValueError(f"x0: expected shape (K, n_x), given {self.x0.shape}")
         count = len(self.x0)
-        if self.u.ndim == 1 and len(self.u) == count:
-            self.u = self.u.reshape(count, 1)
-        if self.u.ndim != 2 or len(self.u) != count:
-            raise ValueError(f"u: expected shape ({count}, n_u), given {self.u.shape}")
+        self.u = as_rows(self.u, count, "u", "n_u")
         if dt is None and self.x0.shape[1]:
             raise ValueError("dt: expected durations in s, given none")
         self.dt = np.ones(count) if dt is None else as_floats(dt, "dt")

@@ -14,7 +14,8 @@ from matplotlib.ticker import MaxNLocator, NullFormatter, PercentFormatter
 
 import fisherpoint as fp
 
-from .plot_style import CRITERION, NOISE, PRIOR, STYLE, TEXT
+from .plot_correlation import draw_correlation
+from .plot_style import CRITERION, NOISE, PRIOR, STYLE
 from .plots_points import plot_points, plot_trajectories
 from .report import result
 from .results import Evaluated
@@ -124,17 +125,7 @@ def plot_correlation(design: Evaluated) -> Figure:
             axes.set_axis_off()
             return figure
         correlation = np.asarray(shown.correlation)
-        image = axes.imshow(correlation, cmap="RdBu_r", vmin=-1, vmax=1)
-        for i in range(count):
-            for j in range(count):
-                color = "white" if abs(correlation[i, j]) > 0.6 else TEXT
-                text = "1" if i == j else f"{correlation[i, j]:.2f}".replace("-0.00", "0.00")
-                axes.text(j, i, text, ha="center", va="center", color=color, fontsize=8)
-        axes.set_xticks(range(count), names, rotation=45, ha="right", rotation_mode="anchor")
-        axes.set_yticks(range(count), names)
-        axes.tick_params(length=0)
-        axes.spines[:].set_visible(False)
-        figure.colorbar(image, ax=axes, shrink=0.8, label="correlation")
+        draw_correlation(axes, correlation, names)
     return figure
 
 

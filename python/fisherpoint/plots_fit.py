@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 import fisherpoint as fp
 
 from .estimation.profile import OPEN, Profile
+from .plot_correlation import draw_correlation
 from .plot_style import CRITERION, NOISE, PRIOR, STYLE, TEXT, scale
 
 __all__ = [
@@ -104,16 +105,7 @@ def plot_correlation(fit: fp.Fit) -> Figure:
         figure = Figure(figsize=(2.6 + 0.52 * count, 1.6 + 0.5 * count), layout="constrained")
         axes = figure.subplots()
         axes.set_title("Correlation of the estimates")
-        image = axes.imshow(correlation, cmap="RdBu_r", vmin=-1, vmax=1)
-        for i, j in np.argwhere(np.isfinite(correlation)).tolist():
-            color = "white" if abs(correlation[i, j]) > 0.6 else TEXT
-            text = "1" if i == j else f"{correlation[i, j]:.2f}".replace("-0.00", "0.00")
-            axes.text(j, i, text, ha="center", va="center", color=color, fontsize=8)
-        axes.set_xticks(range(count), names, rotation=45, ha="right", rotation_mode="anchor")
-        axes.set_yticks(range(count), names)
-        axes.tick_params(length=0)
-        axes.spines[:].set_visible(False)
-        figure.colorbar(image, ax=axes, shrink=0.8, label="correlation", ticks=[-1, -0.5, 0, 0.5, 1])
+        draw_correlation(axes, correlation, names)
     return figure
 
 

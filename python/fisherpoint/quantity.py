@@ -53,14 +53,28 @@ def names_of(quantities: Iterable[Quantity]) -> tuple[str, ...]:
     return tuple(quantity.name for quantity in quantities)
 
 
-def as_floats(values: ArrayLike, name: str) -> Array:
-    """Return `values` as a float array; raise where they are no numbers or not finite."""
+def as_numbers(values: ArrayLike, name: str) -> Array:
+    """Return `values` as a float array, which may hold NaN and infinite numbers; raise where they are no numbers."""
     try:
         if np.iscomplexobj(values):
             raise TypeError("complex numbers")
-        array = np.array(values, dtype=np.float64)
+        return np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name}: expected numbers, given {values!r:.80}") from error
+
+
+def as_rows(array: Array, count: int, name: str, width: str) -> Array:
+    """Return an array of shape (count, `width`), of which (count,) is taken for one column; raise for another shape."""
+    if array.ndim == 1 and len(array) == count:
+        array = array.reshape(count, 1)
+    if array.ndim != 2 or len(array) != count:
+        raise ValueError(f"{name}: expected shape ({count}, {width}), given {array.shape}")
+    return array
+
+
+def as_floats(values: ArrayLike, name: str) -> Array:
+    """Return `values` as a float array; raise where they are no numbers or not finite."""
+    array = as_numbers(values, name)
     if not np.isfinite(array).all():
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         raise ValueError(f"{name}: expected finite numbers, given {array[where]} at index {where}")

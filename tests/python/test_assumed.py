@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import fisherpoint as fp
-from conftest import REGION
 from defaults import KINDS, MODEL, NAMES, NOISE, PRIOR, SMALL, point, problem, same_bits, valid_points
 from fisherpoint.assumed import MARGIN, assumed_covariance, starts_near
 from fisherpoint.output_covariance import region_mean
@@ -357,96 +354,3 @@ def test_its_starts_and_its_parameters_may_be_uncertain() -> None:
     tangents = np.stack([central(other_theta, 1e-3), central(started, 1e-3)], axis=2)
     actual = assumed_covariance(model, TANK_POINTS, theta, {"k3": 0.02}, {"h1": 0.01}, rtol=1e-8)
     close(actual.covariance, share(tangents, [0.02, 0.01]), 1e-5)
-
-
-# --- files ---------------------------------------------------------------------------------------------------------------
-
-
-def test_a_design_with_uncertain_constants_comes_back_and_repeats(tmp_path: Path) -> None:
-    given = problem(uncertain=UNCERTAIN, initial_state_std=STARTS, rule=fp.SparseGaussHermite(2), assumed_covariance="tangents")
-    design = fp.exchange(given, **QUICK)
-    design.save(tmp_path)
-    loaded = fp.Design.load(tmp_path)
-    assert dict(loaded.problem.uncertain or {}) == UNCERTAIN
-    assert dict(loaded.problem.initial_state_std or {}) == STARTS
-    assert same_bits(loaded.evaluation.output_covariance, design.evaluation.output_covariance)
-    again = fp.exchange(loaded.problem, **QUICK)
-    assert same_bits(again.points.table, design.points.table)
-    assert same_bits(again.evaluation.fisher, design.evaluation.fisher)
-
-
-def test_an_older_file_has_nothing_uncertain(tmp_path: Path) -> None:
-    fp.exchange(problem(), **QUICK).save(tmp_path)
-    data = json.loads((tmp_path / "design.json").read_text())
-    for name in ("uncertain", "initial_state_std", "assumed_covariance"):
-        del data["problem"][name]
-    for name in ("n_previous", "previous_left_out"):
-        del data[name]
-    (tmp_path / "design.json").write_text(json.dumps(data))
-    loaded = fp.Design.load(tmp_path)
-    assert loaded.problem.assumed is None and loaded.n_previous == 0 and loaded.previous_left_out == {}
-
-
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "cylinder.toml"
-TABLES = """
-[uncertain]
-T_1 = { value = 2.2e-4, unit = "s" }
-p_s = 1e5
-
-[initial_state_std]
-q = 1e-5
-v = { value = 2e-3, unit = "m/s" }
-"""
-
-
-def load(tmp_path: Path, tables: str, **changes: str) -> fp.DesignProblem:
-    config = pytest.importorskip("fisherpoint.config", reason="needs the extras", exc_type=ImportError)
-    text = EXAMPLE.read_text()
-    for old, new in changes.items():
-        text = text.replace(old, new)
-    (tmp_path / "run.toml").write_text(text + tables)
-    return config.load_config(tmp_path / "run.toml").problem()  # type: ignore[no-any-return]
-
-
-def test_tables_of_a_file(tmp_path: Path) -> None:
-    given = load(tmp_path, TABLES)
-    assert dict(given.uncertain or {}) == {"T_1": 2.2e-4, "p_s": 1e5}
-    assert dict(given.initial_state_std or {}) == {"q": 1e-5, "v": 2e-3}
-    assert given.assumed_covariance == "tangents"
-    predictive = load(tmp_path, TABLES, **{"seed = 0 ": 'assumed_covariance = "predictive" '})
-    assert predictive.assumed_covariance == "predictive"
-    assert load(tmp_path, "").assumed is None
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "expected"),
-    [
-        ("T_1 =", "T1 =", 'unknown key uncertain.T1; expected one of .*p_s, T_1, k_u.*did you mean "T_1"'),
-        ('unit = "s"', 'unit = "ms"', 'uncertain.T_1.unit: expected "s", given "ms"'),
-        ("p_s = 1e5", "p_s = 0", "uncertain.p_s.value: expected a number > 0, given 0"),
-        ("p_s = 1e5", "c_L = 1e-9", r"uncertain.c_L: expected a constant, or a parameter that is not among design.parameters"),
-        ("v = {", "u = {", "unknown key initial_state_std.u; expected one of q, v, p_A, p_B, x_v"),
-        ("value = 2e-3", "value = 2e-3, std = 1", "unknown key initial_state_std.v.std; expected one of value, unit"),
-        ('"m/s"', '"mm/s"', 'initial_state_std.v.unit: expected "m/s", given "mm/s"'),
-    ],
-)
-def test_mistakes_in_tables(tmp_path: Path, old: str, new: str, expected: str) -> None:
-    assert old in TABLES
-    with pytest.raises(ValueError, match=expected):
-        load(tmp_path, TABLES.replace(old, new))
-
-
-def test_the_report_says_what_is_uncertain() -> None:
-    report = pytest.importorskip("fisherpoint.report", reason="needs the extras", exc_type=ImportError)
-    design = fp.exchange(problem(uncertain=UNCERTAIN, initial_state_std={"v": 0.02}, region=fp.ExperimentRegion(REGION)), **QUICK)
-    text = " ".join(report.to_text(report.design_report(design)).split())
-    for part in (
-        "A_A 2e-6 m2, p_s 1e5 Pa, T_1 0.00022 s",
-        "starts deviate by",
-        "v 0.02 m/s",
-        "of each point what is uncertain",
-        "(R_k)",
-        "To first order in what is uncertain",
-    ):
-        assert part in text
-    assert "starts near v = 0" in text and "three of initial_state_std" in text

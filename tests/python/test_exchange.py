@@ -18,8 +18,8 @@ import fisherpoint as fp
 from conftest import REGION
 from defaults import KINDS, MODEL, NAMES, NOISE, OUTPUTS, PRIOR, SMALL, grid, problem, same_bits
 from fisherpoint.candidates import CandidateSource
+from fisherpoint.exchange_search import SHORTLIST
 from fisherpoint.information import PointInformation
-from fisherpoint.search import SHORTLIST
 
 QUICK: dict[str, Any] = {"n_experiments": 9, "n_candidates": 8, "max_iterations": 12, "references": False}
 

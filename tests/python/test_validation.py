@@ -12,9 +12,9 @@ from scipy.optimize import least_squares
 import fisherpoint as fp
 from defaults import NOISE, problem, valid_points
 from fisherpoint.cli import main
-from fisherpoint.estimation.estimated_noise import inflated
 from fisherpoint.estimation.least_squares import CONVERGED, minimise
 from fisherpoint.estimation.precision import covariances
+from fisherpoint.estimation.small_samples import inflated
 from fisherpoint.quantity import Array
 from fisherpoint.validation import fits
 from fisherpoint.validation.figures import mean, share, standard_deviation, typical_size

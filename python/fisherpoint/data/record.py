@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..csv_table import CsvTable, csv_text
 from ..files import write_whole
 from ..models import Model
-from ..quantity import Array, FrozenMapping, Quantity, as_float, as_floats, names_of
+from ..quantity import Array, FrozenMapping, Quantity, as_float, as_floats, as_rows, names_of
 from .measured_outputs import measured_outputs
 
 TIME = Quantity("t", "s", "time of a sample")
@@ -145,12 +145,7 @@ def checked_times(values: ArrayLike) -> Array:
 
 def held_inputs(values: ArrayLike, count: int) -> Array:
     """Inputs (count, n_u)."""
-    u = as_floats(values, "u")
-    if u.ndim == 1 and len(u) == count:
-        u = u.reshape(count, 1)
-    if u.ndim != 2 or len(u) != count:
-        raise ValueError(f"u: expected shape ({count}, n_u), given {u.shape}")
-    return u
+    return as_rows(as_floats(values, "u"), count, "u", "n_u")
 
 
 def _columns(table: CsvTable, model: Model) -> dict[str, str]:

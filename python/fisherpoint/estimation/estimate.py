@@ -15,12 +15,12 @@ from ..prior import GaussianPrior
 from ..quantity import Array, as_float, check_positive_int, names_of, some_names_among
 from ..rules import Rule
 from ..trajectories import Status, check_rtol, check_type, resolve_threads
-from .estimated_noise import unbiased
 from .fit import Fit
 from .known_noise import KnownNoise
-from .noise import check_noise_can_be_told
 from .response import Observed
 from .search import search_with_known_noise, search_with_unknown_noise
+from .small_samples import unbiased
+from .unknown_noise import check_noise_can_be_told
 from .unknowns import Unknowns, checked_bounds, prior_factor, spread_starts, unknowns_of
 from .weighting import WeightedResiduals, noise_covariance
 

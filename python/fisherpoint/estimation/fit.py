@@ -13,9 +13,9 @@ import numpy as np
 from ..models import Model
 from ..prior import GaussianPrior
 from ..quantity import Array, FrozenMapping, as_float, names_of
-from .estimated_noise import Inflated, inflated, output_degrees_of_freedom
-from .noise import correlations_can_be_told, residual_covariance
 from .precision import Precision, in_words, quantile
+from .small_samples import Inflated, inflated, output_degrees_of_freedom
+from .unknown_noise import correlations_can_be_told, residual_covariance
 from .weighting import WeightedResiduals, whiten
 
 if TYPE_CHECKING:
@@ -225,7 +225,7 @@ class Fit:
         """Degrees of freedom of Student's t for each unknown: inf where the noise is known.
 
         An unknown's variance is a sum of shares of the outputs' estimated variances; Satterthwaite's formula says how many degrees
-        of freedom such a sum has. See `fisherpoint.estimation.estimated_noise`.
+        of freedom such a sum has. See `fisherpoint.estimation.small_samples`.
         """
         if self.noise_known:
             return self._by_name(np.full(len(self.values), np.inf))

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from ..quantity import Array, as_float
 from .least_squares import NOT_EVALUABLE, Residuals, minimise
-from .noise import FLOOR, MAX_ROUNDS, correlations_can_be_told, likelihood_deviance, residual_covariance
 from .precision import Precision
+from .unknown_noise import FLOOR, MAX_ROUNDS, correlations_can_be_told, likelihood_deviance, residual_covariance
 from .unknowns import FARTHEST
 from .weighting import WeightedResiduals
 

@@ -11,7 +11,7 @@ from ..quantity import Array
 from ..trajectories import Status
 from .known_noise import KnownNoise
 from .least_squares import CONVERGED, ENDS, NOT_EVALUABLE, Minima, minimise
-from .noise import correlations_can_be_told, likelihood_deviance, minimise_log_det
+from .unknown_noise import correlations_can_be_told, likelihood_deviance, minimise_log_det
 from .weighting import WeightedResiduals
 
 SAME_MINIMUM = 1e-3

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..data.measurements import Measurements
-from ..estimation.estimated_noise import inflated, output_degrees_of_freedom, unbiased
 from ..estimation.least_squares import CONVERGED, ENDS, Minima, minimise
-from ..estimation.noise import check_noise_can_be_told, correlations_can_be_told, minimise_log_det
 from ..estimation.precision import Precision, covariances, in_words, quantile
 from ..estimation.response import Observed
+from ..estimation.small_samples import inflated, output_degrees_of_freedom, unbiased
+from ..estimation.unknown_noise import check_noise_can_be_told, correlations_can_be_told, minimise_log_det
 from ..estimation.unknowns import Unknowns, checked_bounds, prior_factor, spread_starts, unknowns_of
 from ..estimation.weighting import WeightedResiduals, noise_covariance
 from ..experiments import Experiments
