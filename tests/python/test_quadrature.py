@@ -289,7 +289,7 @@ def test_what_is_no_rule_is_refused() -> None:
     for wrong in (None, 3, fp.TensorGrid, "sobol"):
         with pytest.raises(TypeError, match=r"rule: expected a rule such as fisherpoint.SparseGaussHermite\(2\), given"):
             fp.predictive_covariance(MODEL, point(), PRIOR, wrong)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="parameters: expected a sequence of names"):
+    with pytest.raises(ValueError, match="parameters: expected at least one name, given none"):
         fp.predictive_covariance(MODEL, point(), PRIOR, fp.Unscented(), parameters=())
 
 
@@ -353,9 +353,46 @@ def test_a_comparison_by_default_takes_every_kind_and_the_problems_own() -> None
 
 
 def test_a_comparison_that_cannot_be_is_refused() -> None:
-    with pytest.raises(TypeError, match="problem: expected a DesignProblem, given int"):
+    with pytest.raises(TypeError, match="problem: expected DesignProblem, given int"):
         fp.compare_rules(3, point())  # type: ignore[arg-type]
     with pytest.raises(TypeError, match=r"rules: expected rules such as .*, given int"):
         fp.compare_rules(problem(), point(), [3])  # type: ignore[list-item]
     with pytest.raises(ValueError, match="points: expected at least one that is ok under Sobol"):
         fp.compare_rules(problem(), point(v=2e-3, p_A=8e6, p_B=1.62e7, x_v=-0.3, u=-0.5, dt=1e-3))
+
+
+@pytest.mark.parametrize(
+    ("rule", "dt"), [(fp.SparseGaussHermite(2), 0.8), (fp.SparseGaussHermite(2), 0.9), (fp.TensorGrid(2, 1.0), 0.93)]
+)
+def test_nodes_past_a_pole_in_time_exclude_their_point(rule: fp.TensorGrid | fp.SparseGaussHermite, dt: float) -> None:
+    """x' = p x^2 has its pole at t = 1 / (p x0); the nodes with a larger p are past it, the mean is not."""
+    model = fp.SymbolicModel(["p * x**2"], ["x"], {"x": "1"}, {}, {"p": "1/s"})
+    prior = fp.GaussianPrior(mean={"p": 1.0}, std={"p": 0.1})
+    result = fp.predictive_covariance(model, fp.Experiments([[1.0]], np.zeros((1, 0)), [dt]), prior, rule)
+    assert result.status[0] != fp.Status.ok
+    assert result.covariance[0, 0, 0] == 0.0
+
+
+def test_covariances_near_a_pole_in_time_are_those_of_the_nodes() -> None:
+    """Every point that is ok has the covariance of its nodes in closed form; beyond the pole of any node no point is ok."""
+    model = fp.SymbolicModel(["p * x**2"], ["x"], {"x": "1"}, {}, {"p": "1/s"})
+    prior = fp.GaussianPrior(mean={"p": 1.0}, std={"p": 0.1})
+    for rule in (fp.SparseGaussHermite(2), fp.GaussHermite(4), fp.TensorGrid(3, 1.5)):
+        nodes, weights = rule.nodes(prior)
+        dt = np.linspace(0.5, 0.99, 50)
+        result = fp.predictive_covariance(model, fp.Experiments(np.ones((50, 1)), np.zeros((50, 0)), dt), prior, rule)
+        for k, ended in enumerate(result.status):
+            alive = 1 - nodes[:, 0] * dt[k] > 0
+            assert (ended == fp.Status.ok) <= bool(alive.all())
+            if ended == fp.Status.ok:
+                deviation = 1 / (1 - nodes[:, 0] * dt[k]) - 1 / (1 - dt[k])
+                truth = (weights * deviation**2).sum() / weights.sum()
+                np.testing.assert_allclose(result.covariance[k, 0, 0], truth, rtol=1e-3)
+
+
+@pytest.mark.parametrize("dt", [0.5, 1.0])
+def test_growth_that_overflows_at_some_nodes_excludes_the_point(dt: float) -> None:
+    model = fp.SymbolicModel(["-p * x"], ["x"], {"x": "1"}, {}, {"p": "1/s"})
+    prior = fp.GaussianPrior(mean={"p": 1.0}, std={"p": 1000.0})
+    result = fp.predictive_covariance(model, fp.Experiments([[1.0]], np.zeros((1, 0)), [dt]), prior, fp.SparseGaussHermite(2))
+    assert result.status[0] != fp.Status.ok

@@ -56,7 +56,7 @@ class Planner {
   struct Ends {
     std::vector<typename ArraysOf<M, double>::States> x;
     std::vector<bool> clear;
-    double squared_error;  // the largest of those that are clear
+    std::vector<double> squared_error;
   };
 
  public:
@@ -116,9 +116,13 @@ class Planner {
       stretches = fewer;
       end = reached;
     }
-    if (!end.clear[0]) return std::nullopt;
-    // What is estimated below the tolerance is believed in any case: the estimate is of a lower order.
-    Plan<M> plan{stretches, std::max(slack * slack * end.squared_error, rtol * rtol)};
+    if (!end.clear[0] || !finer.clear[0]) return std::nullopt;
+    // Only pilots that were compared tell what to believe: another may have passed a pole, with any estimate. What is estimated
+    // below the tolerance is believed in any case: the estimate is of a lower order.
+    double largest = rtol * rtol;
+    for (int k = 0; k < pilots_.count; ++k)
+      if (finer.clear[k]) largest = std::max(largest, slack * slack * end.squared_error[k]);
+    Plan<M> plan{stretches, largest};
     const StateEquation<M, double> equation(model_, of_row(pilots_[0], shape_.parameters), of_lane(u_, shape_.inputs));
     plan.nominal_y = equation.output(end.x[0]);
     auto x = of_lane(x0_, shape_.states);
@@ -165,7 +169,6 @@ class Planner {
 
   Ends ends(const std::vector<Stretch<M>>& stretches) const {
     Ends result;
-    result.squared_error = 0.0;
     typename Equation::Theta theta;
     fit(theta, shape_.parameters);
     for (int first = 0; first < pilots_.count; first += width) {
@@ -176,8 +179,7 @@ class Planner {
       for (int lane = 0; lane < width && first + lane < pilots_.count; ++lane) {
         result.x.push_back(of_lane(x, shape_.states, lane));
         result.clear.push_back(lanes_of<P>::get(replayed.clear(), lane));
-        if (result.clear.back())
-          result.squared_error = std::max(result.squared_error, lanes_of<P>::get(replayed.squared_error, lane));
+        result.squared_error.push_back(lanes_of<P>::get(replayed.squared_error, lane));
       }
     }
     return result;
