@@ -18,6 +18,7 @@ def oscillator(x, u, p):  # type: ignore[no-untyped-def]
     return [x.v, u.u - p.k * x.x - p.d * x.v], [x.x]
 
 
+@pytest.mark.filterwarnings("ignore:y. expected its natural size")
 @pytest.mark.parametrize("method", ["RK45", "DOP853"])
 @pytest.mark.parametrize("a", [15.0, 1e-6, 1e6])
 def test_a_rate_from_zero(a: float, method: str) -> None:

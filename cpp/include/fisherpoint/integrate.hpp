@@ -53,7 +53,13 @@ struct Outcome {
 inline constexpr double brink = 1e-5;
 
 // A start is on a kink to rounding if it is as near to it as this share of how far the step goes past it.
-inline constexpr double rounding = 1e-12;
+inline constexpr double rounding = 1e-10;
+
+// On which side of a kink f is taken does not matter for this share of the duration: f is continuous there.
+inline constexpr double brief = 1e-9;
+
+// A surface's value is nothing but rounding where it is below this share of what it changes by if a state is taken twice.
+inline constexpr double noise = 1e-13;
 
 template <class Equation, class Method>
 class Integrator {
@@ -189,27 +195,35 @@ class Integrator {
 
     Mask to_kink = Lanes::none(), stopped = Lanes::none(), unsure = Lanes::none(), lands = Lanes::none();
     P next_cap(infinity);
+    const Mask short_step = step_ <= brief * duration;
     for_each_index(f_.surfaces, [&](auto m) {
       const Quartic<P>& h = along_[m];
-      Mask crossed = good & !(h.b4 > zero), clear = Lanes::none();
+      Mask crossed = good & !(h.b4 > zero), unclear = good & !crossed & !h.clear();
       if (m >= f_.jumps_end && m < f_.kinks_end) {
         const P slope = 4.0 * (h.b4 - h.b3);  // of the whole step
         // A start along the kink, or at rest on it, belongs to the side where the step ends; f has no jump there.
         const Mask along = good & !(abs(value_[m]) + abs(rate_[m]) > zero);
         // So does a start that rounding has put next to the kink, from where the kink cannot be landed on.
-        const Mask next_to = good & (h.b1 < h.b0) & (h.b0 <= -rounding * h.b4), wrong = (along | next_to) & (h.b4 < zero);
+        const Mask next_to = good & (h.b0 <= -rounding * h.b4) & ((h.b1 < h.b0) | (h.b1 <= zero));
+        const Mask wrong = (along | next_to) & (h.b4 < zero);
         side_[m] = select(wrong, -side_[m], side_[m]);
-        unsure = unsure | wrong;
-        landed_[m] = good & !along & !wrong & (abs(h.b4) <= -landing_ * slope) & !(ends_ & (h.b4 > zero));
-        lands = lands | landed_[m];
+        landed_[m] =
+            good & !along & !wrong & !(ends_ & (h.b4 > zero)) & ((abs(h.b4) <= -landing_ * slope) | (crossed & short_step));
         crossed = crossed & !landed_[m] & !along & !wrong;
-        clear = along;
+        unclear = unclear & !along & !short_step;
+        if (any(crossed | unclear)) {
+          const Mask heard = !drowned(m, y);
+          crossed = crossed & heard;
+          unclear = unclear & heard;
+          next_cap = select(crossed, min(next_cap, h.zero() * step_), next_cap);
+        }
+        unclear = unclear | wrong;
+        lands = lands | landed_[m];
         to_kink = to_kink | crossed;
-        if (any(crossed)) next_cap = select(crossed, min(next_cap, h.zero() * step_), next_cap);
       } else {
         stopped = stopped | crossed;
       }
-      unsure = unsure | (good & !crossed & !clear & !h.clear());
+      unsure = unsure | unclear;
     });
     if (!tolerance_.cross_kinks && any(to_kink | lands)) {
       stop((to_kink | lands) & !stopped, Status::met_kink);
@@ -255,7 +269,8 @@ class Integrator {
   // Moves the ends of steps that landed next to a kink onto it, along the slope there: an error of the second order.
   [[gnu::noinline]] void settle(const Mask& taken) {
     for_each_index(f_.jumps_end, f_.kinks_end, [&](auto m) {
-      const P rest = select(landed_[m] & taken, -end_value_[m] / end_rate_[m], P(0.0));
+      const P newton = -end_value_[m] / end_rate_[m];
+      const P rest = select(landed_[m] & taken & (abs(newton) <= 0.5 * step_), newton, P(0.0));  // none at a rate next to zero
       for_each_index(f_.states, [&](auto i) { end_[i] += rest * stage_[last][i]; });
       step_ += rest;
       ends_ = ends_ & !(rest < P(0.0));  // the trajectory goes on behind the kink
@@ -279,6 +294,21 @@ class Integrator {
       value_[m] = select(turned, value[m], value_[m]);
       rate_[m] = select(turned, rate[m], rate_[m]);
     });
+  }
+
+  // Where a surface's value all along the step is nothing but the rounding of the states that it reads.
+  [[gnu::noinline]] Mask drowned(auto m, const State& y) {
+    State one;
+    fit(one, f_.states);
+    one.fill(P(0.0));
+    P size(0.0);
+    for_each_index(f_.states, [&](auto i) {
+      one[i] = y[i];
+      size += abs(f_.surface_rates(y, one)[m]);
+      one[i] = P(0.0);
+    });
+    const Quartic<P>& h = along_[m];
+    return max(max(abs(h.b0), abs(h.b2)), abs(h.b4)) <= noise * size;
   }
 
   void stop(const Mask& lanes, Status status) {
@@ -316,9 +346,13 @@ class Integrator {
     step_size_ = select(broken_, min(step_size_, 0.9 * reach), step_size_);
   }
 
-  // No step is small enough.
+  // No step is small enough: the trajectory touches a jump or a limit, or its error stays too large.
   [[gnu::noinline]] void stop_stuck(const Mask& lanes) {
-    const Mask finite = squared_error_ < P(infinity);
+    const Mask good = squared_error_ <= P(1.0), finite = squared_error_ < P(infinity);
+    for_each_index(f_.surfaces, [&](auto m) {
+      if (m >= f_.jumps_end && m < f_.kinks_end) return;
+      stop(lanes & good & running_ & !along_[m].clear(), m < f_.jumps_end ? Status::met_jump : Status::left_domain);
+    });
     stop(lanes & finite & running_, Status::step_limit);
     stop(lanes & !finite & running_, Status::not_finite);
   }

@@ -22,14 +22,15 @@ struct Quartic {
   // quartic adds to the cubic through both ends.
   auto clear() const { return least_inside() > 0.25 * abs(b2 - (1.0 / 6.0) * (4.0 * (b1 + b3) - b0 - b4)); }
 
-  // Where it falls through zero, as a share of the step, for a quartic that starts positive and ends negative: Newton's method,
-  // kept within the bracket by bisection.
+  // Where it falls through zero, as a share of the step, for a quartic that starts positive, or at zero and rising, and ends
+  // negative: Newton's method, kept within the bracket by bisection.
   P zero() const {
+    const Quartic h = without_start();
     P low(0.0), high(1.0);
-    P s = max(P(0.0), b0) / (max(P(0.0), b0) - min(b4, P(-1e-300)));
+    P s = max(P(0.0), h.b0) / (max(P(0.0), h.b0) - min(h.b4, P(-1e-300)));
     for (int i = 0; i < 8; ++i) {
       const P r = 1.0 - s;
-      const P c0 = r * b0 + s * b1, c1 = r * b1 + s * b2, c2 = r * b2 + s * b3, c3 = r * b3 + s * b4;
+      const P c0 = r * h.b0 + s * h.b1, c1 = r * h.b1 + s * h.b2, c2 = r * h.b2 + s * h.b3, c3 = r * h.b3 + s * h.b4;
       const P d0 = r * c0 + s * c1, d1 = r * c1 + s * c2, d2 = r * c2 + s * c3;
       const P e0 = r * d0 + s * d1, e1 = r * d1 + s * d2;
       const P value = r * e0 + s * e1, slope = 4.0 * (e1 - e0);
@@ -40,6 +41,15 @@ struct Quartic {
       s = select((newton >= low) & (newton <= high), newton, 0.5 * (low + high));
     }
     return s;
+  }
+
+ private:
+  // Where the start is not positive, but zero or what rounding has left below it: h(s) / s as if it were zero, which has the
+  // other zeros alone.
+  Quartic without_start() const {
+    const auto at_zero = !(b0 > P(0.0));
+    return {select(at_zero, 4.0 * b1, b0), select(at_zero, b1 + 1.5 * b2, b1), select(at_zero, b2 + (2.0 / 3.0) * b3, b2),
+            select(at_zero, b3 + 0.25 * b4, b3), b4};
   }
 };
 
