@@ -37,6 +37,7 @@ from .config_tables import (
     Table,
 )
 from .models import MODELS
+from .quantity import as_path
 
 __all__ = ["Config", "ConfigError", "load_config", "load_model", "model_from_toml"]
 
@@ -216,6 +217,7 @@ def load_config(path: str | Path) -> Config:
         If the file cannot be read, is not TOML, or has an unknown key, a wrong unit, a bound upside down, a missing
         parameter, ...: one line that names the file, the key and what was expected.
     """
+    path = as_path(path, "path")
     config = _validated(Config, _read(path), path)
     config._source = str(path)
     return config
@@ -229,6 +231,7 @@ def load_model(path: str | Path) -> fp.Model:
     ConfigError
         If the file cannot be read or the model has a mistake: one line that names the file, the key and the place.
     """
+    path = as_path(path, "path")
     data = _read(path)
     return _validated(ModelFile, {"model": data["model"]} if "model" in data else {}, path).build_model()
 

@@ -10,12 +10,17 @@ from typing import NoReturn
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
 
+from .messages import printable
+
 KeysOf = Callable[[tuple[str, ...]], Iterable[str]]
 """From the place of a table to the keys that it may have."""
 
 
 class ConfigError(ValueError):
     """A configuration file that cannot be used; the message is one line that names the file and the key."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(printable(message))
 
 
 # What a pydantic error type says in the words of a TOML file.

@@ -15,9 +15,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .messages import listed, printable, shortened, shown
 from .models.base import DURATION
 from .models.units import convert
-from .quantity import Array, Quantity
+from .quantity import Array, Quantity, as_path
 
 _WITH_UNIT = re.compile(r"([^\[(]*?)\s*(?:\[(.*)\]|\((.*)\))")
 
@@ -38,10 +39,10 @@ class CsvTable:
 
     _comma_hint = "; decimal commas need semicolons between the entries"
 
-    def __init__(self, path: str | Path) -> None:
-        self.path = path
+    def __init__(self, given: str | Path) -> None:
+        self.path = path = printable(as_path(given, "path"))
         try:
-            text = Path(path).read_bytes().decode("utf-8-sig")
+            text = Path(given).read_bytes().decode("utf-8-sig")
         except UnicodeDecodeError as error:
             raise ValueError(f"{path}: expected a CSV text file in UTF-8, given bytes that are no text: {error}") from error
         lines = io.StringIO(text, newline="")  # keeps the line breaks as they are, as csv wants them
@@ -61,12 +62,15 @@ class CsvTable:
                 if k + 1 == len(rows) and text[-1] not in "\r\n":
                     hint = ", where the file ends without a line break: was it cut off?"
                 raise ValueError(f"{path}: row {k + 1}: expected {len(header)} entries, given {len(row)}{hint}")
+        for k, entry in enumerate(header):
+            if not entry.isprintable():
+                raise ValueError(f"{path}: expected a name without control characters, given {shown(entry)} in column {k + 1}")
         units = [_name_and_unit(entry.strip()) for entry in header]
         self.names = tuple(name for name, _ in units)
         self.units = dict(units)
         twice = [name for name, count in Counter(self.names).items() if count > 1]
         if twice:
-            raise ValueError(f"{path}: expected each column once, given {', '.join(twice)} more than once")
+            raise ValueError(f"{path}: expected each column once, given {listed(twice)} more than once")
         self._texts = dict(zip(self.names, zip(*rows, strict=True), strict=True))
         self._ends = text[-1] in "\r\n"
         self._decimal_comma = False
@@ -80,14 +84,14 @@ class CsvTable:
 
     def error(self, row: int, column: str, what: str) -> ValueError:
         """What is wrong in a row, counted from 0 here, of a column."""
-        return ValueError(f"{self.path}: row {row + 1}, column {column}: {what}")
+        return ValueError(f"{self.path}: row {row + 1}, column {shortened(column)}: {what}")
 
     def refuse_cut_off(self) -> None:
         """Raise where the last row has no line break: if the file was cut off within its last number, nothing else shows it."""
         if not self._ends:
             last = self._texts[self.names[-1]][-1]
             raise ValueError(
-                f"{self.path}: row {len(self)}: expected a line break at the end of the file, given {last!r} there: "
+                f"{self.path}: row {len(self)}: expected a line break at the end of the file, given {shown(last)} there: "
                 "was it cut off within that? (where it was not, add the line break)"
             )
 
@@ -113,7 +117,9 @@ class CsvTable:
                     found |= {mark: where} if where else {}
         if len(found) == 2:
             (row, name, comma), (_, _, point) = found[","], found["."]
-            raise self.error(row, name, f"expected decimal commas or points alone in a file, given {comma!r} and {point!r}")
+            raise self.error(
+                row, name, f"expected decimal commas or points alone in a file, given {shown(comma)} and {shown(point)}"
+            )
         self._decimal_comma = "," in found
 
     def numbers(self, name: str, unit: str) -> Array:
@@ -161,7 +167,7 @@ class CsvTable:
         """Raise for the first row that is wrong."""
         rows = np.flatnonzero(wrong)
         if len(rows):
-            raise self.error(int(rows[0]), name, f"expected {expected}, given {self._texts[name][rows[0]]!r:.40}")
+            raise self.error(int(rows[0]), name, f"expected {expected}, given {shown(self._texts[name][rows[0]], 40)}")
 
     def _number(self, row: int, name: str, entry: str) -> float:
         try:
@@ -169,7 +175,7 @@ class CsvTable:
         except ValueError:
             given = self._texts[name][row]
             hint = self._comma_hint if "," in given and self.separator == "," else ""
-            raise self.error(row, name, f"expected a number, given {given!r:.40}{hint}") from None
+            raise self.error(row, name, f"expected a number, given {shown(given, 40)}{hint}") from None
 
 
 def csv_text(header: Sequence[str], table: Array) -> str:

@@ -12,6 +12,7 @@ from rich.console import Console, RenderableType
 import fisherpoint as fp
 
 from .config import ConfigError
+from .messages import printable
 from .report import to_text
 
 Read = TypeVar("Read")
@@ -41,4 +42,4 @@ def read_data(path: Path, what: str, read: Callable[[Path, fp.Model], Read], mod
         raise ConfigError(f"{path}: expected a CSV file of {what}, found no such file") from None
     except (ValueError, TypeError) as error:
         message = str(error)
-        raise ConfigError(message if str(path) in message else f"{path}: {message}") from error
+        raise ConfigError(message if printable(path) in message else f"{path}: {message}") from error

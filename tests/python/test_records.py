@@ -67,7 +67,7 @@ def test_misuse_is_named(changes: dict[str, Any], message: str) -> None:
 
 
 def test_a_record_of_another_model() -> None:
-    with pytest.raises(ValueError, match="x0: expected names of states, h1, h2; given 'h3'"):
+    with pytest.raises(ValueError, match="x0: expected names of states, h1, h2; given unknown 'h3'"):
         record(x0={"h3": 1.0}).check(tanks)
     with pytest.raises(ValueError, match="u: expected 1 columns, u; given 2"):
         record(u=np.ones((3, 2))).check(tanks)

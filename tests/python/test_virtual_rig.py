@@ -104,11 +104,11 @@ def test_nothing_measured_at_all_is_an_error() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"noise_std": {"p_C": 1.0}}, "noise_std: expected names among q, p_A, p_B, x_v, given unknown 'p_C'"),
+        ({"noise_std": {"p_C": 1.0}}, "noise_std: expected names of q, p_A, p_B, x_v; given unknown 'p_C'"),
         ({"noise_std": {}}, "noise_std: expected at least one output"),
-        ({"noise_std": {"q": -1.0}}, r"noise_std\['q'\]: expected a non-negative number, given -1"),
+        ({"noise_std": {"q": -1.0}}, r"noise_std\['q'\]: expected a standard deviation of at least 0, given -1"),
         ({"noise_std": {"q": np.inf}}, r"noise_std\['q'\]: expected finite numbers"),
-        ({"initial_state_std": {"u": 1.0}}, "initial_state_std: expected names among q, v, p_A, p_B, x_v, given unknown 'u'"),
+        ({"initial_state_std": {"u": 1.0}}, "initial_state_std: expected names of q, v, p_A, p_B, x_v; given unknown 'u'"),
         ({"theta_true": {"m_q": 1.0}}, "theta: expected a value for 'a_tau'"),
         ({"theta_true": np.ones((2, 9))}, r"theta_true: expected shape \(9,\), given \(2, 9\)"),
         ({"theta_true": dict(MODEL.nominal) | {"m_q": -1.0}}, "m_q: expected a positive number"),

@@ -20,6 +20,7 @@ import numpy as np
 
 from ..csv_table import CsvTable, csv_text
 from ..experiments import Experiments
+from ..messages import listed
 from ..models import Model
 from ..models.base import DURATION
 from ..quantity import names_of
@@ -40,7 +41,7 @@ def measurements_csv(measurements: Measurements, model: Model) -> str:
     if given != expected:
         raise ValueError(f"model: expected one of {given} states, inputs and outputs, given {model.name} of {expected}")
     if len(set(header)) != len(header):
-        raise ValueError(f"model: expected names that differ from y_<output>, given {', '.join(axes)}")
+        raise ValueError(f"model: expected names that differ from y_<output>, given {listed(axes)}")
     return csv_text(header, np.column_stack([points.table[:, : len(axes)], measurements.y]))
 
 
@@ -68,7 +69,7 @@ def read_measurements(path: str | Path, model: Model) -> Measurements:
             y[:, j] = table.numbers(outputs[quantity.name], quantity.unit)
     y[_failed(table)] = np.nan
     if np.isnan(y).all():
-        raise ValueError(f"{path}: expected at least one measured output, given none in {', '.join(outputs.values())}")
+        raise ValueError(f"{table.path}: expected at least one measured output, given none in {listed(outputs.values())}")
 
     refuse_implausible(table, model, outputs, np.column_stack([planned, u, dt]), x0, u, y)
     return Measurements(Experiments(x0, u, dt, (*names_of(model.states), *names_of(model.inputs))), y)
@@ -95,13 +96,13 @@ def _match(table: CsvTable, model: Model) -> dict[str, str]:
     known = {*axes, *outputs.values(), *starts, *BOOKKEEPING, "status"}
     unknown = [name for name in table.names if name not in known]
     if missing or unknown or not outputs:
-        of_outputs = ", ".join(f"y_{name}" for name in names_of(model.outputs))
-        wrong = [f"none for {', '.join(missing)}"] if missing else []
+        of_outputs = listed(f"y_{name}" for name in names_of(model.outputs))
+        wrong = [f"none for {listed(missing)}"] if missing else []
         wrong += [] if outputs else ["none for an output"]
-        wrong += [f"the unknown {', '.join(unknown)}"] if unknown else []
+        wrong += [f"the unknown {listed(unknown)}"] if unknown else []
         another = f": the file of another model than {model.name}" if unknown and (missing or not outputs) else ""
         raise ValueError(
-            f"{table.path}: expected the columns {', '.join(names_of(model.axes))}, and of {of_outputs} those that were measured; "
+            f"{table.path}: expected the columns {listed(names_of(model.axes))}, and of {of_outputs} those that were measured; "
             f"given {'; '.join(wrong)}{another}"
         )
     return outputs

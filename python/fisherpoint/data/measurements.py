@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..experiments import Experiments
 from ..files import write_whole
 from ..models import Model
-from ..quantity import Array
+from ..quantity import Array, as_index, as_sequence, check_alike, check_type
 from .measured_outputs import measured_outputs
 
 
@@ -51,21 +51,19 @@ class Measurements:
 
     def __getitem__(self, rows: int | slice | Sequence[int] | NDArray[Any]) -> Measurements:
         """Measurements of the chosen rows, of which one at least must have a number."""
-        points = self.points[rows]
-        if isinstance(rows, int | np.integer):
-            rows = [int(rows)]
-        chosen = np.asarray(rows, dtype=None if len(rows) else np.intp) if isinstance(rows, list | tuple) else rows
-        return Measurements(points, self.y[chosen])
+        chosen = as_index(rows, len(self), "data")
+        return Measurements(self.points[chosen], self.y[chosen])
 
     @staticmethod
     def join(parts: Sequence[Measurements]) -> Measurements:
         """Return the measurements of all parts, one after the other."""
+        parts = as_sequence(parts, "parts", "Measurements")
         if not parts:
             raise ValueError("parts: expected at least one, given none")
+        for k, part in enumerate(parts):
+            check_type(part, Measurements, f"parts[{k}]")
         sizes = [(part.points.x0.shape[1], part.points.u.shape[1], part.y.shape[1]) for part in parts]
-        for size in sizes:
-            if size != sizes[0]:
-                raise ValueError(f"parts: expected {sizes[0]} states, inputs and outputs in each, given {size}")
+        check_alike(sizes, "states, inputs and outputs")
         return Measurements(Experiments.join([part.points for part in parts]), np.concatenate([part.y for part in parts]))
 
     def to_csv(self, path: str | Path, model: Model) -> None:
@@ -75,6 +73,7 @@ class Measurements:
         """
         from .measurement_files import measurements_csv
 
+        check_type(model, Model, "model")
         write_whole(path, measurements_csv(self, model))
 
     @classmethod
@@ -94,6 +93,7 @@ class Measurements:
         """
         from .measurement_files import read_measurements
 
+        check_type(model, Model, "model")
         return read_measurements(path, model)
 
     def __eq__(self, other: object) -> bool:

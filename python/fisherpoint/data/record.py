@@ -5,14 +5,29 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..csv_table import CsvTable, csv_text
 from ..files import write_whole
+from ..messages import listed, shown
 from ..models import Model
-from ..quantity import Array, FrozenMapping, Quantity, as_float, as_floats, as_rows, names_of
+from ..quantity import (
+    Array,
+    FrozenMapping,
+    Quantity,
+    as_float,
+    as_floats,
+    as_index,
+    as_rows,
+    check_known,
+    check_mapping,
+    check_name,
+    check_type,
+    names_of,
+)
 from .measured_outputs import measured_outputs
 
 TIME = Quantity("t", "s", "time of a sample")
@@ -52,10 +67,12 @@ class Record:
         for name, array in arrays.items():
             array.flags.writeable = False
             object.__setattr__(self, name, array)
-        if self.x0 is not None and not isinstance(self.x0, Mapping):
-            raise TypeError(f"x0: expected a mapping of state names to numbers, given {type(self.x0).__name__}")
-        known = {name: as_float(value, f"x0[{name!r}]") for name, value in (self.x0 or {}).items()}
-        object.__setattr__(self, "x0", FrozenMapping(known))
+        given = {} if self.x0 is None else check_mapping(self.x0, "x0")
+        object.__setattr__(
+            self,
+            "x0",
+            FrozenMapping({check_name(name, "x0"): as_float(value, f"x0[{shown(name)}]") for name, value in given.items()}),
+        )
 
     def __len__(self) -> int:
         return len(self.t)
@@ -63,10 +80,10 @@ class Record:
     def __getitem__(self, samples: slice) -> Record:
         """Return the samples from one to another, without a gap; the start stays known only where the first one is among them."""
         if not isinstance(samples, slice):
-            raise TypeError(f"samples: expected a slice, given {samples!r:.60}")
-        first, last, step = samples.indices(len(self))
+            raise TypeError(f"samples: expected a slice, given {shown(samples)}")
+        first, last, step = cast(slice, as_index(samples, len(self), "samples")).indices(len(self))
         if step != 1 or not first < last:
-            raise ValueError(f"samples: expected a slice of following samples, at least one, given {samples}")
+            raise ValueError(f"samples: expected a slice of following samples, at least one, given {shown(samples)}")
         return Record(self.t[first:last], self.u[first:last], self.y[first:last], self.x0 if first == 0 else {})
 
     def __repr__(self) -> str:
@@ -78,13 +95,13 @@ class Record:
 
     def check(self, model: Model) -> None:
         """Raise unless inputs, outputs and the known start are those of `model`."""
+        check_type(model, Model, "model")
         for name, array, quantities in (("u", self.u, model.inputs), ("y", self.y, model.outputs)):
             if array.shape[1] != len(quantities):
-                columns = ", ".join(names_of(quantities)) or "none"
-                raise ValueError(f"{name}: expected {len(quantities)} columns, {columns}; given {array.shape[1]}")
-        for name in self.x0:
-            if name not in names_of(model.states):
-                raise ValueError(f"x0: expected names of states, {', '.join(names_of(model.states)) or 'none'}; given {name!r}")
+                raise ValueError(
+                    f"{name}: expected {len(quantities)} columns, {listed(names_of(quantities))}; given {array.shape[1]}"
+                )
+        check_known(self.x0, names_of(model.states), "x0", "names of states,")
 
     def to_csv(self, path: str | Path, model: Model) -> None:
         """Write one row per sample: t, the inputs, and the outputs as ``y_<name>``, empty where not measured. x0 is not written."""
@@ -112,6 +129,7 @@ class Record:
         ValueError
             Where a column is missing or unknown, or an entry is no number; the message names row and column.
         """
+        check_type(model, Model, "model")
         table = CsvTable(path)
         table.refuse_cut_off()
         columns = _columns(table, model)
@@ -124,9 +142,9 @@ class Record:
             if quantity.name in columns:
                 y[:, i] = table.numbers(columns[quantity.name], quantity.unit)
         try:
-            record = cls(t, u, y, x0 or {})
+            record = cls(t, u, y, {} if x0 is None else x0)
         except ValueError as error:
-            raise error if str(path) in str(error) else ValueError(f"{path}: {error}") from error
+            raise ValueError(f"{table.path}: {error}") from error
         record.check(model)
         return record
 
@@ -156,8 +174,8 @@ def _columns(table: CsvTable, model: Model) -> dict[str, str]:
     choices = {name: [column for column in (f"y_{name}", name) if column in table and column not in taken] for name in outputs}
     read = {*needed, *(column for columns in choices.values() for column in columns)}
     if not set(needed) <= set(table.names) or set(table.names) - read or sorted(map(len, choices.values()))[-1] != 1:
-        expected = ", ".join((*needed, *(f"y_{name}" for name in outputs)))
+        expected = listed((*needed, *(f"y_{name}" for name in outputs)))
         raise ValueError(
-            f"{table.path}: expected the columns {expected}, of outputs those measured, once; given {', '.join(table.names)}"
+            f"{table.path}: expected the columns {expected}, of outputs those measured, once; given {listed(table.names)}"
         )
     return {name: columns[0] for name, columns in choices.items() if columns}

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..models import Model
+from ..natural_sizes import warn_of_small_states
 from ..quantity import Array, IntArray, as_floats_of_shape, in_order, names_of
 from ..trajectories import Settings, Status, check_rtol, check_type
 from .record import checked_times, held_inputs
@@ -62,7 +63,7 @@ def simulate_record(
         For wrong shapes or names, and a theta with which the model has no value.
     """
     check_type(model, Model, "model")
-    check_rtol(rtol)
+    rtol = check_rtol(rtol)
     p, names = len(model.parameters), names_of(model.states)
     theta = as_floats_of_shape(model.theta(theta), (p,), "theta")
     times = checked_times(t)
@@ -70,7 +71,8 @@ def simulate_record(
     if inputs.shape[1] != len(model.inputs):
         raise ValueError(f"u: expected shape ({len(times)}, {len(model.inputs)}), given {inputs.shape}")
     start = in_order(x0, names, "x0") if isinstance(x0, Mapping) else as_floats_of_shape(x0, (len(names),), "x0")
-    x, y, status, reached = record_trajectories(model, theta[None], start[None], times, inputs, (float(rtol), True, "fastest", 1))
+    x, y, status, reached = record_trajectories(model, theta[None], start[None], times, inputs, (rtol, True, "fastest", 1))
+    warn_of_small_states(model, "the trajectory keeps", x[0, : reached[0] + 1])
     return RecordTrajectory(x[0], y[0], Status(int(status[0])), int(reached[0]))
 
 
@@ -90,10 +92,10 @@ def record_trajectories(
         y = model.core.output(x.reshape(count * samples, -1), np.tile(u, (count, 1)), np.repeat(theta, samples, axis=0))
         failed = np.zeros((count, samples), dtype=np.int32)
     y = y.reshape(count, samples, -1)
-    failed[(failed == Status.ok) & ~np.isfinite(y).all(axis=2)] = Status.not_finite
+    failed[(failed == Status.ok) & ~(np.isfinite(y).all(axis=2) & np.isfinite(x).all(axis=2))] = Status.not_finite
     status = np.where(status == Status.ok, first_failure(failed), status)
     reached = np.minimum(reached, np.argmax(failed != Status.ok, axis=1) - 1, out=reached, where=failed.any(axis=1))
-    return x, np.where(np.isfinite(y), y, 0.0), status, np.maximum(reached, 0)
+    return np.where(np.isfinite(x), x, 0.0), np.where(np.isfinite(y), y, 0.0), status, np.maximum(reached, 0)
 
 
 def first_failure(status: IntArray) -> IntArray:

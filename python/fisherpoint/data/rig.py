@@ -11,9 +11,12 @@ from numpy.typing import ArrayLike
 
 from ..experiments import Experiments
 from ..models import Model
-from ..quantity import Array, FrozenMapping, as_float, check_positive_int, names_of
+from ..quantity import Array, FrozenMapping, as_std, check_known, check_mapping, check_positive_int, names_of
 from ..trajectories import Status, check_rtol, check_type, simulate
 from .measurements import Measurements
+
+MAX_POINTS = 10**8
+"""Experiments of one call of `VirtualRig.measure`; more count as a slip."""
 
 
 class VirtualRig:
@@ -54,15 +57,15 @@ class VirtualRig:
         rtol: float = 1e-10,
     ) -> None:
         check_type(model, Model, "model")
-        check_rtol(rtol)
-        self.model, self.rtol = model, float(rtol)
+        self.model, self.rtol = model, check_rtol(rtol)
         self.theta_true = model.theta(theta_true)
         if self.theta_true.ndim != 1:
             raise ValueError(f"theta_true: expected shape ({len(model.parameters)},), given {self.theta_true.shape}")
         self._noise_std = _stds(noise_std, names_of(model.outputs), "noise_std", left_out=np.nan)
         if np.isnan(self._noise_std).all():
             raise ValueError("noise_std: expected at least one output that is measured, given none")
-        self._start_std = _stds(initial_state_std or {}, names_of(model.states), "initial_state_std", left_out=0.0)
+        start_std: Mapping[str, float] = {} if initial_state_std is None else initial_state_std
+        self._start_std = _stds(start_std, names_of(model.states), "initial_state_std", left_out=0.0)
         # Streams of their own: whether starts deviate, and which outputs are measured, does not change the noise of the others.
         seeds = np.random.SeedSequence(check_positive_int(seed, "seed", 0)).spawn(2)
         self._noise, self._starts = (np.random.default_rng(one) for one in seeds)
@@ -87,7 +90,7 @@ class VirtualRig:
             Where no trajectory reaches its end, and for points that do not fit the model.
         """
         check_type(points, Experiments, "points")
-        planned = Experiments.join([points] * check_positive_int(repeats, "repeats"))
+        planned = Experiments.join([points] * check_positive_int(repeats, "repeats", most=MAX_POINTS // max(len(points), 1)))
         deviation = self._start_std * self._starts.standard_normal((len(planned), len(self.model.states)))
         noise = self._noise_std * self._noise.standard_normal((len(planned), len(self.model.outputs)))
         if planned.x0.shape[1] != len(self.model.states):
@@ -111,11 +114,6 @@ class VirtualRig:
 
 def _stds(given: Mapping[str, float], names: tuple[str, ...], what: str, left_out: float) -> Array:
     """Standard deviations in the order of `names`."""
-    if not isinstance(given, Mapping):
-        raise TypeError(f"{what}: expected a mapping of names to numbers, given {type(given).__name__}")
-    for unknown in (name for name in given if name not in names):
-        raise ValueError(f"{what}: expected names among {', '.join(names)}, given unknown {unknown!r}")
-    stds = {name: as_float(value, f"{what}[{name!r}]") for name, value in given.items()}
-    for name in (name for name, std in stds.items() if std < 0):
-        raise ValueError(f"{what}[{name!r}]: expected a non-negative number, given {stds[name]:g}")
+    check_known(check_mapping(given, what), names, what)
+    stds = {name: as_std(value, f"{what}[{name!r}]", zero=True) for name, value in given.items()}
     return np.array([stds.get(name, left_out) for name in names])

@@ -1,0 +1,21 @@
+"""Packages that only some parts need, and that ``pip install fisherpoint`` leaves out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+EXTRAS = ("matplotlib", "pandas", "pydantic", "rich", "sympy", "typer")
+
+
+@contextmanager
+def needed_for(what: str) -> Iterator[None]:
+    """Say what to install where an import finds such a package missing."""
+    try:
+        yield
+    except ModuleNotFoundError as missing:
+        package = (missing.name or "").partition(".")[0]
+        if package not in EXTRAS:
+            raise
+        message = f"{what}: expected the package {package}, given none: pip install 'fisherpoint[all]'"
+        raise ModuleNotFoundError(message, name=package) from None
