@@ -9,8 +9,13 @@ from collections.abc import Callable
 from functools import reduce
 from typing import Any
 
+import numpy as np
 import sympy
-from sympy.logic.boolalg import Boolean
+from sympy.logic.boolalg import Boolean, BooleanAtom
+
+from .messages import shown
+from .quantity import as_float
+from .tape.parts import cases, check_size
 
 __all__ = ["ARGUMENTS", "FUNCTIONS", "NAMES", "heaviside", "sign", "sqrt", "tanh", "where"]
 
@@ -19,37 +24,61 @@ heaviside, sign, sqrt, tanh = sympy.Heaviside, sympy.sign, sympy.sqrt, sympy.tan
 
 def where(condition: Any, a: Any, b: Any) -> Any:
     """a where the condition, a comparison or several joined by & and |, holds, else b."""
-    if condition in (True, False, sympy.true, sympy.false):
-        return sympy.sympify(a if condition else b)
+    a, b = _term(a, "where"), _term(b, "where")
+    if isinstance(condition, bool | BooleanAtom):
+        return a if condition else b
     if not isinstance(condition, Boolean) or condition.is_Symbol:
-        raise TypeError(f"where: expected a condition such as x.h > 0, given {condition}")
-    return sympy.Piecewise((a, condition), (b, True), evaluate=False)
+        raise TypeError(f"where: expected a condition such as x.h > 0, given {shown(condition)}")
+    value = cases(a, condition, b)
+    check_size(value, "where")
+    return value
+
+
+def _term(given: Any, name: str) -> Any:
+    """An argument: a term of equations, or a number."""
+    if isinstance(given, sympy.Expr):
+        return given
+    as_float(given, name)
+    return sympy.sympify(given.item() if isinstance(given, np.ndarray | np.generic) else given)
+
+
+def _of_terms(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function of SymPy that takes nothing but terms, and as many as it should."""
+
+    def of_terms(*arguments: Any) -> Any:
+        least, most = ARGUMENTS[name]
+        if not least <= len(arguments) <= most:
+            expected = least if least == most else f"{least} to {most}"
+            raise TypeError(f"{name}: expected {expected} arguments, given {len(arguments)}")
+        return function(*(_term(argument, name) for argument in arguments))
+
+    of_terms.__name__, of_terms.__doc__ = name, function.__doc__
+    return of_terms
 
 
 def _extreme(kind: Any, number: Callable[..., Any]) -> Callable[..., Any]:
-    def extreme(*arguments: Any) -> Any:
-        given = [sympy.sympify(argument) for argument in arguments]
-        if len(given) < 2:
-            raise TypeError(f"{kind.__name__.lower()}: expected at least 2 arguments, given {len(given)}")
+    def extreme(*given: Any) -> Any:
         if all(argument.is_Number for argument in given):
             return number(given)
-        # Unevaluated: SymPy would try at length to decide which is larger.
         distinct = list(dict.fromkeys(given))
+        for argument in distinct:
+            check_size(argument, kind.__name__.lower())
+        # Unevaluated: SymPy would try at length to decide which is larger.
         return kind(*distinct, evaluate=False) if len(distinct) > 1 else distinct[0]
 
     extreme.__doc__ = f"The {'larger' if kind is sympy.Max else 'smaller'} of the arguments."
     return extreme
 
 
-FUNCTIONS: dict[str, Callable[..., Any]] = {
+_OF_TERMS: dict[str, Callable[..., Any]] = {
     **{name: getattr(sympy, name) for name in ("sqrt", "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "atan2")},
     **{name: getattr(sympy, name) for name in ("sinh", "cosh", "tanh", "sign")},
     "abs": sympy.Abs,
     "heaviside": heaviside,
     "min": _extreme(sympy.Min, lambda given: reduce(lambda a, b: a if a <= b else b, given)),
     "max": _extreme(sympy.Max, lambda given: reduce(lambda a, b: a if a >= b else b, given)),
-    "where": where,
 }
+FUNCTIONS: dict[str, Callable[..., Any]] = {**{name: _of_terms(name, one) for name, one in _OF_TERMS.items()}, "where": where}
 """By the name that equations use."""
 
 NAMES = tuple(FUNCTIONS)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..extras import needed_for
 from ..kernels import Kernels, kernels
 from ..quantity import Array, FrozenMapping, Quantity, as_floats, in_order, names_of
 
@@ -22,7 +23,7 @@ DURATION = Quantity("dt", "s", "duration")
 
 def quantities(described: Iterable[tuple[str, str, str, float]]) -> tuple[Quantity, ...]:
     """Quantities as the core describes them."""
-    return tuple(Quantity(name, unit, text, None if scale == 1 else scale) for name, unit, text, scale in described)
+    return tuple(Quantity(name, unit, text, scale) for name, unit, text, scale in described)
 
 
 class Model(ABC):
@@ -191,13 +192,15 @@ class Model(ABC):
 
     @cached_property
     def _dependence(self) -> Dependence:
-        from .dependence import Dependence
+        with needed_for("the structure of a model"):
+            from .dependence import Dependence
 
         return Dependence(self.symbolic())
 
     def to_toml(self) -> str:
         """The model as the table [model] of a TOML file; `load_model` reads it back."""
-        from .toml import model_to_toml
+        with needed_for("to_toml"):
+            from .toml import model_to_toml
 
         return model_to_toml(self)
 

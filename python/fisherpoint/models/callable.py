@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels import Kernels
-from ..quantity import Array, FrozenMapping, as_float, names_of
+from ..messages import shortened, shown
+from ..quantity import Array, FrozenMapping, as_float, check_known, check_mapping, check_name, names_of
 from .base import Model
-from .quantities import Described, check_distinct, constants_of, quantities_of, start_offsets
+from .quantities import Described, check_distinct, checked_name, constants_of, quantities_of, start_offsets
 from .tangents import complex_step_works, tangents
 
 Function = Callable[[Any, Any, Any], Any]
@@ -91,7 +92,7 @@ class CallableModel(Model):
         name: str = "model",
         nominal: Mapping[str, float] | None = None,
     ) -> None:
-        self.name = name
+        self.name = checked_name(name)
         self.states, self.inputs = quantities_of(states, "states"), quantities_of(inputs, "inputs")
         self.parameters = quantities_of(parameters, "parameters")
         self.outputs = quantities_of({"y": "1"} if outputs is None else outputs, "outputs")
@@ -103,13 +104,14 @@ class CallableModel(Model):
             if not getattr(self, kind):
                 raise ValueError(f"{kind}: expected at least one, given none")
         own = names_of(self.parameters)
-        for unknown in (key for key in nominal or {} if key not in own):
-            raise ValueError(f"nominal: expected the names {', '.join(own)}; given unknown {unknown!r:.60}")
-        self.nominal = FrozenMapping({key: as_float(value, f"nominal[{key!r}]") for key, value in (nominal or {}).items()})
+        usual = {} if nominal is None else check_mapping(nominal, "nominal")
+        check_known(usual, own, "nominal", "the names")
+        self.nominal = FrozenMapping({key: as_float(value, f"nominal[{key!r}]") for key, value in usual.items()})
         if (f is None) != (not self.states):
-            raise TypeError(f"f: expected {'a function' if self.states else 'None for a model without states'}, given {f!r:.60}")
+            raise TypeError(f"f: expected {'a function' if self.states else 'None for a model without states'}, given {shown(f)}")
         self.f, self.g = f, g
-        self._given = tuple(FrozenMapping(dict(of or {})) for of in (jumps, kinks, domain))
+        named = {"jumps": jumps, "kinks": kinks, "domain": domain}
+        self._given = tuple(_functions_of(given, kind) for kind, given in named.items())
         self.jumps, self.kinks, self.domain = (tuple(of) for of in self._given)
         self.core.check()
 
@@ -163,7 +165,8 @@ class CallableModel(Model):
 
     def _identity(self) -> Hashable:
         described = (self.states, self.inputs, self.parameters, self.outputs, self.constant_quantities)
-        return (self.name, self.f, self.g, *self._given, *described, self._constants, self.nominal)
+        given = (tuple(of.items()) for of in self._given)  # their order is that of the surfaces
+        return (self.name, self.f, self.g, *given, *described, self._constants, self.nominal)
 
     def __reduce__(self) -> tuple[Any, ...]:
         jumps, kinks, domain = map(dict, self._given)
@@ -176,6 +179,14 @@ class CallableModel(Model):
         return (
             f"CallableModel({self.name!r}, {', '.join(f'{len(of)} {kind}' + 's' * (len(of) != 1) for kind, of in kinds.items())})"
         )
+
+
+def _functions_of(given: Mapping[str, Function] | None, kind: str) -> FrozenMapping[Function]:
+    functions = {} if given is None else check_mapping(given, kind, "functions")
+    for name, function in functions.items():
+        if not callable(function):
+            raise TypeError(f"{kind}[{shown(name)}]: expected a function of x, u, p, given {shown(function)}")
+    return FrozenMapping({check_name(name, kind): function for name, function in functions.items()})
 
 
 class _Shifted:
@@ -270,7 +281,7 @@ class CallableCore:
             with np.errstate(all="ignore"):
                 result = function(*arguments)
         except (AttributeError, IndexError, NameError, TypeError, ValueError) as error:
-            what = f"{type(error).__name__}: {error}"
+            what = f"{type(error).__name__}: {shortened(' '.join(str(error).split()), 200)}"
             raise ValueError(f"{label}: expected a function of x, u, p, given one that raises {what}") from error
         if isinstance(result, list | tuple):
             if len(result) != n:

@@ -129,8 +129,13 @@ def predictive_covariance(
         if lost[k] > max_lost or not total > 0:
             status[k] = first or NOT_FINITE
             continue
-        deviation = y[~bad] - nominal_y[k]
-        covariance[k] = (weights[~bad, None] * deviation).T @ deviation / total
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
+            deviation = y[~bad] - nominal_y[k]
+            spread = (weights[~bad, None] * deviation).T @ deviation / total
+        if np.isfinite(spread).all():
+            covariance[k] = spread
+        else:
+            status[k] = NOT_FINITE
     if count:
         _warn(model, "predictive covariances", f"{len(at)} integrations per point", (perf_counter() - start) / count)
     return covariance, status, np.zeros(count, dtype=np.int64), np.empty((0, 0, n_y)), lost
@@ -156,7 +161,8 @@ def _end(model: CallableCore, x0: Array, u: Array, dt: float, theta: Array, sett
     def rates(x: Array) -> Array:
         return np.asarray(model.rhs(x[None], u[None], theta[None])[0], dtype=np.float64)
 
-    return integrate(model, rates, x0, u, dt, theta, *settings)
+    x, status = integrate(model, rates, x0, u, dt, theta, *settings)
+    return x, status if np.isfinite(x).all() else status or NOT_FINITE
 
 
 def _outputs(model: CallableCore, x: Array, u: Array, theta: Array, status: IntArray) -> tuple[Array, IntArray]:

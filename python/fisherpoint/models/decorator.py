@@ -7,8 +7,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import CodeType
 from typing import Any
 
+from ..messages import shortened, shown
 from .expressions import symbol
-from .quantities import Described, constants_of, quantities_of
+from .quantities import Described, checked_name, constants_of, quantities_of
 from .symbolic import SymbolicModel
 
 
@@ -68,10 +69,10 @@ def model(
 
     def make(function: Callable[..., Any]) -> SymbolicModel:
         if not callable(function):
-            raise TypeError(f"model: expected a function of x, u, p, given {type(function).__name__}")
+            raise TypeError(f"model: expected a function of x, u, p, given {shown(function)}")
         known = constants_of(constants)[0]
         names = {kind: [q.name for q in quantities_of(given, kind)] for kind, given in _kinds(states, inputs, parameters)}
-        own_name = name if name is not None else str(getattr(function, "__name__", "model"))
+        own_name = checked_name(name if name is not None else getattr(function, "__name__", "model"))
         spaces = (
             Namespace("x", names["states"]),
             Namespace("u", names["inputs"]),
@@ -91,12 +92,12 @@ def _returned(function: Callable[..., Any], spaces: tuple[Namespace, ...], name:
     try:
         result = function(*spaces)
     except (TypeError, AttributeError, ValueError, ZeroDivisionError) as error:
-        what = " ".join(str(error).split())
+        what = shortened(" ".join(str(error).split()), 300)
         if not isinstance(error, UnknownName):
             what = f"expected + - * / ** and functions such as fisherpoint.sqrt and fisherpoint.where, given: {what}"
         raise ValueError(f"{name}{_line(error, getattr(function, '__code__', None))}: {what}") from error
     if not isinstance(result, tuple) or len(result) not in (2, 3):
-        raise ValueError(f"{name}: expected it to return f, g or f, g, domain; given {result!r:.80}")
+        raise ValueError(f"{name}: expected it to return f, g or f, g, domain; given {shown(result, 80)}")
     return (*result, ()) if len(result) == 2 else result
 
 

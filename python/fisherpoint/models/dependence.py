@@ -8,10 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import sympy
 
 from ..quantity import FrozenMapping, names_of
+from ..tape.branch import Select
+from ..tape.parts import parts, symbols_of
 from .symbolic import SymbolicModel
 
 Names = tuple[str, ...]
@@ -141,8 +144,21 @@ class _Reader:
         states = {symbol for symbol in symbols if symbol in self._states}
         # Only where one state alone is not known is it asked for, and then no parameter may stand there.
         parameters = frozenset(self._parameters[symbol] for symbol in symbols if symbol in self._parameters)
-        affine = set() if parameters else {state for state in states if state not in self._symbols(expression.diff(state))}
+        affine = set() if parameters else {state for state in states if self._is_affine(expression, state)}
         return Equation(self._names(states), parameters, self._names(affine))
+
+    def _is_affine(self, expression: sympy.Expr, state: sympy.Symbol) -> bool:
+        """Whether the expression is affine in the state, part by part: it is multiplied only with what does not read it."""
+        degrees: dict[Any, int] = {}  # 2 for whatever is not affine
+        for part in parts(expression):
+            below = [degrees[argument] for argument in part.args]
+            if not below:
+                degrees[part] = 2 * (state in self._symbols(part)) if part != state else 1
+            elif isinstance(part, sympy.Add) or (isinstance(part, Select) and not below[0]):
+                degrees[part] = max(below)
+            else:
+                degrees[part] = min(sum(below), 2) if isinstance(part, sympy.Mul) else 2 * any(below)
+        return degrees[expression] < 2
 
     def _names(self, states: Iterable[sympy.Symbol]) -> frozenset[str]:
         return frozenset(self._states[state] for state in states)
@@ -150,10 +166,10 @@ class _Reader:
     def _symbols(self, expression: sympy.Expr) -> set[sympy.Symbol]:
         """Symbols of an expression and of the surfaces on whose side it depends."""
         found: set[sympy.Symbol] = set()
-        waiting = set(expression.free_symbols)
+        waiting = symbols_of(expression)
         while waiting:
             symbol = waiting.pop()
             found.add(symbol)
             if symbol in self._sides:
-                waiting |= self._sides[symbol].free_symbols - found
+                waiting |= symbols_of(self._sides[symbol]) - found
         return found

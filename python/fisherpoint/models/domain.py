@@ -9,6 +9,7 @@ from typing import Any
 import sympy
 
 from ..tape.branch import Select
+from ..tape.parts import parts, reads, replaced
 from .printing import to_text
 from .surfaces import Surface
 from .zeros import normal_form, reduced
@@ -22,6 +23,9 @@ class Limit:
     expression: Any
     pole: bool
 
+
+MOST = 256
+"""The most limits that are looked at; fewer are left, as some keep others."""
 
 Guards = tuple[tuple[Any, bool], ...]
 
@@ -41,8 +45,10 @@ class Domain:
     def __init__(self, constants: Mapping[Any, float], surfaces: Sequence[Surface]) -> None:
         self._switching = {normal_form(surface.expression)[0]: surface.side for surface in surfaces}
         self._constants = {symbol: sympy.Float(value) for symbol, value in constants.items()}
+        self._with_constants: dict[Any, Any] = {}
         self._limits: dict[tuple[Any, int | None, Guards], Limit] = {}
         self._visited: set[Any] = set()
+        self._limited: dict[Any, bool] = {}
 
     @property
     def limits(self) -> list[Limit]:
@@ -58,7 +64,8 @@ class Domain:
         for (form, sign, guards), limit in self._limits.items():
             if guards and (form, sign) in everywhere:
                 continue
-            if limit.expression not in positive and limit.expression.xreplace(positive).is_positive:
+            read = limit.expression not in positive and reads(limit.expression, positive)
+            if read and replaced(limit.expression, positive).is_positive:
                 continue
             if not limit.pole:
                 others.append(limit)
@@ -72,15 +79,18 @@ class Domain:
 
     def read(self, expression: Any, origin: Mapping[Any, Any]) -> None:
         """Add the limits of an expression; `origin` tells how its parts were written."""
+        for part in parts(expression, self._limited):
+            self._limited[part] = bool(_limits_of(part, {})) or any(self._limited[argument] for argument in part.args)
         stack: list[tuple[Any, Guards]] = [(expression, ())]
         while stack:
             part, guards = stack.pop()
-            if (part, guards) in self._visited:
+            if not self._limited[part] or (part, guards) in self._visited:
                 continue
             self._visited.add((part, guards))
             if isinstance(part, Select):
                 condition, a, b = part.args
-                stack += [(b, (*guards, (condition, False))), (a, (*guards, (condition, True))), (condition, guards)]
+                branches = [(b, (*guards, *_guards(condition, False))), (a, (*guards, *_guards(condition, True)))]
+                stack += [*branches, (condition, guards)]
                 continue
             for argument, written, pole in _limits_of(part, origin):
                 self._add(argument, written, guards, pole)
@@ -88,10 +98,12 @@ class Domain:
 
     def _add(self, expression: Any, written: Any, guards: Guards, pole: bool) -> None:
         for shown in (written, expression):
-            known = shown.xreplace(self._constants)
+            known = replaced(shown, self._constants, self._with_constants)
             if known.is_positive or (pole and known.is_nonzero):
                 return
         smooth = sympy.Mul(*(factor for factor in sympy.Mul.make_args(expression) if not isinstance(factor, sympy.Dummy)))
+        if pole and smooth == 1:
+            return
         form, sign = normal_form(smooth)
         side = self._switching.get(form)
         if side is not None and (smooth != expression or any(condition == side for condition, _ in guards)):
@@ -104,7 +116,20 @@ class Domain:
             shown = -shown
         for condition, taken in reversed(guards):
             expression = Select(condition, *((expression, sympy.S.One) if taken else (sympy.S.One, expression)))
+        if len(self._limits) == MOST:
+            raise ValueError(f"f: expected at most {MOST} roots, logarithms, divisors and conditions of the domain, given more")
         self._limits.setdefault((form, None if pole else sign, guards), Limit(to_text(shown), expression, pole))
+
+
+def _guards(condition: Any, holds: bool) -> Guards:
+    """What holds, or does not, where a condition does or does not: of "a and b" that holds, a and b."""
+    if isinstance(condition, Select):
+        first, *branches = condition.args
+        for taken, other in ((True, branches[1]), (False, branches[0])):
+            if other.is_number and (other > 0) != holds:  # so the first went the other way
+                rest = branches[0] if taken else branches[1]
+                return (*_guards(first, taken), *(() if rest.is_number else _guards(rest, holds)))
+    return ((condition, holds),)
 
 
 def _limits_of(part: Any, origin: Mapping[Any, Any]) -> Sequence[tuple[Any, Any, bool]]:

@@ -14,7 +14,7 @@ import numpy as np
 import sympy
 
 from ..tape.branch import Select
-from .expressions import parts
+from ..tape.parts import parts
 
 
 def evaluate(expressions: Sequence[Any], values: Mapping[Any, Any]) -> list[Any]:

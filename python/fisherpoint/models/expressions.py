@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import sympy
@@ -12,6 +12,8 @@ from sympy.core.relational import Equality, Relational, Unequality
 from sympy.logic.boolalg import BooleanFalse, BooleanTrue
 
 from ..functions import NAMES
+from ..messages import listed, shortened, shown
+from ..tape.parts import check_size, parts, rebuilt, replaced, symbols_of
 
 MAX_EXPONENT = 1000
 """The largest number as an exponent; sympy works powers of numbers out to the last digit."""
@@ -28,20 +30,6 @@ def symbol(name: str) -> sympy.Symbol:
     return sympy.Symbol(name, real=True)
 
 
-def parts(expression: Any) -> Iterator[Any]:
-    """Every part of an expression once, parts before what they are part of; depth does not matter."""
-    seen: set[Any] = set()
-    stack = [(expression, False)]
-    while stack:
-        part, expanded = stack.pop()
-        if expanded:
-            yield part
-        elif part not in seen:
-            seen.add(part)
-            stack.append((part, True))
-            stack.extend((argument, False) for argument in part.args)
-
-
 def checked(expression: Any, symbols: Mapping[str, sympy.Symbol], place: str) -> Any:
     """Return an equation in our symbols, found by name, and with numbers that a double holds.
 
@@ -50,36 +38,40 @@ def checked(expression: Any, symbols: Mapping[str, sympy.Symbol], place: str) ->
     ValueError
         For an unknown name, a function that is not in the list, or a number that is none; the message names the place.
     """
+    given = expression
     try:
-        expression = sympy.sympify(expression, strict=True)
-    except sympy.SympifyError:
-        raise ValueError(f"{place}: expected an expression, given {expression!r:.60}") from None
+        expression = sympy.sympify(given, strict=True)
+    except Exception:  # of SymPy, or of the value's own code
+        raise ValueError(f"{place}: expected an expression, given {shown(given)}") from None
     if not isinstance(expression, sympy.Expr):
-        raise ValueError(f"{place}: expected an expression, given {expression!s:.60}")
-    functions = expression.atoms(AppliedUndef)  # x(t), as sympy.physics.mechanics has it
-    expression = expression.xreplace({function: sympy.Symbol(function.func.__name__) for function in functions})
-    replaced: dict[Any, Any] = {}
-    for part in list(parts(expression)):
-        if isinstance(part, sympy.Symbol):
-            replaced[part] = _known(part, symbols, place)
-        elif isinstance(part, Equality | Unequality) or not isinstance(part, (*_KNOWN, sympy.NumberSymbol)):
+        raise ValueError(f"{place}: expected an expression, given {shown(given)}")
+    check_size(expression, place)
+    for part in parts(expression):
+        if isinstance(part, Equality | Unequality) or not isinstance(part, (*_KNOWN, sympy.NumberSymbol, AppliedUndef)):
             what = str(part) if isinstance(part, Relational) else part.func.__name__
             if part not in (sympy.I, sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
-                raise ValueError(f"{place}: expected the functions {', '.join(NAMES)}; given {what:.60}")
+                raise ValueError(f"{place}: expected the functions {', '.join(NAMES)}; given {shortened(what)}")
+
+    def ours(part: Any, now: Any) -> Any:
+        if isinstance(part, AppliedUndef):  # x(t), as sympy.physics.mechanics has it
+            return _known(part.func.__name__, symbols, place)
         if isinstance(part, sympy.Heaviside):
-            replaced[part] = sympy.Heaviside(part.args[0])  # its value at zero is never asked for
-    # All at once, so that no state changes its name twice.
-    expression = expression.xreplace({part: new for part, new in replaced.items() if part != new})
-    expression = expression.xreplace({part: _number(part, place) for part in list(parts(expression)) if _is_number(part)})
+            return sympy.Heaviside(now.args[0])  # its value at zero is never asked for
+        return symbols.get(part.name, part) if part.is_Symbol else now
+
+    expression = rebuilt(expression, ours)
+    for unknown in sorted(symbols_of(expression) - set(symbols.values()), key=str):
+        _known(unknown.name, symbols, place)
+    expression = replaced(expression, {part: _number(part, place) for part in parts(expression) if _is_number(part)})
     # A root that is written with a decimal number is a root all the same.
-    expression = expression.replace(_is_decimal_root, lambda power: power.base ** sympy.Rational(int(2 * power.exp), 2))
+    expression = rebuilt(expression, lambda _, now: _root(now) if _is_decimal_root(now) else now)
     for part in parts(expression):
         if part.is_Number:
             _number(part, place)
         if part.is_Pow and part.exp.is_Number and abs(part.exp) > MAX_EXPONENT:
             raise ValueError(f"{place}: expected exponents of at most {MAX_EXPONENT}, given {float(part.exp):g}")
         if isinstance(part, sympy.Piecewise) and part.args[-1][1] != sympy.true:
-            raise ValueError(f"{place}: expected a Piecewise whose last condition is True, given {part!s:.60}")
+            raise ValueError(f"{place}: expected a Piecewise whose last condition is True, given {shortened(part)}")
     return expression
 
 
@@ -87,14 +79,18 @@ def _is_number(part: Any) -> bool:
     return bool(part.is_number and isinstance(part, sympy.Expr) and not isinstance(part, sympy.Integer | sympy.Rational))
 
 
+def _root(power: Any) -> Any:
+    return power.base ** sympy.Rational(int(2 * power.exp), 2)
+
+
 def _is_decimal_root(part: Any) -> bool:
     return bool(part.is_Pow and part.exp.is_Float and abs(part.exp) <= MAX_EXPONENT and float(2 * part.exp).is_integer())
 
 
-def _known(part: Any, symbols: Mapping[str, sympy.Symbol], place: str) -> sympy.Symbol:
-    if part.name not in symbols:
-        raise ValueError(f"{place}: expected the names {', '.join(symbols)}; given unknown {part.name!r:.60}")
-    return symbols[part.name]
+def _known(name: str, symbols: Mapping[str, sympy.Symbol], place: str) -> sympy.Symbol:
+    if name not in symbols:
+        raise ValueError(f"{place}: expected the names {listed(symbols)}; given unknown {shown(name)}")
+    return symbols[name]
 
 
 def _number(part: Any, place: str) -> Any:
@@ -105,7 +101,7 @@ def _number(part: Any, place: str) -> Any:
         value = math.nan
     if not math.isfinite(value):
         raise ValueError(f"{place}: expected finite real numbers, given {_shortened(part)}")
-    if part.is_Rational and max(abs(part.p), part.q) < 2**53:
+    if (part.is_Rational and max(abs(part.p), part.q) < 2**53) or (part.is_Float and part._prec == 53):
         return part
     return sympy.Float(value)
 

@@ -8,7 +8,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from .. import _core
-from ..quantity import Array, FrozenMapping, Quantity, as_float, names_of
+from ..extras import needed_for
+from ..messages import shown
+from ..quantity import Array, FrozenMapping, Quantity, as_float, as_positive, check_known, names_of
 from .base import Model, quantities
 
 if TYPE_CHECKING:
@@ -81,7 +83,7 @@ class HydraulicCylinder(Model):
     def __init__(self, *, smooth: Mapping[str, float] | None = None, **constants: float) -> None:
         known = names_of(self.constant_quantities)
         for unknown in (name for name in constants if name not in known):
-            raise TypeError(f"HydraulicCylinder: expected constants {', '.join(known)}; given unknown {unknown!r}")
+            raise TypeError(f"HydraulicCylinder: expected constants {', '.join(known)}; given unknown {shown(unknown)}")
         self._core = _core.HydraulicCylinder(**{name: as_float(value, name) for name, value in constants.items()})
         for name in ("A_A", "A_B", "p_s", "T_1"):
             if not getattr(self._core, name) > 0:
@@ -135,7 +137,8 @@ class HydraulicCylinder(Model):
 
     @cached_property
     def _equations(self) -> SymbolicModel:
-        from .cylinder_equations import symbolic_cylinder
+        with needed_for("a model as equations"):
+            from .cylinder_equations import symbolic_cylinder
 
         return symbolic_cylinder(self)
 
@@ -157,11 +160,7 @@ def _rebuild(kind: type[HydraulicCylinder], constants: dict[str, float], smooth:
 def _checked_widths(given: Mapping[str, float] | None, surfaces: tuple[str, ...]) -> FrozenMapping[float]:
     """Widths in the order of the surfaces."""
     if given is not None and not isinstance(given, Mapping):
-        raise TypeError(f"smooth: expected widths by name, as in {{'v': 1e-3, 'x_v': 1e-3}}, given {given!r:.60}")
-    widths = {name: as_float(value, f"smooth[{name!r}]") for name, value in (given or {}).items()}
-    for name, width in widths.items():
-        if name not in surfaces:
-            raise ValueError(f"smooth: expected widths of {', '.join(surfaces)}; given unknown {name!r:.60}")
-        if not width > 0:
-            raise ValueError(f"smooth[{name!r}]: expected a positive width, given {width:g}")
+        raise TypeError(f"smooth: expected widths by name, as in {{'v': 1e-3, 'x_v': 1e-3}}, given {shown(given)}")
+    check_known(given or {}, surfaces, "smooth", "widths of")
+    widths = {name: as_positive(value, f"smooth[{name!r}]", "width") for name, value in (given or {}).items()}
     return FrozenMapping({name: widths[name] for name in surfaces if name in widths})

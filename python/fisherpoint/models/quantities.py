@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import keyword
-import math
 import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..functions import NAMES
-from ..quantity import Quantity, as_float
+from ..messages import shown
+from ..quantity import Quantity, as_float, as_positive, as_sequence, check_known
 from .units import check_unit
 
 if TYPE_CHECKING:
     from .base import Model
+
+MAX_LENGTH = 200
+"""Characters of a name."""
 
 RESERVED = (*NAMES, "pi", "dt")
 
@@ -33,12 +36,12 @@ def quantities_of(described: Described | None, kind: str) -> tuple[Quantity, ...
     if isinstance(described, Mapping):
         entries = [(_name(key, kind), entry) for key, entry in described.items()]
     elif isinstance(described, str) or not isinstance(described, Iterable):
-        raise TypeError(f"{kind}: expected a mapping of names to units, given {described!r:.60}")
+        raise TypeError(f"{kind}: expected a mapping of names to units, given {shown(described)}")
     else:
-        given = list(described)
+        given = as_sequence(described, kind, "Quantities")
         for entry in given:
             if not isinstance(entry, Quantity):
-                raise TypeError(f"{kind}: expected a mapping of names to units, or Quantities, given {entry!r:.60}")
+                raise TypeError(f"{kind}: expected a mapping of names to units, or Quantities, given {shown(entry)}")
         entries = [(_name(entry.name, kind), entry) for entry in given]
     quantities = tuple(_quantity(name, entry, f"{kind}.{name}") for name, entry in entries)
     check_distinct((quantity.name, kind) for quantity in quantities)
@@ -50,7 +53,7 @@ def constants_of(described: Mapping[Any, Any] | None) -> tuple[tuple[Quantity, .
     if described is None:
         return (), {}
     if not isinstance(described, Mapping):
-        raise TypeError(f"constants: expected a mapping of names to (value, unit), given {described!r:.60}")
+        raise TypeError(f"constants: expected a mapping of names to (value, unit), given {shown(described)}")
     units, values = {}, {}
     for key, entry in described.items():
         name = _name(key, "constants")
@@ -64,9 +67,8 @@ def start_offsets(model: Model, names: Sequence[str]) -> tuple[Quantity, ...]:
     states = {quantity.name: quantity for quantity in model.states}
     taken = {q.name for of in (model.states, model.inputs, model.parameters, model.constant_quantities) for q in of}
     offsets = []
+    check_known(names, states, "unknown_start", "names of states,")
     for name in names:
-        if name not in states:
-            raise ValueError(f"unknown_start: expected names of states, {', '.join(states) or 'none'}; given {name!r:.60}")
         own = f"{name}_0"
         while own in taken:
             own += "_"
@@ -85,27 +87,38 @@ def check_distinct(named: Iterable[tuple[str, str]]) -> None:
 
 
 def _name(key: Any, kind: str) -> str:
-    name = key if isinstance(key, str) else str(getattr(key, "name", None) or getattr(getattr(key, "func", None), "__name__", key))
-    place = f"{kind}.{name!r}"[:80]
-    if not name.isidentifier() or name.startswith("_") or unicodedata.normalize("NFKC", name) != name:
-        raise ValueError(f"{place}: expected a name of letters, digits and _ that starts with a letter, given {name!r:.60}")
+    name = key if isinstance(key, str) else getattr(key, "name", None) or getattr(getattr(key, "func", None), "__name__", None)
+    place = f"{kind}.{shown(name)}"
+    if not isinstance(name, str) or len(name) > MAX_LENGTH or not _is_plain(name):
+        raise ValueError(f"{place}: expected a name of letters, digits and _ that starts with a letter, given {shown(key)}")
     if keyword.iskeyword(name) or name in RESERVED:
-        raise ValueError(f"{place}: expected a name that is free, given {name!r}, which means something else in equations")
+        raise ValueError(f"{place}: expected a name that is free, given {shown(name)}, which means something else in equations")
     return name
+
+
+def _is_plain(name: str) -> bool:
+    return name.isidentifier() and not name.startswith("_") and unicodedata.normalize("NFKC", name) == name
+
+
+def checked_name(given: Any) -> str:
+    """The name of a model."""
+    if not isinstance(given, str) or not given.strip() or not given.isprintable():
+        raise ValueError(f"name: expected a name, given {shown(given)}")
+    if len(given) > MAX_LENGTH:
+        raise ValueError(f"name: expected a name of at most {MAX_LENGTH} characters, given {shown(given)}")
+    return given
 
 
 def _quantity(name: str, entry: Any, place: str) -> Quantity:
     if isinstance(entry, Quantity):
         unit, scale, description = entry.unit, entry.scale, entry.description
         if entry.name != name:
-            raise ValueError(f"{place}: expected the quantity of this name, given {entry.name!r:.60}")
+            raise ValueError(f"{place}: expected the quantity of this name, given {shown(entry.name)}")
     elif isinstance(entry, tuple) and len(entry) == 2:
         (unit, scale), description = entry, ""
     else:
         unit, scale, description = entry, None, ""
     check_unit(unit, place)
     if scale is not None:
-        scale = as_float(scale, f"{place}.scale")
-        if not 0 < scale < math.inf:
-            raise ValueError(f"{place}.scale: expected a positive number, given {scale:g}")
-    return Quantity(name, unit, str(description), scale)
+        scale = as_positive(scale, f"{place}.scale")
+    return Quantity(name, unit, description, scale)

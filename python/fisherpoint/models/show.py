@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import sympy
 
+from ..messages import printable
 from ..quantity import Quantity
 
 if TYPE_CHECKING:
     from .symbolic import SymbolicModel
 
 
-def shown(model: SymbolicModel) -> str:
+def model_text(model: SymbolicModel) -> str:
     """The model as text, for `print`."""
     lines = [model.name]
     for kind in ("states", "inputs", "parameters", "outputs"):
@@ -33,12 +34,12 @@ def _table(kind: str, rows: Iterable[tuple[Quantity, float | None]]) -> Iterator
     for i, (quantity, value) in enumerate(rows):
         number = "" if value is None else f" = {value:g}"
         size = "" if quantity.scale in (None, 1.0) else f", natural size {quantity.scale:g}"
-        description = f": {quantity.description}" if quantity.description else ""
+        description = f": {printable(' '.join(quantity.description.split()))}" if quantity.description else ""
         yield f"{kind if i == 0 else '':<12}{quantity.name}{number} [{quantity.unit}]{size}{description}"
 
 
 def _equations(model: SymbolicModel) -> Iterator[str]:
-    f, g, _ = model.texts
+    f, g, _ = ([printable(" ".join(text.split())) for text in texts] for texts in model.texts)
     for quantity, text in zip(model.states, f, strict=True):
         yield f"d{quantity.name}/dt = {text}"
     for quantity, text in zip(model.outputs, g, strict=True):

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-import sympy
 
 from ..quantity import Array
+from ..tape.parts import reads
 from ..tape.programs import Programs, build_programs
 from .domain import Domain, Limit
 from .evaluate import evaluate
-from .surfaces import Branches, Surface, classified
+from .jumps import classified
+from .surfaces import Branches
 
 
 @dataclass(frozen=True)
@@ -36,9 +37,11 @@ class Structure:
     def __init__(self, equations: Equations) -> None:
         self.equations = equations
         by_side, by_value = Branches(equations.states, by_side=True), Branches(equations.states, by_side=False)
-        self.rates = [by_side.rewrite(expression) for expression in equations.rates]
+        rates = [by_side.rewrite(expression) for expression in equations.rates]
+        told = classified(rates, by_side, equations.states, equations.constants, equations.conditions)
+        self.rates = [by_side.merged(rate) for rate in rates]
+        self.surfaces = [replace(surface, expression=by_side.merged(surface.expression)) for surface in told]
         self.output = [by_value.rewrite(expression) for expression in equations.output]
-        self.surfaces: list[Surface] = classified(self.rates, by_side.surfaces, equations.states)
 
         domain = Domain(equations.constants, self.surfaces)
         for condition in equations.conditions:
@@ -48,20 +51,15 @@ class Structure:
                 domain.read(expression, branches.origin)
         for surface in self.surfaces:
             domain.read(surface.expression, by_side.origin)
-        # Sides are what f is held at; surfaces and limits themselves are by value.
-        sides: dict[Any, Any] = {}
-        for surface in by_side.surfaces:
-            sides[surface.side] = sympy.sign(surface.expression.xreplace(sides))
-        moving = {*equations.states, *equations.inputs, *sides}
-        self.surface_values = [surface.expression.xreplace(sides) for surface in self.surfaces]
-        self.limits = [limit for limit in domain.limits if limit.expression.free_symbols & moving]
-        self.limit_values = [limit.expression.xreplace(sides) for limit in self.limits]
-        self.of_parameters = [limit for limit in domain.limits if not limit.expression.free_symbols & moving]
+        moving = {*equations.states, *equations.inputs, *(surface.side for surface in self.surfaces)}
+        limits = domain.limits
+        self.limits = [limit for limit in limits if reads(limit.expression, moving)]
+        self.of_parameters = [limit for limit in limits if not reads(limit.expression, moving)]
         self._check_constants()
 
     def _check_constants(self) -> None:
         parameters = set(self.equations.parameters)
-        fixed = [limit for limit in self.of_parameters if not limit.expression.free_symbols & parameters]
+        fixed = [limit for limit in self.of_parameters if not reads(limit.expression, parameters)]
         self.of_parameters = [limit for limit in self.of_parameters if limit not in fixed]
         self._refuse(fixed, {}, "constants.")
 
@@ -88,7 +86,7 @@ class Structure:
         return build_programs(
             self.rates,
             self.output,
-            [*self.surface_values, *self.limit_values],
+            [*(surface.expression for surface in self.surfaces), *(limit.expression for limit in self.limits)],
             equations.states,
             equations.inputs,
             equations.parameters,

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import reduce
 from typing import Any
 
 import sympy
@@ -12,9 +11,10 @@ from sympy.functions.elementary.piecewise import ExprCondPair
 from sympy.logic.boolalg import Boolean
 
 from ..tape.branch import Select
-from .expressions import parts
+from ..tape.parts import parts, reads, remade, replaced
+from ..tape.programs import LIMIT
 from .printing import to_text
-from .zeros import normal_form, reduced, vanish_on
+from .zeros import normal_form, reduced
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,9 @@ class Branches:
     ----------
     surfaces : list of Surface
         Those found so far, inner ones before those that read their side.
+    seamless : mapping of sympy.Dummy to sympy.Dummy
+        From a second symbol for a side to the side itself. min, max and abs read the second one: whichever value it has, they are
+        the same on the surface.
     origin : mapping of expression to expression
         From rewritten parts to the parts as they were written.
     """
@@ -43,16 +46,22 @@ class Branches:
     def __init__(self, states: Iterable[sympy.Symbol], by_side: bool) -> None:
         self.states, self.by_side = frozenset(states), by_side
         self.surfaces: list[Surface] = []
+        self.seamless: dict[Any, Any] = {}
         self.origin: dict[Any, Any] = {}
         self._known: dict[Any, Any] = {}
-        self._by_form: dict[Any, tuple[sympy.Dummy, int]] = {}
+        self._merged: dict[Any, Any] = {}
+        self._by_form: dict[Any, tuple[sympy.Dummy, sympy.Dummy, int]] = {}
 
     def rewrite(self, expression: Any) -> Any:
         for part in parts(expression):
             if part not in self._known and (part.is_Symbol or not isinstance(part, Boolean | ExprCondPair)):
                 self._known[part] = self._rewrite(part)
-                self.origin.setdefault(self._known[part], part)
+                self.origin.setdefault(self.merged(self._known[part]), part)
         return self._known[expression]
+
+    def merged(self, expression: Any) -> Any:
+        """A rewritten expression with one symbol alone for each side."""
+        return replaced(expression, self.seamless, self._merged) if self.seamless else expression
 
     def _rewrite(self, part: Any) -> Any:
         if not part.args:
@@ -66,22 +75,28 @@ class Branches:
         args = tuple(self._known[argument] for argument in part.args)
         if isinstance(part, sympy.Max | sympy.Min):
             return self._extreme(part)
-        if isinstance(part, sympy.sign | sympy.Abs | sympy.Heaviside):
+        if isinstance(part, sympy.Abs):
+            side = self._side(part.args[0], args[0], seamless=True)
+            return remade(part, args) if side is None else side * args[0]
+        if isinstance(part, sympy.sign | sympy.Heaviside):
             side = self._side(part.args[0], args[0])
             if isinstance(part, sympy.Heaviside):
-                return Select(args[0], 1, 0) if side is None else self._by_sign(side, sympy.S.One, sympy.S.Zero)
-            if side is not None:
-                return side * args[0] if isinstance(part, sympy.Abs) else side
-        return part if args == part.args else part.func(*args)
+                return Select(args[0], 1, 0) if side is None else _by_sign(side, sympy.S.One, sympy.S.Zero)
+            return remade(part, args) if side is None else side
+        return remade(part, args)
 
     def _extreme(self, part: Any) -> Any:
         """The largest or smallest argument, two by two; what reads the state comes first, so that "h - 2" is said, not "2 - h"."""
-        first, *others = sorted(part.args, key=lambda argument: not argument.free_symbols & self.states)
+        first, *others = sorted(part.args, key=lambda argument: not reads(argument, self.states))
         written, value = first, self._known[first]
         for other in others:
             new = self._known[other]
             a, b = (value, new) if isinstance(part, sympy.Max) else (new, value)
-            value = self._select(written - other, value - new, a, b)
+            side = self._side(written - other, value - new, seamless=True)
+            if side is not None:
+                value = _by_sign(side, a, b)
+            elif value != new:
+                value = remade(part, (value, new))
             written = part.func(written, other, evaluate=False)
         return value
 
@@ -91,11 +106,21 @@ class Branches:
             return yes if condition == sympy.true else no
         if isinstance(condition, sympy.Not):
             return self._branch(condition.args[0], no, yes)
-        if isinstance(condition, sympy.And):
-            return reduce(lambda value, part: self._branch(part, value, no), reversed(condition.args), yes)
-        if isinstance(condition, sympy.Or):
-            return reduce(lambda value, part: self._branch(part, yes, value), reversed(condition.args), no)
+        if isinstance(condition, sympy.And | sympy.Or):
+            return Select(self._holds(condition), yes, no)
         return self._compare(condition, yes, no)
+
+    def _holds(self, condition: Any) -> Any:
+        """What is positive where the condition holds; of many conditions by halves, so that it is not deep."""
+        if not isinstance(condition, sympy.And | sympy.Or):
+            value = self._branch(condition, sympy.S.One, sympy.S.NegativeOne)
+            return value.args[0] if isinstance(value, Select) and value.args[1:] == (1, -1) else value
+        values = [self._holds(part) for part in condition.args]
+        while len(values) > 1:
+            pairs = zip(values[::2], values[1::2], strict=False)
+            joined = [Select(a, b, -1) if isinstance(condition, sympy.And) else Select(a, 1, b) for a, b in pairs]
+            values = joined + values[2 * len(joined) :]
+        return values[0]
 
     def _compare(self, comparison: Any, yes: Any, no: Any) -> Any:
         left, right = comparison.args
@@ -103,44 +128,28 @@ class Branches:
         side = self._side(left - right, difference)
         greater = isinstance(comparison, sympy.StrictGreaterThan | sympy.GreaterThan)
         if side is not None:
-            return self._by_sign(side, *((yes, no) if greater else (no, yes)))
+            return _by_sign(side, *((yes, no) if greater else (no, yes)))
         if isinstance(comparison, sympy.StrictGreaterThan | sympy.StrictLessThan):
             return Select(difference if greater else -difference, yes, no)
         return Select(-difference if greater else difference, no, yes)
 
-    def _select(self, written: Any, condition: Any, a: Any, b: Any) -> Any:
-        side = self._side(written, condition)
-        return Select(condition, a, b) if side is None else self._by_sign(side, a, b)
-
-    @staticmethod
-    def _by_sign(side: Any, a: Any, b: Any) -> Any:
-        return Select(side, a, b) if side.is_Symbol else Select(-side, b, a)
-
-    def _side(self, written: Any, condition: Any) -> Any:
+    def _side(self, written: Any, condition: Any, seamless: bool = False) -> Any:
         """The side, or its negative, of the surface where the condition is zero; None where the state does not enter."""
-        if not self.by_side or not condition.free_symbols & self.states:
+        if not self.by_side or not reads(condition, self.states):
             return None
-        form, sign = normal_form(condition)
+        form, sign = normal_form(self.merged(condition))
         if form not in self._by_form:
+            if len(self.surfaces) == LIMIT:
+                raise ValueError(f"f: expected at most {LIMIT} switching surfaces and limits, given more than {LIMIT} surfaces")
             shown, turned = reduced(written)
-            side = sympy.Dummy(f"side_{len(self.surfaces)}", real=True)
+            side, second = (sympy.Dummy(f"side_{len(self.surfaces)}", real=True) for _ in range(2))
             self.surfaces.append(Surface(to_text(shown), condition if turned > 0 else -condition, side))
-            self._by_form[form] = side, sign * turned
-        side, orientation = self._by_form[form]
-        return side if sign == orientation else -side
+            self.seamless[second] = side
+            self._by_form[form] = side, second, sign * turned
+        side, second, orientation = self._by_form[form]
+        symbol = second if seamless else side
+        return symbol if sign == orientation else -symbol
 
 
-def classified(rates: Sequence[Any], surfaces: Sequence[Surface], states: Sequence[sympy.Symbol]) -> list[Surface]:
-    """Return the surfaces with jumps told from kinks, jumps first.
-
-    A surface is a kink where f, and every surface that reads its side, are the same on both sides of it.
-    """
-    everything = [*rates, *(surface.expression for surface in surfaces)]
-
-    def jumps(surface: Surface) -> bool:
-        read = [expression for expression in everything if surface.side in expression.free_symbols]
-        sides = [tuple(expression.xreplace({surface.side: sympy.Integer(s)}) for s in (1, -1)) for expression in read]
-        return not vanish_on([(above, below) for above, below in sides], surface.expression, states)
-
-    told = [Surface(surface.name, surface.expression, surface.side, jumps(surface)) for surface in surfaces]
-    return [surface for surface in told if surface.jump] + [surface for surface in told if not surface.jump]
+def _by_sign(side: Any, a: Any, b: Any) -> Any:
+    return Select(side, a, b) if side.is_Symbol else Select(-side, b, a)

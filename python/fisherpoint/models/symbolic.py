@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping, Set
 from dataclasses import replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import sympy
 
 from .. import _core
-from ..quantity import Array, FrozenMapping, Quantity, as_float, names_of
+from ..messages import shown
+from ..quantity import Array, FrozenMapping, Quantity, as_float, as_sequence, check_known, check_mapping, names_of
 from ..tape.program import to_core
 from ..tape.programs import LIMIT
 from .base import Model
-from .compiled import compiled_library
+from .compiled import compiled_model
 from .expressions import checked, symbol
 from .printing import to_text
-from .quantities import Described, check_distinct, constants_of, quantities_of, start_offsets
-from .show import latex, shown
+from .quantities import Described, check_distinct, checked_name, constants_of, quantities_of, start_offsets
+from .show import latex, model_text
 from .structure import Equations, Structure
 from .text import parse_equation
 
@@ -68,9 +68,7 @@ class SymbolicModel(Model):
         name: str = "model",
         nominal: Mapping[str, float] | None = None,
     ) -> None:
-        if not isinstance(name, str) or not name.strip() or not name.isprintable():
-            raise ValueError(f"name: expected a name, given {name!r:.60}")
-        self.name = name
+        self.name = checked_name(name)
         given_f, given_g, given_domain = _listed(f, "f"), _listed(g, "g"), _listed(domain, "domain")
         self.states, self.inputs = quantities_of(states, "states"), quantities_of(inputs, "inputs")
         self.parameters = quantities_of(parameters, "parameters")
@@ -112,23 +110,24 @@ class SymbolicModel(Model):
     @cached_property
     def core(self) -> Any:
         """The model's programs, as the compiled kernels interpret them, or with kernels of its own."""
-        return self._tape if self._library is None else _core.CompiledModel(self._tape, str(self._library))
+        return self._tape if self._own_core is None else self._own_core
 
     def compile(self) -> SymbolicModel:
         """Return the model with kernels compiled for it, which are two to three times as fast as interpreted ones.
 
         Building them takes a minute or so, once: a cache keeps them for every later run (``FISHERPOINT_CACHE`` names another
         directory for it than the user's own). It takes a C++ compiler, g++ or clang++; without one the model goes on
-        interpreted, and a warning says so. Results differ by rounding; a pickled copy is interpreted again.
+        interpreted, and a warning says so. Where others could write to the cache, or it cannot be written at all, a warning says so
+        too, and the kernels last as long as the process. Results differ by rounding; a pickled copy is interpreted again.
         """
         compiled = copy.copy(self)
-        compiled._library = compiled_library(self)
+        compiled._own_core = compiled_model(compiled, compiled._tape)
         return compiled
 
     @property
     def compiled(self) -> bool:
         """Whether the model has kernels of its own."""
-        return self._library is not None
+        return self._own_core is not None
 
     @cached_property
     def _tape(self) -> Any:
@@ -153,7 +152,7 @@ class SymbolicModel(Model):
             surface_reads=programs.surface_reads,
         )
 
-    _library: Path | None = None
+    _own_core: Any | None = None
 
     def symbolic(self) -> SymbolicModel:
         """The model itself."""
@@ -161,9 +160,7 @@ class SymbolicModel(Model):
 
     def estimate(self, *names: str) -> SymbolicModel:
         """Return the model with known constants made parameters; their values become nominal ones."""
-        for name in names:
-            if name not in self.constants:
-                raise ValueError(f"estimate: expected names of constants, {', '.join(self.constants) or 'none'}; given {name!r}")
+        check_known(names, self.constants, "estimate", "names of constants,")
         moved = tuple(q for q in self.constant_quantities if q.name in names)
         return self._replaced(
             parameters=(*self.parameters, *moved),
@@ -175,9 +172,7 @@ class SymbolicModel(Model):
     def fix(self, **values: float) -> SymbolicModel:
         """Return the model with parameters made known constants of these values, SI units."""
         names = names_of(self.parameters)
-        for name in values:
-            if name not in names:
-                raise ValueError(f"fix: expected names of parameters, {', '.join(names)}; given {name!r}")
+        check_known(values, names, "fix", "names of parameters,")
         moved = tuple(q for q in self.parameters if q.name in values)
         return self._replaced(
             parameters=tuple(q for q in self.parameters if q not in moved),
@@ -264,7 +259,7 @@ class SymbolicModel(Model):
         return f"SymbolicModel({self.name!r}, {', '.join(f'{n} {kind}{chr(115) * (n != 1)}' for n, kind in counts)})"
 
     def __str__(self) -> str:
-        return shown(self)
+        return model_text(self)
 
     def _repr_latex_(self) -> str:
         return latex(self)
@@ -282,8 +277,10 @@ def _listed(given: Any, place: str) -> list[Any]:
     if isinstance(given, str | sympy.Basic):
         return [given]
     if isinstance(given, Mapping) or not isinstance(given, Iterable):
-        raise TypeError(f"{place}: expected a sequence of equations, given {given!r:.60}")
-    return list(given)
+        raise TypeError(f"{place}: expected a sequence of equations, given {shown(given)}")
+    if isinstance(given, Set):
+        raise TypeError(f"{place}: expected equations in an order, given {shown(given)}")
+    return list(as_sequence(given, place, "equations"))
 
 
 def _default_outputs(count: int) -> dict[str, str]:
@@ -297,10 +294,9 @@ def _check_count(given: list[Any], place: str, quantities: tuple[Quantity, ...])
 
 
 def _checked_nominal(nominal: Mapping[str, float] | None, names: tuple[str, ...]) -> dict[str, float]:
-    for name in nominal or {}:
-        if name not in names:
-            raise ValueError(f"nominal: expected the names {', '.join(names)}; given unknown {name!r:.60}")
-    return {name: as_float((nominal or {})[name], f"nominal[{name!r}]") for name in names if name in (nominal or {})}
+    given = {} if nominal is None else check_mapping(nominal, "nominal")
+    check_known(given, names, "nominal", "the names")
+    return {name: as_float(given[name], f"nominal[{name!r}]") for name in names if name in given}
 
 
 def _equation(given: Any, symbols: Mapping[str, Any], place: str) -> Any:

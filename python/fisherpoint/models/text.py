@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 import sympy
 
 from ..functions import ARGUMENTS, FUNCTIONS, NAMES
+from ..tape.parts import compared
 from .expressions import MAX_EXPONENT, checked
 
 MAX_LENGTH = 10_000
@@ -182,7 +183,7 @@ class _Reader:
             case ast.Compare(left, ops, rights) if all(type(op) in _COMPARISONS for op in ops):
                 sides = [self.expression(side, depth + 1) for side in (left, *rights)]
                 pairs = zip(ops, sides[:-1], sides[1:], strict=True)
-                comparisons = [_COMPARISONS[type(op)](a, b) for op, a, b in pairs]
+                comparisons = [compared(_COMPARISONS[type(op)], a, b) for op, a, b in pairs]
                 return comparisons[0] if len(comparisons) == 1 else sympy.And(*comparisons, evaluate=False)
         self.refuse_node("expected a condition such as h > 0", node)
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import inf, pi, pow
 
+from ..messages import shown
 from ..quantity import Array
 
 _BASE = ("m", "kg", "s", "A", "K", "mol", "cd", "rad", "au")
@@ -140,9 +141,9 @@ def convert(values: Array, given: str, wanted: str, place: str) -> Array:
         return values
     ratio = _read(given, place) * _read(wanted, place) ** Fraction(-1)
     if any(ratio.powers):
-        raise ValueError(f"{place}: expected a unit of what is in {wanted!r}, given {given!r}, which measures something else")
+        raise ValueError(f"{place}: expected a unit of what is in {wanted!r}, given {shown(given)}, which measures something else")
     if not (0 < ratio.times < inf and 0 < ratio.over < inf):
-        raise ValueError(f"{place}: expected a unit of the size of {wanted!r}, given {given!r}")
+        raise ValueError(f"{place}: expected a unit of the size of {wanted!r}, given {shown(given)}")
     times, over = ratio.times / ratio.over, ratio.over / ratio.times
     scaled = values * times if times >= 1 else values / over
     above = 273.15 * ((given in _CELSIUS) - (wanted in _CELSIUS))
@@ -151,7 +152,7 @@ def convert(values: Array, given: str, wanted: str, place: str) -> Array:
 
 def _read(text: object, place: str) -> UnitValue:
     if not isinstance(text, str) or len(text) > MAX_LENGTH:
-        raise ValueError(f"{place}: expected a unit such as 'm3/(s sqrt(Pa))', given {text!r:.60}")
+        raise ValueError(f"{place}: expected a unit such as 'm3/(s sqrt(Pa))', given {shown(text)}")
     return _Parser(text, place).whole()
 
 
@@ -176,9 +177,9 @@ class _Parser:
             self.kind, self.token, self.end = str(match.lastgroup), match[0].strip(), match.end()
 
     def error(self, expected: str) -> ValueError:
-        where = f"{self.text[self.start :].strip()!r} at column {self.start + 1}" if self.start < len(self.text) else "its end"
+        where = f"{shown(self.text[self.start :].strip())} at column {self.start + 1}" if self.start < len(self.text) else "its end"
         return ValueError(
-            f"{self.place}: expected a unit such as 'm3/(s sqrt(Pa))', given {self.text!r:.60}: {expected} expected before {where}"
+            f"{self.place}: expected a unit such as 'm3/(s sqrt(Pa))', given {shown(self.text)}: {expected} expected before {where}"
         )
 
     def whole(self) -> UnitValue:
@@ -207,7 +208,8 @@ class _Parser:
                 raise self.error("')'")
         elif self.kind == "name" and self.token not in UNITS:
             raise ValueError(
-                f"{self.place}: expected a unit such as 'm3/(s sqrt(Pa))', given {self.text!r}: unknown unit {self.token!r} "
+                f"{self.place}: expected a unit such as 'm3/(s sqrt(Pa))', given {shown(self.text)}: unknown unit "
+                f"{shown(self.token)} "
                 f"at column {self.end - len(self.token) + 1}"
             )
         elif self.kind not in ("name", "one"):

@@ -71,7 +71,8 @@ def build_programs(
     rates, output : sequence of sympy.Expr
         f, one for each state, and g.
     surfaces : sequence of sympy.Expr
-        What is zero on jumps and kinks, in the order of `sides`, then what must stay positive.
+        What is zero on jumps and kinks, in the order of `sides`, then what must stay positive. A side that they read is the sign of
+        its surface's value.
     states, inputs, parameters : sequence of sympy.Symbol
     sides : sequence of sympy.Symbol
         For each jump and kink the symbol that stands for the side it is on, +1 or -1, in the branches of f.
@@ -94,7 +95,8 @@ def build_programs(
     symbols |= {symbol: graph.literal(float(value)) for symbol, value in constants.items()}
     if len(symbols) < leaves.dx.start + len(constants):
         raise ValueError("symbols: expected each to be one of states, inputs, parameters, sides and constants, given one twice")
-    f, g, h = (nodes_of(graph, expressions, symbols) for expressions in (rates, output, surfaces))
+    f, g = (nodes_of(graph, expressions, symbols) for expressions in (rates, output))
+    h = _by_value(graph, surfaces, sides, symbols)
     for i, node in enumerate(g):
         if _reads_any(graph, node, leaves.side):
             raise ValueError(f"output: expected no side of a surface, given {output[i]}")
@@ -134,6 +136,19 @@ def _check(
     for name, given in (("states", states), ("parameters", parameters), ("surfaces", surfaces)):
         if len(given) > LIMIT:
             raise ValueError(f"{name}: expected at most {LIMIT}, given {len(given)}")
+
+
+def _by_value(graph: Graph, surfaces: Sequence[Any], sides: Sequence[Any], symbols: Mapping[Any, int]) -> list[int]:
+    """Nodes of surfaces and limits, without sides."""
+    known = {symbol: node for symbol, node in symbols.items() if symbol not in sides}
+    waiting = dict(zip(sides, surfaces, strict=False))
+    while waiting:
+        ready = [side for side, surface in waiting.items() if not surface.free_symbols & waiting.keys()]
+        if not ready:
+            raise ValueError(f"surfaces: expected none that reads its own side, given {', '.join(map(str, waiting))}")
+        for side in ready:
+            known[side] = graph.call("sign", nodes_of(graph, [waiting.pop(side)], known)[0])
+    return nodes_of(graph, surfaces, known)
 
 
 def _reads_any(graph: Graph, node: int, leaves: Sequence[int]) -> bool:

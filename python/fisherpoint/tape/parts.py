@@ -1,0 +1,106 @@
+"""Walks through SymPy expressions that look at each part once: what stands in them, and the same with parts exchanged.
+
+SymPy itself looks at a part as often as it occurs, and goes down by recursion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Container, Iterator, Mapping, Sequence
+from typing import Any
+
+import sympy
+from sympy.core.relational import Relational
+from sympy.functions.elementary.piecewise import ExprCondPair
+
+MAX_OPERATIONS = 100_000
+"""The most operations, names and numbers of an expression, each counted as often as it is written."""
+MAX_NESTED = 200
+"""How deep the operations of an expression may be nested: SymPy goes down by recursion."""
+_COUNTED = 10**12
+
+
+def parts(expression: Any, known: Container[Any] = ()) -> Iterator[Any]:
+    """Every part of an expression once, parts before what they are part of; depth does not matter.
+
+    What is in `known` is left out, with its parts.
+    """
+    seen: set[Any] = set()
+    stack = [(expression, False)]
+    while stack:
+        part, expanded = stack.pop()
+        if expanded:
+            yield part
+        elif part not in seen and part not in known:
+            seen.add(part)
+            stack.append((part, True))
+            stack.extend((argument, False) for argument in part.args)
+
+
+def rebuilt(expression: Any, change: Callable[[Any, Any], Any], known: dict[Any, Any] | None = None) -> Any:
+    """The expression with every part changed, inner ones first: `change` is given a part, and the part made of changed ones.
+
+    Each part is made once however often it occurs. Comparisons, min, max, and, or stay as they are written: SymPy would try to
+    decide them, at length. `known` keeps what was made, for further expressions and the same `change`.
+    """
+    made = {} if known is None else known
+    for part in parts(expression, made):
+        args = [made[argument] for argument in part.args]
+        same = all(a is b for a, b in zip(args, part.args, strict=True))
+        made[part] = change(part, part if same else remade(part, args))
+    return made[expression]
+
+
+def replaced(expression: Any, new: Mapping[Any, Any], known: dict[Any, Any] | None = None) -> Any:
+    """The expression with parts put in the place of others, all at once."""
+    return rebuilt(expression, lambda part, now: new.get(part, now), known)
+
+
+def remade(part: Any, args: Sequence[Any]) -> Any:
+    """A part with other arguments."""
+    if isinstance(part, sympy.Max | sympy.Min) and not all(argument.is_number for argument in args):
+        return part.func(*args, evaluate=False)
+    if isinstance(part, sympy.And | sympy.Or) and not any(argument in (sympy.true, sympy.false) for argument in args):
+        return part.func(*args, evaluate=False)
+    if isinstance(part, Relational):
+        return compared(part.func, *args)
+    return sympy.Basic.__new__(part.func, *args) if isinstance(part, ExprCondPair | sympy.Piecewise) else part.func(*args)
+
+
+def compared(kind: type[Relational], left: Any, right: Any) -> Any:
+    """A comparison; where both sides are sums and products, it is not asked at length whether it always holds."""
+    difference = left - right
+    plain = (sympy.Symbol, sympy.Number, sympy.Add, sympy.Mul)
+    if difference.is_number or not all(isinstance(part, plain) for part in parts(difference)):
+        return kind(left, right)
+    return kind(left, right, evaluate=False)
+
+
+def cases(value: Any, condition: Any, otherwise: Any) -> sympy.Piecewise:
+    """The value where the condition holds; SymPy's own way to make it multiplies out conditions that have cases in them."""
+    pairs = ((value, condition), (otherwise, sympy.true))
+    return sympy.Basic.__new__(sympy.Piecewise, *(sympy.Basic.__new__(ExprCondPair, *map(sympy.sympify, pair)) for pair in pairs))
+
+
+def reads(expression: Any, symbols: Collection[Any]) -> bool:
+    """Whether one of the symbols occurs in the expression."""
+    return any(part in symbols for part in parts(expression))
+
+
+def symbols_of(expression: Any) -> set[Any]:
+    """All symbols of an expression; unlike `free_symbols` it looks at each part once."""
+    return {part for part in parts(expression) if part.is_Symbol}
+
+
+def check_size(expression: Any, place: str) -> None:
+    """Raise where SymPy, which looks at a part as often as it occurs and goes down by recursion, would take too long."""
+    size: dict[Any, int] = {}
+    depth: dict[Any, int] = {}
+    for part in parts(expression):
+        size[part] = min(1 + sum(size[argument] for argument in part.args), _COUNTED)
+        depth[part] = 1 + max((depth[argument] for argument in part.args), default=0)
+    for what, given, most in (
+        ("operations", size[expression], MAX_OPERATIONS),
+        ("operations inside each other", depth[expression], MAX_NESTED),
+    ):
+        if given > most:
+            raise ValueError(f"{place}: expected at most {most} {what}, given {given}{' or more' * (given == _COUNTED)}")
