@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import csv
 import json
+import pickle
+import re
 from functools import cache
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from scipy.stats import chi2, f
+from scipy.stats import chi2, f, norm
+from scipy.stats import t as student
 
 import fisherpoint as fp
 from fisherpoint.config import load_config
@@ -69,8 +73,22 @@ def test_the_print_has_what_a_fit_is_judged_by() -> None:
     assert "residual rms (10)" in text
     assert "starts at this minimum" in text
     assert "Warning" not in text
-    assert fit._repr_html_().count("<tr>") == text.count("\n  ") - 0
     assert repr(fit).startswith("Fit(a_tau=")
+
+
+def test_a_notebook_shows_the_cells_of_the_print() -> None:
+    problem, data = cylinder()
+    fit = fp.estimate(problem.model, data, problem.prior, noise_std=problem.noise_std, bounds={"c_L": (2.6e-9, None)})
+    page = ElementTree.fromstring(f"<div>{fit._repr_html_()}</div>")
+    tables = page.findall("table")
+    assert [table.findtext("caption") for table in tables] == ["Estimates", "Beside the prior", "Outputs"]
+    rows = [["".join(cell.itertext()) for cell in row] for row in tables[0].findall("tr")]
+    assert rows[0][:3] == ["parameter", "unit", "estimate"] and [row[0] for row in rows[1:]] == list(fit.parameters)
+    lines = {line.split()[0]: re.split(r"  +", line.strip()) for line in str(fit).split("\n\n")[1].splitlines()[1:]}
+    assert all(lines[row[0]] == row for row in rows)
+    assert [float(row[2]) for row in rows[1:]] == pytest.approx(fit.values, rel=1e-3)
+    said = [paragraph.findtext("b") for paragraph in page.findall("p") if "Warning" in "".join(paragraph.itertext())]
+    assert len(said) == str(fit).count("Warning: ") >= 1
 
 
 def test_a_wrong_constant_is_exposed_by_the_output_that_it_rules() -> None:
@@ -94,7 +112,7 @@ def test_files_hold_the_fit_and_are_whole(tmp_path: Path) -> None:
     assert sorted(path.name for path in paths) == ["estimate.csv", "fit.json", "residuals.csv"]
     assert sorted(path.name for path in (tmp_path / "new" / "directory").iterdir()) == ["estimate.csv", "fit.json", "residuals.csv"]
     told = json.loads((tmp_path / "new" / "directory" / "fit.json").read_text())
-    assert told == fit.to_dict()
+    assert {name: told[name] for name in fit.to_dict()} == fit.to_dict()
     assert told["parameters"]["k"]["estimate"] == fit.estimate["k"]
     assert np.array(told["covariance"]) == pytest.approx(fit.covariance)
     with (tmp_path / "new" / "directory" / "estimate.csv").open() as file:
@@ -105,6 +123,82 @@ def test_files_hold_the_fit_and_are_whole(tmp_path: Path) -> None:
         residuals = list(csv.DictReader(file))
     assert [float(row["residual"]) for row in residuals] == pytest.approx(fit.residuals[:, 0])
     assert float(residuals[3]["measured"]) - float(residuals[3]["predicted"]) == pytest.approx(float(residuals[3]["residual"]))
+
+
+def tanks_fit() -> fp.Fit:
+    """Of a record of which a start is not known, with a noise that is estimated."""
+    model = load_config(EXAMPLES / "cascaded_tanks.toml").build_model()
+    t, u = 4.0 * np.arange(60), 2.0 + np.where((np.arange(60) // 15) % 2, 1.0, -1.0)
+    y = fp.simulate_record(model, dict(model.nominal), t, u, {"h1": 5.0, "h2": 4.0}).y
+    y = y + np.random.default_rng(1).normal(0, 0.05, y.shape)
+    y[7] = np.nan
+    return fp.estimate(model, fp.Record(t, u, y, {"h1": 5.0}), parameters=["k1", "k3"])
+
+
+def assert_same(again: fp.Fit, fit: fp.Fit) -> None:
+    assert again.to_dict() == fit.to_dict()
+    assert str(again) == str(fit) and again.model == fit.model
+    for name in ("theta", "values", "residuals", "covariance", "information", "noise_covariance", "z", "whitened"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(fit, name), strict=True)
+    name = fit.parameters[0]
+    assert again.intervals(0.9) == fit.intervals(0.9) and again.profile(name).interval == fit.profile(name).interval
+
+
+@pytest.mark.parametrize("kind", ["points", "bound", "prior", "record"])
+def test_a_fit_comes_back_from_its_file_and_from_a_pickle(kind: str, tmp_path: Path) -> None:
+    model, data = decay()
+    log = fp.GaussianPrior({"c_0": 18.0, "k": 6e-4}, relative_std={"c_0": 0.3, "k": 0.3}, log=["k"])
+    fit = {
+        "points": lambda: fp.estimate(model, [data[:5], data[5:]], noise_std={"c": 0.2}),
+        "bound": lambda: fp.estimate(model, data, bounds={"k": (None, 4e-4)}),
+        "prior": lambda: fp.estimate(model, data, log, noise_std={"c": 0.2}, initial_state_std={"share": 0.01}),
+        "record": tanks_fit,
+    }[kind]()
+    fit.save(tmp_path)
+    for again in (fp.Fit.load(tmp_path), pickle.loads(pickle.dumps(fit))):
+        assert_same(again, fit)
+    if kind == "prior":
+        assert again.posterior() == fit.posterior()
+
+
+def test_a_file_that_is_no_fit_is_told(tmp_path: Path) -> None:
+    model, data = decay()
+    fit = fp.estimate(model, data, noise_std={"c": 0.2})
+    fit.save(tmp_path)
+    path = tmp_path / "fit.json"
+    text, whole = path.read_text(), json.loads(path.read_text())
+    older = {name: value for name, value in whole.items() if name not in ("format", "format_version", "state")}
+    short = whole | {"state": whole["state"] | {"values": [1.0]}}
+    without = whole | {"state": {name: value for name, value in whole["state"].items() if name != "data"}}
+    for broken, message in (
+        (text[: len(text) // 2], "expected a whole JSON file"),
+        (json.dumps(older), "expected a file of format 'fisherpoint fit'"),
+        (json.dumps(short), "values: expected 2 unknowns, c_0, k"),
+        (json.dumps(without), "expected a complete fit, given one without or with a wrong 'data'"),
+    ):
+        path.write_text(broken)
+        with pytest.raises(ValueError, match=re.escape(message)):
+            fp.Fit.load(tmp_path)
+
+
+def falling(x: Any, u: Any, theta: Any) -> Any:
+    return np.stack([-theta[..., 0] * x[..., 0]], axis=-1)
+
+
+def as_it_is(x: Any, u: Any, theta: Any) -> Any:
+    return x
+
+
+@pytest.mark.filterwarnings("ignore:CallableModel")
+def test_a_fit_of_python_functions_is_pickled_and_not_loaded(tmp_path: Path) -> None:
+    data = decay()[1]
+    model = fp.CallableModel(falling, as_it_is, {"c": "1"}, {}, {"k": "1/s"}, {"c": "1"}, nominal={"k": 1e-3})
+    fit = fp.estimate(model, fp.Measurements(data.points, data.y / 20), noise_std={"c": 0.02})
+    fit.save(tmp_path)
+    assert json.loads((tmp_path / "fit.json").read_text())["parameters"]["k"]["estimate"] == fit.estimate["k"]
+    with pytest.raises(ValueError, match=r"expected a fit with its model, given one without: .*given CallableModel"):
+        fp.Fit.load(tmp_path)
+    assert pickle.loads(pickle.dumps(fit)).to_dict() == fit.to_dict()
 
 
 def test_what_is_not_finite_is_null_in_the_file(tmp_path: Path) -> None:
@@ -143,6 +237,58 @@ def test_a_bound_is_kept_and_told() -> None:
     assert fit.estimate["k"] == pytest.approx(4e-4, rel=1e-6)
     assert fit.at_bounds == ("k",)
     assert "k is at its bound" in str(fit)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_an_unknown_at_its_bound_is_not_free(known: bool) -> None:
+    """A line with its slope at most 1, where the data want 2: by hand, the mean of y - u alone is estimated."""
+    line = fp.SymbolicModel([], ["a + b*u"], {}, {"u": "1"}, {"a": "1", "b": "1"}, {"y": "1"}, nominal={"a": 0.0, "b": 0.5})
+    u, y = np.array([0.0, 1.0, 2.0, 5.0]), np.array([0.1, 1.8, 4.3, 9.8])
+    data = fp.Measurements(fp.Experiments(np.empty((4, 0)), u), y)
+    fit = fp.estimate(line, data, noise_std={"y": 0.5} if known else None, bounds={"b": (None, 1.0)})
+    residuals = (y - u) - (y - u).mean()
+    variance = 0.25 if known else float(residuals @ residuals) / 3  # 4 values less one free unknown
+    assert fit.converged and fit.at_bounds == ("b",)
+    assert fit.estimate == pytest.approx({"a": (y - u).mean(), "b": 1.0})
+    assert fit.degrees_of_freedom == pytest.approx(3)
+    assert fit.noise_covariance[0, 0] == pytest.approx(variance)
+    assert fit.standard_errors == pytest.approx({"a": np.sqrt(variance / 4), "b": np.inf})
+    assert fit.intervals()["a"][1] - fit.estimate["a"] == pytest.approx(
+        np.sqrt(variance / 4) * (norm.ppf(0.975) if known else student.ppf(0.975, 3))
+    )
+    if known:
+        assert fit.tests["y"].p_value == pytest.approx(chi2.sf(float(residuals @ residuals) / variance, 3))
+    assert fit.null_directions == ()
+    (row,) = (line for line in str(fit).splitlines() if line.startswith("  b "))
+    assert "at its bound" in row
+    assert "b is at its bound: it has no standard error, and those of the others are with b there" in str(fit)
+    assert "with 3 degrees of freedom" in str(fit)
+    assert fit.to_dict()["parameters"]["b"]["standard_error"] is None
+    # Its own interval is that of the likelihood; it ends where the bound is.
+    profile = fit.profile("b")
+    assert profile.ends == ("found", "at its bound") and profile.interval[1] == pytest.approx(1.0)
+    posterior = fit.posterior()  # of which the spread is that of both, were b free
+    free = fp.estimate(line, data, noise_std={"y": 0.5})
+    assert not known or posterior.std["b"] == pytest.approx(free.standard_errors["b"])
+
+
+def test_a_bound_that_does_not_hold_does_not_count() -> None:
+    model, data = decay()
+    free, bounded = (fp.estimate(model, data, bounds=bounds) for bounds in (None, {"k": (4e-4, 6e-4)}))
+    assert bounded.at_bounds == ()
+    assert bounded.values == pytest.approx(free.values, rel=1e-8)
+    assert bounded.covariance == pytest.approx(free.covariance, rel=1e-6)
+
+
+def test_a_logarithm_that_runs_off_is_no_minimum() -> None:
+    """k / (1 + k) is below 1, and the data are at 2: k becomes what a double allows."""
+    model = fp.SymbolicModel([], ["u*k/(1 + k)"], {}, {"u": "1"}, {"k": "1"}, {"y": "1"}, nominal={"k": 1.0})
+    u = np.linspace(1.0, 2.0, 6)
+    data = fp.Measurements(fp.Experiments(np.empty((6, 0)), u), 2 * u)
+    start = fp.GaussianPrior({"k": 1.0}, {"k": 0.5}, log=["k"])
+    fit = fp.estimate(model, data, start=start, noise_std={"y": 0.1})
+    assert not fit.converged and fit.message in str(fit)
+    assert fp.estimate(model, data, start=start, noise_std={"y": 0.1}, bounds={"k": (None, 10.0)}).at_bounds == ("k",)
 
 
 def test_several_sets_of_data_are_one() -> None:
@@ -287,3 +433,16 @@ def test_a_fit_shows_what_its_outputs_were_expected_to_scatter_by() -> None:
     alone = fp.estimate(line, data, start={"a": 1.0}, noise_std={"y": 0.1})
     assert alone.apriori_covariance is None
     assert "a priori" not in str(alone)
+
+
+def test_the_information_is_the_sum_of_which_an_evaluation_has_a_share() -> None:
+    """With the prior's own, which is one for each of unknowns in its standard deviations."""
+    line = fp.SymbolicModel([], ["a + b*u"], {}, {"u": "1"}, {"a": "1", "b": "1"}, {"y": "1"})
+    u, prior = np.array([1.0, 2.0, 2.0, 5.0]), fp.GaussianPrior({"a": 1.0, "b": 1.0}, std={"a": 0.3, "b": 0.2})
+    points = fp.Experiments(np.empty((4, 0)), u)
+    fit = fp.estimate(line, fp.Measurements(points, 1 + 1.1 * u), prior, noise_std={"y": 0.1})
+    rows = np.stack([np.ones(4), u], axis=1) * [0.3, 0.2] / 0.1
+    np.testing.assert_allclose(fit.information, rows.T @ rows + np.eye(2), rtol=1e-12)
+    evaluation = fp.evaluate_design(fp.DesignProblem(line, prior, None, noise_std={"y": 0.1}), points)
+    np.testing.assert_allclose(fit.information - np.eye(2), evaluation.fisher * len(points) / 2, rtol=1e-9)
+    assert fit.to_dict()["information"] == fit.information.tolist()

@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from fisherpoint.estimation.least_squares import CONVERGED, NOT_EVALUABLE, minimise
+from fisherpoint.estimation.least_squares import (
+    CONVERGED,
+    LIMIT,
+    NOT_EVALUABLE,
+    UNNOTICED,
+    Accuracy,
+    minimise,
+)
 from fisherpoint.quantity import Array
 
 One = Callable[[Array, int], tuple[Array, Array]]
@@ -104,7 +111,7 @@ def test_cost_never_rises() -> None:
     residuals, asked = together(rosenbrock)
     costs = []
     for most in range(1, 12):
-        costs.append(minimise(residuals, starts, *free(2), max_iterations=most).cost)
+        costs.append(minimise(residuals, starts, *free(2), max_evaluations=most).cost)
     assert (np.diff(costs, axis=0) <= 1e-7 * (1 + np.array(costs[:-1]))).all()
     minima = minimise(residuals, starts, *free(2))
     for row in range(len(starts)):
@@ -132,14 +139,14 @@ def test_a_minimum_past_what_can_be_evaluated_does_not_count_as_one() -> None:
 
 
 def test_a_singular_direction_is_not_moved_along() -> None:
-    """Only z0 + z1 matters, in units that differ by ten decades."""
+    """Only z0 + z1 matters, in units that differ by ten decades; 1e-8 of residuals in units of the noise is what is asked for."""
 
     def summed(z: Array, row: int) -> tuple[Array, Array]:
         return np.array([z[0] + 1e10 * z[1] - 3 - row, 0.5]), np.array([[1.0, 1e10], [0.0, 0.0]])
 
     minima = minimise(together(summed)[0], np.zeros((3, 2)), *free(2))
     assert (minima.end == CONVERGED).all()
-    np.testing.assert_allclose(minima.z[:, 0] + 1e10 * minima.z[:, 1], [3.0, 4.0, 5.0], rtol=1e-12)
+    np.testing.assert_allclose(minima.z[:, 0] + 1e10 * minima.z[:, 1], [3.0, 4.0, 5.0], rtol=1e-8)
     # The least step in scaled columns: both share alike.
     np.testing.assert_allclose(minima.z[:, 0], 1e10 * minima.z[:, 1], rtol=1e-6)
 
@@ -150,5 +157,72 @@ def test_a_coordinate_without_influence_stays() -> None:
         return r, np.column_stack([jacobian, np.zeros(len(T))])
 
     minima = minimise(together(partly)[0], np.tile([1.0, 0.3, 0.0, 7.0], (4, 1)), *free(4))
-    assert (minima.end == CONVERGED).all()
+    without = minimise(together(exponential)[0], np.tile([1.0, 0.3, 0.0], (4, 1)), *free(3))
+    assert (minima.end == UNNOTICED).all()  # the gradient is zero, and says nothing of this one
+    np.testing.assert_allclose(minima.z[:, :3], without.z, rtol=1e-7)
     assert (minima.z[:, 3] == 7.0).all()
+
+
+def test_a_plateau_that_overflow_made_is_not_a_minimum() -> None:
+    """a (1 - exp(-b t)) at a large b: nothing depends on b any more, and the mean of the data has no gradient."""
+    data = np.array([109.0, 149, 149, 191, 213, 224])
+    t = np.array([1.0, 2, 3, 5, 7, 10])
+
+    def saturating(z: Array, row: int) -> tuple[Array, Array]:
+        gone = np.exp(-z[1] * t)
+        return z[0] * (1 - gone) - data, np.stack([1 - gone, z[0] * t * gone], axis=1)
+
+    minima = minimise(together(saturating)[0], np.array([[1.0, 1e48], [170.0, 800.0], [100.0, 0.75]]), *free(2), unit=0.0)
+    assert minima.end.tolist() == [UNNOTICED, UNNOTICED, CONVERGED]
+    assert minima.z[2] == pytest.approx([213.80940889, 0.54723748542], rel=1e-8)
+
+
+def test_what_is_too_large_to_be_squared_is_stepped_around() -> None:
+    def steep(z: Array, rows: Array) -> tuple[Array, Array, Array]:
+        with np.errstate(over="ignore"):
+            grown = np.exp(700 * z)
+        return np.tile(grown - 2, 2), 700 * np.tile(grown[:, :, None], (1, 2, 1)), np.ones(len(z), dtype=bool)
+
+    minima = minimise(steep, np.array([[-0.01], [0.02], [0.6]]), *free(1))
+    assert minima.end.tolist() == [CONVERGED, CONVERGED, NOT_EVALUABLE]
+    np.testing.assert_allclose(minima.z[:2, 0], np.log(2) / 700, rtol=1e-8)
+
+
+def test_units_of_unknowns_do_not_count() -> None:
+    scale = np.array([1e-12, 1e9, 1e4])
+
+    def scaled(z: Array, row: int) -> tuple[Array, Array]:
+        r, jacobian = exponential(z * scale, row)
+        return r, jacobian * scale
+
+    starts = np.tile([1.0, 0.3, 0.0], (10, 1))
+    one, other = (minimise(together(of)[0], z, *free(3)) for of, z in ((exponential, starts), (scaled, starts / scale)))
+    assert (one.end == other.end).all() and (one.end == CONVERGED).all()
+    np.testing.assert_allclose(other.z * scale, one.z, rtol=1e-6)
+
+
+def test_a_search_ends_where_its_evaluations_are_spent() -> None:
+    """Rosenbrock's valley from its usual start, told honestly."""
+    residuals, asked = together(rosenbrock)
+    minima = minimise(residuals, np.array([[-1.2, 1.0]]), *free(2), max_evaluations=5)
+    assert minima.end.tolist() == [LIMIT] and len(asked) == minima.evaluations[0] == 5
+
+
+def test_where_rounding_hides_the_minimum_is_near_enough() -> None:
+    """Residuals that are no finer than 1e-6: the gradient comes no nearer to zero, and is as near as these let it."""
+
+    def rounded(z: Array, row: int) -> tuple[Array, Array]:
+        r, jacobian = exponential(z, row)
+        return np.round(r, 6), jacobian
+
+    starts = np.tile([1.0, 0.3, 0.0], (40, 1))
+    rounding = Accuracy(1e-6 * np.sqrt(len(T)), 1e-8)
+    minima, exact = (
+        minimise(together(rounded)[0], starts, *free(3), accuracy=rounding),
+        minimise(together(exponential)[0], starts, *free(3)),
+    )
+    assert (minima.end == CONVERGED).all() and minima.evaluations.max() < 40
+    for row, z in enumerate(minima.z):
+        assert np.linalg.norm(exponential(z, row)[1] @ (z - exact.z[row])) < 1e-5  # standard errors
+    blind = minimise(together(rounded)[0], starts, *free(3))  # not told that they are
+    assert (blind.end != CONVERGED).sum() > 20

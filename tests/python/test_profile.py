@@ -13,6 +13,8 @@ from scipy.stats import chi2, f
 
 import fisherpoint as fp
 from fisherpoint.config import load_config
+from fisherpoint.estimation import profile as profiles
+from fisherpoint.estimation.least_squares import minimise
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -227,3 +229,18 @@ def test_misuse_names_the_quantity() -> None:
         fit.profile("c")
     with pytest.raises(ValueError, match="level: expected a probability"):
         fit.profile("a", level=95)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_values_at_which_the_others_were_not_found_are_told(known: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """There the deviance is too large, and the interval may be too narrow."""
+    model, data, _ = data_of(*BOX_LUCAS[:4], seed=1)
+    fit = fp.estimate(model, data, noise_std={"product": 0.06} if known else None)
+    profile = fit.profile(fit.parameters[0])
+    assert profile.converged.all() and "did not converge" not in str(profile)
+    monkeypatch.setattr(profiles, "minimise", lambda *given, **named: minimise(*given[:4], 1, **named))
+    monkeypatch.setattr(profiles, "MAX_ROUNDS", 1)
+    poor = fit.profile(fit.parameters[0])
+    assert not poor.converged.all() and len(poor.converged) == len(poor.values)
+    missed = int((~poor.converged).sum())
+    assert f"at {missed} of {len(poor.values)} values the others' search did not converge: the interval may be wider" in str(poor)

@@ -10,9 +10,11 @@ import numpy as np
 
 from ..data.measurements import Measurements
 from ..data.record import Record
+from ..messages import listed, shown
 from ..models import Model
+from ..natural_sizes import warn_of_small_states
 from ..prior import GaussianPrior
-from ..quantity import Array, as_float, check_positive_int, names_of, some_names_among
+from ..quantity import Array, as_float, check_mapping, check_positive_int, names_of, some_names_among
 from ..rules import Rule
 from ..trajectories import Status, check_rtol, check_type, resolve_threads
 from .fit import Fit
@@ -23,6 +25,9 @@ from .small_samples import unbiased
 from .unknown_noise import check_noise_can_be_told
 from .unknowns import Unknowns, checked_bounds, prior_factor, spread_starts, unknowns_of
 from .weighting import WeightedResiduals, noise_covariance
+
+MOST_STARTS = 10**4
+"""Starts of a search, past which they count as a slip."""
 
 MOST_DRAWN = 8
 """Nodes of the prior, for each start, that are tried where trajectories are not ok."""
@@ -47,8 +52,8 @@ def estimate(
     """Estimate parameters from measured data, (5).
 
     With known noise this is weighted least squares, which is maximum likelihood; with unknown noise, the parameters that minimise
-    log det of the residual covariance (10); with a prior, the maximum a posteriori. The search is SciPy's `least_squares` with the
-    engine's exact derivatives in standardised coordinates, from the best of several starts.
+    log det of the residual covariance (10); with a prior, the maximum a posteriori. The search is Levenberg and Marquardt's with
+    the engine's exact derivatives in standardised coordinates, from the best of several starts.
 
     Parameters
     ----------
@@ -82,7 +87,8 @@ def estimate(
     Returns
     -------
     Fit
-        Where the data do not determine all unknowns, `Fit.null_directions` says which combinations they leave open.
+        Where the data do not determine all unknowns, `Fit.null_directions` says which combinations they leave open. Where the
+        search stopped away from a minimum, `Fit.converged` is False, and `Fit.message` says why.
 
     Raises
     ------
@@ -93,7 +99,10 @@ def estimate(
     parts = _parts(data, model)
     names = names_of(model.parameters)
     chosen = some_names_among(names if parameters is None else parameters, names, "parameters")
-    for name in (name for name in chosen if isinstance(uncertain, Mapping) and name in uncertain):
+    for label, stds in (("noise_std", noise_std), ("uncertain", uncertain), ("initial_state_std", initial_state_std)):
+        if stds is not None:
+            check_mapping(stds, label)
+    for name in (name for name in chosen if uncertain is not None and name in uncertain):
         raise ValueError(f"uncertain: expected constants or parameters that are not estimated, given {name!r}, which is")
     for label, given in (("prior", prior), ("start", start)):
         if (label == "prior" and given is not None) or isinstance(given, GaussianPrior):
@@ -102,13 +111,14 @@ def estimate(
     first = _first(model, prior, start, parts)
     theta = model.theta({name: first[name] for name in names})
     threads = resolve_threads(threads)
-    check_rtol(rtol)
+    rtol = check_rtol(rtol)
     observed = Observed(model, parts, chosen, theta, rtol, threads)
+    warn_of_small_states(model, "the starts keep", *(part.points.x0 for part in parts if isinstance(part, Measurements)))
     known_names = dict.fromkeys((*names, *observed.names))
     for label, mapping in (("start", start), ("prior", prior)):
         given_names = mapping.names if isinstance(mapping, GaussianPrior) else tuple(mapping or ())
         for unknown in (name for name in given_names if name not in known_names):
-            raise ValueError(f"{label}: expected names of {', '.join(known_names)}; given unknown {unknown!r}")
+            raise ValueError(f"{label}: expected names of {listed(known_names)}; given unknown {shown(unknown)}")
     begin = {name: first[name] if name in first else _start_guess(model, *observed.starts[name]) for name in observed.names}
     scales = {q.name: q.scale or 0.0 for q in model.states}
     sizes = {name: scales[state] for name, (state, _) in observed.starts.items()}
@@ -116,7 +126,7 @@ def estimate(
     for name, log in zip(observed.names, unknowns.log, strict=True):
         if log and not begin[name] > 0:
             raise ValueError(f"start[{name!r}]: expected a positive number, as its prior is log-normal; given {begin[name]:g}")
-    z0 = _starts(observed, unknowns, begin, spread, check_positive_int(starts, "starts"))
+    z0 = _starts(observed, unknowns, begin, spread, check_positive_int(starts, "starts", most=MOST_STARTS))
     factor = None if prior is None else prior_factor(prior, unknowns)
     residuals = WeightedResiduals(observed, unknowns, observed.y[None], np.eye(observed.y.shape[1]), factor)
 
@@ -175,7 +185,7 @@ def _first(model: Model, prior: GaussianPrior | None, start: Any, parts: Sequenc
         raise TypeError(f"start: expected a mapping of names to numbers or a GaussianPrior, given {type(start).__name__}")
     given = start.mean if isinstance(start, GaussianPrior) else start or {}
     values = {**model.nominal, **(prior.mean if prior is not None else {})}
-    values |= {name: as_float(value, f"start[{name!r}]") for name, value in given.items()}
+    values |= {name: as_float(value, f"start[{shown(name)}]") for name, value in given.items()}
     for missing in (name for name in names_of(model.parameters) if name not in values):
         raise ValueError(f"start: expected a value of {missing!r}, which has neither a prior nor a nominal value; given none")
     return values

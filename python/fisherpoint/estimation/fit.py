@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..models import Model
 from ..prior import GaussianPrior
-from ..quantity import Array, FrozenMapping, as_float, names_of
+from ..quantity import Array, FrozenMapping, as_probability, names_of
 from .precision import Precision, in_words, quantile
 from .small_samples import Inflated, inflated, output_degrees_of_freedom
 from .unknown_noise import correlations_can_be_told, residual_covariance
@@ -64,8 +65,9 @@ class Fit:
     noise_covariance : ndarray, (n_y, n_y)
         R: of the given noise, or the estimated one, with each variance divided by its degrees of freedom instead of the samples.
     converged : bool
+        Whether the gradient is zero: no step lowers the residuals, or rounding hides what it would. Nothing else counts.
     message : str
-        How the search ended.
+        Why the search stopped.
     evaluations : int
     starts, reached : int
         Starts of the search, and how many of them came to this minimum.
@@ -112,13 +114,13 @@ class Fit:
         return precision if self.noise_known else replace(precision, covariance=self._inflated.covariance[0])
 
     @property
-    def fisher(self) -> Array:
-        """A-posteriori Fisher matrix (P, P) in its sum form, with the prior's information where it took part; standardised."""
-        return self.precision.fisher
+    def information(self) -> Array:
+        """A-posteriori Fisher information (P, P) in its sum form, with the prior's where it took part; standardised."""
+        return self.precision.information
 
     @property
     def covariance(self) -> Array:
-        """Covariance (P, P) of the unknowns in SI units; inf for those that the data do not determine."""
+        """Covariance (P, P) of the unknowns in SI units; inf for those that the data do not determine, or that a bound holds."""
         covariance: Array = self.precision.covariance * np.outer(self.slopes, self.slopes)
         covariance[~self.precision.determined] = np.inf
         covariance[:, ~self.precision.determined] = np.inf
@@ -126,7 +128,7 @@ class Fit:
 
     @property
     def standard_errors(self) -> Mapping[str, float]:
-        """By name, SI units; inf for what the data do not determine."""
+        """By name, SI units; inf for what the data do not determine, or a bound holds; of the others, with that one there."""
         return self._by_name(np.sqrt(np.diag(self.covariance)))
 
     @property
@@ -158,8 +160,13 @@ class Fit:
 
     @property
     def at_bounds(self) -> tuple[str, ...]:
-        """Unknowns that a bound holds; their standard errors mean nothing."""
+        """Unknowns that a bound holds: they are not free, take up no degree of freedom, and have no standard error."""
         return self.problem.unknowns.at_bounds(self.z)
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """Which of the unknowns are `at_bounds`, (P,)."""
+        return self.problem.unknowns.held(self.z)
 
     @property
     def expected_std(self) -> Array:
@@ -236,8 +243,7 @@ class Fit:
 
         The quantile is the normal one where the noise is known, and Student's t where it was estimated.
         """
-        if not 0 < as_float(level, "level") < 1:
-            raise ValueError(f"level: expected a probability between 0 and 1, given {level:g}")
+        level = as_probability(level, "level")
         unknowns, spread = self.problem.unknowns, np.sqrt(np.diag(self.precision.covariance))
         quantiles = quantile(level, np.array(list(self.quantile_degrees_of_freedom.values())))
         reach = np.where(self.precision.determined, quantiles * spread, np.inf)
@@ -270,7 +276,8 @@ class Fit:
     def posterior(self) -> GaussianPrior:
         """The estimate and its covariance as the prior of what comes next, of all parameters of the model.
 
-        Starts of records are left behind. Parameters that were not estimated keep their prior.
+        Starts of records are left behind. Parameters that were not estimated keep their prior. One at its bound gets the covariance
+        that it would have without: it is not known as well as not to vary.
 
         Raises
         ------
@@ -306,6 +313,21 @@ class Fit:
 
         return save_fit(self, directory)
 
+    @classmethod
+    def load(cls, directory: str | Path) -> Fit:
+        """Read a fit that `save` wrote, with its model, data and prior; its trajectories are computed anew.
+
+        Raises
+        ------
+        OSError
+            Where fit.json cannot be read.
+        ValueError
+            Where it is truncated, of another format, or of a model of Python functions, which no file can hold: pickle such a fit.
+        """
+        from .fit_files import load_fit
+
+        return load_fit(directory)
+
     @cached_property
     def z(self) -> Array:
         """The unknowns in standardised coordinates, (P,)."""
@@ -327,7 +349,7 @@ class Fit:
     @cached_property
     def _precision(self) -> Precision:
         """As if the weights were known."""
-        return Precision.of(self.jacobian)
+        return Precision.of(self.jacobian, self.held)
 
     @cached_property
     def _inflated(self) -> Inflated:

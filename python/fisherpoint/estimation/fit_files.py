@@ -12,9 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..files import write_whole
-from ..quantity import Array, names_of
+from ..files import built_from, parse_json, write_whole
+from ..quantity import Array, as_path, names_of
 from . import summary
+from .fit_state import fit_from_state, fit_state
+
+FORMAT, FORMAT_VERSION = "fisherpoint fit", 1
 
 if TYPE_CHECKING:
     from .fit import Fit
@@ -50,7 +53,7 @@ def fit_dict(fit: Fit) -> dict[str, Any]:
             },
             "covariance": fit.covariance,
             "correlation": fit.correlation,
-            "fisher": fit.fisher,
+            "information": fit.information,
             "outputs": outputs,
             "noise_known": fit.noise_known,
             "noise_covariance": fit.noise_covariance,
@@ -74,16 +77,34 @@ def fit_dict(fit: Fit) -> dict[str, Any]:
 
 def save_fit(fit: Fit, directory: str | Path) -> list[Path]:
     """See `Fit.save`."""
-    directory = Path(directory)
+    directory = as_path(directory, "directory")
     directory.mkdir(parents=True, exist_ok=True)
     texts = {
         "estimate.csv": _estimate_csv(fit),
         "residuals.csv": _residuals_csv(fit),
-        "fit.json": json.dumps(fit_dict(fit), indent=1, allow_nan=False) + "\n",  # last: where it is, the others are
+        "fit.json": json.dumps(_whole(fit), indent=1, allow_nan=False) + "\n",  # last: where it is, the others are
     }
     for name, text in texts.items():
         write_whole(directory / name, text)
     return [directory / name for name in texts]
+
+
+def _whole(fit: Fit) -> dict[str, Any]:
+    """What a fit says, and what it is."""
+    try:
+        state = fit_state(fit)
+    except TypeError as error:  # a model of functions, which no file can hold
+        state = {"not_saved": str(error)}
+    return {"format": FORMAT, "format_version": FORMAT_VERSION, **fit_dict(fit), "state": state}
+
+
+def load_fit(directory: str | Path) -> Fit:
+    """See `Fit.load`."""
+    path = Path(directory) / "fit.json"
+    data = parse_json(path, path.read_bytes(), FORMAT, FORMAT_VERSION)
+    if "not_saved" in data.get("state", {}):
+        raise ValueError(f"{path}: expected a fit with its model, given one without: {data['state']['not_saved']}")
+    return built_from(path, "fit", data, lambda whole: fit_from_state(whole["state"]))
 
 
 def _plain(given: Any) -> Any:

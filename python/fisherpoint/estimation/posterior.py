@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 
 def posterior_of(fit: Fit) -> GaussianPrior:
     """The normal distribution of the estimate over all parameters of the model; see `Fit.posterior`."""
+    fit = replace(fit, problem=replace(fit.problem, unknowns=fit.problem.unknowns.without_bounds(fit.parameters)))
     unknowns, names = fit.problem.unknowns, names_of(fit.model.parameters)
     if fit.null_directions:
         raise ValueError(

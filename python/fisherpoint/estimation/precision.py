@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..combinations import changes_of
 from ..null_space import column_scaled_svd, pivots, reduced_basis
 from ..quantity import Array
+from .tangent import NOTHING
 
 NULL, WEAK = 1e-8, 1e-4
 """Shares of the largest singular value, of columns scaled to length 1, below which a direction is null, and weak."""
@@ -21,24 +22,28 @@ class Precision:
 
     Attributes
     ----------
-    fisher : ndarray, (P, P)
-        The sum form, for parameters in units of z.
+    information : ndarray, (P, P)
+        F in its sum form, for parameters in units of z.
     covariance : ndarray, (P, P)
-        Its pseudo-inverse over what is determined; see `determined`.
+        Its pseudo-inverse over what is determined; see `determined`. Zero for unknowns that are held; the others'
+        is with these there.
     determined : ndarray of bool, (P,)
-        Whether an unknown takes part in no null direction.
+        Whether an unknown is free, and takes part in no null direction.
     null, weak : ndarray, (k, P)
         Directions in z.
     """
 
-    fisher: Array
+    information: Array
     covariance: Array
     determined: np.ndarray
     null: Array
     weak: Array
 
     @classmethod
-    def of(cls, jacobian: Array) -> Precision:
+    def of(cls, jacobian: Array, held: NDArray[np.bool_] | None = None) -> Precision:
+        if held is not None and held.any():
+            return cls.of(jacobian[:, ~held])._among(jacobian, ~held)
+        jacobian = np.where(np.abs(jacobian).max(axis=0, initial=0.0) < NOTHING, 0.0, jacobian)
         values, vectors, length = column_scaled_svd(jacobian)
         size = np.where(length > 0, length, 1.0)
         told = values > NULL * max(values.max(initial=0.0), 1e-300)
@@ -52,10 +57,21 @@ class Precision:
         determined = ~(np.abs(null) > 1e-6).any(axis=0) if len(null) else np.ones(len(length), dtype=bool)
         return cls(jacobian.T @ jacobian, half @ half.T, determined, null, weak)
 
+    def _among(self, jacobian: Array, free: NDArray[np.bool_]) -> Precision:
+        """This one of the free unknowns alone, as that of all."""
+        p = len(free)
+        covariance, determined = np.zeros((p, p)), np.zeros(p, dtype=bool)
+        covariance[np.ix_(free, free)], determined[free] = self.covariance, self.determined
+        null, weak = np.zeros((len(self.null), p)), np.zeros((len(self.weak), p))
+        null[:, free], weak[:, free] = self.null, self.weak
+        return Precision(jacobian.T @ jacobian, covariance, determined, null, weak)
 
-def covariances(jacobian: Array) -> tuple[Array, NDArray[np.bool_]]:
+
+def covariances(jacobian: Array, held: NDArray[np.bool_] | None = None) -> tuple[Array, NDArray[np.bool_]]:
     """`Precision.covariance` (B, P, P) and `Precision.determined` (B, P) of B problems with Jacobians (B, M, P)."""
     count, rows, p = jacobian.shape
+    blank = np.abs(jacobian).max(axis=1, initial=0.0) < NOTHING
+    jacobian = np.where((blank if held is None else blank | held)[:, None, :], 0.0, jacobian)
     if rows < p:  # else the null space would not be complete
         jacobian = np.concatenate([jacobian, np.zeros((count, p - rows, p))], axis=1)
     length = np.linalg.norm(jacobian, axis=1)

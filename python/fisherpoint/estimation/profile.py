@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..quantity import Array, as_float
-from .least_squares import NOT_EVALUABLE, Residuals, minimise
+from ..extras import needed_for
+from ..quantity import Array, as_probability, check_known
+from .least_squares import CONVERGED, NOT_EVALUABLE, Residuals, minimise
 from .precision import Precision
-from .unknown_noise import FLOOR, MAX_ROUNDS, correlations_can_be_told, likelihood_deviance, residual_covariance
+from .unknown_noise import MAX_ROUNDS, correlations_can_be_told, floor, likelihood_deviance, residual_covariance
 from .unknowns import FARTHEST
 from .weighting import WeightedResiduals
 
@@ -38,7 +39,7 @@ FAR = 1e4
 PRECISE = 1e-7
 """Error of the root of the deviance at an end, as a share of the threshold's."""
 
-ITERATIONS = 4
+EVALUATIONS = 5
 """Of least squares with the same weights, which then are taken anew."""
 
 SETTLED = 1e-5
@@ -62,6 +63,8 @@ class Profile:
         Of the unknown, ascending, SI units; the ends of the interval and the estimate are among them.
     deviance : ndarray, (G,)
         Zero at the estimate; twice the fall of the log-likelihood.
+    converged : ndarray of bool, (G,)
+        Whether the search for the others came to its end at each value; where it did not, the deviance is too large.
     unknowns : ndarray, (G, P)
         All unknowns at each value, in the order of the fit's, SI units.
     threshold : float
@@ -80,6 +83,7 @@ class Profile:
     estimate: float
     values: Array
     deviance: Array
+    converged: NDArray[np.bool_]
     unknowns: Array
     threshold: float
     interval: tuple[float, float]
@@ -99,7 +103,8 @@ class Profile:
 
     def plot(self) -> Figure:
         """The deviance over the unknown, beside the parabola of the linear interval; needs matplotlib."""
-        from ..plots_fit import plot_profiles
+        with needed_for("plot"):
+            from ..plots_fit import plot_profiles
 
         return plot_profiles([self])
 
@@ -111,6 +116,9 @@ class Profile:
             f"{self.linear_interval[0]:.4g} to {self.linear_interval[1]:.4g}"
         ]
         lines += [f"{side} end: {end}" for side, end in zip(("lower", "upper"), self.ends, strict=True) if end != FOUND]
+        if not self.converged.all():
+            missed = int((~self.converged).sum())
+            lines.append(f"at {missed} of {len(self.values)} values the others' search did not converge: the interval may be wider")
         if self.better:
             lines.append("a better estimate was found on the way: estimate again, from `unknowns` where the deviance is least")
         return "\n".join(lines)
@@ -118,15 +126,14 @@ class Profile:
 
 def profile_of(fit: Fit, name: str, level: float = 0.95) -> Profile:
     """See `Fit.profile`."""
-    if name not in fit.parameters:
-        raise ValueError(f"name: expected one of {', '.join(fit.parameters)}; given unknown {name!r}")
-    if not 0 < as_float(level, "level") < 1:
-        raise ValueError(f"level: expected a probability between 0 and 1, given {level:g}")
+    check_known([name], fit.parameters, "name", "one of")
+    level = as_probability(level, "level")
     j, unknowns = fit.parameters.index(name), fit.problem.unknowns
-    z, held, threshold = fit.z, _held_minimum(fit, j), _threshold(fit, j, level)
-    covariance = fit.precision.covariance
-    spread = float(np.sqrt(covariance[j, j])) if fit.precision.determined[j] else 1.0
-    tangent = covariance[:, j] / covariance[j, j] if fit.precision.determined[j] else np.eye(len(z))[j]
+    freed = replace(fit, problem=replace(fit.problem, unknowns=unknowns.without_bounds((name,))))  # where it is held itself
+    z, held, threshold = fit.z, _held_minimum(fit, j), _threshold(freed, j, level)
+    covariance, determined = freed.precision.covariance, freed.precision.determined[j]
+    spread = float(np.sqrt(covariance[j, j])) if determined else 1.0
+    tangent = covariance[:, j] / covariance[j, j] if determined else np.eye(len(z))[j]
     limits = (float(unknowns.lower[j]), float(unknowns.upper[j]))
     reach = spread * float(np.sqrt(threshold))
     sides = [_Side(z, tangent, j, sign, reach, limit) for sign, limit in zip((-1, 1), limits, strict=True)]
@@ -148,6 +155,7 @@ def profile_of(fit: Fit, name: str, level: float = 0.95) -> Profile:
         fit.estimate[name],
         values[:, j],
         np.array([point.deviance for point in points]),
+        np.array([point.converged for point in points]),
         values,
         threshold,
         (ends[0], ends[1]),
@@ -159,8 +167,9 @@ def profile_of(fit: Fit, name: str, level: float = 0.95) -> Profile:
 # The minimum over the other unknowns
 
 
-_Minimum = Callable[[Array], tuple[Array, Array]]
-"""From coordinates (B, P), of which the profiled one stays: where the minimum over the others is, and its deviance, or inf."""
+_Minimum = Callable[[Array], tuple[Array, Array, NDArray[np.bool_]]]
+"""From coordinates (B, P), of which the profiled one stays: where the minimum over the others is, its deviance, or inf, and whether
+the search came to it; one that did not leaves the deviance too large."""
 
 
 class _Held(NamedTuple):
@@ -175,15 +184,20 @@ class _Held(NamedTuple):
         return r, np.delete(jacobian, self.j, axis=2), ok
 
 
-def _minimum(problem: WeightedResiduals, j: int, z: Array, iterations: int = 200) -> tuple[Array, Array]:
-    """Minimise over all coordinates (B, P) but `j`; return where, and the cost (B,), inf where there are no trajectories."""
+def _minimum(
+    problem: WeightedResiduals, j: int, z: Array, unit: float = 1.0, evaluations: int = 200
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Minimise over all coordinates (B, P) but `j`: where, the cost (B,), inf where no trajectories are, and if it converged."""
     others = np.arange(z.shape[1]) != j
     if not others.any():
         r, _, ok = problem(z, np.arange(len(z)))
-        return z, np.where(ok, 0.5 * np.square(r).sum(axis=1), np.inf)
+        return z, np.where(ok, 0.5 * np.square(r).sum(axis=1), np.inf), ok
     lower, upper = problem.unknowns.lower[others], problem.unknowns.upper[others]
-    found = minimise(_Held(problem, j, z[:, j]), np.clip(z[:, others], lower, upper), lower, upper, iterations)
-    return np.insert(found.z, j, z[:, j], axis=1), np.where(found.end == NOT_EVALUABLE, np.inf, found.cost)
+    start = np.clip(z[:, others], lower, upper)
+    held = _Held(problem, j, z[:, j])
+    found = minimise(held, start, lower, upper, evaluations, unit=unit, accuracy=problem.accuracy)
+    cost = np.where(found.end == NOT_EVALUABLE, np.inf, found.cost)
+    return np.insert(found.z, j, z[:, j], axis=1), cost, found.end == CONVERGED
 
 
 def _held_minimum(fit: Fit, j: int) -> _Minimum:
@@ -191,9 +205,9 @@ def _held_minimum(fit: Fit, j: int) -> _Minimum:
         return _held_likelihood(fit, j)
     least = 0.5 * np.square(fit.problem(fit.z[None], np.zeros(1, dtype=np.intp))[0]).sum()
 
-    def deviance(z: Array) -> tuple[Array, Array]:
-        found, cost = _minimum(fit.problem, j, z)
-        return found, 2 * (cost - least)
+    def deviance(z: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        found, cost, converged = _minimum(fit.problem, j, z)
+        return found, 2 * (cost - least), converged
 
     return deviance
 
@@ -201,14 +215,14 @@ def _held_minimum(fit: Fit, j: int) -> _Minimum:
 def _held_likelihood(fit: Fit, j: int) -> _Minimum:
     """The minimum of log det of (10), by least squares weighted with the residual covariance of the minimum before."""
     problem, measured = fit.problem, fit.problem.measured
-    counts, keep = measured.sum(axis=0), _kept(fit)
+    keep = _kept(fit)
     full = bool(keep[~np.eye(len(keep), dtype=bool)].any())
-    least = FLOOR * np.nan_to_num(np.square(np.nan_to_num(problem.y[0])).sum(axis=0) / np.maximum(counts, 1)) + 1e-300
+    least = floor(problem.y)
 
     def covariance_at(z: Array) -> tuple[Array, NDArray[np.bool_]]:
         response = problem.observed.respond(problem.unknowns.values(z))
         covariance = residual_covariance(problem.y - response.y) * keep
-        short = np.maximum(least - np.einsum("bii->bi", covariance), 0.0) + (counts == 0)
+        short = np.maximum(least - np.einsum("bii->bi", covariance), 0.0)
         return covariance + np.eye(len(least)) * short[:, :, None], response.status == 0
 
     def likelihood(z: Array, covariance: Array) -> Array:
@@ -218,22 +232,22 @@ def _held_likelihood(fit: Fit, j: int) -> _Minimum:
     at_fit, _ = covariance_at(fit.z[None])
     least_likelihood = likelihood(fit.z[None], at_fit)
 
-    def deviance(z: Array) -> tuple[Array, Array]:
+    def deviance(z: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
         z = z.copy()
         covariance, ok = covariance_at(z)
-        active = np.flatnonzero(ok)
+        active, converged = np.flatnonzero(ok), np.zeros(len(z), dtype=bool)
         for _ in range(MAX_ROUNDS):
             if not len(active):
                 break
             weighted = replace(problem, covariance=covariance[active][:, None])
-            z[active], cost = _minimum(weighted, j, z[active], ITERATIONS)
+            z[active], cost, converged[active] = _minimum(weighted, j, z[active], 0.0, EVALUATIONS)
             ok[active] = np.isfinite(cost)
             update, _ = covariance_at(z[active])
             scale = np.sqrt(np.einsum("bii->bi", covariance[active]))
             change = np.abs(update - covariance[active]) / (scale[:, :, None] * scale[:, None, :])
             covariance[active] = update
-            active = active[ok[active] & (change.max(axis=(1, 2)) > SETTLED)]
-        return z, np.where(ok, likelihood(z, covariance) - least_likelihood, np.inf)
+            active = active[ok[active] & ((change.max(axis=(1, 2)) > SETTLED) | ~converged[active])]
+        return z, np.where(ok, likelihood(z, covariance) - least_likelihood, np.inf), converged
 
     return deviance
 
@@ -252,9 +266,9 @@ def _threshold(fit: Fit, j: int, level: float) -> float:
     counts = fit.problem.measured.sum(axis=0)
     maximum_likelihood = residual_covariance(fit.residuals[None])[0] * _kept(fit) + np.diag(1.0 * (counts == 0))
     weighted = replace(fit.problem, covariance=maximum_likelihood)
-    plain = Precision.of(weighted(fit.z[None], np.zeros(1, dtype=np.intp))[1][0])
+    plain = Precision.of(weighted(fit.z[None], np.zeros(1, dtype=np.intp))[1][0], fit.held)
     # What estimated weights add beyond that is in the profile itself, which estimates them anew at each value.
-    unbiased = Precision.of(fit.jacobian)
+    unbiased = Precision.of(fit.jacobian, fit.held)
     ratio = float(unbiased.covariance[j, j] / plain.covariance[j, j]) if plain.covariance[j, j] > 0 else 1.0
     degrees = fit.quantile_degrees_of_freedom[fit.parameters[j]]
     squared = float(t.ppf(0.5 + level / 2, degrees) ** 2)
@@ -267,13 +281,14 @@ def _threshold(fit: Fit, j: int, level: float) -> float:
 class _Point(NamedTuple):
     z: Array  # (P,)
     deviance: float
+    converged: bool
 
 
 class _Side:
     """The values on one side of the estimate, outward, and where that side ends."""
 
     def __init__(self, z: Array, tangent: Array, j: int, sign: int, reach: float, limit: float) -> None:
-        self.points, self.how = [_Point(z, 0.0)], ""
+        self.points, self.how = [_Point(z, 0.0, True)], ""
         self.tangent, self.j, self.limit = tangent, j, limit
         self.step, self.least, self.farthest = sign * reach / STEPS, 1e-6 * reach, FAR * reach
         self.end = z
@@ -320,9 +335,8 @@ def _walk(sides: list[_Side], held: _Minimum, threshold: float, most: int = 200)
         going = [side for side in sides if not side.how]
         if not going:
             return
-        z, deviance = held(np.array([side.guess() for side in going]))
-        for side, at, value in zip(going, z, deviance, strict=True):
-            side.take(_Point(at, float(value)), threshold)
+        for side, *found in zip(going, *held(np.array([side.guess() for side in going])), strict=True):
+            side.take(_Point(found[0], float(found[1]), bool(found[2])), threshold)
     for side in sides:
         side.how, side.end = side.how or OPEN, side.end if side.how else side.last.z
 
@@ -340,9 +354,8 @@ def _refine(sides: list[_Side], held: _Minimum, threshold: float, most: int = 60
         for side in open_:
             (a, low), (b, high) = inner[side], outer[side]
             guesses.append(a.z + (b.z - a.z) * (-low / (high - low)))
-        z, deviance = held(np.array(guesses))
-        for side, at, value in zip(list(open_), z, deviance, strict=True):
-            point = _Point(at, float(value))
+        for side, at, value, converged in zip(list(open_), *held(np.array(guesses)), strict=True):
+            point = _Point(at, float(value), bool(converged))
             miss = np.sqrt(max(point.deviance, 0.0)) - root if np.isfinite(value) else np.inf
             near, far = inner[side], outer[side]
             if abs(miss) <= PRECISE * root or abs(far[0].z[side.j] - near[0].z[side.j]) <= 1e-12 * max(1.0, abs(at[side.j])):

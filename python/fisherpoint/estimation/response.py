@@ -18,6 +18,9 @@ MOST_POINTS = 200_000
 """Points that the engine is given at once, so that memory stays bounded."""
 
 
+EPSILON = float(np.finfo(np.float64).eps)
+
+
 class Response(NamedTuple):
     """For B sets of P unknowns and N samples: outputs y (B, N, n_y), derivatives dy (B, N, n_y, P) in SI units, status (B,).
 
@@ -51,6 +54,7 @@ class Observed:
         Of the unknowns that are starts: the state, and the record.
     y : ndarray, (N, n_y)
         Measured outputs, NaN where there are none.
+    rtol : float
 
     Raises
     ------
@@ -61,7 +65,8 @@ class Observed:
     def __init__(
         self, model: Model, data: Sequence[Any], parameters: tuple[str, ...], theta: Array, rtol: float, threads: int
     ) -> None:
-        self.model, self._theta = model, theta
+        self.model, self.rtol, self._theta = model, rtol, theta
+        self._given = (model, tuple(data), parameters, theta, rtol, threads)
         self._columns = [names_of(model.parameters).index(name) for name in parameters]
         self.y = np.concatenate([part.y for part in data])
         names, self._parts = list(parameters), []
@@ -81,6 +86,14 @@ class Observed:
             names += of_part
             self._parts.append((respond, len(part), slice(first, len(names))))
         self.names = tuple(names)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Observed, self._given
+
+    @property
+    def precision(self) -> float:
+        """Share of an output to which the response is computed: of the trajectories' tolerance, or of a double without states."""
+        return self.rtol if self.model.states else EPSILON
 
     def parameters(self, values: Array) -> Array:
         """All parameters (B, p) of the model at the unknowns (B, P)."""
@@ -106,6 +119,8 @@ class Observed:
             dy[rows, samples, :, starts] = part.dy[..., p:]
             status[rows] = part.status
             first += length
+        finite = np.isfinite(y).all(axis=(1, 2)) & np.isfinite(dy).all(axis=(1, 2, 3))
+        status[(status == Status.ok) & ~finite] = Status.not_finite
         failed = status != Status.ok
         y[failed], dy[failed] = 0.0, 0.0
         return Response(y, dy, status)

@@ -1,4 +1,4 @@
-"""The search for an estimate: many starts together, then SciPy's `least_squares` from the best of them."""
+"""The search for an estimate: many starts together, then the best of them to its end."""
 
 from __future__ import annotations
 
@@ -10,15 +10,18 @@ import numpy as np
 from ..quantity import Array
 from ..trajectories import Status
 from .known_noise import KnownNoise
-from .least_squares import CONVERGED, ENDS, NOT_EVALUABLE, Minima, minimise
+from .least_squares import CONVERGED, ENDS, NOT_EVALUABLE, UNSETTLED, Minima, minimise
 from .unknown_noise import correlations_can_be_told, likelihood_deviance, minimise_log_det
 from .weighting import WeightedResiduals
 
 SAME_MINIMUM = 1e-3
 """Difference of costs, in half squares of standard errors, up to which two starts have come to the same minimum."""
 
-FIRST_ITERATIONS = 50
-"""Iterations of each start, before the best of them is followed to its end."""
+FIRST_EVALUATIONS = 50
+"""Evaluations of each of several starts, before the best of them is followed to its end."""
+
+MOST_EVALUATIONS = 1000
+"""Of one search: twice what the slowest of NIST's problems takes that comes to its end."""
 
 SETTLED_TO_COMPARE = 1e-4
 """Change of estimated weights from which on starts can be compared."""
@@ -44,28 +47,49 @@ class Found(NamedTuple):
 def search_with_known_noise(residuals: WeightedResiduals, z0: Array, noise: KnownNoise) -> Found:
     """Weighted least squares from starts (B, P), of which the first one is ok."""
     weighted = _weighted(residuals, noise, z0[0])
-    minima = minimise(weighted, z0, weighted.unknowns.lower, weighted.unknowns.upper, FIRST_ITERATIONS)
+    minima = _minimised(weighted, z0, FIRST_EVALUATIONS if len(z0) > 1 else MOST_EVALUATIONS)
     best, reached = _best(minima, weighted, z0)
-    found = _polished(weighted, minima, best)
-    for _ in range(WEIGHTINGS - 1 if noise.assumed else 0):
-        weighted = _weighted(residuals, noise, found.z)
-        if np.allclose(weighted.variances, found.residuals.variances, rtol=SAME_WEIGHTS, atol=0.0):
+    evaluations = int(minima.evaluations[best])
+    if minima.end[best] != CONVERGED and len(z0) > 1:
+        minima, best = _minimised(weighted, minima.z[best : best + 1], MOST_EVALUATIONS), 0
+        evaluations += int(minima.evaluations[0])
+    z, end, settled = minima.z[best], int(minima.end[best]), not noise.assumed
+    for _ in range(WEIGHTINGS if noise.assumed else 0):
+        again = _weighted(residuals, noise, z)
+        settled = np.allclose(again.variances, weighted.variances, rtol=SAME_WEIGHTS, atol=0.0)
+        if settled:
             break
-        again = _polished(weighted, minima._replace(z=np.where(np.arange(len(z0))[:, None] == best, found.z, minima.z)), best)
-        found = again._replace(evaluations=found.evaluations + again.evaluations)
-    return found._replace(reached=reached)
+        weighted = again
+        latest = _minimised(weighted, z[None], MOST_EVALUATIONS)
+        z, end, evaluations = latest.z[0], int(latest.end[0]), evaluations + int(latest.evaluations[0])
+    return _found(z, weighted, end if settled or end != CONVERGED else UNSETTLED, evaluations, reached)
 
 
 def search_with_unknown_noise(residuals: WeightedResiduals, z0: Array) -> Found:
     """The minimum of log det of the residual covariance (10), from starts (B, P)."""
     full = correlations_can_be_told(residuals.measured, len(residuals.unknowns))
-    minima, covariances = minimise_log_det(residuals, z0, full, FIRST_ITERATIONS, SETTLED_TO_COMPARE)
-    twice = likelihood_deviance(covariances, residuals.measured, full) + residuals.prior_square(minima.z)
-    minima = minima._replace(cost=np.where(np.isfinite(twice), twice / 2, np.inf))
-    best, reached = _best(minima, residuals, z0)
-    settled, covariance = minimise_log_det(residuals, minima.z[best : best + 1], full)
-    found = _polished(replace(residuals, covariance=covariance[0]), settled, 0)
-    return found._replace(evaluations=found.evaluations + int(minima.iterations[best]), reached=reached)
+    best, reached, evaluations = 0, 1, 0
+    if len(z0) > 1:
+        minima, covariances = minimise_log_det(residuals, z0, full, FIRST_EVALUATIONS, SETTLED_TO_COMPARE)
+        twice = likelihood_deviance(covariances, residuals.measured, full) + residuals.prior_square(minima.z)
+        minima = minima._replace(cost=np.where(np.isfinite(twice), twice / 2, np.inf))
+        best, reached = _best(minima, residuals, z0)
+        z0, evaluations = minima.z[best : best + 1], int(minima.evaluations[best])
+    minima, covariances = minimise_log_det(residuals, z0, full, MOST_EVALUATIONS)
+    _best(minima, residuals, z0)
+    weighted = replace(residuals, covariance=covariances[0])
+    end, evaluations = int(residuals.unknowns.ended(minima)[0]), evaluations + int(minima.evaluations[0])
+    return _found(minima.z[0], weighted, end, evaluations, reached)
+
+
+def _found(z: Array, residuals: WeightedResiduals, end: int, evaluations: int, reached: int) -> Found:
+    return Found(z, residuals, end == CONVERGED, ENDS[end], evaluations, reached)
+
+
+def _minimised(residuals: WeightedResiduals, z0: Array, max_evaluations: int) -> Minima:
+    unknowns = residuals.unknowns
+    minima = minimise(residuals, z0, unknowns.lower, unknowns.upper, max_evaluations, accuracy=residuals.accuracy)
+    return minima._replace(end=unknowns.ended(minima))
 
 
 def _weighted(residuals: WeightedResiduals, noise: KnownNoise, z: Array) -> WeightedResiduals:
@@ -83,42 +107,3 @@ def _best(minima: Minima, residuals: WeightedResiduals, z0: Array) -> tuple[int,
     cost = np.where(usable, minima.cost, np.inf)
     best = int(np.argmin(cost))
     return best, int((cost <= cost[best] + SAME_MINIMUM).sum())
-
-
-def _polished(residuals: WeightedResiduals, minima: Minima, best: int) -> Found:
-    """SciPy's minimum from one of those that were found together."""
-    from scipy.optimize import least_squares
-
-    z, end, iterations = minima.z[best], int(minima.end[best]), int(minima.iterations[best])
-    row, kept = np.zeros(1, dtype=np.intp), {}
-
-    def function(at: Array) -> Array:
-        r, jacobian, ok = residuals(at[None], row)
-        kept["at"], kept["jacobian"] = at.copy(), jacobian[0]
-        return r[0] if ok[0] else np.full(r.shape[1], np.inf)
-
-    def jacobian(at: Array) -> Array:
-        return kept["jacobian"] if np.array_equal(kept["at"], at) else residuals(at[None], row)[1][0]
-
-    lower, upper = residuals.unknowns.lower, residuals.unknowns.upper
-    bounded = np.isfinite(lower).any() or np.isfinite(upper).any()
-    try:
-        found = least_squares(
-            function,
-            np.clip(z, lower, upper),
-            jacobian,
-            bounds=(lower, upper) if bounded else (-np.inf, np.inf),
-            method="trf",
-            x_scale="jac",
-            ftol=1e-15,
-            xtol=1e-12,
-            gtol=1e-12,
-            max_nfev=100,
-        )
-    except ValueError as error:
-        if "not finite" not in str(error):
-            raise
-        return Found(z, residuals, False, "the trajectories at the estimate are not ok", iterations + 1, 0)
-    converged = bool(found.success) or end == CONVERGED
-    message = str(found.message) if found.success or end == CONVERGED else ENDS[end]
-    return Found(found.x, residuals, converged, message, iterations + int(found.nfev), 0)

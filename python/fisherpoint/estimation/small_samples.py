@@ -73,6 +73,10 @@ def inflated(jacobian: Array, covariance: Array, counts: NDArray[np.intp], full:
     g_c = J^T E_c e for residuals e = (I - H) v; their covariances are P x P matrices, whatever the number of samples. For a single
     output this leaves the covariance s^2 (J^T J)^-1 alone, and N - P degrees of freedom.
     """
+    std = np.sqrt(np.einsum("bpp->bp", covariance))  # unknowns in units of these: of ones that are hardly told, squares overflow
+    std = np.where(std > 0, std, 1.0)
+    units, given = std[:, :, None] * std[:, None, :], covariance
+    jacobian, covariance = jacobian * std[:, None, None, :], covariance / units
     degrees = output_degrees_of_freedom(jacobian, covariance, counts)
     told = np.flatnonzero(counts)
     pairs = [(a, b) for a in told for b in told if a == b or (full and a < b)]
@@ -121,4 +125,4 @@ def inflated(jacobian: Array, covariance: Array, counts: NDArray[np.intp], full:
     spread = np.einsum("bcp,bcd,bdp->bp", shares, weights, shares, optimize=True)
     variance = np.einsum("bpp->bp", b_matrix)
     degrees_of_each = np.divide(2 * variance**2, spread, out=np.full(variance.shape, np.inf), where=spread > 0)
-    return Inflated(b_matrix + added + added.transpose(0, 2, 1), degrees_of_each)
+    return Inflated(given + (added + added.transpose(0, 2, 1)) * units, degrees_of_each)

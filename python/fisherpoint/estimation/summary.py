@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..quantity import names_of
+from .unknown_noise import TINY
 
 if TYPE_CHECKING:
     from ..prior import GaussianPrior
@@ -24,6 +25,10 @@ STRONG = 0.98
 
 FAR_OFF = 3.0
 """Prior standard deviations from the prior's mean from which on an estimate is pointed out."""
+
+
+NUMERICAL = 1000.0
+"""Times the numerical error of an output, up to which its estimated noise is said to be near it."""
 
 
 class Section(NamedTuple):
@@ -79,7 +84,7 @@ def warnings(fit: Fit) -> Iterator[str]:
     for direction in fit.weak_directions:
         yield f"hardly determined: {direction}"
     for name in fit.at_bounds:
-        yield f"{name} is at its bound: its standard error, and those of what goes along with it, mean nothing"
+        yield f"{name} is at its bound: it has no standard error, and those of the others are with {name} there"
     for name in (name for name in fit.parameters if fit.prior is not None and name in fit.prior.names):
         off = shift(fit, fit.prior, name) if fit.prior is not None else 0.0
         if abs(off) > FAR_OFF:
@@ -91,6 +96,7 @@ def warnings(fit: Fit) -> Iterator[str]:
         elif test.p_value is not None and test.p_value > 1 - OFF:
             per = number(test.per_degree_of_freedom, 3)
             yield f"{name}: chi-square per degree of freedom {per}: the noise of this output is smaller than given"
+    yield from _beside_numerical_error(fit)
     for name in fit.noise_not_told:
         yield f"{name}: the unknowns fit it whatever its noise is, which cannot be estimated: give noise_std, or measure more"
     if fit.starts > 1 and fit.reached == 1:
@@ -103,6 +109,23 @@ def warnings(fit: Fit) -> Iterator[str]:
     names, correlation = fit.parameters, fit.correlation
     for i, j in zip(*np.nonzero(np.triu(np.abs(correlation) > STRONG, 1)), strict=True):
         yield f"{names[i]} and {names[j]} are told together only: their correlation is {correlation[i, j]:.3f}"
+
+
+def _beside_numerical_error(fit: Fit) -> Iterator[str]:
+    """Outputs of which the estimated noise is hardly larger than the numerical error of what is fitted."""
+    if fit.noise_known:
+        return
+    observed, stds = fit.problem.observed, np.sqrt(np.diag(fit.noise_covariance))
+    for name, i in ((name, names_of(fit.model.outputs).index(name)) for name in fit.tests):
+        error = max(observed.precision * float(np.sqrt(np.nanmean(np.square(observed.y[:, i])))), TINY**0.5)
+        if stds[i] > NUMERICAL * error:
+            continue
+        source = (
+            f"the tolerance of the trajectories, rtol = {observed.rtol:g}" if fit.model.states else "the rounding of its numbers"
+        )
+        size = f"only {number(stds[i] / error, 2)} times" if stds[i] > 3 * error else "no larger than"
+        advice = "; a smaller rtol would tell" if fit.model.states else ""
+        yield f"{name}: the estimated noise, {number(stds[i], 2)}, is {size} {source}: standard errors may be those of that{advice}"
 
 
 def text(fit: Fit) -> str:
@@ -135,10 +158,13 @@ def html(fit: Fit) -> str:
 def _unknowns(fit: Fit, level: float) -> Section:
     units, errors, intervals = fit.units, fit.standard_errors, fit.intervals(level)
     columns = ("parameter", "unit", "estimate", "std error", "RSE", f"{100 * level:g} % interval")
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for name, value in fit.estimate.items():
         error, (low, high) = errors[name], intervals[name]
         digits = digits_of(value, error)
+        if name in fit.at_bounds:
+            rows.append((name, units[name], number(value, digits), "at its bound", "-", "-"))
+            continue
         row = [name, units[name], number(value, digits), number(error, 3), percent(error / abs(value)) if value else "-"]
         rows.append((*row, f"{number(low, min(digits, 6))} to {number(high, min(digits, 6))}"))
     marked = {*fit.at_bounds, *(name for name, error in errors.items() if not np.isfinite(error))}

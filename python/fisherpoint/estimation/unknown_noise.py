@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from ..prior import GaussianPrior
 from ..quantity import Array
-from .least_squares import NOT_EVALUABLE, Minima, minimise
-from .response import Observed
+from .least_squares import CONVERGED, LIMIT, NOT_EVALUABLE, UNSETTLED, Minima, minimise
+from .response import EPSILON, Observed
 from .weighting import WeightedResiduals
 
-FLOOR = 1e-12
-"""Share of an output's mean square below which its residuals cannot be told from rounding."""
+TINY = 1e-200
+"""A variance that is next to nothing, of which the inverse still is a number: that of outputs that are zero."""
 
-MAX_ROUNDS = 100
+MAX_ROUNDS = 300
 SETTLED = 1e-10
 
 
@@ -59,12 +59,30 @@ def correlations_can_be_told(measured: NDArray[np.bool_], n_unknowns: int) -> bo
     return bool(measured.all()) and n_samples > n_unknowns + 2 * n_y
 
 
+def floor(y: Array) -> Array:
+    """Variances (n_y,) that the rounding of outputs y (..., N, n_y) makes: residuals below cannot be told from it."""
+    measured = np.isfinite(y)
+    squares = np.where(measured, y, 0.0) ** 2
+    axes = tuple(range(y.ndim - 1))
+    least: Array = EPSILON**2 * squares.sum(axis=axes) / np.maximum(measured.sum(axis=axes), 1) + TINY
+    least[~measured.any(axis=axes)] = 1.0  # any number: it weighs nothing
+    return least
+
+
+def relative_change(update: Array, covariance: Array) -> Array:
+    """Largest change (B,) of an entry of covariances (B, n_y, n_y), as a share of its standard deviations."""
+    scale = np.sqrt(np.einsum("bii->bi", covariance))
+    change: Array = (np.abs(update - covariance) / (scale[:, :, None] * scale[:, None, :])).max(axis=(1, 2), initial=0.0)
+    return change
+
+
 def minimise_log_det(
-    residuals: WeightedResiduals, z0: Array, full: bool, max_iterations: int = 200, settled: float = SETTLED
+    residuals: WeightedResiduals, z0: Array, full: bool, max_evaluations: int = 200, settled: float = SETTLED
 ) -> tuple[Minima, Array]:
     """Minimise log det of the residual covariance of B problems; its diagonal's where not `full`.
 
-    The weights are taken anew until they change by less than `settled` of themselves.
+    The weights are taken anew until they change by less than `settled` of themselves, or than rounding makes them change. Of a
+    single output without a prior they do not move the minimum, and are taken once.
 
     Returns
     -------
@@ -74,9 +92,7 @@ def minimise_log_det(
         The residual covariance, which is the maximum-likelihood estimate of the noise's.
     """
     unknowns, keep = residuals.unknowns, np.ones(residuals.y.shape[-1]) if full else np.eye(residuals.y.shape[-1])
-    counts = np.maximum(residuals.measured.sum(axis=0), 1)
-    least = FLOOR * np.nansum(residuals.y**2, axis=(0, 1)) / counts / len(residuals.y) + 1e-300
-    least[~residuals.measured.any(axis=0)] = 1.0  # any number: it weighs nothing
+    least, alone = floor(residuals.y), residuals.prior_factor is None and residuals.measured.any(axis=0).sum() == 1
 
     def covariance_at(z: Array, y: Array) -> Array:
         covariance = residual_covariance(residuals.observed.respond(unknowns.values(z)).y - y) * keep
@@ -85,21 +101,27 @@ def minimise_log_det(
 
     def minimised(z: Array, y: Array, covariance: Array) -> Minima:
         weighted = replace(residuals, y=y, covariance=covariance[:, None])
-        return minimise(weighted, z, unknowns.lower, unknowns.upper, max_iterations)
+        return minimise(weighted, z, unknowns.lower, unknowns.upper, max_evaluations, unit=0.0, accuracy=weighted.accuracy)
 
     y = np.broadcast_to(residuals.y, (len(z0), *residuals.y.shape[1:]))
     covariance = covariance_at(z0, y) * np.eye(len(least))  # of a start alone, correlations mean nothing
     minima = minimised(z0, y, covariance)
-    active = np.flatnonzero(minima.end != NOT_EVALUABLE)
+    going, before = np.flatnonzero(minima.end != NOT_EVALUABLE), np.full(len(z0), np.inf)
     for _ in range(MAX_ROUNDS):
-        update = covariance_at(minima.z[active], y[active])
-        scale = np.sqrt(np.einsum("bii->bi", covariance[active]))
-        change = np.abs(update - covariance[active]) / (scale[:, :, None] * scale[:, None, :])
-        covariance[active] = update
-        active = active[change.max(axis=(1, 2), initial=0.0) > settled]
-        if not len(active):
-            break
-        latest = minimised(minima.z[active], y[active], covariance[active])
-        minima.z[active], minima.cost[active], minima.end[active] = latest.z, latest.cost, latest.end
-        minima.iterations[active] += latest.iterations
+        update = covariance_at(minima.z[going], y[going])
+        change = relative_change(update, covariance[going])
+        covariance[going] = update
+        if alone:
+            return minima, covariance
+        # Where rounding moves the weights, they are settled when they come no closer.
+        rounding = 10 * residuals.observed.precision / EPSILON * np.sqrt(least / np.einsum("bii->bi", update)).max(axis=1)
+        moving = (change > settled) & ((change > rounding) | (change < 0.5 * before[going]))
+        before[going] = change
+        going = going[moving & (minima.end[going] != LIMIT)]
+        if not len(going):
+            return minima, covariance
+        latest = minimised(minima.z[going], y[going], covariance[going])
+        minima.z[going], minima.cost[going], minima.end[going] = latest.z, latest.cost, latest.end
+        minima.evaluations[going] += latest.evaluations
+    minima.end[going[minima.end[going] == CONVERGED]] = UNSETTLED  # with weights that still change they are no minima
     return minima, covariance

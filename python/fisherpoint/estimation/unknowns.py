@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..messages import shown
 from ..models import Model
 from ..prior import GaussianPrior
-from ..quantity import Array, as_float
+from ..quantity import Array, IntArray, as_float, as_numbers, check_known, check_mapping
 from ..rules import Sobol
+from .least_squares import CONVERGED, RAN_OFF, Minima
 
 FARTHEST = 30.0
 """How far the logarithm of an unknown may go from its center: a factor of 1e13, past which trajectories mean nothing."""
+
+AT = 1e-12
+"""Share of a bound by which rounding may keep an unknown off it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +30,8 @@ class Unknowns:
     ----------
     names : tuple of str
     center, scale : ndarray, (P,)
-        Of the unknowns, or of their logarithms.
+        Of the unknowns, or of their logarithms. The center is zero where no prior has one: an unknown may become much smaller than
+        its start, and keeps its digits.
     log : ndarray of bool, (P,)
     lower, upper : ndarray, (P,)
         Bounds of z.
@@ -58,8 +64,22 @@ class Unknowns:
 
     def at_bounds(self, z: Array) -> tuple[str, ...]:
         """Names of the unknowns that are at a bound at z (P,)."""
-        near = (z <= self.lower + 1e-6) | (z >= self.upper - 1e-6)
-        return tuple(name for name, at in zip(self.names, near, strict=True) if at)
+        return tuple(name for name, at in zip(self.names, self.held(z), strict=True) if at)
+
+    def without_bounds(self, names: Collection[str]) -> Unknowns:
+        """The same, with no bounds of those of these names."""
+        free = np.isin(self.names, list(names))
+        return replace(self, lower=np.where(free, -np.inf, self.lower), upper=np.where(free, np.inf, self.upper))
+
+    def held(self, z: Array) -> NDArray[np.bool_]:
+        """Which of the coordinates (..., P) are at a bound, to within rounding."""
+        lower, upper = (np.where(np.isfinite(bound), bound, np.nan) for bound in (self.lower, self.upper))
+        return np.asarray((z <= lower + AT * np.abs(lower)) | (z >= upper - AT * np.abs(upper)))
+
+    def ended(self, minima: Minima) -> IntArray:
+        """How searches ended (B,): not at a minimum where a logarithm went as far as it may, which is no bound that anyone gave."""
+        off = (self.log & (np.abs(minima.z) * self.scale >= FARTHEST * (1 - AT))).any(axis=1)
+        return np.where(off & (minima.end == CONVERGED), RAN_OFF, minima.end).astype(np.int32)
 
 
 def unknowns_of(
@@ -74,7 +94,7 @@ def unknowns_of(
     ----------
     start : mapping of name to float
     prior : GaussianPrior or None
-        Of some of them: its mean is where z = 0, its standard deviation the unit of z. Others have |start|.
+        Of some of them: its mean is where z = 0, its standard deviation the unit of z. Others have |start| as the unit.
     sizes : mapping of name to float
         Units of z of others, where |start| is none.
     bounds : mapping of name to (lower, upper)
@@ -90,7 +110,7 @@ def unknowns_of(
                 log[j], center[j] = True, np.log(prior.mean[name]) - scale[j] ** 2 / 2
                 lower[j], upper[j] = -FARTHEST / scale[j], FARTHEST / scale[j]
         else:
-            center[j], scale[j] = start[name], sizes.get(name) or abs(start[name]) or 1.0
+            scale[j] = sizes.get(name) or abs(start[name]) or 1.0
         for side, bound in zip((lower, upper), bounds.get(name, (None, None)), strict=True):
             if bound is not None and np.isfinite(bound) and not (log[j] and bound <= 0):
                 side[j] = ((np.log(bound) if log[j] else bound) - center[j]) / scale[j]
@@ -102,18 +122,21 @@ def checked_bounds(
 ) -> dict[str, tuple[float | None, float | None]]:
     """Bounds as given, over those without which the model makes no sense."""
     bounds: dict[str, tuple[float | None, float | None]] = {name: (least, None) for name, least in model.least.items()}
-    for name, pair in (given or {}).items():
-        if name not in names:
-            raise ValueError(f"bounds: expected names of {', '.join(names)}; given unknown {name!r}")
+    given = {} if given is None else check_mapping(given, "bounds", "(lower, upper)")
+    check_known(given, names, "bounds")
+    for name, pair in given.items():
         if not isinstance(pair, tuple | list) or len(pair) != 2:
-            raise TypeError(f"bounds[{name!r}]: expected (lower, upper) with None for no bound, given {pair!r}")
-        low, high = (
-            None if bound is None or bound in (np.inf, -np.inf) else as_float(bound, f"bounds[{name!r}]") for bound in pair
-        )
+            raise TypeError(f"bounds[{name!r}]: expected (lower, upper) with None for no bound, given {shown(pair)}")
+        low, high = (_checked_bound(bound, f"bounds[{name!r}]") for bound in pair)
         if low is not None and high is not None and not low < high:
             raise ValueError(f"bounds[{name!r}]: expected lower < upper, given {low:g} and {high:g}")
         bounds[name] = (bounds.get(name, (None, None))[0] if low is None else low, high)
     return bounds
+
+
+def _checked_bound(given: float | None, name: str) -> float | None:
+    """A number, or None where there is no bound: also for an infinite one."""
+    return None if given is None or np.isinf(as_numbers(given, name)).all() else as_float(given, name)
 
 
 def prior_factor(prior: GaussianPrior, unknowns: Unknowns) -> Array | None:

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..models import Model
-from ..quantity import Array, as_float, names_of
+from ..quantity import Array, as_std, check_known, check_mapping, names_of
+from .least_squares import Accuracy
 from .response import Observed
 from .unknowns import Unknowns
 
@@ -47,19 +48,13 @@ def _spread(given: NDArray[Any], like: Array) -> NDArray[Any]:
 def noise_covariance(model: Model, noise_std: Mapping[str, float], y: Array) -> Array:
     """R (n_y, n_y) of the noise; outputs that were never measured need none."""
     names, variances = names_of(model.outputs), np.ones(len(model.outputs))
-    if not isinstance(noise_std, Mapping):
-        raise TypeError(f"noise_std: expected a mapping of names to numbers, given {type(noise_std).__name__}")
-    for unknown in (name for name in noise_std if name not in names):
-        raise ValueError(f"noise_std: expected the names {', '.join(names)}; given unknown {unknown!r}")
+    check_known(check_mapping(noise_std, "noise_std"), names, "noise_std", "the names")
     for i, name in enumerate(names):
         if name not in noise_std:
             if np.isfinite(y[:, i]).any():
                 raise ValueError(f"noise_std: expected a value for {name!r}, which was measured; given none")
             continue
-        std = as_float(noise_std[name], f"noise_std[{name!r}]")
-        if not std > 0:
-            raise ValueError(f"noise_std[{name!r}]: expected a positive standard deviation, given {std:g}")
-        variances[i] = std**2
+        variances[i] = as_std(noise_std[name], f"noise_std[{name!r}]") ** 2
     return np.diag(variances)
 
 
@@ -94,6 +89,12 @@ class WeightedResiduals:
     def variances(self) -> Array:
         """Of the noise of every output, (..., n_y)."""
         return np.asarray(np.einsum("...ii->...i", self.covariance))
+
+    @property
+    def accuracy(self) -> Accuracy:
+        """Of the residuals in units of the noise: rounding, or the trajectories' tolerance, is a share of what was measured."""
+        share = self.observed.precision * np.nan_to_num(self.y) / np.sqrt(self.variances)
+        return Accuracy(np.asarray(np.sqrt(np.square(share).sum(axis=(1, 2)))), self.observed.precision)
 
     def prior_square(self, z: Array) -> Array:
         """Sum of squares of the prior's residuals at z (B, P), zero without a prior."""

@@ -1,0 +1,113 @@
+"""A fit as JSON from which it can be built again, to the last bit of what is in it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..data.measurements import Measurements
+from ..data.record import Record
+from ..design import model_from_json, model_to_json, prior_from_json, prior_to_json
+from ..experiments import Experiments
+from ..quantity import Array, names_of
+from ..trajectories import resolve_threads
+from .response import Observed
+from .unknowns import Unknowns, prior_factor
+from .weighting import WeightedResiduals
+
+if TYPE_CHECKING:
+    from .fit import Fit
+
+BOUNDS = {"lower": -np.inf, "upper": np.inf}
+"""What null stands for in JSON."""
+
+
+def fit_state(fit: Fit) -> dict[str, Any]:
+    """All that is not computed from the rest; a TypeError for a model of functions, which no file can hold."""
+    unknowns, names = fit.problem.unknowns, names_of(fit.model.parameters)
+    return {
+        "model": model_to_json(fit.model),
+        "data": [_data_to_json(part) for part in fit.data],
+        "prior": None if fit.prior is None else prior_to_json(fit.prior),
+        "prior_takes_part": fit.problem.prior_factor is not None,
+        "estimated": [name for name in unknowns.names if name in names],
+        "theta": fit.theta.tolist(),
+        "values": fit.values.tolist(),
+        "rtol": fit.problem.observed.rtol,
+        "unknowns": {
+            "center": unknowns.center.tolist(),
+            "scale": unknowns.scale.tolist(),
+            "log": unknowns.log.tolist(),
+            **{side: _with_none(getattr(unknowns, side)) for side in BOUNDS},
+        },
+        "weights": fit.problem.covariance.tolist(),
+        "noise_known": fit.noise_known,
+        "noise_covariance": fit.noise_covariance.tolist(),
+        "converged": fit.converged,
+        "message": fit.message,
+        "evaluations": fit.evaluations,
+        "starts": fit.starts,
+        "reached": fit.reached,
+    }
+
+
+def fit_from_state(data: dict[str, Any]) -> Fit:
+    """The fit of which this is the state; its trajectories are computed anew."""
+    from .fit import Fit
+
+    model, parts = model_from_json(data["model"]), tuple(_data_from_json(part) for part in data["data"])
+    prior = None if data["prior"] is None else prior_from_json(data["prior"])
+    theta, values = _numbers(data["theta"]), _numbers(data["values"])
+    observed = Observed(model, parts, tuple(data["estimated"]), theta, data["rtol"], resolve_threads(None))
+    of = data["unknowns"]
+    lower, upper = (np.array([none if value is None else value for value in of[side]]) for side, none in BOUNDS.items())
+    unknowns = Unknowns(observed.names, _numbers(of["center"]), _numbers(of["scale"]), np.array(of["log"], bool), lower, upper)
+    if {len(array) for array in (values, unknowns.center, unknowns.scale, unknowns.log, lower, upper)} != {len(observed.names)}:
+        raise ValueError(f"values: expected {len(observed.names)} unknowns, {', '.join(observed.names)}; given another number")
+    factor = prior_factor(prior, unknowns) if data["prior_takes_part"] and prior is not None else None
+    problem = WeightedResiduals(observed, unknowns, observed.y[None], _numbers(data["weights"]), factor)
+    response = observed.respond(values[None])
+    return Fit(
+        model=model,
+        data=parts,
+        prior=prior,
+        theta=theta,
+        values=values,
+        predicted=response.y[0],
+        residuals=observed.y - response.y[0],
+        noise_known=bool(data["noise_known"]),
+        noise_covariance=_numbers(data["noise_covariance"]),
+        converged=bool(data["converged"]),
+        message=str(data["message"]),
+        evaluations=int(data["evaluations"]),
+        starts=int(data["starts"]),
+        reached=int(data["reached"]),
+        problem=problem,
+    )
+
+
+def _data_to_json(part: Any) -> dict[str, Any]:
+    y = [_with_none(row) for row in part.y]
+    if isinstance(part, Record):
+        return {"t": part.t.tolist(), "u": part.u.tolist(), "y": y, "x0": dict(part.x0)}
+    points = part.points
+    return {"columns": points.columns, "x0": points.x0.tolist(), "u": points.u.tolist(), "dt": points.dt.tolist(), "y": y}
+
+
+def _data_from_json(data: dict[str, Any]) -> Measurements | Record:
+    y = np.array([[np.nan if value is None else value for value in row] for row in data["y"]], dtype=np.float64)
+    u = _numbers(data["u"]).reshape(len(y), -1)
+    if "t" in data:
+        return Record(_numbers(data["t"]), u, y, data["x0"])
+    columns = None if data["columns"] is None else tuple(data["columns"])
+    return Measurements(Experiments(_numbers(data["x0"]).reshape(len(y), -1), u, data["dt"], columns), y)
+
+
+def _with_none(values: Array) -> list[float | None]:
+    """Numbers, None for what is not finite, which JSON does not have."""
+    return [value if np.isfinite(value) else None for value in values.tolist()]
+
+
+def _numbers(values: Any) -> Array:
+    return np.array(values, dtype=np.float64)
