@@ -35,7 +35,7 @@ class _Watched(ExchangeSearch):
 
     def _candidates(self, accumulator: _core.FisherAccumulator, ridge: float) -> tuple[PointInformation, bool]:
         candidates, confirmed = super()._candidates(accumulator, ridge)
-        linearized = self._phis_with(accumulator, with_linearized_covariance(self.problem, candidates), ridge)
+        linearized = self._phis_with(accumulator, with_linearized_covariance(self.problem, candidates)[0], ridge)
         best = int(np.argmax(self._phis_with(accumulator, candidates, ridge)))
         self.draws += 1
         self.same += best in np.argsort(-linearized, kind="stable")[:SHORTLIST]

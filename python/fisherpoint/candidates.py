@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .assumed import starts_near
 from .experiments import Experiments
-from .information import PointInformation, point_sensitivities, with_covariance
+from .information import PointInformation, point_sensitivities, with_covariance, with_linearized_covariance
 from .problem import DesignProblem
 from .quantity import IntArray
 from .trajectories import Status, on_surface
@@ -61,9 +61,9 @@ class CandidateSource:
         have, tried, before = sum(map(len, found)), 0, self.rejected.copy()
         while have < count:
             if tried >= max(MAX_DRAWN_PER_CANDIDATE, MAX_DRAWN_PER_CANDIDATE // 20 * count):
-                reasons = ", ".join(f"{reason} {n}" for reason, n in (self.rejected - before).most_common())
                 raise ValueError(
-                    f"region: expected points that survive, given {have} of {tried} drawn ({reasons}): widen or move the region"
+                    f"region: expected points that survive, given {have} of {tried} drawn ({self._since(before)}): "
+                    "widen or move the region"
                 )
             share = max(self.accepted / self.drawn, 0.05) if self.drawn else 0.7
             batch = round(np.clip(4 * count / share, SMALLEST_BATCH, LARGEST_BATCH))
@@ -88,7 +88,13 @@ class CandidateSource:
 
     def confirmed(self, chosen: PointInformation) -> tuple[PointInformation, NDArray[np.bool_]]:
         """Return all with their covariances, and which are valid on all nodes of the rule; count the others as rejected."""
-        information, status = with_covariance(self._problem, chosen, self._threads)
+        return self._counted(*with_covariance(self._problem, chosen, self._threads))
+
+    def linearized(self, candidates: PointInformation) -> tuple[PointInformation, NDArray[np.bool_]]:
+        """Return all with their linearized covariances, and which of these are finite; count the others as rejected."""
+        return self._counted(*with_linearized_covariance(self._problem, candidates))
+
+    def _counted(self, information: PointInformation, status: IntArray) -> tuple[PointInformation, NDArray[np.bool_]]:
         if status.any():
             self.rejected.update(_reasons(status))
         return information, status == Status.ok
@@ -96,16 +102,20 @@ class CandidateSource:
     def draw_confirmed(self, count: int) -> PointInformation:
         """Return `count` candidates that are valid on all nodes of the rule, with their predictive covariances."""
         found: list[PointInformation] = []
-        tried = 0
+        tried, before = 0, self.rejected.copy()
         while (have := sum(map(len, found))) < count:
             if tried >= MAX_DRAWN_PER_CANDIDATE + 20 * count:
                 raise ValueError(
-                    f"region: expected points that survive on the prior grid, given {have} of {tried} tried: widen or move it"
+                    f"region: expected points that survive on the prior grid, given {have} of {tried} tried "
+                    f"({self._since(before)}): widen or move it"
                 )
             batch = self.draw(count - have)
             tried += len(batch)
             found.append(self.confirm(batch))
         return PointInformation.join(found)
+
+    def _since(self, before: Counter[str]) -> str:
+        return ", ".join(f"{reason} {n}" for reason, n in (self.rejected - before).most_common())
 
     def _survivors(self, points: Experiments) -> tuple[PointInformation, NDArray[np.intp]]:
         """Those that are valid at the prior mean, and their places; the others are counted."""

@@ -7,17 +7,21 @@ from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .quantity import Array
 
 SMALL, SAME = 1e-4, 1e-3
 """Shares of the largest component up to which one is zero, and up to which two are the same."""
 
+LARGE = 0.05
+"""Share of the largest component above which one is worth mentioning."""
+
 LARGEST_RATIO = 12
 
 
 def describe(
-    directions: Array, theta: Array, names: Sequence[str], starts: Mapping[str, Sequence[Array]]
+    directions: Array, effects: Array, theta: Array, names: Sequence[str], starts: Mapping[str, Sequence[Array]]
 ) -> tuple[str, Mapping[str, float]]:
     """Return a direction in words, and its components as relative changes of the parameters.
 
@@ -25,6 +29,8 @@ def describe(
     ----------
     directions : ndarray, (n, p)
         The direction at each of n sets of parameters, relative changes d log theta; absolute ones where theta is zero.
+    effects : ndarray, (n, p)
+        How much the change of each parameter alone changes the outputs: a small change counts where they feel it.
     theta : ndarray, (n, p)
     names : sequence of str
     starts : mapping of state name to sequence of n ndarrays
@@ -38,7 +44,8 @@ def describe(
     components : mapping of parameter name to float
         At the first theta, of those that are not zero.
     """
-    relative, absolute = _normalised(directions), _normalised(directions * np.where(theta != 0, theta, 1.0))
+    felt = (np.abs(effects) > SMALL * np.abs(effects).max(axis=1, keepdims=True)).all(axis=0)
+    relative, absolute = _normalised(directions, felt), _normalised(directions * np.where(theta != 0, theta, 1.0), felt)
     first, largest = relative[0], np.argmax(np.abs(relative[0]))
     sizes = relative[:, largest] / directions[:, largest]
     along = {name: np.concatenate([size * move for size, move in zip(sizes, moves, strict=True)]) for name, moves in starts.items()}
@@ -62,17 +69,22 @@ def describe(
     return f"{', '.join(changes)}: no output changes{where}", components
 
 
-def changes_of(direction: Array, names: Sequence[str]) -> str:
-    """The larger components of a direction of relative changes (p,), such as "k1 up 1 %, k2 down 0.5 %"."""
+def changes_of(direction: Array, names: Sequence[str], effects: Array | None = None) -> str:
+    """The larger components of a direction of relative changes (p,), such as "k1 up 1 %, k2 down 0.5 %".
+
+    Larger ones, or those of the larger `effects` (p,): see `describe`.
+    """
     steps = direction / np.abs(direction).max()
+    felt = np.zeros(len(steps)) if effects is None else effects / np.abs(effects).max()
     order = np.argsort(-np.abs(steps), kind="stable")
-    return ", ".join(_percent(names[j], steps[j] * np.sign(steps[order[0]])) for j in order if abs(steps[j]) > 0.05)
+    shown = [j for j in order if max(abs(steps[j]), abs(felt[j])) > LARGE]
+    return ", ".join(_percent(names[j], steps[j] * np.sign(steps[order[0]])) for j in shown)
 
 
-def _normalised(directions: Array) -> Array:
-    """Largest component 1, the first one that is not zero positive, small ones zero."""
+def _normalised(directions: Array, felt: NDArray[np.bool_]) -> Array:
+    """Largest component 1, the first one that is not zero positive, small ones zero but for those (p,) that are felt."""
     directions = directions / np.abs(directions).max(axis=1, keepdims=True)
-    directions = np.where(np.abs(directions) > SMALL, directions, 0.0)
+    directions = np.where(felt | (np.abs(directions) > SMALL), directions, 0.0)
     leading = directions[np.arange(len(directions)), np.argmax(directions != 0, axis=1)]
     normalised: Array = directions * np.sign(leading)[:, None]
     return normalised

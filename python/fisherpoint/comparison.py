@@ -11,7 +11,7 @@ import numpy as np
 from .experiments import Experiments
 from .predictive import PredictiveCovariance, predictive_covariance
 from .problem import DesignProblem
-from .quantity import Array
+from .quantity import Array, as_float, as_sequence, check_type
 from .rules import GaussHermite, Linearized, Rule, Sobol, SparseGaussHermite, TensorGrid, Unscented
 
 CONVERGED, NEXT_LOWER = Sobol(2**18), Sobol(2**17)
@@ -86,7 +86,8 @@ class RuleComparison:
 
     def cheapest(self, within: float = 0.01) -> RuleRow | None:
         """Return the fastest rule whose error is within this at the 90th percentile; None where there is none."""
-        enough = [row for row in self.rows if row.errors is not None and row.errors.most <= within]
+        limit = as_float(within, "within")
+        enough = [row for row in self.rows if row.errors is not None and row.errors.most <= limit]
         return min(enough, key=lambda row: row.seconds, default=None)
 
     def __str__(self) -> str:
@@ -127,9 +128,9 @@ def compare_rules(
     TypeError, ValueError
         For misuse, and where no point exists under the converged rule.
     """
-    if not isinstance(problem, DesignProblem):
-        raise TypeError(f"problem: expected a DesignProblem, given {type(problem).__name__}")
-    chosen = _default_rules(problem) if rules is None else tuple(rules)
+    check_type(problem, DesignProblem, "problem")
+    check_type(points, Experiments, "points")
+    chosen = _default_rules(problem) if rules is None else as_sequence(rules, "rules", "rules")
     for rule in chosen:
         if not isinstance(rule, Rule):
             raise TypeError(f"rules: expected rules such as fisherpoint.SparseGaussHermite(2), given {type(rule).__name__}")
@@ -179,9 +180,9 @@ def _errors(result: PredictiveCovariance, converged: PredictiveCovariance) -> Ar
     both = (result.status == 0) & (converged.status == 0)
     std = np.sqrt(np.diagonal(converged.covariance[both], axis1=1, axis2=2))
     inverse = np.where(std > 0, 1.0, 0.0) / np.where(std > 0, std, 1.0)
-    scale = inverse[:, :, None] * inverse[:, None, :]
-    difference = (result.covariance - converged.covariance)[both] * scale
-    size = np.linalg.norm(converged.covariance[both] * scale, axis=(1, 2))
+    across, along = inverse[:, :, None], inverse[:, None, :]  # one after the other: their product may overflow
+    difference = (result.covariance - converged.covariance)[both] * across * along
+    size = np.linalg.norm(converged.covariance[both] * across * along, axis=(1, 2))
     return np.asarray(np.linalg.norm(difference, axis=(1, 2)) / np.where(size > 0, size, 1.0))
 
 

@@ -7,18 +7,25 @@ the sensor noise. Here Sigma_theta is the covariance that the rule's nodes have,
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 
 import numpy as np
 
 from . import _core
-from .candidates import CandidateSource
+from .candidates import LARGEST_BATCH, CandidateSource
 from .information import PointInformation
 from .output_covariance import Criterion, criterion
 from .problem import DesignProblem
 from .quantity import Array
 
-RANDOM_DESIGNS = 201
+MEDIAN_ERROR = 0.02
+"""Standard error of the D-efficiency against the median random design, as a share, down to which random designs are drawn."""
+
+MOST_RANDOM_POINTS = 20_000
+"""Points of all random designs together, after which there are enough in any case: the search draws several times as many."""
+
+LEAST_RANDOM_DESIGNS = 25
 
 
 @dataclass(frozen=True)
@@ -32,7 +39,7 @@ class Efficiency:
     noise_optimum : float or None
         The largest found with D = R: by a search for it with another seed, or by the design itself.
     random_median : float or None
-        Median over random designs of as many points, D = R.
+        Median over random designs of as many points, D = R, see `random_designs`; None where about half of them are singular.
     vs_optimum, vs_random : float or None
         D-efficiencies of the design against the two.
     below_random : bool
@@ -53,10 +60,12 @@ class Efficiency:
 
 
 def d_efficiency(log_det: float | None, reference: float | None, parameters: int) -> float | None:
-    """(det ratio)^(1/p); None where a log det is missing or infinite."""
+    """(det ratio)^(1/p); None where a log det is missing or infinite, or the ratio overflows."""
     if log_det is None or reference is None or not np.isfinite(reference):
         return None
-    return float(np.exp((log_det - reference) / parameters))
+    with np.errstate(over="ignore"):
+        ratio = float(np.exp((log_det - reference) / parameters))
+    return ratio if np.isfinite(ratio) else None
 
 
 def efficiency_of(
@@ -91,17 +100,45 @@ def efficiency_of(
 
 
 def random_designs(
-    problem: DesignProblem, n_experiments: int, seed: int, threads: int, previous: PointInformation | None = None
+    problem: DesignProblem,
+    n_experiments: int,
+    seed: int,
+    threads: int,
+    previous: PointInformation | None = None,
+    time_limit: float | None = None,
 ) -> Array:
-    """Log dets under the sensor noise of random designs out of a pool of points, beside the previous ones; (RANDOM_DESIGNS,)."""
-    rng = np.random.default_rng([seed, 1])
-    pool = CandidateSource(problem, rng, threads).draw_confirmed(4 * n_experiments)
-    both = pool if previous is None else PointInformation.join([previous, pool])
-    d = criterion(problem, both, threads, "noise")
-    prepared, known = d.prepare(pool), None if previous is None else d.prepare(previous)
-    result = np.empty(RANDOM_DESIGNS)
-    for i in range(RANDOM_DESIGNS):
-        chosen = prepared[rng.choice(len(pool), n_experiments, replace=False)]
-        chosen = chosen if known is None else PointInformation.join([known, chosen])
-        result[i] = _core.log_det(d.accumulate(chosen).fisher(d.given))
-    return result
+    """Log dets (n,) under the sensor noise of random designs that share no point, each beside the previous points.
+
+    Their points are valid at the prior mean: on all nodes of the rule a design's own have to be, at many times the cost. As many
+    are drawn as tell the median to `MEDIAN_ERROR`, up to the time limit in seconds or `MOST_RANDOM_POINTS`, but 25 at least.
+    """
+    started, source = time.perf_counter(), CandidateSource(problem, np.random.default_rng([seed, 1]), threads)
+    most = max(LEAST_RANDOM_DESIGNS, MOST_RANDOM_POINTS // n_experiments)
+    group = int(np.clip(LARGEST_BATCH // n_experiments, 1, 4 * LEAST_RANDOM_DESIGNS))  # of designs that are drawn at once
+    found: list[float] = []
+    d = known = None
+    while len(found) < most and (time_limit is None or time.perf_counter() - started < time_limit or not found):
+        drawn = source.draw(group * n_experiments)
+        if d is None:
+            d = criterion(problem, drawn if previous is None else PointInformation.join([previous, drawn]), threads, "noise")
+            known = None if previous is None else d.prepare(previous)
+        prepared = d.prepare(drawn)
+        for k in range(group):
+            design = prepared[k * n_experiments : (k + 1) * n_experiments]
+            design = design if known is None else PointInformation.join([known, design])
+            found.append(_core.log_det(d.accumulate(design).fisher(d.given)))
+        if len(found) >= LEAST_RANDOM_DESIGNS and _median_error(np.array(found)) <= MEDIAN_ERROR * len(problem.estimated):
+            break
+    return np.array(found)
+
+
+def median_of(log_dets: Array) -> float | None:
+    """Their median; None where it is not known whether that is finite."""
+    return float(np.median(log_dets)) if np.isfinite(_median_error(log_dets)) else None
+
+
+def _median_error(values: Array) -> float:
+    """Standard error of the median: a quarter of what lies between the order statistics two standard deviations from it."""
+    places = len(values) / 2 + np.sqrt(len(values)) * np.array([-1.0, 1.0])
+    low, high = np.sort(values)[np.clip(places.round().astype(int), 0, len(values) - 1)]
+    return 0.0 if low == high else float(high - low) / 4  # of -inf, where most are singular, there is no doubt

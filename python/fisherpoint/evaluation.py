@@ -13,16 +13,19 @@ from . import _core
 from .experiments import Experiments
 from .information import PointInformation, point_information
 from .null_space import column_scaled_svd, unscaled
-from .output_covariance import Criterion, criterion, needs_covariances
+from .output_covariance import Criterion, cholesky_factor, criterion, needs_covariances
 from .previous import previous_information
 from .problem import DesignProblem
-from .quantity import Array, FrozenMapping, names_of
+from .quantity import Array, FrozenMapping, check_type, names_of
 
 if TYPE_CHECKING:
     from .previous import Previous
 
 RANK_TOLERANCE = 1e-9
 """Singular values of the whitened, column-scaled sensitivities below this share of the largest count as zero."""
+
+ACCURATE = 1e-6
+"""Below this share of the largest, the squares in F have lost digits: log det is taken from the singular values then."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +37,7 @@ class Evaluation:
     parameters : tuple of str
         Estimated parameters, in the order of every array below.
     log_det : float
-        log det of `fisher`, by Cholesky; -inf where it is singular.
+        log det of `fisher`, by Cholesky, or from singular values where that would lose digits; -inf where it is singular.
     fisher : ndarray, (p, p)
         (7) with its factor 2/L, for parameters divided by their prior standard deviations.
     output_covariance_kind : str
@@ -103,10 +106,8 @@ def evaluate_design(
     ValueError
         Where a point is none (its trajectory is not ok, or it starts on a switching surface), or D is singular.
     """
-    if not isinstance(problem, DesignProblem):
-        raise TypeError(f"problem: expected a DesignProblem, given {type(problem).__name__}")
-    if not isinstance(points, Experiments):
-        raise TypeError(f"points: expected Experiments, given {type(points).__name__}")
+    check_type(problem, DesignProblem, "problem")
+    check_type(points, Experiments, "points")
     if not len(points):
         raise ValueError("points: expected at least one point, given none")
     information = point_information(problem, points, needs_covariances(str(problem.output_covariance)), threads)
@@ -123,6 +124,8 @@ def evaluate_under_noise(
     problem: DesignProblem, points: Experiments, threads: int | None = None, previous: Previous | None = None
 ) -> Evaluation | None:
     """Evaluate a design with D = R, or R_k, whatever the problem's D is; None where the sensor noise is not known."""
+    check_type(problem, DesignProblem, "problem")
+    check_type(points, Experiments, "points")
     if problem.noise_std is None:
         return None
     return evaluate_design(problem.replace(output_covariance="noise"), points, threads, previous)
@@ -134,24 +137,35 @@ def evaluate_information(problem: DesignProblem, information: PointInformation, 
     prepared = d.prepare(information)
     accumulator = d.accumulate(prepared)
     covariance_of_outputs = accumulator.output_covariance(d.given, d.pooled)
-    fisher = accumulator.fisher(covariance_of_outputs)
+    factor = cholesky_factor(covariance_of_outputs, d.names, d.kind)
+    fisher = finite_fisher(accumulator.fisher(covariance_of_outputs))
     log_det = _core.log_det(fisher)
 
-    white = np.linalg.solve(np.linalg.cholesky(covariance_of_outputs), prepared.sensitivity).reshape(-1, len(names))
+    white = np.asarray(np.linalg.solve(factor, prepared.sensitivity), dtype=np.float64).reshape(-1, len(names))
     singular_values, directions, length = column_scaled_svd(white)
-    rank = int((singular_values > RANK_TOLERANCE * max(singular_values.max(), 1e-300)).sum())
+    share = singular_values / max(singular_values.max(), 1e-300)
+    rank = int((share > RANK_TOLERANCE).sum())
+    if rank == len(names) and share[-1] < ACCURATE and (np.diag(fisher) > 0).all():
+        log_det = len(names) * np.log(2 / len(prepared)) + 2 * float(np.log(singular_values * length).sum())
     if not np.isfinite(log_det):
-        rank = min(rank, len(names) - 1)  # between the two tolerances: singular all the same
+        rank = min(rank, len(names) - 1)  # so small that squares are zero
     null = tuple(_null_direction(v, length, names) for v in directions[rank:])
 
     covariance = correlation = standard_errors = rse = None
     if rank == len(names) and np.isfinite(log_det):
         # (sum S^T D^-1 S)^-1 = V s^-2 V^T of the column-scaled sensitivities, without forming or inverting their square.
         half = directions.T / singular_values / length[:, None]
-        standardised = half @ half.T
-        errors = np.sqrt(np.diag(standardised))
-        correlation = standardised / np.outer(errors, errors)
-        covariance = standardised * np.outer(std, std)
+        errors = np.linalg.norm(half, axis=1)
+        unit = half / errors[:, None]
+        correlation = unit @ unit.T
+        with np.errstate(over="ignore", invalid="ignore"):
+            covariance = (half * std[:, None]) @ (half * std[:, None]).T
+        if not np.isfinite(covariance).all():
+            name = names[int(np.argmax(~np.isfinite(covariance).all(axis=0)))]
+            raise ValueError(
+                f"covariance: expected standard errors whose squares are numbers, given one of {name!r} that overflows: "
+                "check noise_std"
+            )
         standard_errors = FrozenMapping(dict(zip(names, (errors * std).tolist(), strict=True)))
         rse = FrozenMapping(
             {name: standard_errors[name] / abs(problem.prior.mean[name]) for name in names if problem.prior.mean[name]}
@@ -180,8 +194,20 @@ def evaluate_information(problem: DesignProblem, information: PointInformation, 
     )
 
 
+def finite_fisher(fisher: Array) -> Array:
+    """The Fisher matrix, which must be finite."""
+    if not np.isfinite(fisher).all():
+        raise ValueError(
+            "fisher: expected sensitivities and noise whose squares are numbers, given a Fisher matrix that overflows: "
+            "check noise_std and the prior's standard deviations"
+        )
+    return fisher
+
+
 def _null_direction(v: Array, length: Array, names: tuple[str, ...]) -> Mapping[str, float]:
     direction = unscaled(v, length)
     direction = direction / np.abs(direction).max()
     direction *= np.sign(direction[np.argmax(np.abs(direction))])
-    return FrozenMapping({name: float(c) for name, c in zip(names, direction, strict=True) if abs(c) > 1e-6})
+    # What is small counts all the same where the outputs feel it.
+    counts = (np.abs(direction) > 1e-6) | ((np.abs(v) > 1e-6) & (length > 0))
+    return FrozenMapping({name: float(c) for name, c, kept in zip(names, direction, counts, strict=True) if kept})

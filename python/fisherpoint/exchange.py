@@ -9,14 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from .design import Design, ExchangeSettings
-from .efficiency import Efficiency, efficiency_of, random_designs
+from .efficiency import Efficiency, efficiency_of, median_of, random_designs
 from .evaluation import Evaluation
 from .exchange_search import ExchangeSearch, Progress
 from .previous import previous_information
 from .problem import DesignProblem
+from .quantity import check_type
 from .trajectories import resolve_threads
 
 if TYPE_CHECKING:
@@ -84,8 +83,7 @@ def exchange(
     ValueError
         For misuse, a region in which hardly a point survives, or a singular output covariance.
     """
-    if not isinstance(problem, DesignProblem):
-        raise TypeError(f"problem: expected a DesignProblem, given {type(problem).__name__}")
+    check_type(problem, DesignProblem, "problem")
     settings = ExchangeSettings(
         n_experiments, n_candidates, max_iterations, seed, patience, time_limit, max_redraws, references, screen, local
     )
@@ -126,7 +124,7 @@ def _references(search: ExchangeSearch, under_noise: Evaluation | None) -> Effic
     reference = ExchangeSearch(problem, other, search.threads, search.previous)
     if reference.run(None) == "interrupted":
         raise KeyboardInterrupt
-    random = random_designs(problem, settings.n_experiments, settings.seed, search.threads, search.previous)
+    random = random_designs(problem, settings.n_experiments, settings.seed, search.threads, search.previous, settings.time_limit)
     return efficiency_of(
-        search.problem, search.criterion, search.best.log_det, under_noise.log_det, reference.best.log_det, float(np.median(random))
+        search.problem, search.criterion, search.best.log_det, under_noise.log_det, reference.best.log_det, median_of(random)
     )

@@ -21,8 +21,8 @@ from . import _core
 from .candidates import CandidateSource
 from .design import Design, ExchangeSettings, TraceRecord
 from .efficiency import Efficiency
-from .evaluation import Evaluation, evaluate_information
-from .information import PointInformation, with_linearized_covariance
+from .evaluation import Evaluation, evaluate_information, finite_fisher
+from .information import PointInformation
 from .output_covariance import Criterion, criterion, needs_covariances
 from .problem import DesignProblem
 from .quantity import Array, FrozenMapping, IntArray
@@ -132,7 +132,7 @@ class ExchangeSearch:
         return information if self.previous is None else PointInformation.join([self.previous, information])
 
     def _phi(self, accumulator: _core.FisherAccumulator, ridge: float) -> float:
-        fisher = accumulator.fisher(accumulator.output_covariance(self.criterion.given, self.criterion.pooled))
+        fisher = finite_fisher(accumulator.fisher(accumulator.output_covariance(self.criterion.given, self.criterion.pooled)))
         return _core.log_det(fisher + ridge * np.eye(len(fisher)))
 
     def _iterate(self) -> bool:
@@ -186,7 +186,8 @@ class ExchangeSearch:
         """For each point the best candidate near it, where it alone would raise Phi and is valid on all nodes; and which points."""
         accumulator, best = self._accumulate(self.best.prepared), self.best.prepared
         if self.needs_covariances:
-            candidates = with_linearized_covariance(self.problem, candidates)
+            candidates, finite = self.source.linearized(candidates)
+            candidates, near = candidates[finite], near[finite]
         chosen = []
         for k in range(len(best)):
             own = np.flatnonzero(near == k)
@@ -208,7 +209,8 @@ class ExchangeSearch:
             return self.source.draw(self.settings.n_candidates), False
         if not self.settings.screen:
             return self.source.draw_confirmed(self.settings.n_candidates), True
-        candidates = with_linearized_covariance(self.problem, self.source.draw(self.settings.n_candidates))
+        candidates, finite = self.source.linearized(self.source.draw(self.settings.n_candidates))
+        candidates = candidates[finite]
         phis = self._phis_with(accumulator, candidates, ridge)
         return self.source.confirm(candidates[np.argsort(-phis, kind="stable")[:SHORTLIST]]), True
 

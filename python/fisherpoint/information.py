@@ -15,7 +15,7 @@ from .prior import GaussianPrior
 from .problem import DesignProblem
 from .quantity import Array, IntArray, names_of
 from .rules import Linearized, Rule
-from .trajectories import Settings, Status, check_kinks, checked_arguments, checked_sensitivities, resolve_threads
+from .trajectories import Settings, Status, check_kinks, checked_arguments, checked_sensitivities, only_finite, resolve_threads
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,10 +81,13 @@ def point_sensitivities(problem: DesignProblem, points: Experiments, threads: in
         result = checked_sensitivities(problem.model, points, problem.theta, settings)
     else:  # one run of the extended model has the tangents by the parameters too
         result = checked_sensitivities(assumed.model, points, assumed.theta(problem.theta), settings)
-    scaled = np.ascontiguousarray(result.dy_dtheta[:, :, problem.estimated_columns] * problem.std)
-    n_y, status, share = scaled.shape[1], result.status, None
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
+        scaled = np.ascontiguousarray(result.dy_dtheta[:, :, problem.estimated_columns] * problem.std)
+    scaled[~(np.abs(scaled) <= problem.largest_sensitivity)] = np.inf
+    n_y, status, share = scaled.shape[1], only_finite(result.status, scaled), None
     if assumed is not None:
         share = assumed.covariance(result.dy_dtheta)
+        status = only_finite(status, share)
         if problem.assumed_covariance == "predictive" and not isinstance(problem.rule, Linearized):
             share, over_nodes = assumed.predictive(points, problem.theta, problem.rule, settings)
             status = np.where(status != Status.ok, status, over_nodes)
@@ -98,25 +101,25 @@ def _settings(problem: DesignProblem, threads: int | None) -> Settings:
 def with_covariance(problem: DesignProblem, given: PointInformation, threads: int | None) -> tuple[PointInformation, IntArray]:
     """The same points with their predictive covariances, and the statuses over all nodes of the rule."""
     if isinstance(problem.rule, Linearized):
-        return with_linearized_covariance(problem, given), np.zeros(len(given), dtype=np.int32)
+        return with_linearized_covariance(problem, given)
     nodes = nodes_of(problem.rule, problem.prior, names_of(problem.model.parameters), problem.estimated)
     settings = _settings(problem, threads)
     result = covariance_over_nodes(problem.model, given.points, problem.theta, nodes, problem.rule, settings)
     return replace(given, covariance=result.covariance), result.status
 
 
-def with_linearized_covariance(problem: DesignProblem, given: PointInformation) -> PointInformation:
-    """The same points with S Sigma S^T of the sensitivities that they have; Sigma is what the rule makes of the prior's."""
-    moments = _second_moments(problem.rule, problem.prior.marginal(names_of(problem.model.parameters)), problem.estimated)
+def with_linearized_covariance(problem: DesignProblem, given: PointInformation) -> tuple[PointInformation, IntArray]:
+    """The same points with S Sigma S^T, and statuses; S is what they have, Sigma what the rule makes of the prior's covariance."""
+    moments = _second_moments(problem.rule, problem.prior, names_of(problem.model.parameters), problem.estimated)
     columns = problem.estimated_columns
     ok = np.zeros(len(given), dtype=np.int32)
-    covariance = linearized(given.sensitivity, moments[np.ix_(columns, columns)], ok).covariance
-    return replace(given, covariance=covariance)
+    result = linearized(given.sensitivity, moments[np.ix_(columns, columns)], ok)
+    return replace(given, covariance=result.covariance), result.status
 
 
 @lru_cache(maxsize=4)  # a search asks for the same hundreds of times
-def _second_moments(rule: Rule, prior: GaussianPrior, varied: tuple[str, ...]) -> Array:
-    return rule.second_moments(prior, varied)
+def _second_moments(rule: Rule, prior: GaussianPrior, names: tuple[str, ...], varied: tuple[str, ...]) -> Array:
+    return rule.second_moments(prior.marginal(names), varied)  # priors are equal in whatever order: the names tell it
 
 
 def point_information(problem: DesignProblem, points: Experiments, grid: bool, threads: int | None) -> PointInformation:

@@ -58,7 +58,7 @@ class Criterion:
                 check_regular(d, self.names, self.kind)
             if measured is not None:  # D_k of the measured outputs alone, with ones in the places of the others
                 d = np.where(measured[:, :, None] & measured[:, None, :], d, np.eye(len(self.names)))
-            whitened = np.linalg.solve(np.linalg.cholesky(d), sensitivity)
+            whitened = np.asarray(np.linalg.solve(cholesky_factor(d, self.names, self.kind), sensitivity), dtype=np.float64)
             return PointInformation(reduced.points, whitened, np.zeros_like(reduced.covariance))
         if reduced.assumed is None and measured is None:
             return reduced
@@ -131,6 +131,8 @@ def criterion(problem: DesignProblem, sample: PointInformation, threads: int | N
 
 def check_regular(d: Array, names: tuple[str, ...], kind: str) -> None:
     """Raise where D (n, n), or one of a stack of them, is not positive definite to working precision, naming the outputs."""
+    if not np.isfinite(d).all():
+        raise ValueError(f"output_covariance {kind!r}: expected a finite D, given one that overflows: check standard deviations")
     stack = d.reshape(-1, len(names), len(names))
     scale = np.sqrt(np.maximum(np.diagonal(stack, axis1=1, axis2=2), 0))
     flat = [name for name, s in zip(names, scale.min(axis=0), strict=True) if not s > 0]
@@ -146,6 +148,15 @@ def check_regular(d: Array, names: tuple[str, ...], kind: str) -> None:
             f"output_covariance {kind!r}: expected a regular D, given one that is singular in {', '.join(involved)}: "
             "give noise_std, or more points or levels"
         )
+
+
+def cholesky_factor(d: Array, names: tuple[str, ...], kind: str) -> Array:
+    """L of D = L L^T (..., n, n); raise as `check_regular` where there is none."""
+    try:
+        return np.asarray(np.linalg.cholesky(d), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        check_regular(d, names, kind)
+        raise ValueError(f"output_covariance {kind!r}: expected a regular D, given one that is not: give noise_std") from None
 
 
 def region_mean(problem: DesignProblem, threads: int | None) -> Array:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -13,14 +12,19 @@ import numpy as np
 
 from .assumed import Assumed, assumed_of, checked_stds
 from .models import Model
+from .natural_sizes import warn_of_small_states
 from .prior import GaussianPrior
-from .quantity import Array, FrozenMapping, check_names, in_order, names_of, some_names_among
+from .quantity import Array, FrozenMapping, as_std, check_choice, check_names, in_order, names_of, some_names_among
 from .region import ExperimentRegion
 from .rules import DEFAULT_RULE, Rule
 from .trajectories import check_kinks, check_rtol
 
 OUTPUT_COVARIANCES = ("noise", "region", "pooled", "pointwise")
 ASSUMED_COVARIANCES = ("tangents", "predictive")
+DERIVED = ("output_covariance", "parameters")
+
+LARGEST_SENSITIVITY = 1e140
+"""Largest change of an output by a prior standard deviation, in its unit and in noise standard deviations; squares are summed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +35,7 @@ class DesignProblem:
     ----------
     model : Model
     prior : GaussianPrior
-        One mean and standard deviation for every parameter of the model.
+        One mean and standard deviation for every parameter of the model; kept in the model's order.
     region : ExperimentRegion or None
         None is enough to evaluate given points.
     noise_std : mapping of output name to float, optional
@@ -57,6 +61,11 @@ class DesignProblem:
         Whether the two shares of R_k are G_k P G_k^T with the exact tangents at the mean, or (16) over the distribution of what is
         uncertain, by `rule`.
 
+    Attributes
+    ----------
+    derived : tuple of str
+        Options that were not told: `output_covariance` and `parameters` follow from the others then.
+
     Raises
     ------
     TypeError, ValueError
@@ -75,8 +84,10 @@ class DesignProblem:
     uncertain: Mapping[str, float] | None = None
     initial_state_std: Mapping[str, float] | None = None
     assumed_covariance: str = "tangents"
+    derived: tuple[str, ...] = field(init=False)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "derived", tuple(name for name in DERIVED if getattr(self, name) is None))
         for name, kind in (("model", Model), ("prior", GaussianPrior), ("rule", Rule)):
             if not isinstance(getattr(self, name), kind):
                 raise TypeError(f"{name}: expected a {kind.__name__}, given {type(getattr(self, name)).__name__}")
@@ -84,29 +95,28 @@ class DesignProblem:
             raise TypeError(f"region: expected an ExperimentRegion or None, given {type(self.region).__name__}")
         everything = names_of(self.model.parameters)
         check_names(self.prior.names, everything, "prior")
+        if self.prior.names != everything:
+            object.__setattr__(self, "prior", self.prior.marginal(everything))
         self.model.theta(self.prior.mean)
         self.rule.check(self.prior)
         check_kinks(self.kinks)
-        check_rtol(self.rtol)
+        set_field = object.__setattr__
+        set_field(self, "rtol", check_rtol(self.rtol))
         if self.region is not None:
             self.region.check(self.model)
-            _warn_of_small_states(self.model, self.region)
-        set_field = object.__setattr__
+            bounds = [self.region.bounds[quantity.name] for quantity in self.model.states]
+            warn_of_small_states(self.model, "the region keeps", np.array(bounds).reshape(-1, 2).T, stacklevel=4)
         if self.noise_std is not None:
-            stds = in_order(self.noise_std, names_of(self.model.outputs), "noise_std")
-            for name, value in zip(names_of(self.model.outputs), stds, strict=True):
-                if not value > 0:
-                    raise ValueError(f"noise_std[{name!r}]: expected a positive standard deviation, given {value:g}")
-            set_field(self, "noise_std", FrozenMapping(dict(zip(names_of(self.model.outputs), map(float, stds), strict=True))))
+            outputs = names_of(self.model.outputs)
+            stds = in_order(self.noise_std, outputs, "noise_std").tolist()
+            stds = {name: as_std(value, f"noise_std[{name!r}]") for name, value in zip(outputs, stds, strict=True)}
+            set_field(self, "noise_std", FrozenMapping(stds))
         given = everything if self.parameters is None else self.parameters
         set_field(self, "parameters", some_names_among(given, everything, "parameters"))
         self._check_assumed(everything)
         default = "noise" if self.noise_std is not None else "region"
-        set_field(self, "output_covariance", default if self.output_covariance is None else self.output_covariance)
-        if self.output_covariance not in OUTPUT_COVARIANCES:
-            raise ValueError(
-                f"output_covariance: expected one of {', '.join(OUTPUT_COVARIANCES)}; given {self.output_covariance!r}"
-            )
+        given_kind = default if self.output_covariance is None else self.output_covariance
+        set_field(self, "output_covariance", check_choice(given_kind, OUTPUT_COVARIANCES, "output_covariance"))
         if self.output_covariance == "noise" and self.noise_std is None:
             raise ValueError("noise_std: expected the sensor noise for output_covariance='noise', given none")
         if self.output_covariance == "region" and self.region is None:
@@ -117,15 +127,11 @@ class DesignProblem:
         for label, names in (("uncertain", known), ("initial_state_std", names_of(self.model.states))):
             stds = checked_stds(getattr(self, label), names, label)
             for name, value in stds.items():
-                if not value > 0:
-                    raise ValueError(f"{label}[{name!r}]: expected a positive standard deviation, given {value:g}")
+                as_std(value, f"{label}[{name!r}]")
             object.__setattr__(self, label, stds or None)
         for name in (name for name in self.uncertain or () if name in self.estimated):
             raise ValueError(f"uncertain: expected constants or parameters that are not estimated, given {name!r}, which is")
-        if self.assumed_covariance not in ASSUMED_COVARIANCES:
-            raise ValueError(
-                f"assumed_covariance: expected one of {', '.join(ASSUMED_COVARIANCES)}; given {self.assumed_covariance!r}"
-            )
+        check_choice(self.assumed_covariance, ASSUMED_COVARIANCES, "assumed_covariance")
         if self.assumed is not None and self.assumed_covariance == "predictive":
             try:
                 self.rule.check(self.assumed.prior(self.theta))
@@ -135,8 +141,12 @@ class DesignProblem:
                 ) from error
 
     def replace(self, **changes: Any) -> DesignProblem:
-        """Return a copy with some arguments changed."""
-        return dataclasses.replace(self, **changes)
+        """Return a copy with some arguments changed; options that were not told follow from the others anew."""
+        known = [one.name for one in dataclasses.fields(self) if one.init]
+        for unknown in (name for name in changes if name not in known):
+            raise TypeError(f"replace: expected names of {', '.join(known)}; given unknown {unknown!r}")
+        arguments: dict[str, Any] = dict.fromkeys(self.derived) | changes
+        return dataclasses.replace(self, **arguments)
 
     @property
     def estimated(self) -> tuple[str, ...]:
@@ -171,6 +181,12 @@ class DesignProblem:
         return self.rule if self.assumed_covariance == "predictive" else None
 
     @cached_property
+    def largest_sensitivity(self) -> Array:
+        """Of each output (n_y, 1), standardised: a point with a larger one is none, as its information would overflow."""
+        noise = [1.0] * len(self.model.outputs) if self.noise_std is None else [min(1.0, std) for std in self.noise_std.values()]
+        return _read_only(LARGEST_SENSITIVITY * np.array(noise)[:, None])
+
+    @cached_property
     def noise_covariance(self) -> Array:
         """R of (17), (n_y, n_y); zero where the noise is not known."""
         if self.noise_std is None:
@@ -182,15 +198,3 @@ def _read_only(array: Array) -> Array:
     array = array.copy()
     array.flags.writeable = False
     return array
-
-
-def _warn_of_small_states(model: Model, region: ExperimentRegion) -> None:
-    """Warn where a state keeps so far below 1, the default natural size, that `rtol` means little for it."""
-    for quantity in model.states:
-        largest = max(map(abs, region.bounds[quantity.name]))
-        if quantity.scale is None and 0 < largest < 0.01:
-            warnings.warn(
-                f"{quantity.name}: expected its natural size, as the region keeps it below {largest:g} {quantity.unit} and rtol"
-                f" refers to 1 {quantity.unit} where none is told; in states, write ({quantity.unit!r}, {largest:.1g})",
-                stacklevel=4,
-            )

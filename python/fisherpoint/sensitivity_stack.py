@@ -14,7 +14,7 @@ from .models import Model
 from .prior import GaussianPrior
 from .quantity import Array, check_names, names_of
 from .region import ExperimentRegion
-from .trajectories import Status, on_surface, sensitivities
+from .trajectories import Status, on_surface, only_finite, sensitivities
 
 TIGHT, LOOSE = 1e-10, 1e-8
 """Tolerances of the sensitivities, and of others that show how far off these may be."""
@@ -24,6 +24,9 @@ AGREEMENT = 1e-5
 
 RECORD = 8
 """Samples of a record, where starts are not known."""
+
+TINY = 1e-290
+"""An output that changes by less has no influence of any parameter: what is smaller loses digits."""
 
 MAX_ROUNDS = 20
 
@@ -108,17 +111,21 @@ class Sampler:
                 raise ValueError(f"region: expected points that survive, given {found} of {MAX_ROUNDS * count} drawn ({reasons})")
             parts.append(self._draw(theta, count))
         x0, near, far = (np.concatenate(of)[:count] for of in zip(*parts, strict=True))
+        scale = self._scale(theta)
+        size = scale[: len(self._names)]
+        output = np.abs(near[..., : len(size)]).max(axis=(0, 1, 3), initial=0.0)
+        weight = np.where(output > TINY, output, 1.0)[:, None]
+        near, far = ((given / weight).reshape(count, -1, len(scale)) for given in (near, far))
+        return Stack(self._names, self._starts, theta[self._columns], size, x0[:, self._started], near, far)
+
+    def _scale(self, theta: Array) -> Array:
+        """What sensitivities are multiplied by: |theta|, or 1 where that is zero, and 1 for starts."""
         chosen = theta[self._columns]
-        size = np.where(chosen != 0, np.abs(chosen), 1.0)
-        scale = np.concatenate([size, np.ones(len(self._starts))])
-        output = np.abs(near[..., : len(size)] * size).max(axis=(0, 1, 3), initial=0.0)
-        weight = scale / np.where(output > 0, output, 1.0)[:, None]
-        near, far = ((given * weight).reshape(count, -1, len(scale)) for given in (near, far))
-        return Stack(self._names, self._starts, chosen, size, x0[:, self._started], near, far)
+        return np.concatenate([np.where(chosen != 0, np.abs(chosen), 1.0), np.ones(len(self._starts))])
 
     def _draw(self, theta: Array, count: int) -> tuple[Array, Array, Array]:
-        """Starts (n, n_x) of at most `count` points, with their samples at both tolerances, (n, samples, n_y, p + q) each."""
-        points = self._region.draw(self._model, count, self._rng)
+        """Starts (n, n_x) of at most `count` points, with scaled samples at both tolerances, (n, samples, n_y, p + q) each."""
+        points = self._region.draw(self._model, count, self._rng, decades=True)
         keep = self._region.satisfied(self._model, points)
         self.left_out.update(constraint=int((~keep).sum()))
         for rows in on_surface(self._model, points, theta).values():
@@ -133,9 +140,12 @@ class Sampler:
         full = np.append(theta, np.zeros(len(self._starts)))
         results = [sensitivities(self._freed, records, full, rtol, self._threads) for rtol in (TIGHT, LOOSE)]
         status = np.max([result.status.reshape(-1, samples) for result in results], axis=(0, 2), initial=0)
-        self.left_out.update(Status(value).name for value in status.tolist() if value)
         shape = (len(points), samples, len(self._model.outputs), len(self._all_columns))
         near, far = (result.dy_dtheta[:, :, self._all_columns].reshape(shape) for result in results)
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is left out
+            near, far = near * self._scale(theta), far * self._scale(theta)
+        status = only_finite(status, near, far)
+        self.left_out.update(Status(value).name for value in status.tolist() if value)
         ok = status == Status.ok
         accurate = _agree(near, far, ok)
         self.left_out.update({"inaccurate": int((ok & ~accurate).sum())})

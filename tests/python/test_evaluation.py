@@ -172,14 +172,15 @@ def test_three_points_of_three_outputs_may_be_enough() -> None:
 
 
 def test_a_parameter_without_influence_is_named() -> None:
-    # The leakage flow c_L (sqrt(p_s - p) - sqrt(p - p_t)) vanishes where both pressures lie half way and the piston rests
-    # there: no start does. What has no influence at all is friction on a piston of unknown but huge mass.
-    heavy = fp.GaussianPrior(dict(MODEL.nominal) | {"m_q": 1e300}, relative_std=dict.fromkeys(NAMES, 0.1))
-    evaluation = fp.evaluate_design(problem(prior=heavy), valid_points(9, seed=9, rule=grid()))
+    # Of a reaction that sets in above a concentration that no point reaches.
+    states, parameters = {"c": "mol/L"}, {"k": "1/s", "b": "1/s", "n": "1"}
+    model = fp.SymbolicModel(["-k*c - b*n*max(c - 100, 0)"], ["c"], states, {}, parameters, states)
+    prior = fp.GaussianPrior({"k": 0.5, "b": 1.0, "n": 2.0}, relative_std={"k": 0.1, "b": 0.1, "n": 0.1})
+    points = fp.Experiments([[1.0], [2.0], [3.0]], np.empty((3, 0)), [0.5, 1.0, 2.0])
+    evaluation = fp.evaluate_design(fp.DesignProblem(model, prior, None, noise_std={"c": 0.01}), points)
     assert evaluation.log_det == -np.inf and evaluation.standard_errors is None
-    blind = {"a_tau", "b_tau", "m_q"}
     found = {name for direction in evaluation.null_directions for name in direction}
-    assert found == blind and evaluation.rank == 6
+    assert found == {"b", "n"} and evaluation.rank == 1
 
 
 def test_repeated_points_add_no_rank() -> None:
@@ -275,3 +276,31 @@ def test_an_evaluation_of_one_point_with_all_noise() -> None:
     evaluation: Any = fp.evaluate_design(problem(), point())
     np.testing.assert_allclose(evaluation.output_covariance, R, rtol=1e-15)
     assert SMALL.size(PRIOR) == 27
+
+
+QUADRATIC = fp.SymbolicModel([], ["a + b*u + c*u**2"], {}, {"u": "1"}, {"a": "1", "b": "1", "c": "1"})
+
+
+@pytest.mark.parametrize("place", [0.0, 1e2, 1e3, 3e3])
+def test_a_polynomial_far_from_zero_has_the_determinant_that_it_has_there(place: float) -> None:
+    """A shift of u is a change of parameters with determinant 1; the singular values fall as the square of the place."""
+    prior = fp.GaussianPrior({"a": 1.0, "b": 2.0, "c": 3.0}, std=dict.fromkeys("abc", 0.1))
+    given = fp.DesignProblem(QUADRATIC, prior, None, {"y": 0.1})
+    near, far = (
+        fp.evaluate_design(given, fp.Experiments(np.empty((5, 0)), np.linspace(u, u + 1, 5)[:, None])) for u in (0.0, place)
+    )
+    assert far.log_det == pytest.approx(near.log_det, abs=1e-4) and far.rank == 3
+    assert near.standard_errors is not None and far.standard_errors is not None
+    assert far.standard_errors["c"] == pytest.approx(near.standard_errors["c"], rel=1e-4)
+
+
+def test_a_null_direction_has_all_that_the_outputs_feel() -> None:
+    """a alone does change them: what does not is a, b and c together, in shares of 1, 1e-6 and 1e-12."""
+    prior = fp.GaussianPrior({"a": 1.0, "b": 2.0, "c": 3.0}, std=dict.fromkeys("abc", 0.1))
+    points = fp.Experiments(np.empty((5, 0)), np.linspace(1e6, 1e6 + 1, 5)[:, None])
+    evaluation = fp.evaluate_design(fp.DesignProblem(QUADRATIC, prior, None, {"y": 0.1}), points)
+    assert evaluation.rank == 2 and evaluation.log_det == -np.inf
+    (direction,) = evaluation.null_directions
+    change = np.array([direction[name] for name in "abc"])  # all are listed
+    alone = np.abs(change * points.u ** np.arange(3)).max()
+    assert np.abs((change * points.u ** np.arange(3)).sum(axis=1)).max() < 1e-6 * alone

@@ -18,6 +18,7 @@ import fisherpoint as fp
 from conftest import REGION
 from defaults import KINDS, MODEL, NAMES, NOISE, OUTPUTS, PRIOR, SMALL, grid, problem, same_bits
 from fisherpoint.candidates import CandidateSource
+from fisherpoint.efficiency import median_of, random_designs
 from fisherpoint.exchange_search import SHORTLIST
 from fisherpoint.information import PointInformation
 
@@ -366,3 +367,53 @@ def test_settings_are_kept() -> None:
     }
     assert design.problem is given and given.rule == SMALL
     assert design.seconds >= design.trace[-1].seconds
+
+
+# --- random designs -----------------------------------------------------------------------------------------------------
+
+
+def test_the_median_random_design_hardly_hangs_on_the_seed() -> None:
+    given = problem(rule=fp.Linearized(), output_covariance="noise")
+    medians = np.array([median_of(random_designs(given, 9, seed, 1)) for seed in range(8)], dtype=float)
+    assert np.exp(np.ptp(medians) / 9) < 1.1
+
+
+def test_random_designs_share_no_point() -> None:
+    """So that their log dets scatter as if each had been drawn alone."""
+    given = problem(rule=fp.Linearized(), output_covariance="noise")
+    found = random_designs(given, 9, 0, 1)
+    source = CandidateSource(given, np.random.default_rng(5), 1)
+    alone = [fp.evaluate_design(given, source.draw(9).points).log_det for _ in range(200)]
+    assert np.std(found) == pytest.approx(np.std(alone), rel=0.2)
+    assert np.median(found) == pytest.approx(np.median(alone), abs=9 * 0.1)
+    assert len(np.unique(found)) == len(found)
+
+
+@pytest.mark.parametrize(("share", "median"), [(0.0, True), (0.4, True), (0.5, False), (1.0, True)])
+def test_there_is_no_median_where_about_half_are_singular(share: float, median: bool) -> None:
+    values = np.where(np.arange(400) < 400 * share, -np.inf, np.linspace(0, 1, 400))
+    assert (median_of(values) is not None) is median
+
+
+def test_the_time_limit_holds_for_random_designs_too() -> None:
+    given = problem(rule=fp.Linearized(), output_covariance="noise")
+    assert 0 < len(random_designs(given, 9, 0, 1, time_limit=1e-9)) < len(random_designs(given, 9, 0, 1))
+
+
+def test_a_singular_start_is_left_for_a_point_that_tells_little_of_what_is_open() -> None:
+    """b shows where u > 0.9 alone, by 1e-6 of its prior's information; a shows there by a hundredth of what it does at u = 0.
+
+    det F of the points that tell both is not zero, however small, and that of all others is.
+    """
+    model = fp.SymbolicModel(
+        [], ["a*(1 - u) + b*max(u - 0.9, 0)"], {}, {"u": "1"}, {"a": "1", "b": "1"}, {"y": "1"}, nominal={"a": 1.0, "b": 1.0}
+    )
+    prior = fp.GaussianPrior({"a": 1.0, "b": 1.0}, {"a": 1.0, "b": 0.01})
+    given = fp.DesignProblem(model, prior, fp.ExperimentRegion({"u": (0.0, 1.0)}), noise_std={"y": 1.0})
+    for seed in range(5):
+        design = fp.exchange(given, n_experiments=2, n_candidates=60, max_iterations=2, seed=seed, references=False)
+        assert np.isfinite(design.evaluation.log_det)
+        started_singular = np.isinf(design.trace[0].log_det)
+        if started_singular:
+            break
+    assert started_singular

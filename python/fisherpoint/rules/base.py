@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from .. import _core
 from ..coordinates import cholesky_coordinates
 from ..prior import GaussianPrior
-from ..quantity import Array
+from ..quantity import Array, check_type
 
 MAX_LOST_WEIGHT = 1e-3
 """Share of the absolute weight that the nodes of a point may lose before the point is none; the cells of (13) may lose none."""
@@ -43,15 +43,18 @@ class Rule(ABC):
 
     def nodes(self, prior: GaussianPrior) -> tuple[Array, Array]:
         """Return the nodes theta (R, p) in SI units and their weights (R,)."""
+        check_type(prior, GaussianPrior, "prior")
         return self.core_nodes(prior).nodes()
 
     def second_moments(self, prior: GaussianPrior, varied: Sequence[str] | None = None) -> Array:
         """Return the covariance (p, p) that the nodes have about the prior mean, for parameters in units of their prior std."""
+        check_type(prior, GaussianPrior, "prior")
         mean, std = (np.array(list(values.values())) for values in (prior.mean, prior.std))
         return np.asarray(self.core_nodes(prior, varied).second_moments(mean, std))
 
     def variances(self, prior: GaussianPrior) -> dict[str, float]:
         """Return what the nodes make of each parameter's variance, as a share of the prior's."""
+        check_type(prior, GaussianPrior, "prior")
         return dict(zip(prior.names, np.diag(self.second_moments(prior)).tolist(), strict=True))
 
 

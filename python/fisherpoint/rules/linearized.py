@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import _core
 from ..prior import GaussianPrior
-from ..quantity import Array
+from ..quantity import Array, check_type
 from .base import Rule
 
 
@@ -22,6 +22,7 @@ class Linearized(Rule):
 
     def size(self, prior: GaussianPrior) -> int:
         """Return the number of nodes, which is 1."""
+        check_type(prior, GaussianPrior, "prior")
         return 1
 
     def core_nodes(self, prior: GaussianPrior, varied: Sequence[str] | None = None) -> _core.NodeTable:
@@ -30,5 +31,6 @@ class Linearized(Rule):
 
     def second_moments(self, prior: GaussianPrior, varied: Sequence[str] | None = None) -> Array:
         """Return the prior's own: the covariance (p, p) of parameters in units of their prior std."""
+        check_type(prior, GaussianPrior, "prior")
         moves = np.array([varied is None or name in varied for name in prior.names])
         return prior.correlation * np.outer(moves, moves)

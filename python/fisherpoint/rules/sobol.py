@@ -11,7 +11,7 @@ from scipy.special import ndtri
 
 from .. import _core
 from ..prior import GaussianPrior
-from ..quantity import Array, check_positive_int
+from ..quantity import Array, check_positive_int, check_type
 from .base import Rule, node_table
 
 MAX_NODES = 2**20
@@ -41,6 +41,7 @@ class Sobol(Rule):
 
     def size(self, prior: GaussianPrior) -> int:
         """Return the number of nodes R."""
+        check_type(prior, GaussianPrior, "prior")
         return self.n
 
     def core_nodes(self, prior: GaussianPrior, varied: Sequence[str] | None = None) -> _core.NodeTable:

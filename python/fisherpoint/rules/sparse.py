@@ -13,7 +13,7 @@ import numpy as np
 
 from .. import _core
 from ..prior import GaussianPrior
-from ..quantity import Array, check_positive_int
+from ..quantity import Array, check_positive_int, check_type
 from .base import Rule, node_table
 from .tensor import hermite
 
@@ -41,13 +41,11 @@ class SparseGaussHermite(Rule):
     signed: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        level = check_positive_int(self.level, "level")
-        if level > MAX_LEVEL:
-            raise ValueError(f"level: expected at most {MAX_LEVEL}, given {level}")
-        object.__setattr__(self, "level", level)
+        object.__setattr__(self, "level", check_positive_int(self.level, "level", most=MAX_LEVEL))
 
     def size(self, prior: GaussianPrior) -> int:
         """Return the number of nodes R."""
+        check_type(prior, GaussianPrior, "prior")
         return _sparse_size(len(prior.names), self.level)
 
     def core_nodes(self, prior: GaussianPrior, varied: Sequence[str] | None = None) -> _core.NodeTable:
@@ -68,6 +66,7 @@ class Unscented(Rule):
 
     def size(self, prior: GaussianPrior) -> int:
         """Return the number of nodes R."""
+        check_type(prior, GaussianPrior, "prior")
         return 2 * len(prior.names) + 1
 
     def core_nodes(self, prior: GaussianPrior, varied: Sequence[str] | None = None) -> _core.NodeTable:

@@ -13,14 +13,16 @@ from scipy.special import roots_hermitenorm
 
 from .. import _core
 from ..coordinates import Coordinates, cholesky_coordinates, correlated_groups, principal_coordinates
+from ..messages import shown
 from ..prior import GaussianPrior
-from ..quantity import Array, FrozenMapping, as_float, as_floats, check_names, check_positive_int
+from ..quantity import Array, FrozenMapping, as_floats, as_positive, check_name, check_names, check_positive_int, check_type
 from .base import Rule
 
 MAX_NODES = 2**40
 """Nodes past which a grid counts as a slip: more than a week of work for one point."""
 
-MAX_HERMITE_LEVELS = 100
+MAX_LEVELS, MAX_HERMITE_LEVELS = 10**6, 100
+"""Of one parameter."""
 
 Edges = tuple[float, ...]
 
@@ -63,18 +65,17 @@ class TensorGrid(Rule):
         if self.edges is not None:
             for name in ("levels", "span"):
                 if getattr(self, name) is not None:
-                    raise ValueError(f"{name}: expected none beside edges, given {getattr(self, name)!r}")
+                    raise ValueError(f"{name}: expected none beside edges, given {shown(getattr(self, name))}")
             if isinstance(self.edges, Mapping):
-                by_name = {name: _checked_edges(edges, f"edges[{name!r}]") for name, edges in self.edges.items()}
+                by_name = {
+                    check_name(name, "edges"): _checked_edges(edges, f"edges[{shown(name)}]") for name, edges in self.edges.items()
+                }
                 set_field(self, "edges", FrozenMapping(by_name))
             else:
                 set_field(self, "edges", _checked_edges(self.edges, "edges"))
             return
         set_field(self, "levels", _checked_levels(3 if self.levels is None else self.levels))
-        span = as_float(1.5 if self.span is None else self.span, "span")
-        if not span > 0:
-            raise ValueError(f"span: expected a positive number of standard deviations, given {span:g}")
-        set_field(self, "span", span)
+        set_field(self, "span", as_positive(1.5 if self.span is None else self.span, "span", "number of standard deviations"))
 
     def __repr__(self) -> str:
         return (
@@ -83,6 +84,7 @@ class TensorGrid(Rule):
 
     def levels_of(self, prior: GaussianPrior) -> dict[str, int]:
         """Return the number of levels of each parameter of the prior."""
+        check_type(prior, GaussianPrior, "prior")
         if self.edges is None:
             return _levels_of(self.levels, prior)
         if isinstance(self.edges, Mapping):
@@ -135,11 +137,7 @@ class GaussHermite(Rule):
     levels: int | Mapping[str, int] = 3
 
     def __post_init__(self) -> None:
-        levels = _checked_levels(self.levels)
-        most = levels if isinstance(levels, int) else max(levels.values(), default=1)
-        if most > MAX_HERMITE_LEVELS:
-            raise ValueError(f"levels: expected at most {MAX_HERMITE_LEVELS}, given {most}")
-        object.__setattr__(self, "levels", levels)
+        object.__setattr__(self, "levels", _checked_levels(self.levels, MAX_HERMITE_LEVELS))
 
     def levels_of(self, prior: GaussianPrior) -> dict[str, int]:
         """Return the number of levels of each parameter of the prior."""
@@ -173,7 +171,7 @@ def _grid(
     """The tensor grid with the given axis in the coordinate of each parameter that varies."""
     names = [name for name in (prior.names if varied is None else varied) if not (one_is_mean and levels[name] == 1)]
     if (size := prod(levels[name] for name in names)) > MAX_NODES:
-        raise ValueError(f"levels: expected a grid of at most {MAX_NODES:.0e} nodes, given {float(size):.0e}")
+        raise ValueError(f"levels: expected a grid of at most {MAX_NODES:.0e} nodes, given {float(min(size, 10**300)):.0e}")
     coordinates, still = coordinates_of(prior, names), (np.zeros(1), np.ones(1))
     axes = [axis(name) if name in names else still for name in prior.names]
     if not coordinates.diagonal:
@@ -182,22 +180,25 @@ def _grid(
 
 
 def _levels_of(levels: int | Mapping[str, int] | None, prior: GaussianPrior) -> dict[str, int]:
+    check_type(prior, GaussianPrior, "prior")
     if isinstance(levels, Mapping):
         check_names(levels, prior.names, "levels")
         return {name: levels[name] for name in prior.names}
     return dict.fromkeys(prior.names, levels or 1)
 
 
-def _checked_levels(given: int | Mapping[str, int]) -> int | Mapping[str, int]:
+def _checked_levels(given: int | Mapping[str, int], most: int = MAX_LEVELS) -> int | Mapping[str, int]:
     if isinstance(given, Mapping):
-        return FrozenMapping({name: check_positive_int(n, f"levels[{name!r}]") for name, n in given.items()})
-    return check_positive_int(given, "levels")
+        return FrozenMapping(
+            {check_name(name, "levels"): check_positive_int(n, f"levels[{shown(name)}]", most=most) for name, n in given.items()}
+        )
+    return check_positive_int(given, "levels", most=most)
 
 
 def _checked_edges(given: Sequence[float], name: str) -> Edges:
     edges = as_floats(given, name)
-    if edges.ndim != 1 or len(edges) < 2 or not (np.diff(edges) > 0).all():
-        raise ValueError(f"{name}: expected at least two ascending numbers of standard deviations, given {given!r:.80}")
+    if edges.ndim != 1 or len(edges) < 2 or not (edges[1:] > edges[:-1]).all():
+        raise ValueError(f"{name}: expected at least two ascending numbers of standard deviations, given {shown(given, 80)}")
     if not _core.cells_between(edges)[1].sum() > 0:
-        raise ValueError(f"{name}: expected cells that have a probability, given {given!r:.80}")
+        raise ValueError(f"{name}: expected cells that have a probability, given {shown(given, 80)}")
     return tuple(edges.tolist())

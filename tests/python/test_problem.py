@@ -1,0 +1,65 @@
+"""A problem with some arguments changed: what was not told follows anew, what was told stays or is refused."""
+
+from __future__ import annotations
+
+import pickle
+from typing import Any
+
+import pytest
+
+import fisherpoint as fp
+from defaults import MODEL, NOISE, problem
+from fisherpoint.design import problem_from_json, problem_to_json
+
+
+def copies(given: fp.DesignProblem) -> list[fp.DesignProblem]:
+    """The problem, and what files and other processes make of it."""
+    return [given, problem_from_json(problem_to_json(given)), pickle.loads(pickle.dumps(given)), given.replace(rtol=1e-7)]
+
+
+def test_an_output_covariance_that_was_not_told_follows_the_noise() -> None:
+    for blind in copies(problem(noise_std=None)):
+        assert blind.output_covariance == "region"
+        for known in copies(blind.replace(noise_std=NOISE)):
+            assert known.output_covariance == "noise"
+            assert known.replace(noise_std=None).output_covariance == "region"
+
+
+@pytest.mark.parametrize("kind", ["region", "pooled", "pointwise"])
+def test_one_that_was_told_stays(kind: str) -> None:
+    for told in copies(problem(noise_std=None, output_covariance=kind)):
+        for known in copies(told.replace(noise_std=NOISE)):
+            assert known.output_covariance == kind
+            assert known.replace(output_covariance=None).output_covariance == "noise"
+
+
+def test_one_that_was_told_is_refused_where_it_does_not_fit() -> None:
+    for told in copies(problem(output_covariance="noise")):
+        with pytest.raises(ValueError, match="noise_std: expected the sensor noise for output_covariance='noise', given none"):
+            told.replace(noise_std=None)
+    for told in copies(problem(output_covariance="region")):
+        with pytest.raises(ValueError, match="region: expected a region for output_covariance='region', given None"):
+            told.replace(region=None)
+
+
+def test_parameters_that_were_not_told_are_all_of_the_model() -> None:
+    more = MODEL.estimate("T_1")
+    prior = fp.GaussianPrior(more.nominal, relative_std=dict.fromkeys(more.nominal, 0.1))
+    change: dict[str, Any] = {"model": more, "prior": prior, "rule": fp.Linearized()}
+    for given in copies(problem(rule=fp.Linearized())):
+        assert given.replace(**change).estimated == (*given.estimated, "T_1")
+    for given in copies(problem(rule=fp.Linearized(), parameters=["m_q", "B_v"])):
+        assert given.replace(**change).estimated == ("m_q", "B_v")
+
+
+def test_a_problem_of_an_older_file_keeps_what_it_says() -> None:
+    data = problem_to_json(problem())
+    del data["derived"]
+    with pytest.raises(ValueError, match="noise_std: expected the sensor noise"):
+        problem_from_json(data).replace(noise_std=None)
+
+
+@pytest.mark.parametrize("name", ["colour", "derived"])
+def test_what_a_problem_does_not_have_is_told(name: str) -> None:
+    with pytest.raises(TypeError, match=f"replace: expected names of model, prior, .*; given unknown '{name}'"):
+        problem().replace(**{name: ()})
