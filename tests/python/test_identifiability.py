@@ -189,7 +189,7 @@ def test_the_sensitivity_to_a_free_start_is_that_to_x0() -> None:
 def test_a_free_start_gets_a_name_of_its_own() -> None:
     model = fp.SymbolicModel(["-c_0*c"], ["c"], {"c": "1"}, {}, {"c_0": "1"})
     assert [q.name for q in model.free_start("c").parameters] == ["c_0", "c_0_"]
-    with pytest.raises(ValueError, match=r"unknown_start: expected names of states, c; given 'b'"):
+    with pytest.raises(ValueError, match=r"unknown_start: expected names of states, c; given unknown 'b'"):
         model.free_start("b")
 
 
@@ -208,6 +208,124 @@ def test_what_a_start_nearly_explains_is_weak() -> None:
     model = fp.SymbolicModel(["k*u - j*c"], ["c + b"], {"c": "1"}, {"u": "1"}, {"k": "1", "b": "1"}, constants={"j": 1e-5})
     found = fp.identifiability(model, fp.GaussianPrior({"k": 2.0, "b": 1.0}, {"k": 0.2, "b": 0.2}), unknown_start=["c"])
     assert found.identifiable and len(found.weak) == 1 and found.weak[0].startswith("b up 1 %: singular value")
+
+
+# --- what sensitivities do not see ------------------------------------------------------------------------------------------
+
+
+def thermostat(f: str, **nominal: float) -> fp.SymbolicModel:
+    return fp.SymbolicModel([f], ["T"], {"T": "K"}, {"T_a": "K"}, dict.fromkeys(nominal, "1"), {"y": "K"}, nominal=nominal)
+
+
+ROOM = fp.ExperimentRegion({"T": (15.0, 45.0), "T_a": (5.0, 15.0), "dt": (1.0, 10.0)})
+HEATED = {"k": 0.1, "h": 3.0, "T_s": 30.0}
+
+
+def test_a_threshold_that_trajectories_meet_is_not_known() -> None:
+    """Every trajectory that tells it meets the jump, and is left out."""
+    model = thermostat("-k*(T - T_a) + h*heaviside(T_s - T)", **HEATED)
+    found = fp.identifiability(model, region=ROOM)
+    count = found.left_out["met_jump"]
+    assert found.identifiable is None and found.rank == 2 and found.null_directions == () and count > 20
+    assert found.not_known == (f"T_s: not known: {count} points that meet a jump were left out (met_jump)",)
+    assert "not known whether locally identifiable: rank at least 2 of 3 parameters" in str(found)
+    assert found.not_known[0] in str(found)
+    cold = fp.ExperimentRegion({"T": (5.0, 6.0), "T_a": (5.0, 15.0), "dt": (0.1, 1.0)})  # of which no point meets it
+    found = fp.identifiability(model, region=cold)
+    assert found.identifiable is False and found.null_directions == ("T_s: no output changes with it",)
+
+
+def test_what_leaves_the_equations_as_they_are_is_null_whatever_meets_a_jump() -> None:
+    """Gain and power are one number on both sides of it."""
+    found = fp.identifiability(thermostat("-k*(T - T_a) + g*h*heaviside(T_s - T)", g=2.0, **HEATED), region=ROOM)
+    assert found.identifiable is False and found.rank == 2
+    assert len(found.null_directions) == 1 and "only g*h can be told" in found.null_directions[0]
+    assert len(found.not_known) == 1 and found.not_known[0].startswith("T_s: not known: ")
+    assert "locally not identifiable: rank at least 2 of 4 parameters" in str(found)
+
+
+@pytest.mark.parametrize(
+    ("f", "g", "why"),
+    [
+        (["a", "heaviside(z - 1)"], ["y"], "points that meet a jump were left out"),  # a moves z alone, which turns y on
+        (["1", "b"], ["y", "heaviside(z - a)"], "it may move where the model jumps"),
+        (["1", "b*heaviside(u - a)"], ["y"], "it may move where the model jumps"),
+    ],
+)
+def test_what_moves_a_jump_alone_is_not_known(f: list[str], g: list[str], why: str) -> None:
+    names = {"a": 0.5} | ({"b": 2.0} if "b" in str(f) else {})
+    outputs = {"seen": "1", "on": "1"} if len(g) == 2 else {"seen": "1"}
+    model = fp.SymbolicModel(f, g, {"z": "1", "y": "1"}, {"u": "1"}, dict.fromkeys(names, "1"), outputs, nominal=names)
+    region = fp.ExperimentRegion({"z": (0.0, 2.0), "y": (0.0, 1.0), "u": (0.0, 1.0), "dt": (0.1, 4.0)})
+    found = fp.identifiability(model, region=region)
+    assert found.identifiable is None and found.rank == len(names) - 1
+    assert len(found.not_known) == 1 and found.not_known[0].startswith("a: not known: ") and why in found.not_known[0]
+
+
+@pytest.mark.filterwarnings("ignore:CallableModel")
+def test_functions_that_jump_are_not_known_either() -> None:
+    nominal = {"k": 0.1, "s": 30.0}
+    model = fp.CallableModel(
+        lambda x, u, p: [-p.k * x.T + 4.0 * (p.s > x.T)],
+        lambda x, u, p: [x.T],
+        {"T": "K"},
+        {},
+        dict.fromkeys(nominal, "1"),
+        jumps={"T - s": lambda x, u, p: x.T - p.s},
+        nominal=nominal,
+    )
+    region = fp.ExperimentRegion({"T": (25.0, 35.0), "dt": (1.0, 2.0)})
+    found = fp.identifiability(model, region=region, n_points=6, n_theta=2)
+    assert found.identifiable is None and found.not_known[0].startswith("s: not known: ")
+
+
+# --- where the numbers are hard ---------------------------------------------------------------------------------------------
+
+
+def test_a_far_off_quadratic_is_identifiable_and_its_weak_directions_are_whole() -> None:
+    """1, u and u**2 are nearly the same at u = 1e4, but not quite: their second difference is 1e-10 of them."""
+    quadratic = static("a + b*u + c*u**2", a=1.0, b=2.0, c=3.0)
+    found = fp.identifiability(quadratic, region=fp.ExperimentRegion({"u": (1e4, 1e4 + 1)}))
+    assert found.identifiable and found.rank == 3 and found.null_directions == ()
+    assert 1e-11 < found.singular_values[0, 2] / found.singular_values[0, 0] < 1e-9
+    assert found.weak[-1].startswith("a up 1 %, b down 0.0001 %, c up ")
+    farther = fp.identifiability(quadratic, region=fp.ExperimentRegion({"u": (1e6, 1e6 + 1)}))
+    assert farther.rank == 2 and set(farther.null_components[0]) == {"a", "b", "c"}
+    assert farther.null_directions[0].startswith("a up 1 %, b down 1e-06 %, c up ")
+
+
+def decays(t_1: float, t_2: float) -> fp.SymbolicModel:
+    nominal = {"T_1": t_1, "T_2": t_2}
+    f, states = ["-x_1/T_1", "-x_2/T_2"], {"x_1": "1", "x_2": "1"}
+    return fp.SymbolicModel(f, ["x_1", "x_2"], states, {}, dict.fromkeys(nominal, "s"), {"a": "1", "b": "1"}, nominal=nominal)
+
+
+@pytest.mark.parametrize("dt", [(1.0, 1000.0), (1e-2, 1e4), (1e-3, 1e5)])
+def test_durations_over_many_decades_tell_what_is_fast_and_what_is_slow(dt: tuple[float, float]) -> None:
+    region = fp.ExperimentRegion({"x_1": (0.1, 1.0), "x_2": (0.1, 1.0), "dt": dt})
+    found = fp.identifiability(decays(1.0, 1000.0), region=region)
+    assert found.identifiable and found.rank_at == found.n_theta == 5 and "inaccurate" not in found.left_out
+
+
+def test_durations_are_drawn_logarithmically_over_decades_and_stay_inside() -> None:
+    model = decays(1.0, 1000.0)
+    region = fp.ExperimentRegion({"x_1": (0.1, 1.0), "x_2": (0.1, 1.0), "dt": (1.0, 1000.0)})
+    dt = region.draw(model, 3000, np.random.default_rng(0), decades=True).dt
+    assert np.histogram(dt, [1, 10, 100, 1000])[0].min() > 900 and dt.min() >= 1 and dt.max() <= 1000
+    assert np.mean(region.draw(model, 3000, np.random.default_rng(0)).dt < 100) < 0.15  # as candidates are
+
+
+def test_the_singular_values_that_are_shown_belong_to_the_rank() -> None:
+    """At some theta the second parameter has no influence at all."""
+    found = fp.identifiability(static("a*u + max(b - 1.2, 0)**2*u**2", a=1.0, b=1.0))
+    assert found.rank == 2 and 0 < found.rank_at < found.n_theta / 2
+    assert np.median(found.singular_values, axis=0)[1] == 0
+    shown = next(line for line in str(found).splitlines() if line.startswith("singular")).split()[1:]
+    assert min(map(float, shown)) > 1e-3
+    assert f"rank 2 of 2 parameters, at {found.rank_at} of 5 theta" in str(found)
+
+
+# --- regions, words -----------------------------------------------------------------------------------------------------------
 
 
 def test_left_out_points_are_counted_and_none_is_an_error() -> None:
