@@ -18,9 +18,9 @@ from .experiments import Experiments
 from .models import Model
 from .predictive import PredictiveCovariance, covariance_over_nodes, nodes_of
 from .prior import GaussianPrior
-from .quantity import Array, FrozenMapping, IntArray, as_float, names_of
+from .quantity import Array, FrozenMapping, IntArray, as_std, check_known, check_mapping, names_of
 from .rules import Linearized, Rule
-from .trajectories import Settings, Status, check_type, checked_arguments, checked_sensitivities
+from .trajectories import Settings, Status, check_type, checked_arguments, checked_sensitivities, only_finite
 
 MARGIN = 3.0
 """Standard deviations of a surface's value, under those of the start, that a point keeps from a jump or limit."""
@@ -73,10 +73,11 @@ class Assumed:
         return tuple(names[j] for j in sorted(self.columns))
 
     def covariance(self, dy_dtheta: Array) -> Array:
-        """G P G^T, (K, n_y, n_y), from sensitivities (K, n_y, p) of the extended model."""
-        spread = dy_dtheta[:, :, self.columns] * self.std
-        product: Array = spread @ spread.transpose(0, 2, 1)
-        return (product + product.transpose(0, 2, 1)) / 2
+        """G P G^T, (K, n_y, n_y), from sensitivities (K, n_y, p) of the extended model; not finite where that overflows."""
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
+            spread = dy_dtheta[:, :, self.columns] * self.std
+            product: Array = spread @ spread.transpose(0, 2, 1)
+            return (product + product.transpose(0, 2, 1)) / 2
 
     def predictive(self, points: Experiments, theta: Array, rule: Rule, settings: Settings) -> PredictiveCovariance:
         """The predictive covariance (16) over what is assumed, at parameters (p,) of the model."""
@@ -118,16 +119,9 @@ def _extended(model: Model, uncertain: FrozenMapping[float], starts: FrozenMappi
 
 def checked_stds(given: Mapping[str, float] | None, known: Iterable[str], label: str) -> FrozenMapping[float]:
     """Standard deviations by name in the known order, none of them negative; empty for None."""
-    if given is not None and not isinstance(given, Mapping):
-        raise TypeError(f"{label}: expected a mapping of names to numbers, given {type(given).__name__}")
-    given, known = given or {}, tuple(known)
-    for unknown in (name for name in given if name not in known):
-        raise ValueError(f"{label}: expected names of {', '.join(known) or 'nothing'}; given unknown {unknown!r}")
-    stds = {name: as_float(given[name], f"{label}[{name!r}]") for name in known if name in given}
-    for name, value in stds.items():
-        if value < 0:
-            raise ValueError(f"{label}[{name!r}]: expected a standard deviation of at least 0, given {value:g}")
-    return FrozenMapping(stds)
+    given, known = {} if given is None else check_mapping(given, label), tuple(known)
+    check_known(given, known, label)
+    return FrozenMapping({name: as_std(given[name], f"{label}[{name!r}]", zero=True) for name in known if name in given})
 
 
 def assumed_covariance(
@@ -174,8 +168,9 @@ def assumed_covariance(
         return AssumedCovariance(*assumed.predictive(points, values, rule, settings))
     result = checked_sensitivities(assumed.model, points, assumed.theta(values), settings)
     covariance = assumed.covariance(result.dy_dtheta)
-    covariance[result.status != Status.ok] = 0.0
-    return AssumedCovariance(covariance, result.status)
+    status = only_finite(result.status, covariance)
+    covariance[status != Status.ok] = 0.0
+    return AssumedCovariance(covariance, status)
 
 
 def starts_near(

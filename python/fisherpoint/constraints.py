@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .messages import listed, shortened, shown
 from .quantity import Array
 
 Constraint = str | Callable[[Mapping[str, Array]], NDArray[np.bool_]]
@@ -36,10 +37,6 @@ MAX_DEPTH = 200
 """How deep the terms of a constraint may be nested."""
 
 
-def _shortened(text: str, length: int = 80) -> str:
-    return text if len(text) <= length else text[: length - 3] + "..."
-
-
 def parse_constraint(text: str, names: Iterable[str]) -> Callable[[Mapping[str, Array]], NDArray[np.bool_]]:
     """Turn a text such as ``"p_A + p_B < 2.5e7"`` into a function of the named columns.
 
@@ -63,12 +60,12 @@ def parse_constraint(text: str, names: Iterable[str]) -> Callable[[Mapping[str, 
     names = tuple(names)
 
     def refuse(what: str) -> ValueError:
-        return ValueError(f"constraint {_shortened(repr(text))}: {_shortened(what, 300)}")
+        return ValueError(f"constraint {shown(text, 80)}: {shortened(what, 300)}")
 
     try:
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        raise refuse('expected a comparison such as "p_A + p_B < 2.5e7"') from error
+        raise refuse('expected a comparison such as "p_A + p_B < 2.5e7", given something else') from error
 
     def check(node: ast.AST, depth: int = 0) -> None:
         if depth > MAX_DEPTH:
@@ -83,13 +80,13 @@ def parse_constraint(text: str, names: Iterable[str]) -> Callable[[Mapping[str, 
                 check(argument, depth + 1)
             case ast.Name(name):
                 if name not in names:
-                    raise refuse(f"expected the names {', '.join(names)}; given unknown {_shortened(name)!r}")
+                    raise refuse(f"expected the names {listed(names)}; given unknown {shown(name)}")
             case ast.Constant(value) if isinstance(value, int | float) and not isinstance(value, bool):
                 if abs(value) > sys.float_info.max:
                     raise refuse(f"expected numbers of at most {sys.float_info.max:.1e}, given a larger one")
             case _:
                 part = ast.get_source_segment(text.strip(), node) or type(node).__name__
-                raise refuse(f"expected names, numbers, + - * / **, abs() and sqrt(); given {part!r}")
+                raise refuse(f"expected names, numbers, + - * / **, abs() and sqrt(); given {shown(part)}")
 
     def value(node: ast.AST, columns: Mapping[str, Array]) -> Any:
         match node:
@@ -106,7 +103,7 @@ def parse_constraint(text: str, names: Iterable[str]) -> Callable[[Mapping[str, 
         raise AssertionError(node)
 
     if not isinstance(tree, ast.Compare) or any(type(op) not in _COMPARISONS for op in tree.ops):
-        raise refuse("expected a comparison with <, <=, > or >=")
+        raise refuse("expected a comparison with <, <=, > or >=, given none")
     terms = [tree.left, *tree.comparators]
     for term in terms:
         check(term)

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from .csv_table import CsvTable, csv_text
 from .files import write_whole
+from .messages import listed, shown
 from .models import Model
 from .models.base import DURATION
-from .quantity import Array, as_floats, as_rows, names_of
+from .quantity import Array, as_floats, as_index, as_rows, as_sequence, check_alike, check_name, check_type, names_of
 
 
 class Experiments:
@@ -50,9 +51,7 @@ class Experiments:
         if not (self.dt > 0).all():
             row = int(np.argmin(self.dt))
             raise ValueError(f"dt: expected positive durations in s, given {self.dt[row]:g} in points[{row}]")
-        if columns is not None and len(columns) != self.x0.shape[1] + self.u.shape[1]:
-            raise ValueError(f"columns: expected {self.x0.shape[1] + self.u.shape[1]} names, given {len(columns)}")
-        self.columns = columns
+        self.columns = None if columns is None else _checked_columns(columns, self.x0.shape[1] + self.u.shape[1])
         for array in (self.x0, self.u, self.dt):
             array.flags.writeable = False
 
@@ -60,12 +59,11 @@ class Experiments:
         return len(self.dt)
 
     def __getitem__(self, index: int | slice | Sequence[int] | NDArray[Any]) -> Experiments:
-        if isinstance(index, int | np.integer) and not -len(self) <= index < len(self):
-            raise IndexError(f"points: expected an index below {len(self)}, given {index}")
-        if isinstance(index, int | np.integer):
-            index = [int(index)]
-        rows = np.asarray(index, dtype=None if len(index) else np.intp) if isinstance(index, list | tuple) else index
-        return Experiments._of(self.x0[rows], self.u[rows], self.dt[rows], self.columns)
+        rows = as_index(index, len(self.dt), "points")
+        try:
+            return Experiments._of(self.x0[rows], self.u[rows], self.dt[rows], self.columns)
+        except IndexError as error:
+            raise IndexError(f"points: expected indices below {len(self)}, or as many flags; given {shown(index)}") from error
 
     @classmethod
     def _of(cls, x0: Array, u: Array, dt: Array, columns: tuple[str, ...] | None) -> Experiments:
@@ -79,6 +77,12 @@ class Experiments:
     @staticmethod
     def join(parts: Sequence[Experiments]) -> Experiments:
         """Return the points of all parts, one after the other."""
+        parts = as_sequence(parts, "parts", "Experiments")
+        if not parts:
+            raise ValueError("parts: expected at least one, given none")
+        for k, part in enumerate(parts):
+            check_type(part, Experiments, f"parts[{k}]")
+        check_alike([(part.x0.shape[1], part.u.shape[1]) for part in parts], "states and inputs")
         x0, u, dt = (np.concatenate([getattr(part, name) for part in parts]) for name in ("x0", "u", "dt"))
         return Experiments._of(x0, u, dt, parts[0].columns)
 
@@ -105,6 +109,9 @@ class Experiments:
 
         Points without a state have no column dt. The file appears whole or not at all.
         """
+        if model is not None:
+            check_type(model, Model, "model")
+            check_alike([(len(model.states), len(model.inputs)), (self.x0.shape[1], self.u.shape[1])], "states and inputs", "model")
         columns = _columns(model) if model is not None else self.columns
         if columns is None:
             columns = _places(self.x0.shape[1], self.u.shape[1])
@@ -124,6 +131,7 @@ class Experiments:
         ValueError
             Where a column is missing or unknown, or an entry is no number; the message names row and column.
         """
+        check_type(model, Model, "model")
         table = CsvTable(path)
         names, n_x, n_u = names_of(model.axes), len(model.states), len(model.inputs)
         places = (*_places(n_x, n_u), *names[n_x + n_u :])
@@ -131,13 +139,20 @@ class Experiments:
         if "dt" in table and "dt" not in columns:
             columns = (*columns, "dt")
         if set(columns) != set(table.names):
-            raise ValueError(f"{path}: expected the columns {', '.join(names)}; given {', '.join(table.names)}")
+            raise ValueError(f"{table.path}: expected the columns {listed(names)}; given {listed(table.names)}")
         table.read_decimal_commas(columns)
         quantities = (*model.states, *model.inputs, DURATION)
         numbers = [table.complete(quantity, name) for quantity, name in zip(quantities, columns, strict=False)]
         rows = np.column_stack(numbers)
         dt = rows[:, -1] if "dt" in columns else None
         return cls(rows[:, :n_x], rows[:, n_x : n_x + n_u], dt, _columns(model))
+
+
+def _checked_columns(given: tuple[str, ...], count: int) -> tuple[str, ...]:
+    columns = as_sequence(given, "columns", "names")
+    if len(columns) != count:
+        raise ValueError(f"columns: expected {count} names, given {len(columns)}")
+    return tuple(check_name(name, "columns") for name in columns)
 
 
 def _columns(model: Model) -> tuple[str, ...]:

@@ -10,10 +10,11 @@ import numpy as np
 from . import _core
 from .experiments import Experiments
 from .models import Model
+from .natural_sizes import warn_of_small_states
 from .prior import GaussianPrior
-from .quantity import Array, IntArray, check_names, names_of
+from .quantity import Array, IntArray, check_names, names_of, some_names_among
 from .rules import Linearized, Rule
-from .trajectories import Settings, Status, check_type, checked_arguments, sensitivities
+from .trajectories import Settings, Status, check_type, checked_arguments, only_finite, sensitivities
 
 
 class _CovarianceAndStatus(NamedTuple):
@@ -91,18 +92,17 @@ def predictive_covariance(
         raise TypeError(f"rule: expected a rule such as fisherpoint.SparseGaussHermite(2), given {type(rule).__name__}")
     names = names_of(model.parameters)
     check_names(prior.names, names, "prior")
-    chosen = names if parameters is None else parameters
-    if isinstance(chosen, str) or not chosen or any(name not in names for name in chosen):
-        raise ValueError(f"parameters: expected a sequence of names of {', '.join(names)}; given {parameters!r}")
-    varied = tuple(name for name in names if name in chosen)
+    varied = some_names_among(names if parameters is None else parameters, names, "parameters")
     theta = model.theta({name: prior.mean[name] for name in names})
     if isinstance(rule, Linearized):
         result = sensitivities(model, points, theta, rtol, threads, kinks, method)
         ordered = prior.marginal(names)
-        scaled = result.dy_dtheta * np.array(list(ordered.std.values()))
+        with np.errstate(over="ignore"):  # what overflows is given a status
+            scaled = result.dy_dtheta * np.array(list(ordered.std.values()))
         return linearized(scaled, rule.second_moments(ordered, varied), result.status)
     nodes = nodes_of(rule, prior, names, varied)
     settings = checked_arguments(model, points, theta, rtol, threads, kinks, method)
+    warn_of_small_states(model, "the starts keep", points.x0)
     return covariance_over_nodes(model, points, theta, nodes, rule, settings)
 
 
@@ -113,7 +113,7 @@ def covariance_over_nodes(
     covariance, status, *_, lost_weight = model.kernels.predictive_covariance(
         model.core, points.x0, points.u, points.dt, theta, nodes, *settings, max_lost=rule.max_lost_weight
     )
-    projection = np.zeros(len(points))
+    status, projection = only_finite(status, covariance), np.zeros(len(points))
     if rule.signed:
         covariance, projection = nearest_semidefinite(covariance)
     return PredictiveCovariance(covariance, status, projection, lost_weight)
@@ -121,13 +121,15 @@ def covariance_over_nodes(
 
 @lru_cache(maxsize=4)  # a search asks for the same nodes hundreds of times
 def nodes_of(rule: Rule, prior: GaussianPrior, names: tuple[str, ...], varied: tuple[str, ...]) -> _core.PriorNodes:
-    return rule.core_nodes(prior.marginal(names), varied)
+    return rule.core_nodes(prior.marginal(names), varied)  # priors are equal in whatever order: the names tell it
 
 
 def linearized(sensitivity: Array, correlation: Array, status: IntArray) -> PredictiveCovariance:
     """S Sigma S^T of sensitivities (K, n_y, p) times the prior std, with the correlation (p, p) of the parameters."""
-    covariance = sensitivity @ correlation @ sensitivity.transpose(0, 2, 1)
-    covariance = (covariance + covariance.transpose(0, 2, 1)) / 2
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
+        covariance = sensitivity @ correlation @ sensitivity.transpose(0, 2, 1)
+        covariance = (covariance + covariance.transpose(0, 2, 1)) / 2
+    status = only_finite(status, covariance)
     failed = status != Status.ok
     covariance[failed] = 0.0
     return PredictiveCovariance(covariance, status, np.zeros(len(status)), failed.astype(np.float64))

@@ -7,10 +7,27 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .quantity import Array, FrozenMapping, as_float, as_floats_of_shape, check_names
+from .messages import listed, shown
+from .quantity import (
+    LARGEST_STD,
+    Array,
+    FrozenMapping,
+    as_float,
+    as_floats_of_shape,
+    as_sequence,
+    as_std,
+    check_known,
+    check_mapping,
+    check_name,
+    check_names,
+    names_among,
+)
 
 SINGULAR = 1e-12
 """Smallest eigenvalue of a correlation matrix up to which it counts as singular."""
+
+WIDEST = 1e100
+"""Standard deviation of a log-normal parameter over its mean."""
 
 
 class GaussianPrior:
@@ -55,11 +72,14 @@ class GaussianPrior:
         if len(given) > 1:
             raise ValueError(f"covariance: expected no {' or '.join(given[:-1])} beside it, given both")
         for label, mapping in (("mean", mean), ("std", std), ("relative_std", relative_std)):
-            if (mapping is not None or label == "mean") and not isinstance(mapping, Mapping):
-                raise TypeError(f"{label}: expected a mapping of names to numbers, given {type(mapping).__name__}")
-        means = {name: as_float(value, f"mean[{name!r}]") for name, value in mean.items()}
+            if mapping is not None or label == "mean":
+                check_mapping(mapping, label)
+        means = {check_name(name, "mean"): as_float(value, f"mean[{shown(name)}]") for name, value in mean.items()}
         if not means:
             raise ValueError("mean: expected at least one parameter, given none")
+        for name, value in means.items():
+            if abs(value) > LARGEST_STD:
+                raise ValueError(f"mean[{name!r}]: expected a number of at most {LARGEST_STD:g}, given {value:g}")
         self._mean = FrozenMapping(means)
         self._covariance = None if covariance is None else _checked_covariance(covariance, tuple(means))
         if self._covariance is None:
@@ -69,15 +89,15 @@ class GaussianPrior:
             stds = dict(zip(means, np.sqrt(np.diag(self._covariance)).tolist(), strict=True))
             self._correlation = _correlation(self._covariance)
         self._std = FrozenMapping(stds)
-        if isinstance(log, str) or not isinstance(log, Iterable):
-            raise TypeError(f"log: expected a sequence of names, given {log!r}")
-        chosen = tuple(log)
-        for name in chosen:
-            if name not in means:
-                raise ValueError(f"log: expected names of {', '.join(means)}; given unknown {name!r}")
+        self._log = names_among(log, tuple(means), "log")
+        for name in self._log:
             if not means[name] > 0:
                 raise ValueError(f"log: expected a positive mean of {name!r}, given {means[name]:g}")
-        self._log = tuple(name for name in means if name in chosen)
+            if stds[name] > WIDEST * means[name]:
+                raise ValueError(
+                    f"log: expected a standard deviation of {name!r} of at most {WIDEST:g} times its mean {means[name]:g}, "
+                    f"given {stds[name]:g}"
+                )
         self._normal_std, self._normal_correlation = _normal_moments(self)
         for array in (self._correlation, self._normal_std, self._normal_correlation):
             array.flags.writeable = False
@@ -128,7 +148,10 @@ class GaussianPrior:
 
     def marginal(self, names: Iterable[str]) -> GaussianPrior:
         """Return the joint distribution of some of the parameters, in the given order."""
-        names = tuple(names)
+        names = as_sequence(names, "names", "names")
+        check_known(names, self.names, "names")
+        if len(set(names)) != len(names) or not names:
+            raise ValueError(f"names: expected each name once, at least one, given {listed(names)}")
         mean, log = {name: self._mean[name] for name in names}, [name for name in names if name in self._log]
         if self._covariance is None:
             return GaussianPrior(mean, {name: self._std[name] for name in names}, log=log)
@@ -165,6 +188,7 @@ def _stds(means: Mapping[str, float], spread: Mapping[str, float], label: str) -
         stds[name] = value if label == "std" else value * abs(means[name])
         if not stds[name] > 0:
             raise ValueError(f"{label}[{name!r}]: expected a positive standard deviation, given {value:g} (mean {means[name]:g})")
+        as_std(stds[name], f"std[{name!r}]")
     return stds
 
 
@@ -174,6 +198,7 @@ def _checked_covariance(given: ArrayLike, names: tuple[str, ...]) -> Array:
     for name, variance in zip(names, np.diag(matrix), strict=True):
         if not variance > 0:
             raise ValueError(f"covariance: expected a positive variance of {name!r}, given {variance:g}")
+        as_std(np.sqrt(variance), f"covariance of {name!r}")
     correlation = _correlation(matrix)
     i, j = np.unravel_index(np.argmax(np.abs(correlation - correlation.T)), correlation.shape)
     if abs(correlation[i, j] - correlation[j, i]) > 1e-9:

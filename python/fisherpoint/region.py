@@ -9,8 +9,24 @@ from numpy.typing import NDArray
 
 from .constraints import Constraint, parse_constraint
 from .experiments import Experiments
+from .messages import shown
 from .models import Model
-from .quantity import Array, FrozenMapping, as_floats, check_names, names_of
+from .quantity import (
+    Array,
+    FrozenMapping,
+    as_float,
+    as_floats,
+    as_sequence,
+    check_mapping,
+    check_name,
+    check_names,
+    check_positive_int,
+    check_type,
+    names_of,
+)
+
+MOST_DRAWN = 10**7
+"""Points of one call of `ExperimentRegion.draw`."""
 
 NEAREST = 1e4
 """The width of the region over the shortest typical step of `ExperimentRegion.draw_near`."""
@@ -34,14 +50,14 @@ class ExperimentRegion:
     """
 
     def __init__(self, bounds: Mapping[str, Sequence[float]], constraints: Iterable[Constraint] = ()) -> None:
-        if not isinstance(bounds, Mapping):
-            raise TypeError(f"region: expected a mapping of names to (lower, upper), given {type(bounds).__name__}")
+        check_mapping(bounds, "region", "(lower, upper)")
         checked: dict[str, tuple[float, float]] = {}
         for name, pair in bounds.items():
-            array = as_floats(pair, f"region[{name!r}]")
+            check_name(name, "region")
+            array = as_floats(pair, f"region[{shown(name)}]")
             if array.shape != (2,):
-                raise ValueError(f"region[{name!r}]: expected a pair (lower, upper), given {pair!r}")
-            lower, upper = float(array[0]), float(array[1])
+                raise ValueError(f"region[{shown(name)}]: expected a pair (lower, upper), given {shown(pair)}")
+            lower, upper = (as_float(bound, f"region[{shown(name)}]") for bound in pair)
             if lower > upper:
                 raise ValueError(f"region[{name!r}]: expected lower <= upper, given ({lower:g}, {upper:g})")
             if not np.isfinite(upper - lower):
@@ -52,27 +68,39 @@ class ExperimentRegion:
         if isinstance(constraints, str) or callable(constraints):
             constraints = (constraints,)
         self.bounds: Mapping[str, tuple[float, float]] = FrozenMapping(checked)
-        self.constraints: tuple[Constraint, ...] = tuple(constraints)
+        self.constraints: tuple[Constraint, ...] = as_sequence(constraints, "constraints", "texts and functions")
         for constraint in self.constraints:
             if not isinstance(constraint, str) and not callable(constraint):
-                raise TypeError(f"constraints: expected texts and functions, given {type(constraint).__name__}")
+                raise TypeError(f"constraints: expected texts and functions, given {shown(constraint)}")
         self._holds: list[Callable[[Mapping[str, Array]], NDArray[np.bool_]]] = [
             parse_constraint(c, checked) if isinstance(c, str) else c for c in self.constraints
         ]
 
     def check(self, model: Model) -> None:
         """Raise unless the region bounds exactly what a point of `model` consists of, and some point may be one."""
+        check_type(model, Model, "model")
         check_names(self.bounds, names_of(model.axes), "region")
         for kind, zeros in (("switching surface", (*model.jumps, *model.kinks)), ("pole", model.poles)):
             for zero in zeros:
                 if self.bounds.get(zero) == (0.0, 0.0):
                     raise ValueError(f"region[{zero!r}]: expected bounds off the {kind} {zero} = 0, given (0, 0)")
 
-    def draw(self, model: Model, count: int, rng: np.random.Generator) -> Experiments:
-        """Draw `count` points uniformly from the box; the constraints are not looked at."""
+    def draw(self, model: Model, count: int, rng: np.random.Generator, decades: bool = False) -> Experiments:
+        """Draw `count` points uniformly from the box; the constraints are not looked at.
+
+        With `decades`, durations that span more than one are drawn logarithmically, so that none of these is left out.
+        """
+        check_type(model, Model, "model")
+        check_names(self.bounds, names_of(model.axes), "region")
+        count = check_positive_int(count, "count", 0, MOST_DRAWN)
+        check_type(rng, np.random.Generator, "rng")
         order, n_x, n_u = names_of(model.axes), len(model.states), len(model.inputs)
         lower, upper = np.array([self.bounds[name] for name in order]).T
-        table = np.clip(lower + (upper - lower) * rng.random((count, len(order))), lower, upper)
+        share = rng.random((count, len(order)))
+        table = lower + (upper - lower) * share
+        if decades and n_x and upper[-1] > 10.001 * lower[-1]:
+            table[:, -1] = lower[-1] * (upper[-1] / lower[-1]) ** share[:, -1]
+        table = np.clip(table, lower, upper)
         dt = table[:, -1] if n_x else None
         return Experiments(table[:, :n_x], table[:, n_x : n_x + n_u], dt, order[: n_x + n_u])
 
@@ -97,14 +125,20 @@ class ExperimentRegion:
 
     def satisfied(self, model: Model, points: Experiments) -> NDArray[np.bool_]:
         """Return which points satisfy all constraints, (K,)."""
+        check_type(model, Model, "model")
+        check_type(points, Experiments, "points")
         names = names_of(model.axes)
         columns = dict(zip(names, points.table.T[: len(names)], strict=True))
         result = np.ones(len(points), dtype=bool)
         for constraint, holds in zip(self.constraints, self._holds, strict=True):
-            mask = np.asarray(holds(FrozenMapping(columns)))
+            given = holds(FrozenMapping(columns))
+            try:
+                mask = np.asarray(given)
+            except (TypeError, ValueError, RuntimeError):
+                mask = np.array(None)
             if mask.shape != result.shape or mask.dtype != np.bool_:
                 raise ValueError(
-                    f"constraint {constraint!r}: expected a boolean array of shape {result.shape}, given {mask.dtype} {mask.shape}"
+                    f"constraint {shown(constraint)}: expected a boolean array of shape {result.shape}, given {shown(given)}"
                 )
             result &= mask
         return result
@@ -113,7 +147,7 @@ class ExperimentRegion:
         return isinstance(other, ExperimentRegion) and (self.bounds, self.constraints) == (other.bounds, other.constraints)
 
     def __hash__(self) -> int:
-        return hash((tuple(self.bounds.items()), self.constraints))
+        return hash((self.bounds, self.constraints))
 
     def __reduce__(self) -> tuple[object, ...]:
         return (ExperimentRegion, (dict(self.bounds), self.constraints))

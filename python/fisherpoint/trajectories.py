@@ -12,7 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from .experiments import Experiments
 from .models import Model
-from .quantity import Array, IntArray, as_float, check_positive_int
+from .natural_sizes import warn_of_small_states
+from .quantity import Array, IntArray, as_float, check_choice, check_positive_int
+from .quantity import check_type as check_type  # for those who check more than this
 
 MAX_THREADS = 4096
 
@@ -38,7 +40,7 @@ _ADVICE = {
     Status.met_jump: "The right-hand side jumps on the way, at one of the model's jumps: start further from it or sample earlier.",
     Status.left_domain: "The state reached a limit past which the model has no value: start further inside or sample earlier.",
     Status.step_limit: "The tolerance asks for more or smaller steps than allowed: loosen rtol or sample earlier.",
-    Status.not_finite: "The right-hand side overflowed inside the domain: check the constants and parameters.",
+    Status.not_finite: "A rate, an output or what follows from it overflowed: check constants, parameters and standard deviations.",
     Status.met_kink: "The trajectory crosses one of the model's kinks, which kinks='exclude' forbids.",
 }
 
@@ -107,7 +109,9 @@ def simulate(
     check_type(model, Model, "model")
     theta = model.theta(theta)
     arguments = checked_arguments(model, points, theta, rtol, threads, kinks, method)
-    return Trajectories(*model.kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *arguments))
+    result = Trajectories(*model.kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *arguments))
+    warn_of_small_states(model, "the trajectories keep", points.x0, result.x)
+    return result
 
 
 def sensitivities(
@@ -127,7 +131,9 @@ def sensitivities(
     check_type(model, Model, "model")
     theta = model.theta(theta)
     arguments = checked_arguments(model, points, theta, rtol, threads, kinks, method)
-    return checked_sensitivities(model, points, theta, arguments)
+    result = checked_sensitivities(model, points, theta, arguments)
+    warn_of_small_states(model, "the trajectories keep", points.x0, result.x)
+    return result
 
 
 def checked_sensitivities(model: Model, points: Experiments, theta: Array, arguments: Settings) -> Sensitivities:
@@ -135,19 +141,21 @@ def checked_sensitivities(model: Model, points: Experiments, theta: Array, argum
     return Sensitivities(*model.kernels.sensitivities(model.core, points.x0, points.u, points.dt, theta, *arguments))
 
 
-def check_type(given: object, expected: type, name: str) -> None:
-    """Raise TypeError where `given` is not of the `expected` type."""
-    if not isinstance(given, expected):
-        raise TypeError(f"{name}: expected {expected.__name__}, given {type(given).__name__}")
+def only_finite(status: IntArray, *results: Array) -> IntArray:
+    """Statuses (K,) with `Status.not_finite` where an ok row of a result (K, ...) is not finite; such rows become zero."""
+    finite = np.all([np.isfinite(result).all(axis=tuple(range(1, result.ndim))) for result in results], axis=0)
+    if finite.all():
+        return status
+    for result in results:
+        result[~finite] = 0.0
+    return np.where((status == Status.ok) & ~finite, Status.not_finite, status).astype(np.int32)
 
 
 def resolve_threads(threads: int | None) -> int:
     """Return the number of threads: as given, or the cores that this process may use."""
     if threads is None:
         return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    if check_positive_int(threads, "threads") > MAX_THREADS:
-        raise ValueError(f"threads: expected at most {MAX_THREADS}, given {threads}")
-    return int(threads)
+    return check_positive_int(threads, "threads", most=MAX_THREADS)
 
 
 def checked_arguments(
@@ -168,22 +176,24 @@ def checked_arguments(
         raise ValueError(f"u: expected shape (K, {n_u}), given {points.u.shape}")
     if theta.ndim == 2 and len(theta) != len(points):
         raise ValueError(f"theta: expected {len(points)} rows, one for each point, given {len(theta)}")
-    check_rtol(rtol)
+    rtol = check_rtol(rtol)
     refuse_starts_on_surfaces(model, points, theta)
-    if method not in (None, "RK45", "DOP853"):
-        raise ValueError(f"method: expected 'RK45', 'DOP853' or None, given {method!r}")
-    return float(rtol), check_kinks(kinks), method or "fastest", resolve_threads(threads)
+    if method is not None:
+        method = check_choice(method, ("RK45", "DOP853"), "method")
+    return rtol, check_kinks(kinks), method or "fastest", resolve_threads(threads)
 
 
-def check_rtol(rtol: float) -> None:
-    if not 1e-13 <= as_float(rtol, "rtol") <= 0.1:
-        raise ValueError(f"rtol: expected a tolerance between 1e-13 and 0.1, given {rtol:g}")
+def check_rtol(rtol: float) -> float:
+    """Return a tolerance that the core can keep."""
+    value = as_float(rtol, "rtol")
+    if not 1e-13 <= value <= 0.1:
+        raise ValueError(f"rtol: expected a tolerance between 1e-13 and 0.1, given {value:g}")
+    return value
 
 
 def check_kinks(kinks: str) -> bool:
-    if kinks not in ("cross", "exclude"):
-        raise ValueError(f"kinks: expected 'cross' or 'exclude', given {kinks!r}")
-    return kinks == "cross"
+    """Return whether kinks are crossed."""
+    return check_choice(kinks, ("cross", "exclude"), "kinks") == "cross"
 
 
 def on_surface(model: Model, points: Experiments, theta: Array) -> dict[str, NDArray[np.intp]]:

@@ -317,7 +317,7 @@ def test_candidates_near_a_jump_are_rejected_and_counted() -> None:
             r"initial_state_std: expected names of q, v, p_A, p_B, x_v; given unknown",
         ),
         ({"initial_state_std": {"q": "a"}}, ValueError, r"initial_state_std\['q'\]: expected numbers"),
-        ({"assumed_covariance": "exact"}, ValueError, r"assumed_covariance: expected one of tangents, predictive; given 'exact'"),
+        ({"assumed_covariance": "exact"}, ValueError, r"assumed_covariance: expected 'tangents' or 'predictive', given 'exact'"),
         (
             {"uncertain": {"T_1": 1e-4}, "assumed_covariance": "predictive"},
             ValueError,
