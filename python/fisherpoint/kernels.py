@@ -13,6 +13,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Protocol
 
 from . import _core
+from .messages import shown
 
 if TYPE_CHECKING:
     from . import _kernels as kernels  # the stub that all levels share
@@ -63,6 +64,9 @@ class Kernels(Protocol):
         """covariance, status, nodes that were redone, outputs where kept, lost weight."""
 
 
+LEVELS = ("v2", "v3", "v4", "generic")
+
+
 def _module(level: str) -> str:
     return f"{__package__}._kernels_{level}"
 
@@ -80,7 +84,9 @@ def _choose() -> str:
     if wanted is None:
         return available[-1]
     if wanted not in available:
-        raise ImportError(f"FISHERPOINT_ISA: expected one of {', '.join(available)}, given {wanted!r}")
+        why = ", which is not installed" if wanted in _core.supported_isas() else ""
+        why = why or (", which this machine does not have" if wanted in LEVELS else "")
+        raise ImportError(f"FISHERPOINT_ISA: expected one of {', '.join(available)}, given {shown(wanted)}{why}")
     return wanted
 
 

@@ -1,19 +1,26 @@
-"""Compiles a model's programs into a shared object of the core's own kernels, once: a cache keeps it by its content."""
+"""Compiles a model's programs into a shared object of the core's own kernels, once: a cache keeps it by what it was made from."""
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import shutil
+import signal
 import subprocess
 import tempfile
+import threading
 import warnings
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from .. import _core
 from ..kernels import isa
+from ..messages import printable
 from ..tape.cpp import cpp_model
+from .library_cache import LibraryCache
 
 if TYPE_CHECKING:
     from .symbolic import SymbolicModel
@@ -36,9 +43,12 @@ _SOURCES = {
 }
 _FLAGS = ("-std=c++20", "-O3", "-fPIC", "-fvisibility=hidden", "-ffp-contract=fast", "-fno-math-errno", "-w")
 
+LAST_LINES = 3
+"""Of what a compiler says, beside its first error."""
 
-def compiled_library(model: SymbolicModel) -> Path | None:
-    """Return the shared object for a model, built if the cache does not have it.
+
+def compiled_model(model: SymbolicModel, tape: Any) -> Any | None:
+    """Return the model's programs, `tape`, with kernels of their own, built if the cache does not have them.
 
     None, with a warning that says why, where there is no C++ compiler, or where it cannot build the model.
     """
@@ -55,13 +65,31 @@ def compiled_library(model: SymbolicModel) -> Path | None:
         includes = f'#include "{_MODEL}"\n#include "fisherpoint/c_kernels.hpp"\n\nusing namespace fisherpoint;\n\n'
         visible = 'extern "C" __attribute__((visibility("default")))\n'
         sources[f"{kernel}.cpp"] = includes + visible + function.format(name=_NAME) + "\n"
-    library = cache_directory() / f"{_key(compiler, flags, sources, include)}.so"
-    if not library.exists():
-        error = _build(compiler, flags, sources, library)
-        if error is not None:
-            _stays_interpreted(f"expected {compiler} to build the model, given: {error}")
-            return None
-    return library
+
+    cache = LibraryCache()
+    try:
+        key = _key(compiler, flags, sources, include)
+        found = _loaded(tape, cache, key)
+        if found is None:
+            found = _core.CompiledModel(tape, str(cache.keep(key, _build(compiler, flags, sources))))
+    except (OSError, RuntimeError) as error:
+        _stays_interpreted(f"expected {compiler} to build the model, given: {printable(str(error))}")
+        return None
+    for remark in cache.remarks:
+        warnings.warn(f"compile: {printable(remark)}", stacklevel=3)
+    return found
+
+
+def _loaded(tape: Any, cache: LibraryCache, key: str) -> Any | None:
+    """The model with the kernels that the cache has; None where it has none, or they do not load."""
+    library = cache.find(key)
+    if library is None:
+        return None
+    try:
+        return _core.CompiledModel(tape, str(library))
+    except RuntimeError as error:
+        cache.discard(library, str(error))
+        return None
 
 
 def _stays_interpreted(reason: str) -> None:
@@ -74,14 +102,6 @@ def find_compiler() -> str | None:
     return next((found for candidate in candidates if (found := shutil.which(candidate))), None)
 
 
-def cache_directory() -> Path:
-    """Return where compiled models are kept: ``FISHERPOINT_CACHE``, or fisherpoint in the user's cache directory."""
-    given = os.environ.get("FISHERPOINT_CACHE")
-    if given:
-        return Path(given)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fisherpoint"
-
-
 def _include_directory() -> Path | None:
     package = Path(__file__).resolve().parents[1]
     for directory in (package / "include", package.parents[1] / "cpp" / "include"):  # installed, or in a source tree
@@ -91,32 +111,79 @@ def _include_directory() -> Path | None:
 
 
 def _key(compiler: str, flags: list[str], sources: dict[str, str], include: Path) -> str:
-    version = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=False).stdout
-    content = hashlib.sha256(repr((version, flags, sorted(sources.items()))).encode())
-    for header in sorted((include / "fisherpoint").glob("*.hpp")):
+    """A name for all that decides what is built: compiler, flags with the instruction set, sources, and the core's headers."""
+    asked = subprocess.run([compiler, "--version"], stdin=subprocess.DEVNULL, capture_output=True, check=False)
+    if asked.returncode != 0:
+        raise RuntimeError(f"exit status {asked.returncode} of --version")
+    content = hashlib.sha256(repr((compiler, asked.stdout, flags, sorted(sources.items()))).encode())
+    for header in sorted((include / "fisherpoint").rglob("*.hpp")):
+        content.update(f"{header.relative_to(include)}\0{header.stat().st_size}\0".encode())
         content.update(header.read_bytes())
     return content.hexdigest()[:32]
 
 
-def _build(compiler: str, flags: list[str], sources: dict[str, str], library: Path) -> str | None:
-    """Build the library; return the compiler's first complaint where that fails."""
-    library.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=library.parent) as directory:
+def _build(compiler: str, flags: list[str], sources: dict[str, str]) -> bytes:
+    """Return the library.
+
+    Raises
+    ------
+    OSError
+        Where the compiler cannot be run or there is no room for its files.
+    RuntimeError
+        Where it fails; with its first complaint and its last lines.
+    """
+    with tempfile.TemporaryDirectory(prefix="fisherpoint-") as directory:
         for name, text in sources.items():
             (Path(directory) / name).write_text(text, encoding="utf-8")
+        _run([[compiler, *flags, "-c", f"{kernel}.cpp"] for kernel in _SOURCES], directory)
+        _run([[compiler, "-shared", "-pthread", "-o", "library.so", *(f"{kernel}.o" for kernel in _SOURCES)]], directory)
+        return (Path(directory) / "library.so").read_bytes()
 
-        def run(*arguments: str) -> str | None:
-            done = subprocess.run([compiler, *arguments], cwd=directory, capture_output=True, text=True, check=False)
-            if done.returncode == 0:
-                return None
-            complaints = [line for line in done.stderr.splitlines() if "error" in line] or done.stderr.splitlines()
-            return complaints[0].strip() if complaints else f"exit status {done.returncode}"
 
-        with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
-            for complaint in pool.map(lambda kernel: run(*flags, "-c", f"{kernel}.cpp"), _SOURCES):
-                if complaint is not None:
-                    return complaint
-        complaint = run("-shared", "-pthread", "-o", "library.so", *(f"{kernel}.o" for kernel in _SOURCES))
-        if complaint is None:
-            os.replace(Path(directory) / "library.so", library)  # at once, for whoever else builds the same
-        return complaint
+def _run(commands: Sequence[Sequence[str]], directory: str) -> None:
+    """Run commands side by side; where one fails, or Ctrl-C comes, the others end too."""
+    started: list[subprocess.Popen[bytes]] = []
+    stop = threading.Event()
+
+    def run(command: Sequence[str]) -> None:
+        if stop.is_set():
+            return
+        # A group of its own, so that what a compiler starts can be ended with it.
+        process = subprocess.Popen(
+            command,
+            cwd=directory,
+            env={**os.environ, "LC_ALL": "C"},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            process_group=0,
+        )
+        started.append(process)
+        if stop.is_set():
+            _end(process)
+        complaints = process.communicate()[1].decode(errors="replace")
+        if process.returncode != 0:
+            raise RuntimeError(_shortened(complaints) or f"exit status {process.returncode}")
+
+    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+        try:
+            for done in as_completed([pool.submit(run, command) for command in commands]):
+                done.result()
+        finally:
+            stop.set()
+            for process in started:
+                _end(process)
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    if process.poll() is None:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+
+
+def _shortened(complaints: str) -> str:
+    """The first error and the last lines of what a compiler says, as one line."""
+    lines = [" ".join(line.split()) for line in complaints.splitlines() if line.strip()]
+    first = next((k for k, line in enumerate(lines) if "error" in line), len(lines))
+    chosen = dict.fromkeys([*lines[first : first + 1], *lines[max(first + 1, len(lines) - LAST_LINES) :]] or lines[-LAST_LINES:])
+    return "; ".join(f"{line:.200}" for line in chosen)
