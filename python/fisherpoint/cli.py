@@ -7,6 +7,7 @@ import os
 import platform
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,6 +15,9 @@ from typing import Annotated, Any
 import numpy as np
 
 import fisherpoint as fp
+
+from .extras import needed_for
+from .messages import printable
 
 try:
     import typer
@@ -39,10 +43,11 @@ try:
 except ModuleNotFoundError as missing:
     if (missing.name or "").startswith("fisherpoint"):
         raise
-    print(f"fisherpoint: the command line needs {missing.name}: pip install 'fisherpoint[all]'", file=sys.stderr)
+    package = (missing.name or "").partition(".")[0]
+    print(f"fisherpoint: the command line needs {package}: pip install 'fisherpoint[all]'", file=sys.stderr)
     raise SystemExit(2) from None
 
-MISUSE, INTERRUPTED = 2, 130
+READER_LEFT, MISUSE, INTERRUPTED = 1, 2, 130
 
 app = typer.Typer(
     help="Which short experiments to run so that the parameters of a nonlinear state space model come out precise.",
@@ -182,30 +187,53 @@ def info() -> int:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point: run a command and exit with its code, with one line on standard error where it fails."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="replace")  # a terminal that cannot show a line of a table shows a mark
-    sys.exit(_run(arguments or ["--help"]))
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal that cannot show a line of a table shows a mark
+    code = _run(arguments or ["--help"])
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            # It was told; without this Python complains once more when it flushes at exit.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    sys.exit(code)
 
 
 def _run(arguments: list[str]) -> int:
     try:
-        return app(arguments, prog_name="fisherpoint", standalone_mode=False) or 0
+        code = app(arguments, prog_name="fisherpoint", standalone_mode=False) or 0
+        sys.stdout.flush()
+        return code
     except KeyboardInterrupt:
-        return INTERRUPTED
+        return _interrupted()
     except typer.TyperException as error:
         return _fail(f"{error.format_message().rstrip('.')}; try fisherpoint --help")
-    except ModuleNotFoundError as error:  # matplotlib is imported where it is needed
-        return _fail(f"{error.name} is missing: pip install 'fisherpoint[all]', or design with --no-plots")
+    except ImportError as error:
+        if _came_of_an_interrupt(error):
+            return _interrupted()
+        pictures = error.name == "matplotlib"
+        return _fail(f"{error}, or leave pictures out with --no-plots" if pictures else str(error))
     except ConfigError as error:
         return _fail(str(error))
-    except BrokenPipeError:
-        # The reader of a pipe has left; without this Python complains when it flushes at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
+    except BrokenPipeError:  # the reader of a pipe has left
+        return READER_LEFT
     except OSError as error:
-        return _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error))
+        return _fail(f"{error.filename or 'output'}: {error.strerror or error}")
     except (ValueError, TypeError) as error:
         return _fail(str(error))
+
+
+def _interrupted() -> int:
+    _complain("interrupted")
+    return INTERRUPTED
+
+
+def _came_of_an_interrupt(error: BaseException | None) -> bool:
+    """Whether Ctrl-C is behind an error: modules that are not written in Python fail to import then."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def _fail(message: str) -> int:
@@ -214,12 +242,14 @@ def _fail(message: str) -> int:
 
 
 def _complain(message: str) -> None:
-    print(f"fisherpoint: {' '.join(message.split())}", file=sys.stderr)
+    with suppress(OSError):
+        print(f"fisherpoint: {printable(' '.join(message.split()))}", file=sys.stderr)
 
 
 def _picture_writer(directory: Path) -> Callable[[Evaluated], list[Path]]:
     """The function that draws all pictures; importing it here keeps matplotlib out of commands without pictures."""
-    from .plots import save_all
+    with needed_for("pictures"):
+        from .plots import save_all
 
     return lambda evaluated: save_all(evaluated, directory)
 

@@ -12,6 +12,7 @@ import fisherpoint as fp
 
 from .config import Config, ConfigError, load_config
 from .design import problem_to_json
+from .extras import needed_for
 from .files import write_whole
 from .terminal import make_directory, read_data
 
@@ -39,7 +40,8 @@ def campaign(
     """
     config = load_config(file)
     if not no_plots:
-        from . import plots_campaign  # noqa: F401  what can fail for a trivial reason fails before the work
+        with needed_for("pictures"):
+            from . import plots_campaign  # noqa: F401  what can fail for a trivial reason fails before the work
     make_directory(output)
     try:
         run = _opened(config, output, threads)
@@ -78,7 +80,7 @@ def _opened(config: Config, directory: Path, threads: int | None) -> fp.Campaign
     given = fp.Campaign(config.problem(), targets=table.rse, **settings)
     found = fp.Campaign.load(directory, threads)
     here, there = problem_to_json(given.problem), problem_to_json(found.problem)
-    other = [name for name in here if here[name] != there[name]]
+    other = [name for name in here if name != "derived" and here[name] != there[name]]
     other += [name for name in ("batch", "settings") if getattr(given, name) != getattr(found, name)]
     if other:
         raise config.error(other[0], f"expected what the campaign in {directory} was started with; another needs another directory")

@@ -15,6 +15,7 @@ import fisherpoint as fp
 
 from .config import ConfigError, load_config
 from .csv_table import CsvTable
+from .extras import needed_for
 from .files import write_whole
 from .report import to_text
 from .report_fit import fit_report
@@ -64,7 +65,8 @@ def estimate(
         raise ConfigError(f"DATA.csv: expected each file once, given {path} twice")
     parts = [read_data(path, "measurements", _read, problem.model) for path in data]
     if not no_plots:
-        from .plots_fit import save_all  # what can fail for a trivial reason fails before the work
+        with needed_for("pictures"):
+            from .plots_fit import save_all  # what can fail for a trivial reason fails before the work
     make_directory(output)
     fit = fp.estimate(
         problem.model,

@@ -12,6 +12,7 @@ from rich.text import Text
 import fisherpoint as fp
 
 from .config import ConfigError, load_config
+from .extras import needed_for
 from .files import write_whole
 from .terminal import make_directory, read_data, show
 
@@ -53,7 +54,8 @@ def validate(
         raise config.error("noise_std", "missing; expected the noise of every output, without which there is no promise")
     points = {name: read_data(path, "points", fp.Experiments.from_csv, problem.model) for name, path in _named(designs).items()}
     if not no_plots:
-        from .plots_validation import plot_validation  # what can fail for a trivial reason fails before the work
+        with needed_for("pictures"):
+            from .plots_validation import plot_validation  # what can fail for a trivial reason fails before the work
     make_directory(output)
     found = fp.validate(
         points, problem, n=runs, theta=theta.value, seed=seed, noise=noise.value, use_prior=use_prior, threads=threads

@@ -16,12 +16,24 @@ from numpy.typing import NDArray
 from .efficiency import Efficiency
 from .evaluation import Evaluation
 from .experiments import Experiments
+from .extras import needed_for
 from .files import built_from, parse_json, write_whole
 from .kernels import isa
+from .messages import shown
 from .models import MODELS, HydraulicCylinder, Model
 from .prior import GaussianPrior
-from .problem import DesignProblem
-from .quantity import Array, FrozenMapping, as_float, check_positive_int
+from .problem import DERIVED, DesignProblem
+from .quantity import (
+    LARGEST_INT,
+    Array,
+    FrozenMapping,
+    as_float,
+    as_path,
+    as_positive,
+    check_flag,
+    check_positive_int,
+    names_among,
+)
 from .region import ExperimentRegion
 from .rules import RULES, Rule
 
@@ -29,6 +41,7 @@ FORMAT = "fisherpoint design"
 FORMAT_VERSION = 1
 STOP_REASONS = ("max_iterations", "patience", "time_limit", "interrupted")
 _LEAST = {"n_experiments": 1, "n_candidates": 1, "max_iterations": 0, "seed": 0, "patience": 1, "max_redraws": 0}
+_MOST = {"n_experiments": 10**6, "n_candidates": 10**6, "max_iterations": 10**9, "patience": 10**9, "max_redraws": 10**6}
 
 
 @dataclass(frozen=True)
@@ -51,13 +64,11 @@ class ExchangeSettings:
         for name, least in _LEAST.items():
             value = getattr(self, name)
             if value is not None or name != "patience":
-                set_field(self, name, check_positive_int(value, name, least))
+                set_field(self, name, check_positive_int(value, name, least, _MOST.get(name, LARGEST_INT)))
         if self.time_limit is not None:
-            set_field(self, "time_limit", as_float(self.time_limit, "time_limit"))
-            if not self.time_limit > 0:
-                raise ValueError(f"time_limit: expected a positive number of seconds, given {self.time_limit:g}")
-        set_field(self, "references", bool(self.references))
-        set_field(self, "screen", bool(self.screen))
+            set_field(self, "time_limit", as_positive(self.time_limit, "time_limit", "number of seconds"))
+        set_field(self, "references", check_flag(self.references, "references"))
+        set_field(self, "screen", check_flag(self.screen, "screen"))
         set_field(self, "local", as_float(self.local, "local"))
         if not 0 <= self.local <= 1:
             raise ValueError(f"local: expected a share between 0 and 1, given {self.local:g}")
@@ -124,7 +135,7 @@ class Design:
 
     def save(self, directory: str | Path) -> None:
         """Write design.csv and design.json into `directory`, which is made where needed; each appears whole or not at all."""
-        directory = Path(directory)
+        directory = as_path(directory, "directory")
         directory.mkdir(parents=True, exist_ok=True)
         write_whole(directory / "design.json", json.dumps(_to_json(self), indent=1, allow_nan=False) + "\n")
         self.points.to_csv(directory / "design.csv", self.problem.model)
@@ -140,7 +151,7 @@ class Design:
         ValueError
             Where it is truncated, or not a design of this format.
         """
-        path = Path(directory) / "design.json"
+        path = as_path(directory, "directory") / "design.json"
         data = parse_json(path, path.read_bytes(), FORMAT, FORMAT_VERSION)
         return built_from(path, "design", data, _from_json)
 
@@ -170,13 +181,8 @@ def problem_to_json(problem: DesignProblem) -> dict[str, Any]:
         "constraints": [constraint if isinstance(constraint, str) else None for constraint in region.constraints],
     }
     return {
-        "model": _model_to_json(problem.model),
-        "prior": {
-            "mean": dict(problem.prior.mean),
-            "std": dict(problem.prior.std),
-            "covariance": problem.prior.covariance.tolist() if problem.prior.correlated else None,
-            "log": list(problem.prior.log),
-        },
+        "model": model_to_json(problem.model),
+        "prior": prior_to_json(problem.prior),
         "region": region_data,
         "noise_std": None if problem.noise_std is None else dict(problem.noise_std),
         "rule": _rule_to_json(problem.rule),
@@ -187,27 +193,38 @@ def problem_to_json(problem: DesignProblem) -> dict[str, Any]:
         "uncertain": None if problem.uncertain is None else dict(problem.uncertain),
         "initial_state_std": None if problem.initial_state_std is None else dict(problem.initial_state_std),
         "assumed_covariance": problem.assumed_covariance,
+        "derived": list(problem.derived),
     }
 
 
-def _model_to_json(model: Model) -> dict[str, Any]:
+def prior_to_json(prior: GaussianPrior) -> dict[str, Any]:
+    return {
+        "mean": dict(prior.mean),
+        "std": dict(prior.std),
+        "covariance": prior.covariance.tolist() if prior.correlated else None,
+        "log": list(prior.log),
+    }
+
+
+def model_to_json(model: Model) -> dict[str, Any]:
     data: dict[str, Any] = {"name": model.name, "constants": dict(model.constants)}
     if not isinstance(model, HydraulicCylinder):
         return data | {"toml": model.to_toml()}
     return data | ({"smooth": dict(model.smooth)} if model.smooth else {})
 
 
-def _model_from_json(data: dict[str, Any]) -> Model:
+def model_from_json(data: dict[str, Any]) -> Model:
     if "toml" in data:
-        from .config import model_from_toml
+        with needed_for("a model with equations"):
+            from .config import model_from_toml
 
         return model_from_toml(data["toml"])
     if data["name"] not in MODELS:
-        raise ValueError(f"model: expected one of {', '.join(MODELS)}, given {data['name']!r}")
+        raise ValueError(f"model: expected one of {', '.join(MODELS)}, given {shown(data['name'])}")
     return MODELS[data["name"]](smooth=data.get("smooth"), **data["constants"])
 
 
-def _prior_from_json(data: dict[str, Any]) -> GaussianPrior:
+def prior_from_json(data: dict[str, Any]) -> GaussianPrior:
     covariance = data.get("covariance")
     return GaussianPrior(data["mean"], data["std"] if covariance is None else None, covariance=covariance, log=data.get("log", ()))
 
@@ -222,7 +239,7 @@ def _rule_from_json(data: dict[str, Any]) -> Rule:
     arguments = dict(data)
     kind = arguments.pop("kind", "tensor_grid")  # the only one that there was when files did not say which
     if kind not in RULES:
-        raise ValueError(f"rule: expected one of {', '.join(RULES)}, given {kind!r}")
+        raise ValueError(f"rule: expected one of {', '.join(RULES)}, given {shown(kind)}")
     rule: Rule = RULES[kind](**arguments)
     return rule
 
@@ -234,9 +251,9 @@ def _constraint_not_saved(columns: Mapping[str, Array]) -> NDArray[np.bool_]:
 def problem_from_json(data: dict[str, Any]) -> DesignProblem:
     """The problem of which this is the JSON, to the last bit."""
     region = data["region"]
-    return DesignProblem(
-        _model_from_json(data["model"]),
-        _prior_from_json(data["prior"]),
+    problem = DesignProblem(
+        model_from_json(data["model"]),
+        prior_from_json(data["prior"]),
         region and ExperimentRegion(region["bounds"], [_constraint_not_saved if c is None else c for c in region["constraints"]]),
         noise_std=data["noise_std"],
         rule=_rule_from_json(data["rule"]),
@@ -248,6 +265,9 @@ def problem_from_json(data: dict[str, Any]) -> DesignProblem:
         initial_state_std=data.get("initial_state_std"),
         assumed_covariance=data.get("assumed_covariance", "tangents"),
     )
+    # Not derived anew here: a later version might do so in another way.
+    object.__setattr__(problem, "derived", names_among(data.get("derived", ()), DERIVED, "derived"))
+    return problem
 
 
 def _evaluation_to_json(evaluation: Evaluation | None) -> dict[str, Any] | None:
@@ -332,7 +352,7 @@ def _from_json(data: dict[str, Any]) -> Design:
     if data["drawn"] != data["accepted"] + sum(rejected.values()):
         raise ValueError(f"drawn: expected accepted and rejected to add up to it, given {data['drawn']}")
     if data["stop_reason"] not in STOP_REASONS:
-        raise ValueError(f"stop_reason: expected one of {', '.join(STOP_REASONS)}; given {data['stop_reason']!r}")
+        raise ValueError(f"stop_reason: expected one of {', '.join(STOP_REASONS)}; given {shown(data['stop_reason'])}")
     return Design(
         problem=problem_from_json(data["problem"]),
         settings=settings,

@@ -9,6 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
+from .messages import printable, shortened, shown
+from .quantity import as_path
+
 Built = TypeVar("Built")
 
 
@@ -20,11 +23,12 @@ def write_whole(path: str | Path, text: str) -> None:
     OSError
         Where the file cannot be written; what was there stays.
     """
-    if Path(path).exists() and not Path(path).is_file():  # a terminal or a pipe has no whole
-        Path(path).write_text(text, encoding="utf-8", newline="")
-        return
+    path = as_path(path, "path")
     target = Path(os.path.realpath(path))  # of a link its file is replaced, not the link
     try:
+        if path.exists() and not path.is_file():  # a terminal or a pipe has no whole
+            path.write_text(text, encoding="utf-8", newline="")
+            return
         with tempfile.NamedTemporaryFile(
             "w", encoding="utf-8", newline="", dir=target.parent, prefix=f".{target.name}.", suffix=".part", delete=False
         ) as part:
@@ -63,11 +67,11 @@ def parse_json(path: Path, given: bytes, kind: str, version: int) -> dict[str, A
     try:
         data = json.loads(given.decode())
     except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise ValueError(f"{path}: expected a whole JSON file, given one that ends or breaks at: {error}") from error
+        raise ValueError(f"{printable(path)}: expected a whole JSON file, given one that ends or breaks at: {error}") from error
     if not isinstance(data, dict) or data.get("format") != kind:
-        raise ValueError(f"{path}: expected a file of format {kind!r}, given another")
+        raise ValueError(f"{printable(path)}: expected a file of format {kind!r}, given another")
     if data.get("format_version") != version:
-        raise ValueError(f"{path}: expected format version {version}, given {data.get('format_version')}")
+        raise ValueError(f"{printable(path)}: expected format version {version}, given {shown(data.get('format_version'))}")
     return data
 
 
@@ -76,7 +80,9 @@ def built_from(path: Path, what: str, data: dict[str, Any], build: Callable[[dic
     try:
         return build(data)
     except (KeyError, TypeError, AttributeError, IndexError) as error:
-        raise ValueError(f"{path}: expected a complete {what}, given one without or with a wrong {error}") from error
+        raise ValueError(
+            f"{printable(path)}: expected a complete {what}, given one without or with a wrong {shortened(error)}"
+        ) from error
     except (ValueError, OverflowError) as error:
         wrong = str(error) if "expected" in str(error) else f"expected a complete {what}, given a wrong value: {error}"
-        raise ValueError(f"{path}: {wrong}") from error
+        raise ValueError(printable(f"{path}: {wrong}")) from error

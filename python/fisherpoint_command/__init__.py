@@ -1,0 +1,57 @@
+"""The command ``fisherpoint``: what surrounds it, so that it ends with one line also before `fisherpoint` is imported.
+
+This is a package of its own because a package is imported before any of its modules: in `fisherpoint` itself it would be too late.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+
+TYPE_CHECKING = False  # `typing` takes a while to import
+if TYPE_CHECKING:
+    from typing import NoReturn
+
+MISUSE, INTERRUPTED = 2, 130
+
+
+def main() -> None:
+    """Run the command line of this process and exit with its code."""
+    heard = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # else it is ignored, as in the background
+    try:
+        if heard:
+            signal.signal(signal.SIGINT, _leave)  # nothing is to be saved yet, and not every import stands an exception
+        _open_streams()
+        try:
+            from fisherpoint.cli import main as run
+        except ImportError as error:
+            _fail(error)
+        if heard:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+        run()
+    except KeyboardInterrupt:  # between two of these lines, or once more while the first one is told
+        _leave()
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done
+
+
+def _leave(*_: object) -> NoReturn:
+    os.write(2, b"fisherpoint: interrupted\n")
+    os._exit(INTERRUPTED)
+
+
+def _fail(error: ImportError) -> NoReturn:
+    message = " ".join(str(error).split())
+    if ": expected " not in message:
+        message = f"expected an installation that can be imported, given: {message}; install fisherpoint anew"
+    print(f"fisherpoint: {message}", file=sys.stderr)
+    sys.exit(MISUSE)
+
+
+def _open_streams() -> None:
+    """Let what is written to a stream that the caller has closed go nowhere: the next file that is opened would take its place."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            os.open(os.devnull, os.O_RDWR)  # the least number that is free, which is this one
+            setattr(sys, name, os.fdopen(number, "w" if number else "r"))

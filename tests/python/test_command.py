@@ -1,0 +1,195 @@
+"""The command as a process: what it leaves behind where it is interrupted, cannot write, or cannot be imported."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import fisherpoint as fp
+from fisherpoint import _core
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+PROGRAM = "from fisherpoint_command import main; print('ready', flush=True, file=__import__('sys').stderr); main()"
+MISSING = "import sys; sys.modules[{package!r}] = None; from fisherpoint_command import main; main()"
+HEADER = "q,v,p_A,p_B,x_v,u,dt\n"
+POINTS = HEADER + "0.15,0.1,8e6,8e6,0.5,-0.5,0.002\n" * 2000
+
+
+def environment(**changes: str) -> dict[str, str]:
+    given = {name: value for name, value in os.environ.items() if name != "FISHERPOINT_ISA"}
+    return given | {"PYTHONPATH": str(Path(fp.__file__).parents[1])} | changes
+
+
+def run(*arguments: object, program: str = PROGRAM, **changes: str) -> subprocess.CompletedProcess[str]:
+    done = subprocess.run(
+        [sys.executable, "-c", program, *map(str, arguments)],
+        env=environment(**changes),
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    done.stderr = done.stderr.removeprefix("ready\n")
+    return done
+
+
+@pytest.fixture
+def points(tmp_path: Path) -> Path:
+    path = tmp_path / "points.csv"
+    path.write_text(POINTS)
+    return path
+
+
+@pytest.mark.parametrize("delay", [0.02, 0.1, 0.25, 0.5, 0.8, 1.1, 1.5, 2.0])
+def test_an_interrupt_at_any_time_is_one_line(delay: float, tmp_path: Path) -> None:
+    """During imports too. What is done by then may have ended, or have saved what there is."""
+    arguments = ["design", EXAMPLES / "paper.toml", "-o", tmp_path / "run", "--quiet", "--no-plots"]
+    process = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, *map(str, arguments)],
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stderr is not None
+    assert process.stderr.readline() == "ready\n"
+    time.sleep(delay)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, out) == (130, "")
+    saved = (tmp_path / "run" / "design.json").exists()
+    assert err in (
+        ("",) if saved else ("fisherpoint: interrupted\n", "fisherpoint: interrupted before there was a design; nothing is saved\n")
+    )
+
+
+def test_a_reader_that_leaves_is_no_error(points: Path) -> None:
+    for arguments in (["--help"], ["info"], ["simulate", EXAMPLES / "paper.toml", points]):
+        process = subprocess.Popen(
+            [sys.executable, "-c", PROGRAM, *map(str, arguments)],
+            env=environment(),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert process.stdout is not None and process.stderr is not None
+        process.stdout.close()
+        err = process.stderr.read()
+        process.stderr.close()
+        assert (process.wait(timeout=60), err) == (1, "ready\n")
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&-", "<&- >&- 2>&-"])
+def test_closed_streams_are_no_error(closed: str, tmp_path: Path, points: Path) -> None:
+    out = tmp_path / "outputs.csv"
+    command = f'"{sys.executable}" -c "{PROGRAM}" simulate "{EXAMPLES / "paper.toml"}" "{points}" -o "{out}" {closed}'
+    done = subprocess.run(command, shell=True, env=environment(), capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0
+    assert done.stderr.removeprefix("ready\n") == ""
+    assert out.read_text().startswith(HEADER.strip()) and "\n\n" not in out.read_text()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+def test_a_full_device_is_one_line(points: Path, tmp_path: Path) -> None:
+    for arguments in (["--help"], ["info"], ["simulate", EXAMPLES / "paper.toml", points]):
+        with open("/dev/full", "w") as full:
+            done = subprocess.run(
+                [sys.executable, "-c", PROGRAM, *map(str, arguments)],
+                env=environment(),
+                stdout=full,
+                stderr=subprocess.PIPE,
+                text=True,
+                timeout=60,
+                check=False,
+            )
+        assert (done.returncode, done.stderr) == (2, "ready\nfisherpoint: output: No space left on device\n")
+    done = run("simulate", EXAMPLES / "paper.toml", points, "-o", "/dev/full")
+    assert (done.returncode, done.stderr) == (2, "fisherpoint: /dev/full: No space left on device\n")
+
+
+def test_nobody_to_complain_to(tmp_path: Path) -> None:
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [
+                sys.executable,
+                "-c",
+                "from fisherpoint_command import main; main()",
+                "simulate",
+                str(tmp_path / "none.toml"),
+                "x.csv",
+            ],
+            env=environment(),
+            stderr=full,
+            timeout=60,
+            check=False,
+        )
+    assert done.returncode == 2
+
+
+@pytest.mark.parametrize("wrong", ["v9", "nonsense \x1b[31m", ""])
+def test_an_unknown_instruction_set_is_one_line(wrong: str) -> None:
+    done = run("info", FISHERPOINT_ISA=wrong)
+    assert (done.returncode, done.stdout) == (2, "")
+    given = repr(wrong)
+    assert done.stderr == f"fisherpoint: FISHERPOINT_ISA: expected one of {', '.join(fp.available_isas())}, given {given}\n"
+
+
+def test_an_instruction_set_that_the_machine_lacks_is_one_line() -> None:
+    available = ", ".join(fp.available_isas())
+    for level in {"v2", "v3", "v4", "generic"}.difference(fp.available_isas()):
+        done = run("info", FISHERPOINT_ISA=level)
+        assert (done.returncode, done.stdout) == (2, "")
+        why = "which is not installed" if level in _core.supported_isas() else "which this machine does not have"
+        assert done.stderr == f"fisherpoint: FISHERPOINT_ISA: expected one of {available}, given {level!r}, {why}\n"
+
+
+@pytest.mark.parametrize("package", ["numpy", "scipy.special", "fisherpoint._core"])
+def test_an_installation_that_is_not_whole_is_one_line(package: str) -> None:
+    done = run("info", program=MISSING.format(package=package))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("fisherpoint: expected an installation that can be imported, given: ")
+    assert package.rpartition(".")[2] in done.stderr and done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("package", ["typer", "rich", "pandas", "pydantic"])
+def test_a_missing_extra_is_named(package: str) -> None:
+    done = run("info", program=MISSING.format(package=package))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == f"fisherpoint: the command line needs {package}: pip install 'fisherpoint[all]'\n"
+
+
+def test_pictures_without_their_package(tmp_path: Path) -> None:
+    design = ["design", EXAMPLES / "paper.toml", "-o", tmp_path / "run", "--max-iterations", 1]
+    done = run(*design, program=MISSING.format(package="matplotlib"))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == (
+        "fisherpoint: pictures: expected the package matplotlib, given none: pip install 'fisherpoint[all]', "
+        "or leave pictures out with --no-plots\n"
+    )
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("package", "call"),
+    [
+        ("sympy", "fp.sqrt"),
+        ("sympy", "fp.SymbolicModel"),
+        ("sympy", "fp.model"),
+        ("pydantic", "fp.load_model"),
+        ("sympy", "fp.HydraulicCylinder().symbolic()"),
+        ("sympy", "fp.HydraulicCylinder().blocks"),
+        ("sympy", "fp.HydraulicCylinder().to_toml()"),
+        ("sympy", "fp.HydraulicCylinder(smooth={'v': 1e-3}).core"),
+    ],
+)
+def test_what_needs_an_extra_names_it(package: str, call: str) -> None:
+    done = run(program=f"import sys; sys.modules[{package!r}] = None; import fisherpoint as fp; {call}")
+    last = done.stderr.strip().splitlines()[-1]
+    assert last.startswith("ModuleNotFoundError: ")
+    assert last.endswith(f": expected the package {package}, given none: pip install 'fisherpoint[all]'")
