@@ -1,0 +1,200 @@
+"""Results that must not change: beside other points, with more threads, from a copy, on another instruction set, or compiled."""
+
+from __future__ import annotations
+
+import io
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import fisherpoint as fp
+from checks import OK, Bench, magnification
+from random_models import Case
+from reading import Floats
+
+Numbers = dict[str, Floats]
+RTOL, SAME = 1e-6, 1e-10  # of what is computed, and what rounding may do between instruction sets
+
+
+def numbers(model: Any, case: Case, points: fp.Experiments, theta: Floats, threads: int = 1) -> Numbers:
+    """All that is computed of some points, by name."""
+    done, sensitive = (of(model, points, theta, RTOL, threads=threads) for of in (fp.simulate, fp.sensitivities))
+    found = {"x": done.x, "y": done.y, "status": done.status, "dx": sensitive.dx_dtheta, "dy": sensitive.dy_dtheta}
+    found["sensitive status"] = sensitive.status
+    try:
+        spread = fp.predictive_covariance(model, points[:3], case.prior(), case.rule_of(), RTOL, threads=threads)
+    except ValueError:
+        return found
+    found |= {"covariance": spread.covariance, "lost weight": spread.lost_weight}
+    return found
+
+
+def same_bits(a: Floats, b: Floats) -> bool:
+    return a.shape == b.shape and a.tobytes() == b.tobytes()
+
+
+def check_bits(bench: Bench) -> None:
+    """The same bits in another batch, with two threads, from a pickled copy and from a file."""
+    points, theta, case = bench.points, bench.theta, bench.case
+    if not len(points):
+        return
+    expected = numbers(bench.model, case, points, theta)
+    bench.figures.count("calls", 3)
+    others: dict[str, Any] = {"two threads": numbers(bench.model, case, points, theta, 2)}
+    others["a pickled copy"] = numbers(pickle.loads(pickle.dumps(bench.model)), case, points, theta)
+    if not bench.model.compiled:
+        others["a TOML file"] = numbers(_from_toml(bench.model), case, points, theta)
+    for name, other in others.items():
+        for kind, array in expected.items():
+            if not same_bits(array, other[kind]):
+                bench.report(f"bits change: {name}", 1.0, 0, "model", f"{kind} of {len(points)} points (see the seed) changes")
+    order = np.random.default_rng(case.seed).permutation(len(points))
+    shuffled = [of(bench.model, points[order], theta[order], 1e-6, threads=1) for of in (fp.simulate, fp.sensitivities)]
+    first = {0: ("x", "y", "status"), 1: ("x", "y", "dx", "dy", "sensitive status")}
+    alone = order[:3].tolist()
+    for at, of in enumerate((fp.simulate, fp.sensitivities)):
+        own = [of(bench.model, points[k], theta[k], 1e-6, threads=1) for k in alone]
+        for k, one in zip(alone, own, strict=True):
+            place = int(np.flatnonzero(order == k)[0])
+            if not all(same_bits(a, b[place : place + 1]) for a, b in zip(one, shuffled[at], strict=True)):
+                bench.report(
+                    "bits change: other points beside", 1.0, k, f"fp.{of.__name__}(model, points, theta)", "alone and among others"
+                )
+        for name, array in zip(first[at], shuffled[at], strict=True):
+            if not (at == 1 and name in ("x", "y")) and not same_bits(array, expected[name][order]):
+                bench.report(
+                    "bits change: another order", 1.0, 0, "model", f"{name} of {len(points)} points (see the seed) changes"
+                )
+    if "covariance" in expected and len(points):
+        one = fp.predictive_covariance(bench.model, points[0], case.prior(), case.rule_of(), RTOL, threads=1)
+        if not same_bits(one.covariance, expected["covariance"][:1]):
+            bench.report(
+                "bits change: other points beside", 1.0, 0, "fp.predictive_covariance(model, points, prior, rule)", "", theta=False
+            )
+    bench.figures.count("compared bit by bit")
+
+
+def _from_toml(model: Any) -> Any:
+    with tempfile.TemporaryDirectory() as directory:
+        path = Path(directory) / "model.toml"
+        path.write_text(model.to_toml())
+        return fp.load_model(path)
+
+
+# --- other instruction sets, other kernels ---------------------------------------------------------------------------------
+
+
+def compare_numbers(bench: Bench, kind: str, expected: Numbers, other: Numbers) -> None:
+    """Numbers of other kernels.
+
+    They differ by rounding: SAME, times what a model magnifies. Where rounding decides whether a step is taken, both results are
+    good to the tolerance and no better; these are counted.
+    """
+    bench.figures.count(f"compared with {kind}")
+    for name in ("status", "sensitive status"):
+        for k in np.flatnonzero(expected[name] != other[name]).tolist():
+            bench.figures.count(f"{kind}: another status")
+            if OK in (expected[name][k], other[name][k]) and bench.case.rates:
+                bench.figures.count(f"{kind}: ok or not, by SciPy {bench.course(k).end.name}")
+    for name, units in units_of(bench, expected).items():
+        a, b = expected[name], other[name]
+        failed = "sensitive status" if name in ("dx", "dy") else "status"
+        both = (expected[failed][: len(a)] == OK) & (other[failed][: len(a)] == OK)
+        if name == "covariance":
+            both = (expected["lost weight"] == other["lost weight"]) & (expected["lost weight"] < 1)
+        for k in np.flatnonzero(both).tolist():
+            ratio = float(np.max(np.abs(a[k] - b[k]) / units[k], initial=0.0)) / SAME
+            if ratio > 1 and bench.case.rates:
+                ratio /= magnification(bench, k, RTOL)
+            bench.figures.ratio(f"{kind}: {name}, in units of {SAME:g}", ratio)
+            if ratio > RTOL / SAME:
+                remark = f"{kind}: expected {a[k].tolist()}, given {b[k].tolist()}"
+                bench.report(f"{kind}: {name}", ratio * SAME / RTOL, k, f"model  # {name}", remark)
+            elif ratio > 1:
+                bench.figures.count(f"{kind}: {name} differs within the tolerance")
+
+
+def units_of(bench: Bench, numbers: Numbers) -> Numbers:
+    """What differences are measured by."""
+    tiny, sizes = 1e-290, bench.case.sizes
+    x, y, dx, dy = (numbers[name] for name in ("x", "y", "dx", "dy"))
+    columns = np.max(np.abs(dx) / sizes[:, None], axis=1, initial=0.0)  # (K, p)
+    units = {
+        "x": np.abs(x) + sizes,
+        "y": np.broadcast_to(np.abs(y).max(axis=0, initial=0.0), y.shape) + tiny,
+        "dx": sizes[:, None] * columns[:, None] + tiny,
+        "dy": np.broadcast_to(np.abs(dy).max(axis=(0, 1), initial=0.0), dy.shape) + tiny,
+    }
+    if "covariance" in numbers:
+        spread = np.sqrt(np.maximum(np.diagonal(numbers["covariance"], axis1=1, axis2=2), 0.0))
+        most = spread.max(axis=0, initial=0.0)
+        units["covariance"] = np.broadcast_to(np.outer(most, most), numbers["covariance"].shape) + tiny
+    return units
+
+
+class Levels:
+    """The other instruction sets of this machine, each a process that computes what it is told."""
+
+    def __init__(self, levels: Sequence[str] | None = None) -> None:
+        levels = [level for level in fp.available_isas() if level != fp.isa()] if levels is None else levels
+        worker = Path(__file__).with_name("isa_worker.py")
+        path = os.pathsep.join([str(Path(fp.__file__).parent.parent), str(worker.parent)])
+        self.workers = {
+            level: subprocess.Popen(
+                [sys.executable, str(worker)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                env=os.environ | {"FISHERPOINT_ISA": level, "PYTHONPATH": path},
+            )
+            for level in levels
+        }
+
+    def close(self) -> None:
+        for process in self.workers.values():
+            process.kill()
+            process.communicate()
+
+    def check(self, bench: Bench) -> None:
+        if not self.workers or not len(bench.points):
+            return
+        expected = numbers(bench.model, bench.case, bench.points, bench.theta)
+        for level, process in self.workers.items():
+            other = ask(process, (bench.case, bench.points.x0, bench.points.u, bench.points.dt, bench.theta))
+            compare_numbers(bench, f"instruction set {level}", expected, other)
+
+
+def ask(process: subprocess.Popen[bytes], question: Any) -> Any:
+    """Send something to a worker and return its answer."""
+    assert process.stdin is not None and process.stdout is not None
+    send(process.stdin, question)
+    return receive(process.stdout)
+
+
+def send(stream: Any, content: Any) -> None:
+    data = pickle.dumps(content)
+    stream.write(len(data).to_bytes(8, "little") + data)
+    stream.flush()
+
+
+def receive(stream: Any) -> Any:
+    size = stream.read(8)
+    if len(size) < 8:
+        raise EOFError("the other process has ended")
+    return pickle.load(io.BytesIO(stream.read(int.from_bytes(size, "little"))))
+
+
+def check_compiled(bench: Bench) -> None:
+    """The model compiled against the model interpreted; takes a compiler and some seconds."""
+    if not len(bench.points):
+        return
+    compiled = bench.model.compile()
+    if compiled.compiled:
+        expected, other = (numbers(model, bench.case, bench.points, bench.theta) for model in (bench.model, compiled))
+        compare_numbers(bench, "compiled", expected, other)

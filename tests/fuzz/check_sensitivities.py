@@ -1,0 +1,150 @@
+"""Sensitivities against differences of trajectories: the package's own at a tight tolerance, and SciPy's.
+
+Every column is promised by its own size, so an error counts as wrong where it is above ALLOWED times rtol times the largest size
+that the column has on the way, and times what a deviation there grows to (checks.py).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+import fisherpoint as fp
+from checks import ALLOWED, OK, TIGHT, Bench, compare, judge, magnification, output_slopes
+from reading import Floats
+from scipy_route import End, slope
+
+STEPS = (4e-3, 2e-3, 1e-3)  # of a parameter, for differences
+
+
+def check_sensitivities(bench: Bench, rtol: float, method: str) -> None:
+    """Against differences of tight trajectories, and against SciPy's where these disagree and for one other."""
+    points, theta = bench.points, bench.theta
+    if not len(points):
+        return
+    bench.figures.count("calls")
+    bench.figures.count("sensitivities", len(points))
+    done = fp.sensitivities(bench.model, points, theta, rtol, threads=1, method=method)
+    bench.finite("fp.sensitivities", done, rtol)
+    call = f"fp.sensitivities(model, points, theta, {rtol:g}, method={method!r})"
+    judged = 0
+    ok = np.flatnonzero(done.status == OK)
+    check_output_sensitivities(bench, done, ok, call)
+    if not bench.case.rates:
+        return
+    slopes, slopes_error = differences(bench, ok)
+    size = bench.case.sizes[:, None]
+    for row, k in enumerate(ok.tolist()):
+        given = done.dx_dtheta[k]
+        for j in range(theta.shape[1]):
+            error = np.abs(given[:, j] - slopes[row, :, j])
+            trust = slopes_error[row, :, j]
+            column = float(np.max(np.abs(given[:, j]) / size[:, 0]))
+            if not np.isfinite(trust).all():
+                bench.figures.count("columns without differences")
+                continue
+            bench.figures.count("columns compared with differences")
+            excess = float(np.max((error - 3 * trust) / size[:, 0]))
+            if excess <= ALLOWED * rtol * column:
+                bench.figures.ratio(f"columns against differences, rtol {rtol:g}", excess / (rtol * column) if column else 0.0)
+            elif judged < 3:
+                judged += 1
+                judge_column(bench, done, k, j, rtol, call)
+    for k in ok[:1].tolist():
+        judge(bench, k, OK, done.x[k], rtol, call)
+        judge_column(bench, done, k, 0, rtol, call)
+
+
+def differences(bench: Bench, rows: Any) -> tuple[Floats, Floats]:
+    """dx/dtheta (rows, n_x, p) of tight trajectories and an estimate of its error, infinite where there is none."""
+    points, theta = bench.points, bench.theta
+    n_x, p = len(bench.case.sizes), theta.shape[1]
+    found, error = np.zeros((len(rows), n_x, p)), np.full((len(rows), n_x, p), math.inf)
+    if not len(rows):
+        return found, error
+    at, moved, steps = [], [], []
+    for k in rows.tolist():
+        for j in range(p):
+            for share in STEPS:
+                step = share * (abs(theta[k, j]) or 1.0)
+                for sign in (1.0, -1.0):
+                    at.append(k)
+                    moved.append(theta[k] + sign * step * (np.arange(p) == j))
+                steps.append(step)
+    try:
+        ends = bench.simulate(points[at], np.array(moved), TIGHT)
+    except ValueError:  # parameters that the model refuses
+        return found, error
+    x = ends.x.reshape(len(rows), p, len(STEPS), 2, n_x)
+    ok = (ends.status == OK).reshape(len(rows), p, -1).all(axis=2)
+    h = np.array(steps).reshape(len(rows), p, len(STEPS), 1)
+    central = (x[:, :, :, 0] - x[:, :, :, 1]) / (2 * h)
+    once = (4 * central[:, :, 1:] - central[:, :, :-1]) / 3
+    twice = (16 * once[:, :, 1] - once[:, :, 0]) / 15
+    size, largest = bench.case.sizes, np.abs(x).max(axis=(2, 3))
+    noise = (10 * TIGHT * size + 1e-14 * largest) / h[:, :, -1]
+    estimate = np.abs(twice - once[:, :, 1]) + noise
+    found = twice.transpose(0, 2, 1)
+    error = np.where(ok[:, :, None], estimate, math.inf).transpose(0, 2, 1)
+    return found, error
+
+
+def judge_column(bench: Bench, done: fp.Sensitivities, k: int, j: int, rtol: float, call: str) -> None:
+    """Compare the derivative by one parameter with differences of SciPy's trajectories."""
+    true = bench.course(k)
+    if true.end is not End.ok or true.stiff:
+        bench.figures.count("columns that SciPy cannot tell")
+        return
+    x0, u, dt = bench.points.x0[k], bench.points.u[k], float(bench.points.dt[k])
+    beside = slope(bench.reading, true, x0, u, bench.theta[k].tolist(), dt, bench.case.sizes, j)
+    if beside is None:
+        bench.figures.count("columns that SciPy cannot tell")
+        return
+    bench.figures.count("columns compared with SciPy")
+    size, given = bench.case.sizes, done.dx_dtheta[k][:, j]
+    step = STEPS[-1] * (abs(bench.theta[k, j]) or 1.0)
+    error = np.abs(given - beside.x) - 3 * beside.x_error - (1e-11 * size + 1e-13 * true.largest) / step
+    column = max(float(np.max(np.abs(column) / size)) for column in (given, beside.x))
+    excess = float(np.max(error / size))
+    if excess > ALLOWED * rtol * column:
+        column = largest_column(bench, k, j, column) * magnification(bench, k, rtol)
+    ratio = max(excess, 0.0) / (rtol * column) if column else float(excess > 0)
+    bench.figures.ratio(f"columns against SciPy, rtol {rtol:g}", ratio)
+    if ratio > ALLOWED:
+        name = bench.case.parameters[j]
+        remark = f"dx/d{name} = {beside.x.tolist()} by SciPy, given {given.tolist()}"
+        bench.report("wrong ok: sensitivities", ratio / ALLOWED, k, call, remark)
+
+
+def largest_column(bench: Bench, k: int, j: int, known: float, theta: Floats | None = None) -> float:
+    """The largest size of a column on the way, which is what its error is measured by."""
+    points, theta, largest = bench.points[k], bench.theta[k : k + 1] if theta is None else theta, known
+    for share in (1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0):
+        way = fp.sensitivities(bench.model, fp.Experiments(points.x0, points.u, points.dt * share), theta, 1e-9, threads=1)
+        if way.status[0] == OK:
+            largest = max(largest, float(np.max(np.abs(way.dx_dtheta[0, :, j]) / bench.case.sizes)))
+    return largest
+
+
+def check_output_sensitivities(bench: Bench, done: fp.Sensitivities, ok: Any, call: str) -> None:
+    """dy/dtheta = g_x dx/dtheta + g_theta, with derivatives of the text's g by differences."""
+    reading, n = bench.reading, len(bench.case.rates)
+    for k in ok.tolist():
+        x, u, p = done.x[k].tolist(), bench.points.u[k].tolist(), bench.theta[k].tolist()
+        branches = reading.output_branches(x, u, p)
+        beside = [reading.output_branches([v * share for v in x], u, [v * share for v in p]) for share in (0.998, 1.002)]
+        if any(other != branches for other in beside):
+            continue
+        slopes, uncertain = output_slopes(reading, x, u, p)
+        if not np.isfinite(uncertain).all():
+            continue
+        expected = slopes[:, :n] @ done.dx_dtheta[k] + slopes[:, n:]
+        room = np.abs(slopes[:, :n]) @ np.abs(done.dx_dtheta[k]) + np.abs(slopes[:, n:])
+        y = np.array(reading.output(x, u, p) or [math.nan])
+        if not np.isfinite(y).all():
+            continue
+        noise = 1e-9 * (np.abs(y)[:, None] + 1) / np.array([abs(v) or 1.0 for v in p])
+        allowed = 1e-6 * room + noise + 3 * (uncertain[:, :n] @ np.abs(done.dx_dtheta[k]) + uncertain[:, n:])
+        compare(bench, "output sensitivity", done.dy_dtheta[k], expected, np.maximum(allowed, 1e-300), k, call)

@@ -1,0 +1,334 @@
+"""What is checked of one random case, and by which route.
+
+What is promised (docs/integration.md): end states are exact to `rtol` in units of the states' sizes for 99 % of the points, and
+every column of sensitivities in units of its own size. Local errors are what is controlled, so where a model magnifies deviations
+the end may be further off by the magnification. So an error counts as wrong where it is above ALLOWED = 100 times rtol, in these
+units, and above 100 times what a deviation of rtol grows to on the way, which is measured. A hundred is what separates the rare
+point whose step saw too little from one whose result is wrong: the worst of 30,000 points of the paper's cylinder is 10 rtol off.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+import fisherpoint as fp
+from figures import Figures, Finding
+from random_models import Case
+from reading import Floats, Reading, side_of
+from scipy_route import Course, End, course
+
+TIGHT = 1e-12
+TOLERANCES = (1e-4, 1e-6, 1e-9)
+METHODS = ("RK45", "DOP853")
+ALLOWED = 100.0
+CLOSE = 1000.0  # times rtol: nearer to a surface than this, nobody can tell
+ROUNDING = 1e-12  # of the largest number on the way
+COUNT = 24  # points of a case
+COURSES = 4  # of them that SciPy integrates
+OK = fp.Status.ok
+
+
+@dataclass
+class Bench:
+    """One case at work: its model, points and parameters; and what was found."""
+
+    case: Case
+    figures: Figures
+    findings: list[Finding] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.model: Any = self.case.model()
+        self.points, self.theta = self.case.points(COUNT)
+        self._admit()
+        self._courses: dict[int, Course] = {}
+
+    def _admit(self) -> None:
+        """Leave out points that are refused, as those that start on a surface."""
+        try:
+            fp.simulate(self.model, self.points, self.theta, threads=1)
+            return
+        except ValueError:
+            pass
+        kept = []
+        for k in range(len(self.points)):
+            try:
+                fp.simulate(self.model, self.points[k], self.theta[k], threads=1)
+                kept.append(k)
+            except ValueError as error:
+                self.figures.count("points refused")
+                if "\n" in str(error):
+                    self.report("message of several lines", 1.0, k, "fp.simulate(model, points, theta)", repr(str(error)))
+        self.points, self.theta = self.points[kept], self.theta[kept]
+
+    @cached_property
+    def reading(self) -> Reading:
+        return self.case.reading()
+
+    @cached_property
+    def tight(self) -> fp.Trajectories:
+        """Of all points, at the tightest tolerance that is sensible."""
+        return self.simulate(self.points, self.theta, TIGHT)
+
+    def simulate(self, points: fp.Experiments, theta: Floats, rtol: float, method: str | None = None) -> fp.Trajectories:
+        self.figures.count("calls")
+        self.figures.count("trajectories", len(points))
+        done = fp.simulate(self.model, points, theta, rtol, threads=1, method=method)
+        self.finite("fp.simulate", done, rtol)
+        return done
+
+    def finite(self, what: str, results: Any, rtol: float) -> None:
+        """No number that is not finite may leave, whatever the status is."""
+        for array in results:
+            bad = np.flatnonzero(~np.isfinite(array).all(axis=tuple(range(1, array.ndim))))
+            if len(bad) and len(array) == len(self.points):
+                k = int(bad[0])
+                self.report("not finite", math.inf, k, f"{what}(model, points, theta, rtol={rtol:g})", "inf or NaN")
+            elif len(bad):
+                self.report("not finite", math.inf, 0, f"{what}(...)", "inf or NaN, at other points or parameters than these")
+
+    def course(self, k: int) -> Course:
+        """Of point k, by SciPy."""
+        if k not in self._courses:
+            x0, u, dt = self.points.x0[k], self.points.u[k], self.points.dt[k]
+            self._courses[k] = course(self.reading, x0, u, self.theta[k], dt, self.case.sizes)
+            self.figures.count("trajectories by SciPy")
+            self.figures.count(f"trajectories by SciPy: {self._courses[k].end.name}")
+            self.figures.count("trajectories by SciPy that cross a kink", bool(self._courses[k].crossed))
+        return self._courses[k]
+
+    def code(self, k: int, call: str, remark: str, theta: bool = True) -> str:
+        shown = self.case.point_code(self.points, k, self.theta[k] if theta else None)
+        return f"{shown}\nprint({call})\n# {remark}"
+
+    def report(self, kind: str, ratio: float, k: int, call: str, remark: str, theta: bool = True) -> None:
+        """Put down what is wrong; once of a kind for every case."""
+        if all(finding.kind != kind for finding in self.findings):
+            self.findings.append(Finding(kind, float(ratio), self.code(k, call, remark, theta)))
+
+    def excluded_wrongly(self, kind: str, k: int, call: str, remark: str) -> None:
+        self.figures.count(f"false exclusions: {kind}")
+        self.figures.example(Finding(f"false exclusion, {kind}", 1.0, self.code(k, call, remark)))
+
+
+# --- how deviations grow --------------------------------------------------------------------------------------------------
+
+
+def magnification(bench: Bench, k: int, rtol: float) -> float:
+    """What a deviation by rtol, anywhere on the way, has grown to at the end; at least 1."""
+    points, theta, size = bench.points[k], bench.theta[k : k + 1], bench.case.sizes
+    largest = 1.0
+    for share in (0.0, 0.05, 0.25, 0.5, 0.75, 0.9, 0.98):
+        x0 = points.x0
+        if share:
+            way = fp.simulate(bench.model, fp.Experiments(x0, points.u, points.dt * share), theta, TIGHT, threads=1)
+            if way.status[0] != OK:
+                continue
+            x0 = way.x
+        deviation = rtol * np.concatenate([np.zeros((1, len(size))), np.diag(size), -np.diag(size)])
+        moved = fp.Experiments(
+            x0 + deviation, np.repeat(points.u, len(deviation), 0), np.repeat(points.dt, len(deviation)) * (1 - share)
+        )
+        try:
+            ends = fp.simulate(bench.model, moved, theta[0], TIGHT, threads=1)
+        except ValueError:
+            return math.inf
+        if ends.status.any():
+            return math.inf  # too near to a surface to tell
+        largest = max(largest, float(np.max(np.abs(ends.x[1:] - ends.x[0]) / size)) / rtol)
+    return largest
+
+
+def state_error(bench: Bench, actual: Floats, expected: Floats) -> Floats:
+    """Errors (K,) in units of the states' sizes, less what rounding may do."""
+    error = np.abs(actual - expected) - ROUNDING * np.maximum(np.abs(actual), np.abs(expected))
+    return np.max(error / bench.case.sizes, axis=-1, initial=0.0)
+
+
+# --- right-hand sides and outputs ------------------------------------------------------------------------------------------
+
+
+def check_functions(bench: Bench) -> None:
+    """f at the starts and g at the ends are those that Python makes of the texts."""
+    case, reading, points = bench.case, bench.reading, bench.points
+    f = bench.model.core.rhs(points.x0, points.u, bench.theta) if case.rates else None
+    for k in range(len(points)):
+        x0, u, p = points.x0[k].tolist(), points.u[k].tolist(), bench.theta[k].tolist()
+        if f is not None:
+            expected = reading.held(x0, u, p, reading.sides(x0, u, p))
+            unit = case.sizes / case.time
+            whole = expected is not None and np.isfinite(expected).all() and np.isfinite(f[k]).all()
+            if whole and 0 not in reading.sides(x0, u, p):
+                allowed = 1e-9 * (unit * 1e3 + np.abs(expected))
+                compare(
+                    bench, "right-hand side", f[k], np.array(expected), allowed, k, "model.rhs(points.x0[0], points.u[0], theta)"
+                )
+        if bench.tight.status[k] == OK:
+            x = bench.tight.x[k].tolist()
+            expected, slopes = reading.output(x, u, p), output_slopes(reading, x, u, p)[0]
+            if expected is not None and np.isfinite(expected).all():
+                room = np.abs(slopes) @ np.abs([*x, *p]) + np.abs(expected) + 1
+                compare(
+                    bench,
+                    "output",
+                    bench.tight.y[k],
+                    np.array(expected),
+                    1e-9 * room,
+                    k,
+                    f"fp.simulate(model, points, theta, {TIGHT}).y",
+                )
+
+
+def output_slopes(reading: Reading, x: list[float], u: list[float], p: list[float]) -> tuple[Floats, Floats]:
+    """dg/d(x, p) (n_y, n_x + p) by differences and an estimate of their errors, which is infinite where there are none."""
+    at, n = [*x, *p], len(x)
+    slopes, error = np.zeros((reading.n_y, len(at))), np.full((reading.n_y, len(at)), math.inf)
+    for j, value in enumerate(at):
+        central = []
+        for share in (1e-5, 5e-6, 2.5e-6):
+            step = share * abs(value) or 1e-30
+            both = [reading.output(*_parts([*at[:j], value + sign * step, *at[j + 1 :]], n, u)) for sign in (1, -1)]
+            if both[0] is None or both[1] is None:
+                break
+            with np.errstate(all="ignore"):
+                central.append((np.array(both[0]) - np.array(both[1])) / (2 * step))
+        if len(central) == 3 and np.isfinite(central).all():
+            once = [(4 * b - a) / 3 for a, b in pairwise(central)]
+            slopes[:, j] = (16 * once[1] - once[0]) / 15
+            error[:, j] = np.abs(slopes[:, j] - once[1]) + 1e-15 * np.abs(np.array(both[0])) / step
+    return slopes, error
+
+
+def _parts(at: list[float], n: int, u: list[float]) -> tuple[list[float], list[float], list[float]]:
+    return at[:n], u, at[n:]
+
+
+def compare(bench: Bench, what: str, given: Floats, expected: Floats, allowed: Floats, k: int, call: str) -> None:
+    bench.figures.count(f"{what} compared")
+    ratio = float(np.max(np.abs(given - expected) / allowed, initial=0.0))
+    if ratio > 1:
+        bench.report(f"{what} differs", ratio, k, call, f"expected {expected.tolist()}, given {given.tolist()}")
+
+
+def check_static(bench: Bench) -> None:
+    """Of a model without states: it has a value exactly where its roots and logarithms have one."""
+    if bench.case.rates or not len(bench.points):
+        return
+    done = bench.tight
+    for k in range(len(bench.points)):
+        seen = bench.reading.look_at_output([], bench.points.u[k].tolist(), bench.theta[k].tolist())
+        roots = [value for place, value in seen.items() if not bench.reading.limits[place].pole]
+        if any(abs(value) < 1e-9 for value in seen.values()):
+            continue
+        defined = bench.reading.output([], bench.points.u[k].tolist(), bench.theta[k].tolist()) is not None
+        bench.figures.count("static points")
+        if done.status[k] == OK and not defined:
+            bench.report("wrong ok: static", 1.0, k, "fp.simulate(model, points, theta)", f"y = {done.y[k].tolist()}")
+        elif done.status[k] != OK and defined and all(value > 0 for value in roots):
+            name = fp.Status(done.status[k]).name
+            bench.figures.count(f"exclusions without a reason: {name}")
+            bench.excluded_wrongly(f"{name}, static", k, "fp.simulate(model, points, theta)", f"status {name}; limits {seen}")
+
+
+# --- states and statuses --------------------------------------------------------------------------------------------------
+
+
+def check_states(bench: Bench) -> None:
+    """Every tolerance and method against the tightest, and against SciPy where statuses differ and for a few others."""
+    if not bench.case.rates or not len(bench.points):
+        return
+    results = {(rtol, method): bench.simulate(bench.points, bench.theta, rtol, method) for rtol in TOLERANCES for method in METHODS}
+    suspects: list[int] = []
+    for (rtol, method), done in results.items():
+        for status in fp.Status:
+            bench.figures.count(f"status {status.name}", int((done.status == status).sum()))
+        both = (done.status == OK) & (bench.tight.status == OK)
+        error = np.where(both, state_error(bench, done.x, bench.tight.x), 0.0)
+        bench.figures.count("trajectories compared with rtol 1e-12", int(both.sum()))
+        for k in np.flatnonzero(error > 3 * ALLOWED * rtol)[:2].tolist():
+            error[k] /= magnification(bench, k, rtol)
+            suspects += [k] * bool(error[k] > ALLOWED * rtol)
+        error[error > 3 * ALLOWED * rtol] = 0.0  # where the first two are right, so may these be
+        bench.figures.ratio(f"states against rtol {TIGHT:g}, {method} {rtol:g}", float(np.max(error / rtol, initial=0.0)))
+    statuses = np.array([done.status for done in results.values()] + [bench.tight.status])
+    suspects += np.flatnonzero((statuses != statuses[0]).any(axis=0)).tolist()
+    others = {int(status): int(k) for k, status in reversed(list(enumerate(bench.tight.status)))}
+    chosen = list(dict.fromkeys([*suspects, *sorted(others.values()), *range(len(bench.points))]))[:COURSES]
+    for k in chosen:
+        for (rtol, method), done in results.items():
+            judge(bench, k, int(done.status[k]), done.x[k], rtol, f"fp.simulate(model, points, theta, {rtol:g}, method={method!r})")
+
+
+def judge(bench: Bench, k: int, status: int, x: Floats, rtol: float, call: str) -> None:
+    """Compare one result with SciPy's."""
+    true, name = bench.course(k), fp.Status(status).name
+    bench.figures.count("judged by SciPy")
+    if true.end is End.unknown:
+        return
+    if status == OK and true.end is End.ok:
+        if true.stiff and rtol < 1e-6:
+            return
+        error = float(state_error(bench, x, true.x))
+        if error > ALLOWED * rtol:
+            error /= magnification(bench, k, rtol)
+        bench.figures.ratio("states against SciPy", error / rtol)
+        if error > ALLOWED * rtol:
+            bench.report("wrong ok: states", error / (ALLOWED * rtol), k, call, f"x = {true.x.tolist()} by SciPy")
+    elif status == OK:
+        judge_ok(bench, k, true, rtol, call)
+    elif true.end is End.ok:
+        judge_exclusion(bench, k, true, name, rtol, call)
+
+
+def judge_ok(bench: Bench, k: int, true: Course, rtol: float, call: str) -> None:
+    """A trajectory that is said to be ok and, says SciPy, is none."""
+    dt = float(bench.points.dt[k])
+    remark = f"{true.end.value}: {true.end.name} at t = {true.at:.6g} of {dt:g}, x = {true.x.tolist()}"
+    if true.surface is not None:
+        remark += f", where {surface_name(bench.reading, true)} = 0"
+    clear = true.depth > CLOSE * rtol and (true.end is End.jump or true.at < 0.99 * dt)
+    if true.end is End.domain and true.at == 0:
+        clear = True
+    if clear:
+        bench.report(f"wrong ok: {true.end.name}", true.depth / (CLOSE * rtol), k, call, remark)
+    else:
+        bench.figures.count("too close to tell")
+
+
+def surface_name(reading: Reading, true: Course) -> str:
+    assert true.surface is not None
+    return reading.surfaces[true.surface] if true.end is End.jump else reading.limits[true.surface].text
+
+
+def judge_exclusion(bench: Bench, k: int, true: Course, name: str, rtol: float, call: str) -> None:
+    """A trajectory that is excluded and, says SciPy, is one."""
+    kind = "limit" if name == "left_domain" else "surface"
+    nearest = min((value for (of, _), value in true.clearance.items() if of == kind), default=math.inf)
+    if name == "met_jump" and passes(bench, k, bench.model.jumps, true):
+        bench.figures.count("exclusions at a surface where f does not jump just there")
+        return
+    if name in ("step_limit", "not_finite"):
+        hard = true.stiff or float(np.max(true.largest / bench.case.sizes)) * 1e-13 > rtol
+    else:
+        hard = (name == "left_domain" and true.output_lost) or nearest < CLOSE * rtol
+    if hard:
+        bench.figures.count(f"exclusions with a reason: {name}")
+        return
+    bench.figures.count(f"exclusions without a reason: {name}")
+    bench.excluded_wrongly(
+        name, k, call, f"ok, x = {true.x.tolist()} by SciPy in {true.steps} steps, nearest surface {nearest:.3g}"
+    )
+
+
+def passes(bench: Bench, k: int, names: tuple[str, ...], true: Course) -> bool:
+    """Whether the trajectory passes one of the model's surfaces, by their names."""
+    case = bench.case
+    values = Reading((), names, case.states, case.inputs, case.parameters, dict(case.constants))
+    u, p = bench.points.u[k].tolist(), bench.theta[k].tolist()
+    signs = {tuple(map(side_of, values.output(x, u, p) or ())) for x in true.way}
+    return len(signs) > 1

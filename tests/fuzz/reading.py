@@ -1,0 +1,332 @@
+"""Equations as text, read by Python itself: the routes that the campaign checks fisherpoint against share none of its code.
+
+Every equation is turned into two Python functions. One runs along trajectories: branches on the state, of `max`, `abs`, `sign`,
+`heaviside` and `where`, are held on given sides, so that a step never mixes two of them. The other looks where a trajectory is: it
+tells the value of every surface, whose sign is the side, and of everything that must not change its sign, such as the arguments of
+roots and divisors, in the branches that are taken.
+"""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import math
+from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+from functools import reduce
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Values = Sequence[float]
+
+
+def _exp(a: float) -> float:
+    return math.exp(a) if a < 709.7 else math.inf
+
+
+def _sinh(a: float) -> float:
+    return math.sinh(a) if abs(a) < 709.7 else math.copysign(math.inf, a)
+
+
+def _cosh(a: float) -> float:
+    return math.cosh(a) if abs(a) < 709.7 else math.inf
+
+
+NAMES: dict[str, Any] = {
+    **{name: getattr(math, name) for name in ("sqrt", "log", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "tanh")},
+    "exp": _exp,
+    "sinh": _sinh,
+    "cosh": _cosh,
+    "abs": abs,
+    "sign": lambda a: (a > 0) - (a < 0),
+    "heaviside": lambda a: float(a > 0),
+    "inf": math.inf,
+    "pi": math.pi,
+    "__builtins__": {},
+}
+ERRORS = (ArithmeticError, ValueError)
+"""What Python raises where an expression has no real value."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What must keep its sign along a trajectory, and be positive unless it is a pole; see `Reading.look`."""
+
+    text: str
+    pole: bool
+
+
+class Reading:
+    """f and g of texts.
+
+    Attributes
+    ----------
+    surfaces : list of str
+        What is zero where a branch of f on the state changes.
+    limits : list of Limit
+        What must keep its sign in f, or in g for those from `limits_of_f` on.
+    """
+
+    def __init__(
+        self,
+        rates: Sequence[str],
+        outputs: Sequence[str],
+        states: Sequence[str],
+        inputs: Sequence[str],
+        parameters: Sequence[str],
+        constants: Mapping[str, float],
+    ) -> None:
+        self.surfaces: list[str] = []
+        self.limits: list[Limit] = []
+        self._vary = {*states, *inputs}
+        self._states = set(states)
+        self._constants = dict(constants)
+        arguments = "x, u, p"
+        places = {"x": states, "u": inputs, "p": parameters}
+        self._unpack = "".join(f"({', '.join(names)},) = {of}\n    " for of, names in places.items() if names)
+        held = [self._branched(_tree(text), held=True) for text in rates]
+        self._held = self._compiled(f"{arguments}, S", held)
+        self._seen = [self._compiled(arguments, [self._branched(_tree(text), held=False)]) for text in self.surfaces]
+        looks = [self._looking(self._branched(_tree(text), held=True)) for text in rates]
+        self._looks = self._compiled(f"{arguments}, S, T", looks)
+        self.limits_of_f = len(self.limits)
+        self._output = self._compiled(arguments, [self._branched(_tree(text), held=False) for text in outputs])
+        noted = [self._branched(_tree(text), held=False, noted=True) for text in outputs]
+        self._noted = self._compiled(f"{arguments}, B", noted)
+        looks = [self._looking(self._branched(_tree(text), held=False)) for text in outputs]
+        self._output_looks = self._compiled(f"{arguments}, T", looks)
+        self.n_x, self.n_y = len(rates), len(outputs)
+
+    def held(self, x: Values, u: Values, p: Values, sides: Sequence[int]) -> list[float] | None:
+        """f on the given sides of the surfaces; None where it has no value."""
+        try:
+            return [float(value) for value in self._held(x, u, p, sides)]
+        except ERRORS:
+            return None
+
+    def output(self, x: Values, u: Values, p: Values) -> list[float] | None:
+        """g; None where it has no value."""
+        try:
+            return [float(value) for value in self._output(x, u, p)]
+        except ERRORS:
+            return None
+
+    def output_branches(self, x: Values, u: Values, p: Values) -> list[int]:
+        """Which branches g takes."""
+        taken: list[int] = []
+        with contextlib.suppress(ERRORS):
+            self._noted(x, u, p, taken)
+        return taken
+
+    def heights(self, x: Values, u: Values, p: Values) -> list[float]:
+        """Values of the surfaces; NaN where one has none."""
+        return [_or_nan(seen, x, u, p)[0] for seen in self._seen]
+
+    def sides(self, x: Values, u: Values, p: Values) -> list[int]:
+        """On which side of every surface a state lies: 1 or -1, or 0 where its height is zero."""
+        return [side_of(height) for height in self.heights(x, u, p)]
+
+    def look(self, x: Values, u: Values, p: Values, sides: Sequence[int]) -> dict[int, float]:
+        """Values of the limits of f that count in the branches that are taken, by their place among `limits`."""
+        seen: dict[int, float] = {}
+        with contextlib.suppress(ERRORS):
+            self._looks(x, u, p, sides, seen)
+        return seen
+
+    def look_at_output(self, x: Values, u: Values, p: Values) -> dict[int, float]:
+        """As `look`, of g."""
+        seen: dict[int, float] = {}
+        with contextlib.suppress(ERRORS):
+            self._output_looks(x, u, p, seen)
+        return seen
+
+    # --- from trees to functions ------------------------------------------------------------------------------------------
+
+    def _compiled(self, arguments: str, trees: Sequence[ast.expr]) -> Callable[..., list[float]]:
+        body = ", ".join(ast.unparse(_Power().visit(deepcopy(tree))) for tree in trees)
+        source = f"def function({arguments}):\n    {self._unpack}return [{body}]\n"
+        space = {
+            **NAMES,
+            **self._constants,
+            "_root": _root,
+            "_pole": _pole,
+            "_last": _last,
+            "_note": _note,
+            "_power": _power,
+            "side_of": side_of,
+        }
+        exec(source, space)
+        function: Callable[..., list[float]] = space["function"]
+        return function
+
+    def _branched(self, tree: ast.expr, held: bool, noted: bool = False) -> ast.expr:
+        """The tree with conditional expressions in the place of functions with branches; on the state, held on sides."""
+        return _Brancher(self, held, noted).visit(tree)
+
+    def side(self, height: ast.expr, held: bool, noted: bool) -> ast.expr:
+        """The sign of a height; held, where the state enters it."""
+        if not (held and self._reads(height, self._states)):
+            by_value = self._branched(deepcopy(height), held=False, noted=noted)
+            return _call("_note", ast.Name("B", ast.Load()), by_value) if noted else _call("side_of", by_value)
+        text = ast.unparse(height)
+        if text not in self.surfaces:
+            self.surfaces.append(text)
+        return _tree(f"S[{self.surfaces.index(text)}]")
+
+    def _looking(self, tree: ast.expr) -> ast.expr:
+        return _Looker(self).visit(tree)
+
+    def _reads(self, tree: ast.expr, names: set[str]) -> bool:
+        return any(isinstance(node, ast.Name) and node.id in names for node in ast.walk(tree))
+
+    def limit(self, tree: ast.expr, pole: bool) -> ast.expr:
+        """The tree, with its value put down where it is carried out; what no trajectory changes is left out."""
+        if not self._reads(tree, self._vary | {"S"}):
+            return tree
+        entry = Limit(ast.unparse(tree), pole)
+        if entry not in self.limits:
+            self.limits.append(entry)
+        place = ast.Constant(self.limits.index(entry))
+        return _call("_pole" if pole else "_root", ast.Name("T", ast.Load()), place, tree)
+
+
+def _tree(text: str) -> ast.expr:
+    return ast.parse(text.strip(), mode="eval").body
+
+
+def _call(name: str, *arguments: ast.expr) -> ast.expr:
+    return ast.Call(ast.Name(name, ast.Load()), list(arguments), [])
+
+
+def side_of(height: float) -> int:
+    """The sign of a height; 0 also where it has no value."""
+    return 1 if height > 0 else -1 if height < 0 else 0
+
+
+def _or_nan(function: Callable[..., list[float]], *arguments: Any) -> list[float]:
+    try:
+        return [float(value) for value in function(*arguments)]
+    except ERRORS:
+        return [math.nan]
+
+
+def _root(seen: dict[int, float], place: int, value: float) -> float:
+    seen[place] = min(value, seen.get(place, math.inf))
+    return value
+
+
+def _pole(seen: dict[int, float], place: int, value: float) -> float:
+    if abs(value) < abs(seen.get(place, math.inf)):
+        seen[place] = value
+    return value
+
+
+def _power(base: float, exponent: float) -> float:
+    """A real power, or ValueError: Python's own would be complex."""
+    return math.pow(base, exponent)
+
+
+def _note(taken: list[int], height: float) -> int:
+    taken.append(side_of(height))
+    return taken[-1]
+
+
+def _last(*values: float) -> float:
+    return values[-1]
+
+
+def _difference(a: ast.expr, b: ast.expr) -> ast.expr:
+    return a if isinstance(b, ast.Constant) and b.value == 0 else ast.BinOp(a, ast.Sub(), b)
+
+
+class _Brancher(ast.NodeTransformer):
+    """From functions with branches to conditional expressions, the arguments first as they were written."""
+
+    def __init__(self, reading: Reading, held: bool, noted: bool) -> None:
+        self.reading, self.held, self.noted = reading, held, noted
+
+    def side(self, height: ast.expr) -> ast.expr:
+        return self.reading.side(height, self.held, self.noted)
+
+    def above(self, height: ast.expr) -> ast.expr:
+        return ast.Compare(self.side(height), [ast.Gt()], [ast.Constant(0)])
+
+    def visit_Call(self, node: ast.Call) -> ast.expr:
+        assert isinstance(node.func, ast.Name)
+        name, written = node.func.id, list(node.args)
+        if name in ("max", "min"):
+            return reduce(lambda pair, other: self.extreme(name, pair, other), [(a, self.visit(deepcopy(a))) for a in written])[1]
+        if name == "where":
+            return self.choice(written[0], self.visit(written[1]), self.visit(written[2]))
+        if name not in ("abs", "sign", "heaviside"):
+            node.args = [self.visit(argument) for argument in node.args]
+            return node
+        value = self.visit(deepcopy(written[0]))
+        side, above = self.side(written[0]), self.above(written[0])
+        if name == "sign":
+            return side
+        if name == "heaviside":
+            return ast.IfExp(above, ast.Constant(1.0), ast.Constant(0.0))
+        return ast.IfExp(above, value, ast.UnaryOp(ast.USub(), deepcopy(value)))
+
+    def extreme(self, name: str, first: tuple[ast.expr, ast.expr], second: tuple[ast.expr, ast.expr]) -> tuple[ast.expr, ast.expr]:
+        above = self.above(_difference(first[0], second[0]))
+        yes, no = (first[1], second[1]) if name == "max" else (second[1], first[1])
+        written = ast.Call(ast.Name(name, ast.Load()), [first[0], second[0]], [])
+        return written, ast.IfExp(above, yes, no)
+
+    def choice(self, condition: ast.expr, yes: ast.expr, no: ast.expr) -> ast.expr:
+        match condition:
+            case ast.BoolOp(ast.And(), parts):
+                return reduce(lambda value, part: self.choice(part, value, deepcopy(no)), reversed(parts), yes)
+            case ast.BoolOp(ast.Or(), parts):
+                return reduce(lambda value, part: self.choice(part, deepcopy(yes), value), reversed(parts), no)
+            case ast.UnaryOp(ast.Not(), part):
+                return self.choice(part, no, yes)
+            case ast.Compare(left, [ast.Gt() | ast.GtE() | ast.Lt() | ast.LtE() as how], [right]):
+                return ast.IfExp(ast.Compare(self.side(_difference(left, right)), [how], [ast.Constant(0)]), yes, no)
+        raise ValueError(ast.unparse(condition))
+
+
+class _Power(ast.NodeTransformer):
+    """Powers that are not small integers become calls."""
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
+        self.generic_visit(node)
+        whole = isinstance(node.right, ast.Constant) and isinstance(node.right.value, int)
+        return node if not isinstance(node.op, ast.Pow) or whole else _call("_power", node.left, node.right)
+
+
+class _Looker(ast.NodeTransformer):
+    """Puts down what must keep its sign. Where a branch is not taken, its limits are not seen."""
+
+    def __init__(self, reading: Reading) -> None:
+        self.reading = reading
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
+        self.generic_visit(node)
+        if isinstance(node.op, ast.Div):
+            node.right = self.reading.limit(node.right, pole=True)
+        if isinstance(node.op, ast.Pow) and isinstance(exponent := node.right, ast.Constant | ast.UnaryOp):
+            power = float(ast.unparse(exponent))
+            if power < 0 or power != int(power):
+                node.left = self.reading.limit(node.left, pole=power == int(power))
+        elif isinstance(node.op, ast.Pow):
+            node.left = self.reading.limit(node.left, pole=False)
+        return node
+
+    def visit_Call(self, node: ast.Call) -> ast.expr:
+        self.generic_visit(node)
+        assert isinstance(node.func, ast.Name)
+        if node.func.id in ("sqrt", "log"):
+            node.args = [self.reading.limit(node.args[0], pole=False)]
+        others = {"tan": ["cos({})"], "asin": ["1 - ({})", "1 + ({})"], "acos": ["1 - ({})", "1 + ({})"]}.get(node.func.id)
+        if not others:
+            return node
+        argument = ast.unparse(node.args[0])
+        first = [self.reading.limit(_tree(other.format(argument)), node.func.id == "tan") for other in others]
+        return _call("_last", *first, node)

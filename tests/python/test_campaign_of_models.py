@@ -1,0 +1,72 @@
+"""The random campaign of `tests/fuzz` in short: the same cases every time, some twenty seconds of them."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from figures import Figures
+from random_models import Case
+from reading import Reading
+from rounds import examined, run_round
+from scipy_route import End, course, slope
+
+pytestmark = pytest.mark.kernels
+
+SEEDS = range(2)
+CASES = 12
+
+
+# --- the routes that it checks against -----------------------------------------------------------------------------------
+
+
+def test_texts_are_read_with_their_sides_held() -> None:
+    reading = Reading(["max(x - 0.3, 0)*p - sign(u)*x"], ["abs(x)"], ["x"], ["u"], ["p"], {})
+    assert reading.surfaces == ["x - 0.3"]
+    assert reading.held([1.0], [2.0], [3.0], [1]) == pytest.approx([0.7 * 3 - 1])
+    assert reading.held([1.0], [2.0], [3.0], [-1]) == [-1.0]  # the other branch, past its surface
+    assert reading.output([-2.0], [0.0], [0.0]) == [2.0]
+
+
+def test_a_kink_is_crossed_and_differentiated() -> None:
+    """x' = p max(1 - t, 0) with a clock: x(2) = p / 2."""
+    reading = Reading(["1", "p*max(1 - a, 0)"], ["x"], ["a", "x"], [], ["p"], {})
+    size, start, p = np.ones(2), np.zeros(2), np.array([3.0])
+    done = course(reading, start, np.empty(0), p, 2.0, size)
+    assert done.end is End.ok and done.crossed == [0]
+    assert done.x == pytest.approx([2.0, 1.5], abs=1e-9)
+    beside = slope(reading, done, start, np.empty(0), p.tolist(), 2.0, size, 0)
+    assert beside is not None and beside.x == pytest.approx([0.0, 0.5], abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("rate", "end", "at"),
+    [("sign(x - 2)*x + 2*x", End.jump, np.log(2.0)), ("-1/(2*x)", End.domain, 1.0), ("x**2", End.blow_up, 1.0)],
+)
+def test_what_ends_a_trajectory_is_seen(rate: str, end: End, at: float) -> None:
+    done = course(Reading([rate], ["x"], ["x"], [], [], {}), np.ones(1), np.empty(0), np.empty(0), 1.5, np.ones(1))
+    assert done.end is end and done.at == pytest.approx(at, abs=1e-6)
+
+
+def test_what_is_wrong_is_found() -> None:
+    """A model whose kernels compute something else than its text says."""
+
+    class Liar(Case):
+        def model(self):  # type: ignore[no-untyped-def]
+            return Case(**{**self.__dict__, "rates": ("-1.001*p1*x1",)}).model()
+
+    case = Liar(("-p1*x1",), ("x1",), (1.0,), (), (1.0,))
+    kinds = {finding.kind for finding in examined(case, Figures())}
+    assert {"right-hand side differs", "wrong ok: states", "wrong ok: sensitivities"} <= kinds
+
+
+# --- the campaign ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", SEEDS)
+def test_random_models(number: int) -> None:
+    done = run_round(number, CASES, {}, time.monotonic() + 300)
+    assert not done.findings, done.findings[0].title + "\n\n" + done.findings[0].code
+    assert done.figures.counts["cases"] == CASES
