@@ -15,6 +15,7 @@ from .evaluation import Evaluation, evaluate_design, evaluate_under_noise
 from .exchange import exchange
 from .exchange_search import Progress
 from .experiments import Experiments
+from .extras import needed_for
 from .identifiability import Identifiability, identifiability
 from .kernels import available_isas, isa
 from .models import HydraulicCylinder, Model
@@ -101,9 +102,11 @@ def __getattr__(name: str) -> Any:
     from importlib import import_module
 
     if name in _LAZY:
-        return getattr(import_module(_LAZY[name], __name__), name)
+        with needed_for(name):
+            return getattr(import_module(_LAZY[name], __name__), name)
     if not name.startswith("_"):
-        functions = import_module(".functions", __name__).FUNCTIONS
+        with needed_for(name):
+            functions = import_module(".functions", __name__).FUNCTIONS
         if name in functions:
             return functions[name]
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

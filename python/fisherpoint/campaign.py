@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, fields, replace
 from inspect import signature
@@ -21,8 +22,10 @@ from .estimation.precision import quantile
 from .exchange import exchange
 from .exchange_search import Progress
 from .experiments import Experiments
+from .extras import needed_for
+from .messages import shown
 from .problem import DesignProblem
-from .quantity import FrozenMapping, as_float, check_positive_int, names_of
+from .quantity import Array, FrozenMapping, as_float, as_path, check_known, check_positive_int, names_of
 from .trajectories import check_type, resolve_threads
 
 _NOT_SETTINGS = ("n_experiments", "seed", "time_limit")
@@ -241,7 +244,9 @@ class Campaign:
         Raises
         ------
         TypeError, ValueError
-            For data of another model, data that were told before, and as `estimate`; the campaign stays as it was.
+            For data of another model, data that were told before, and as `estimate`; the campaign stays as it was. Two rows that
+            were told before, to the last bit, are refused among others too. A single one is taken as a replicate that reads the
+            same, with a warning: replicates of a coarse sensor, of which several do, can be told one at a time.
         """
         check_type(data, Measurements, "data")
         model = self.problem.model
@@ -252,9 +257,7 @@ class Campaign:
         told = self.told(data)
         if told is not None:
             raise ValueError(f"data: expected new measurements, given those of batch {told} once more")
-        again = [k for k, one in enumerate(self.history, 1) if len(one.data) > 1 and _rows(one.data) <= _rows(data)]
-        if again:
-            raise ValueError(f"data: expected new measurements alone, given those of batch {again[0]} among them once more")
+        self._refuse_rows_again(data)
         fit = self._estimated(self.history, data)
         batch = Batch(
             planned=self.planned,
@@ -271,8 +274,24 @@ class Campaign:
         self._fit = fit
         return fit
 
+    def _refuse_rows_again(self, data: Measurements) -> None:
+        """Raise for rows that would count twice; warn of a single one, which may be a replicate."""
+        again = {k: rows for k, one in enumerate(self.history, 1) if (rows := _rows_again(one.data, data))}
+        count = len(set().union(*again.values()))
+        if not count:
+            return
+        k = max(again, key=lambda k: len(again[k]))
+        number = int(np.isfinite(self.history[k - 1].data.y).any(axis=1).sum())
+        if count == 1:
+            row = min(again[k])
+            warnings.warn(f"data: row {row} was told with batch {k} too; it counts as measured once more", stacklevel=3)
+            return
+        which = "those" if len(again[k]) >= number else f"{len(again[k])} of the {number} rows"
+        raise ValueError(f"data: expected new measurements alone, given {which} of batch {k} among them once more")
+
     def told(self, data: Measurements) -> int | None:
         """The number, from 1, of the batch that has exactly these data; None where they are new."""
+        check_type(data, Measurements, "data")
         return next((k for k, one in enumerate(self.history, 1) if one.data == data), None)
 
     def report(self) -> str:
@@ -281,9 +300,10 @@ class Campaign:
 
     def plot(self, path: str | Path) -> None:
         """Draw the relative standard errors over the batches, with the targets as lines; needs matplotlib."""
-        from .plots_campaign import plot_campaign
+        with needed_for("plot"):
+            from .plots_campaign import plot_campaign
 
-        plot_campaign(self).savefig(path, dpi=150)
+        plot_campaign(self).savefig(as_path(path, "path"), dpi=150)
 
     def __repr__(self) -> str:
         stage = "all targets met" if self.done else "a batch to measure" if self.planned is not None else "a batch to design"
@@ -322,9 +342,18 @@ def _measured(parts: list[Measurements]) -> Measurements:
     return joined[np.flatnonzero(np.isfinite(joined.y).any(axis=1))]
 
 
-def _rows(data: Measurements) -> set[bytes]:
-    """Every point with what was measured there, to the last bit."""
-    return {row.tobytes() for row in np.column_stack([data.points.table, data.y])}
+def _rows_again(told: Measurements, data: Measurements) -> set[int]:
+    """Rows of `data` at a point of `told` at which the outputs that both have are the same to the last bit."""
+    before: dict[bytes, list[Array]] = {}
+    for point, y in zip(told.points.table, told.y, strict=True):
+        before.setdefault(point.tobytes(), []).append(y)
+    again = set()
+    for row, (point, y) in enumerate(zip(data.points.table, data.y, strict=True)):
+        for other in before.get(point.tobytes(), ()):
+            both = np.isfinite(y) & np.isfinite(other)
+            if both.any() and (y[both] == other[both]).all():
+                again.add(row)
+    return again
 
 
 def _seed(seed: int, batches: int) -> int:
@@ -337,7 +366,7 @@ def _settings(batch: int, seed: int, given: Mapping[str, Any]) -> ExchangeSettin
     defaults = {name: one.default for name, one in signature(exchange).parameters.items()}
     known = [field.name for field in fields(ExchangeSettings) if field.name not in _NOT_SETTINGS]
     for unknown in (name for name in given if name not in known):
-        raise TypeError(f"settings: expected names of {', '.join(known)}; given {unknown!r}")
+        raise TypeError(f"settings: expected names of {', '.join(known)}; given {shown(unknown)}")
     values = {name: defaults[name] for name in known} | {"references": False} | dict(given)
     return ExchangeSettings(
         n_experiments=check_positive_int(batch, "batch"), seed=check_positive_int(seed, "seed", 0), time_limit=None, **values
@@ -350,8 +379,7 @@ def _targets(given: Mapping[str, float] | float | None, problem: DesignProblem) 
     if given is None:
         return FrozenMapping({})
     targets = dict(given) if isinstance(given, Mapping) else dict.fromkeys(names, given)
-    for unknown in (name for name in targets if name not in names):
-        raise ValueError(f"targets: expected names of {', '.join(names)}; given unknown {unknown!r}")
+    check_known(targets, names, "targets")
     checked = {
         name: as_float(targets[name], f"targets[{name!r}]") for name in names_of(problem.model.parameters) if name in targets
     }

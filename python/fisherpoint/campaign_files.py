@@ -27,8 +27,9 @@ from .data.measurement_files import measurements_csv
 from .design import ExchangeSettings, problem_from_json, versions
 from .experiments import Experiments
 from .files import built_from, parse_json, write_whole
+from .messages import printable
 from .models import Model
-from .quantity import FrozenMapping
+from .quantity import FrozenMapping, as_path
 
 FORMAT = "fisherpoint campaign"
 FORMAT_VERSION = 1
@@ -46,7 +47,7 @@ class CampaignFiles:
     """
 
     def __init__(self, directory: str | Path, problem_json: dict[str, Any]) -> None:
-        self.directory = Path(directory)
+        self.directory = as_path(directory, "directory")
         self.problem_json = problem_json
         region = problem_json["region"]
         if region and None in region["constraints"]:
@@ -55,7 +56,7 @@ class CampaignFiles:
 
     @staticmethod
     def path_in(directory: str | Path) -> Path:
-        return Path(directory) / NAME
+        return as_path(directory, "directory") / NAME
 
     @property
     def path(self) -> Path:
@@ -64,9 +65,8 @@ class CampaignFiles:
     def create(self, state: State) -> None:
         """Write the first state into a directory that has none."""
         if self.path.exists():
-            raise ValueError(
-                f"directory: expected one without a campaign, given {self.directory}; Campaign.load goes on with the one in it"
-            )
+            given = printable(self.directory)
+            raise ValueError(f"directory: expected one without a campaign, given {given}; Campaign.load goes on with the one in it")
         self.directory.mkdir(parents=True, exist_ok=True)
         self._write(state)
 
@@ -100,7 +100,9 @@ class CampaignFiles:
         given = path.read_bytes()
         data = parse_json(path, given, FORMAT, FORMAT_VERSION)
         if data.pop("sha256", None) != _digest(data):
-            raise ValueError(f"{path}: expected the file as it was written, given one that was changed (its SHA-256 differs)")
+            raise ValueError(
+                f"{printable(path)}: expected the file as it was written, given one that was changed (its SHA-256 differs)"
+            )
         state = built_from(path, "campaign", data, _state_from_json)
         files = cls(directory, data["problem"])
         files._last = given
@@ -114,13 +116,15 @@ class CampaignFiles:
                 write_whole(path, text)
             elif path.read_bytes() != text.encode():
                 raise ValueError(
-                    f"{path}: expected the data that were told, given a file that was changed since; delete it to get them again"
+                    f"{printable(path)}: expected the data that were told, given a file that was changed since; "
+                    "delete it to get them again"
                 )
 
     def _check_alone(self) -> None:
         if not self.path.exists() or self.path.read_bytes() != self._last:
             raise RuntimeError(
-                f"{self.path}: expected the state that this process wrote or read last, given another: two work on one campaign"
+                f"{printable(self.path)}: expected the state that this process wrote or read last, given another: "
+                "two work on one campaign"
             )
 
     def _write(self, state: State) -> None:

@@ -177,6 +177,26 @@ def test_wrong_data_are_refused_and_change_nothing(problem: fp.DesignProblem, ki
         campaign.tell(fp.Measurements.join([data, more]))
     assert len(campaign.history) == 1
     campaign.tell(more)
+
+
+def test_rows_that_were_told_do_not_count_twice(problem: fp.DesignProblem) -> None:
+    campaign = fp.Campaign(problem, 4, **QUICK)
+    first = rig(problem, 0).measure(campaign.next())
+    gaps = first.y.copy()
+    gaps[:, 1] = gaps[0, :] = np.nan
+    campaign.tell(fp.Measurements(first.points, gaps))  # of one point nothing was measured
+    more = rig(problem, 1).measure(first.points)
+    for again in (fp.Measurements(first.points, gaps)[1:3], first[1:], fp.Measurements.join([more, first[2:]])):
+        with pytest.raises(ValueError, match=r"expected new .* given (2 of the 3 rows|those) of batch 1 among them"):
+            campaign.tell(again)
+    assert len(campaign.history) == 1
+    # What is new at the same points, and one reading that is the same, as of a replicate that a coarse sensor cannot tell apart.
+    with pytest.warns(UserWarning, match="data: row 1 was told with batch 1 too; it counts as measured once more"):
+        campaign.tell(fp.Measurements.join([first[:1], first[1:2], more]))
+    assert len(campaign.history) == 2 and campaign.data is not None and len(campaign.data) == 9
+
+
+def test_no_region_is_no_campaign(problem: fp.DesignProblem) -> None:
     with pytest.raises(ValueError, match="region: expected an ExperimentRegion"):
         fp.Campaign(problem.replace(region=None))
 

@@ -282,7 +282,7 @@ def test_units_that_do_not_fit(read: Read, unit: str, message: str) -> None:
         ({"q": "-100"}, r"column q, v, p_A, p_B, x_v: expected a start with V_A > 0 .* q = -100 m"),
         ({"y_p_A": "6.2e11"}, r"column y_p_A: expected at most 1000 times its natural size, 1e\+07, given 6.2e\+11"),
         ({"y_x_v": "-2900"}, r"column y_x_v: expected at most 1000 times its natural size, 1, given -2900"),
-            ({"y_x_v": "-450"}, r"column y_x_v: expected at most 1000 times the largest of the other rows, .* given -450:"),
+        ({"y_x_v": "-450"}, r"column y_x_v: expected at most 1000 times the largest of the other rows, .* given -450:"),
     ],
 )
 def test_numbers_beyond_physics(read: Read, entries: dict[str, str], message: str) -> None:

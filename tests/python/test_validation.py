@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from fisherpoint.estimation.precision import covariances
 from fisherpoint.estimation.small_samples import inflated
 from fisherpoint.quantity import Array
 from fisherpoint.validation import fits
-from fisherpoint.validation.figures import mean, share, standard_deviation, typical_size
+from fisherpoint.validation.figures import mean, parameter_figures, share, standard_deviation, typical_size
 from fisherpoint.validation.fits import Estimator
 from fisherpoint.validation.truths import Rig, Streams, truths_of
 
@@ -321,3 +322,25 @@ def test_the_command_writes_table_report_and_picture(tmp_path: Path, capsys: pyt
         main([*command[:2], str(tmp_path / "none.csv"), *command[3:]])
     assert end.value.code == 2
     assert "none.csv: expected a CSV file of points, found no such file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_fit_at_a_bound_has_the_precision_of_the_others_alone(known: bool) -> None:
+    """b is at least 1, and the truth is there: half of the fits end at the bound, and know a as if b were given."""
+    estimator = Estimator.of(line(), SPREAD, {"y": 0.1}, known, False, 1e-9, 1)
+    unknowns = estimator.unknowns
+    bounded = replace(unknowns, lower=np.where([False, True], unknowns.coordinates(np.array([[1.0, 1.0]]))[0], -np.inf))
+    estimator = replace(estimator, residuals=replace(estimator.residuals, unknowns=bounded))
+    u, random = SPREAD.u[:, 0], np.random.default_rng(4)
+    y = 1.0 + u + 0.1 * random.standard_normal((200, len(u)))
+    runs = estimator.fit(y[:, :, None], np.ones((200, 2)))
+    held = runs.at_bound[:, 1]
+    assert not runs.at_bound[:, 0].any() and 70 < held.sum() < 130 and (runs.failure == "").all()
+    np.testing.assert_allclose(runs.estimate[held], np.stack([(y - u)[held].mean(axis=1), np.ones(held.sum())], axis=1))
+    residuals = y - u - (y - u).mean(axis=1, keepdims=True)
+    variance = np.full(200, 0.01) if known else np.square(residuals).sum(axis=1) / 4  # five values less one free unknown
+    np.testing.assert_allclose(runs.standard_error[held, 0], np.sqrt(variance / 5)[held], rtol=1e-6)
+    assert np.isinf(runs.standard_error[held, 1]).all() and np.isfinite(runs.standard_error[~held]).all()
+    figures = parameter_figures("b", 0.2, 0.04, runs.estimate[:, 1] - 1, *(part[:, 1] for part in runs[2:5]))
+    assert figures.at_bound == held.sum()
+    assert figures.coverage.value == pytest.approx(runs.covered[~held, 1].mean())

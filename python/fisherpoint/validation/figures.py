@@ -58,7 +58,7 @@ class ParameterFigures:
     coverage : Figure
         Share of the fits' own 95 % intervals that contain the truth.
     at_bound : int
-        Fits that ended at a bound of the parameter.
+        Fits that ended at a bound of the parameter: they have neither a standard error of it nor an interval.
     """
 
     parameter: str
@@ -110,7 +110,7 @@ def parameter_figures(
         typical_size(errors),
         standard_deviation(errors, 0).over(prior_std),
         mean(standard_errors[np.isfinite(standard_errors)]),
-        share(covered),
+        share(covered[~at_bound]),
         int(at_bound.sum()),
     )
 
@@ -140,5 +140,7 @@ def typical_size(errors: Array) -> Figure:
 
 def share(hits: NDArray[np.bool_]) -> Figure:
     """A share with Wilson's error, which is not zero where all or none are hits."""
+    if len(hits) < FEWEST:
+        return NOTHING
     n, value = len(hits), float(hits.mean())
     return Figure(value, float(np.sqrt(value * (1 - value) / n + 1 / (4 * n**2)) / (1 + 1 / n)))

@@ -132,14 +132,15 @@ class Estimator:
             residuals = replace(residuals, covariance=noise[:, None])
         everything = np.arange(count)
         _, jacobian, _ = residuals(minima.z, everything)
-        covariance, determined = covariances(jacobian)
+        held = unknowns.held(minima.z)
+        covariance, determined = covariances(jacobian, held)
         degrees_of_freedom = np.full(minima.z.shape, np.inf)
         if not self.noise_known:
             counts = residuals.measured.sum(axis=0)
             degrees = output_degrees_of_freedom(self._of_data(jacobian), covariance, counts)
             residuals = replace(residuals, covariance=unbiased(noise, degrees, counts)[:, None])
             _, jacobian, _ = residuals(minima.z, everything)
-            covariance, determined = covariances(jacobian)
+            covariance, determined = covariances(jacobian, held)
             covariance, degrees_of_freedom = inflated(self._of_data(jacobian), covariance, counts, full)
         spread = np.where(determined, np.sqrt(np.einsum("bii->bi", covariance)), np.inf)
         estimate = unknowns.values(minima.z)
@@ -149,24 +150,27 @@ class Estimator:
             estimate,
             spread * unknowns.slopes(estimate),
             off <= quantile(LEVEL, degrees_of_freedom) * spread,
-            (minima.z <= unknowns.lower + 1e-6) | (minima.z >= unknowns.upper - 1e-6),
-            np.array(["" if end == CONVERGED else ENDS[int(end)] for end in minima.end], dtype=np.str_),
+            held,
+            np.array(["" if end == CONVERGED else ENDS[int(end)] for end in unknowns.ended(minima)], dtype=np.str_),
         )
 
     def _minimised(self, residuals: WeightedResiduals, start: Array) -> Minima:
         """Minima from the start; of searches that got stuck, from further starts, as `estimate` has them."""
-        minima = minimise(residuals, start, self.unknowns.lower, self.unknowns.upper)
+        minima = self._from(residuals, start)
         for further in self.further_starts:
             stuck = np.flatnonzero(minima.end != CONVERGED)
             if not len(stuck):
                 break
             some = replace(residuals, y=residuals.y[stuck])
-            found = minimise(some, np.tile(further, (len(stuck), 1)), self.unknowns.lower, self.unknowns.upper)
+            found = self._from(some, np.tile(further, (len(stuck), 1)))
             better = found.end == CONVERGED
             places = stuck[better]
             minima.z[places], minima.cost[places], minima.end[places] = found.z[better], found.cost[better], CONVERGED
-            minima.iterations[stuck] += found.iterations
+            minima.evaluations[stuck] += found.evaluations
         return minima
+
+    def _from(self, residuals: WeightedResiduals, start: Array) -> Minima:
+        return minimise(residuals, start, self.unknowns.lower, self.unknowns.upper, accuracy=residuals.accuracy)
 
     def _of_data(self, jacobian: Array) -> Array:
         """The rows of Jacobians (B, M, P) that belong to the data, (B, N, n_y, P)."""

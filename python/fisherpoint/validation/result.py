@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..experiments import Experiments
+from ..extras import needed_for
 from ..models import Model
 from ..problem import DesignProblem
+from ..quantity import as_path
 from .figures import Figure, ParameterFigures
 from .fits import Runs
 
@@ -86,7 +88,8 @@ class Validation:
 
     def frame(self) -> pd.DataFrame:
         """All figures, one row per design and parameter; columns that end in "_mc" are Monte Carlo standard errors. SI units."""
-        import pandas as pd
+        with needed_for("frame"):
+            import pandas as pd
 
         rows = []
         for name, design in self.designs.items():
@@ -100,9 +103,10 @@ class Validation:
 
     def plot(self, path: str | Path) -> None:
         """Draw promised against achieved standard errors and the coverage of every design; the ending says the format."""
-        from ..plots_validation import plot_validation
+        with needed_for("plot"):
+            from ..plots_validation import plot_validation
 
-        plot_validation(self).savefig(path, dpi=150)
+        plot_validation(self).savefig(as_path(path, "path"), dpi=150)
 
     def __str__(self) -> str:
         from .table import text

@@ -11,9 +11,10 @@ from ..assumed import Assumed, assumed_of
 from ..coordinates import cholesky_coordinates
 from ..estimation.response import sensible
 from ..experiments import Experiments
+from ..messages import shown
 from ..models import Model
 from ..problem import DesignProblem
-from ..quantity import Array, IntArray, names_of
+from ..quantity import Array, IntArray, as_float, check_known, names_of
 from ..trajectories import Status, simulate
 
 TRUTH_RTOL = 1e-10
@@ -131,13 +132,11 @@ def truths_of(problem: DesignProblem, theta: str | Mapping[str, float], count: i
     if isinstance(theta, str) and theta == "prior":
         return drawn_from_prior(problem, count, np.random.default_rng([seed, 0]))
     if not isinstance(theta, Mapping) and not (isinstance(theta, str) and theta == "mean"):
-        raise ValueError(f"theta: expected 'prior', 'mean' or a mapping of names to values, given {theta!r}")
+        raise ValueError(f"theta: expected 'prior', 'mean' or a mapping of names to values, given {shown(theta)}")
     values = dict(problem.prior.mean)
-    for name in theta if isinstance(theta, Mapping) else ():
-        if name not in values:
-            raise ValueError(f"theta: expected names of {', '.join(values)}; given unknown {name!r}")
     if isinstance(theta, Mapping):
-        values |= theta
+        check_known(theta, values, "theta")
+        values |= {name: as_float(value, f"theta[{name!r}]") for name, value in theta.items()}
     for name in (name for name in problem.prior.log if not values[name] > 0):
         raise ValueError(f"theta[{name!r}]: expected a positive value of a log-normal parameter, given {values[name]!r}")
     return np.tile(problem.model.theta(values), (count, 1)), 0

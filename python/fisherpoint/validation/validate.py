@@ -14,12 +14,15 @@ from ..estimation.weighting import noise_covariance
 from ..experiments import Experiments
 from ..models import Model
 from ..problem import DesignProblem
-from ..quantity import FrozenMapping, check_positive_int, names_of
+from ..quantity import FrozenMapping, check_choice, check_flag, check_mapping, check_name, check_positive_int, names_of
 from ..trajectories import check_rtol, check_type, resolve_threads
 from .figures import parameter_figures
 from .fits import Estimator, Runs, run
 from .result import DesignValidation, Validation
 from .truths import Rig, truths_of
+
+MOST_RUNS = 10**6
+"""Runs of each design, past which they count as a slip."""
 
 
 def validate(
@@ -79,10 +82,10 @@ def validate(
     check_type(problem, DesignProblem, "problem")
     named = _designs(designs)
     threads = resolve_threads(threads)
-    check_rtol(rtol)
-    count, seed = check_positive_int(n, "n"), check_positive_int(seed, "seed", 0)
-    if noise not in ("known", "estimated"):
-        raise ValueError(f"noise: expected 'known' or 'estimated', given {noise!r}")
+    rtol = check_rtol(rtol)
+    count, seed = check_positive_int(n, "n", most=MOST_RUNS), check_positive_int(seed, "seed", 0)
+    check_choice(noise, ("known", "estimated"), "noise")
+    use_prior = check_flag(use_prior, "use_prior")
     if noise == "estimated" and problem.assumed is not None:
         raise ValueError("noise: expected 'known' beside uncertain or initial_state_std, given 'estimated'")
     if truth is not None:
@@ -128,15 +131,13 @@ def _validation(problem: DesignProblem, points: Experiments, estimator: Estimato
 
 
 def _designs(given: Any) -> dict[str, Experiments]:
-    if not isinstance(given, Mapping):
-        raise TypeError(f"designs: expected a mapping of names to Experiments, given {type(given).__name__}")
+    check_mapping(given, "designs", "Experiments")
     if not given:
         raise ValueError("designs: expected at least one, given none")
     named = {}
     for name, design in given.items():
         points = design.points if isinstance(design, Design) else design
-        if not isinstance(name, str):
-            raise TypeError(f"designs: expected names, given {name!r}")
+        check_name(name, "designs")
         if not isinstance(points, Experiments):
             raise TypeError(f"designs[{name!r}]: expected Experiments or a Design, given {type(points).__name__}")
         if not len(points):
@@ -157,7 +158,7 @@ def _noise_std(problem: DesignProblem, given: Mapping[str, float] | None) -> dic
     """Standard deviations of the outputs that are measured."""
     if given is None and problem.noise_std is None:
         raise ValueError("noise_std: expected the sensor noise, which the problem does not have either; given none")
-    stds = problem.noise_std if given is None else given
+    stds = problem.noise_std if given is None else check_mapping(given, "noise_std")
     noise_covariance(problem.model, stds or {}, np.full((1, len(problem.model.outputs)), np.nan))  # for its checks
     if not stds:
         raise ValueError(f"noise_std: expected at least one of {', '.join(names_of(problem.model.outputs))}; given none")
