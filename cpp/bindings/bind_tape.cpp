@@ -118,7 +118,7 @@ void bind_tape(py::module_& m) {
                                                 Columns<TapeModel, P> at_rest(equation.dependence.in_columns);
                                                 for (P& entry : at_rest) entry = P(0.0);
                                                 Equation::Output y(equation.outputs);
-                                                std::vector<P> dy_dtheta(equation.outputs * equation.parameters);
+                                                ShelfVector<P> dy_dtheta(equation.outputs * equation.parameters);
                                                 equation.output(x, at_rest, y, dy_dtheta);
                                                 HeapArray<P> values(equation.outputs * equation.parameters);
                                                 std::copy(dy_dtheta.begin(), dy_dtheta.end(), values.begin());

@@ -27,6 +27,7 @@ TEST_CASE("derivatives of every operation") {
   check([](auto x, auto y) { return fisherpoint::sqrt(x * y); }, a, b);
   check([](auto x, auto y) { return (x + 2.0) * (2.0 + y) + x * 3.0 - 3.0 * y; }, a, b);
   check([](auto x, auto y) { return (x - 2.0) / 4.0 + (2.0 - y) + 5.0 / (x + y); }, a, b);
+  check([](auto x, auto y) { return x / 2 + 3 * y / 4 - 1 / (x * 2); }, a, b);
   check([](auto x, auto y) { return x / (x + y) * fisherpoint::sqrt(3.0 - x) - y * y; }, a, b);
 }
 

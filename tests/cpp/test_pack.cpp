@@ -72,6 +72,36 @@ TEST_CASE_TEMPLATE("inverse roots are good enough for step control, and the same
   }
 }
 
+TEST_CASE("quotients and roots of zeros, infinities and NaN are what IEEE 754 says") {
+  const double infinity = std::numeric_limits<double>::infinity(), nan = std::numeric_limits<double>::quiet_NaN();
+  const auto same = [](double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); };
+  const double numbers[] = {0.0, -0.0, 1.0, -1.0, 3.0, -7e-200, 1e200, -1e308, 3e-308, infinity, -infinity, nan};
+  for (const double a : numbers) {
+    for (const double b : numbers) {
+      CAPTURE(a);
+      CAPTURE(b);
+      const double quotient = (P(a) / P(b))[0];
+      if (std::isfinite(a / b) && std::isnormal(a / b))
+        CHECK(quotient == doctest::Approx(a / b).epsilon(3e-16));
+      else if (a / b != 0.0 && std::isfinite(a / b))
+        CHECK(quotient == doctest::Approx(a / b).epsilon(1e-12));
+      else
+        CHECK(same(a / b, quotient));
+    }
+    CAPTURE(a);
+    const auto [root, slope] = root_and_slope(P(a));
+    const auto [plain_root, plain_slope] = root_and_slope(a);
+    if (std::isnormal(plain_root)) {
+      CHECK(root[0] == doctest::Approx(plain_root).epsilon(4e-16));
+      CHECK(slope[0] == doctest::Approx(plain_slope).epsilon(4e-16));
+    } else {
+      CHECK(same(std::sqrt(a), root[0]));
+      CHECK(same(std::sqrt(a), sqrt(P(a))[W - 1]));
+      if (!std::signbit(a) || a != 0.0) CHECK(same(plain_slope, slope[0]));  // 1 / -0, which no model has
+    }
+  }
+}
+
 TEST_CASE("a root and its derivative at once") {
   for (double a = 1e-12; a < 1e12; a *= 3.7) {
     const auto [root, slope] = root_and_slope(P(a));

@@ -84,7 +84,7 @@ static auto steps_of(const M& model, const std::array<double, n_x>& x0, double u
   typename Equation::Theta packed;
   for (std::size_t i = 0; i < n_x; ++i) x[i] = P(x0[i]);
   for (std::size_t j = 0; j < p; ++j) packed[j] = P(theta[j]);
-  std::vector<Step<Equation>> steps;
+  Steps<Equation> steps;
   const Equation equation(model, packed, {P(u)});
   const auto outcome = Integrator<Equation, DormandPrince853>(equation, Tolerance{}).run(x, P(dt), P(0.0), &steps);
   REQUIRE(outcome.status[0] == Status::ok);

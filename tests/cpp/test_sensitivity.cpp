@@ -108,18 +108,24 @@ TEST_CASE_TEMPLATE("the cylinder's sensitivities against central differences of 
 
 TEST_CASE("a path refined keeps its ends, its kinks and the trend of its steps") {
   using M = Ball<Kind::kink>;
-  const std::vector<PointStep<M>> path = {{0.1, {-1.0}}, {0.2, {-1.0}}, {0.4, {-1.0}}, {0.3, {1.0}}};
+  PointPath<M> path;
+  for (const double size : {0.1, 0.2, 0.4}) path.push_back(size, {-1.0});
+  path.push_back(0.3, {1.0});
+  REQUIRE(path.runs.size() == 2);
   for (double factor : {1.0, 1.2, 2.0, 3.7}) {
     const auto finer = refined<M>(path, factor);
     double before = 0.0, behind = 0.0;
-    for (const auto& step : finer) {
-      CHECK(step.size > 0.0);
-      (step.side[0] < 0 ? before : behind) += step.size;
+    for (std::size_t n = 0; n < finer.size(); ++n) {
+      CHECK(finer.sizes[n] > 0.0);
+      (n < finer.runs[0].end ? before : behind) += finer.sizes[n];
     }
+    CHECK(finer.runs[0].side[0] == -1.0);
+    CHECK(finer.runs[1].side[0] == 1.0);
+    CHECK(finer.runs[1].end == finer.size());
     CHECK(before == doctest::Approx(0.7).epsilon(1e-14));
     CHECK(behind == doctest::Approx(0.3).epsilon(1e-14));
     CHECK(finer.size() == std::ceil(3 * factor) + std::ceil(factor));
   }
   const auto same = refined<M>(path, 1.0);
-  for (std::size_t i = 0; i < path.size(); ++i) CHECK(same[i].size == doctest::Approx(path[i].size).epsilon(1e-14));
+  for (std::size_t i = 0; i < path.size(); ++i) CHECK(same.sizes[i] == doctest::Approx(path.sizes[i]).epsilon(1e-14));
 }

@@ -8,6 +8,8 @@
 
 extern "C" {
 
+enum { fisherpoint_reason_size = 200 };
+
 // What every kernel is asked. Arrays are as in points.hpp.
 struct FisherpointRequest {
   std::int64_t count;
@@ -16,9 +18,10 @@ struct FisherpointRequest {
   double rtol;
   int (*interrupted)(const void* asked);  // on the calling thread, now and then; not 0 ends the work
   const void* asked;
+  char* reason;  // of a failure, for the kernel to write: room for fisherpoint_reason_size characters
 };
 
-enum FisherpointOutcome : std::int32_t { fisherpoint_done, fisherpoint_stopped, fisherpoint_failed };
+enum FisherpointOutcome : std::int32_t { fisherpoint_done, fisherpoint_stopped, fisherpoint_out_of_memory, fisherpoint_failed };
 
 }  // extern "C"
 

@@ -1,7 +1,9 @@
 // What a shared object for one model consists of: the kernels behind the functions of c_interface.hpp.
 #pragma once
 
+#include <cstdio>
 #include <exception>
+#include <new>
 
 #include "c_interface.hpp"
 #include "chain.hpp"
@@ -27,20 +29,28 @@ struct Request {
         workers(r.threads, [r] { return r.interrupted(r.asked) != 0; }) {}
 };
 
-inline FisherpointOutcome outcome_of(auto&& work) {
+inline FisherpointOutcome outcome_of(const FisherpointRequest& request, auto&& work) {
+  const auto failed = [&](const char* reason) {
+    std::snprintf(request.reason, fisherpoint_reason_size, "%s", reason);
+    return fisherpoint_failed;
+  };
   try {
     work();
     return fisherpoint_done;
   } catch (const Interrupted&) {
     return fisherpoint_stopped;
-  } catch (const std::exception&) {
-    return fisherpoint_failed;
+  } catch (const std::bad_alloc&) {
+    return fisherpoint_out_of_memory;
+  } catch (const std::exception& error) {
+    return failed(error.what());
+  } catch (...) {
+    return failed("an exception of unknown type");
   }
 }
 
 template <class M>
 FisherpointOutcome simulate_request(const FisherpointRequest* request, double* x, double* y, std::int32_t* status) {
-  return outcome_of([&] {
+  return outcome_of(*request, [&] {
     const Request r(*request);
     with_method(r.tolerance.method, [&]<class Method>(Method) {
       simulate_packs<Pack<native_lanes>, Method>(M{}, r.points, r.parameters, r.tolerance, r.workers,
@@ -52,7 +62,7 @@ FisherpointOutcome simulate_request(const FisherpointRequest* request, double* x
 template <class M>
 FisherpointOutcome sensitivities_request(const FisherpointRequest* request, double* x, double* y, double* dx_dtheta,
                                          double* dy_dtheta, std::int32_t* status) {
-  return outcome_of([&] {
+  return outcome_of(*request, [&] {
     const Request r(*request);
     with_method(r.tolerance.method, [&]<class Method>(Method) {
       sensitivity_packs<Pack<native_lanes>, Method>(M{}, r.points, r.parameters, r.tolerance, r.workers,
@@ -64,7 +74,7 @@ FisherpointOutcome sensitivities_request(const FisherpointRequest* request, doub
 template <class M>
 FisherpointOutcome chain_request(const FisherpointRequest* request, std::int64_t pieces, double* x, std::int32_t* status,
                                  std::int64_t* reached) {
-  return outcome_of([&] {
+  return outcome_of(*request, [&] {
     const Request r(*request);
     with_method(r.tolerance.method, [&]<class Method>(Method) {
       chain_packs<Pack<native_lanes>, Method>(M{}, r.points, static_cast<std::size_t>(pieces), r.parameters, r.tolerance,
@@ -77,7 +87,7 @@ template <class M>
 FisherpointOutcome predictive_covariance_request(const FisherpointRequest* request, const PriorNodes* nodes, double max_lost,
                                                  double* covariance, std::int32_t* status, std::int64_t* redone, double* lost,
                                                  double* y) {
-  return outcome_of([&] {
+  return outcome_of(*request, [&] {
     const Request r(*request);
     with_method(r.tolerance.method, [&]<class Method>(Method) {
       predictive_covariance_packs<Pack<native_lanes>, Method>(M{}, r.points, request->theta, *nodes, max_lost, r.tolerance,

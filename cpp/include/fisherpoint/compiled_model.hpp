@@ -3,6 +3,8 @@
 
 #include <dlfcn.h>
 
+#include <new>
+#include <stdexcept>
 #include <string>
 
 #include "c_interface.hpp"
@@ -40,26 +42,35 @@ inline const Shape<TapeModel>& shape_of(const CompiledModel& model) { return mod
 
 namespace detail {
 
-inline FisherpointRequest request(const Points& points, const double* theta, bool per_point, const Tolerance& tolerance,
-                                  const Workers& workers) {
-  return {static_cast<std::int64_t>(points.count),
-          points.x0,
-          points.u,
-          points.dt,
-          theta,
-          per_point,
-          tolerance.cross_kinks,
-          static_cast<std::int32_t>(tolerance.method),
-          tolerance.whole_first,
-          workers.threads(),
-          tolerance.relative,
-          [](const void* asked) -> int { return static_cast<const Workers*>(asked)->interrupted(); },
-          &workers};
-}
-
-inline void raise(FisherpointOutcome outcome) {
-  if (outcome == fisherpoint_stopped) throw Interrupted{};
-  if (outcome == fisherpoint_failed) throw std::runtime_error("compiled model: expected memory enough, given too little");
+// Calls a kernel; throws what it could not.
+template <class Kernel, class... Rest>
+void ask(Kernel* kernel, const Points& points, const double* theta, bool per_point, const Tolerance& tolerance,
+         const Workers& workers, Rest... rest) {
+  char reason[fisherpoint_reason_size] = "";
+  const FisherpointRequest request{static_cast<std::int64_t>(points.count),
+                                   points.x0,
+                                   points.u,
+                                   points.dt,
+                                   theta,
+                                   per_point,
+                                   tolerance.cross_kinks,
+                                   static_cast<std::int32_t>(tolerance.method),
+                                   tolerance.whole_first,
+                                   workers.threads(),
+                                   tolerance.relative,
+                                   [](const void* asked) -> int { return static_cast<const Workers*>(asked)->interrupted(); },
+                                   &workers,
+                                   reason};
+  switch (kernel(&request, rest...)) {
+    case fisherpoint_done:
+      return;
+    case fisherpoint_stopped:
+      throw Interrupted{};
+    case fisherpoint_out_of_memory:
+      throw std::bad_alloc();
+    default:
+      throw std::runtime_error(std::string("compiled model: expected its kernel to end, given: ") + reason);
+  }
 }
 
 inline std::int32_t* plain(Status* status) { return reinterpret_cast<std::int32_t*>(status); }
@@ -68,28 +79,27 @@ inline std::int32_t* plain(Status* status) { return reinterpret_cast<std::int32_
 
 inline void simulate(const CompiledModel& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
                      const Workers& workers, const Trajectories& out) {
-  const auto request = detail::request(points, parameters.theta, parameters.per_point, tolerance, workers);
-  detail::raise(model.simulate_(&request, out.x, out.y, detail::plain(out.status)));
+  detail::ask(model.simulate_, points, parameters.theta, parameters.per_point, tolerance, workers, out.x, out.y,
+              detail::plain(out.status));
 }
 
 inline void sensitivities(const CompiledModel& model, const Points& points, const Parameters& parameters,
                           const Tolerance& tolerance, const Workers& workers, const SensitiveTrajectories& out) {
-  const auto request = detail::request(points, parameters.theta, parameters.per_point, tolerance, workers);
-  detail::raise(model.sensitivities_(&request, out.x, out.y, out.dx_dtheta, out.dy_dtheta, detail::plain(out.status)));
+  detail::ask(model.sensitivities_, points, parameters.theta, parameters.per_point, tolerance, workers, out.x, out.y,
+              out.dx_dtheta, out.dy_dtheta, detail::plain(out.status));
 }
 
 inline void chain(const CompiledModel& model, const Points& records, std::size_t pieces, const Parameters& parameters,
                   const Tolerance& tolerance, const Workers& workers, const ChainedStates& out) {
-  const auto request = detail::request(records, parameters.theta, parameters.per_point, tolerance, workers);
-  detail::raise(model.chain_(&request, static_cast<std::int64_t>(pieces), out.x, detail::plain(out.status), out.reached));
+  detail::ask(model.chain_, records, parameters.theta, parameters.per_point, tolerance, workers,
+              static_cast<std::int64_t>(pieces), out.x, detail::plain(out.status), out.reached);
 }
 
 inline void predictive_covariance(const CompiledModel& model, const Points& points, const double* nominal_theta,
                                   const PriorNodes& nodes, double max_lost, const Tolerance& tolerance, const Workers& workers,
                                   const PredictiveCovariances& out) {
-  const auto request = detail::request(points, nominal_theta, false, tolerance, workers);
-  detail::raise(model.predictive_covariance_(&request, &nodes, max_lost, out.covariance, detail::plain(out.status), out.redone,
-                                             out.lost, out.y));
+  detail::ask(model.predictive_covariance_, points, nominal_theta, false, tolerance, workers, &nodes, max_lost, out.covariance,
+              detail::plain(out.status), out.redone, out.lost, out.y);
 }
 
 }  // namespace fisherpoint

@@ -145,7 +145,7 @@ Dual<T, A> operator*(const S& s, const Dual<T, A>& a) {
 }
 template <class T, Variables A, Constant<T> S>
 Dual<T, A> operator/(const Dual<T, A>& a, const S& s) {
-  return a * S(1.0 / s);
+  return a * (1.0 / s);
 }
 template <class T, Variables A, Constant<T> S>
 Dual<T, A> operator/(const S& s, const Dual<T, A>& a) {

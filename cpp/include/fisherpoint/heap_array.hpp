@@ -1,13 +1,12 @@
-// Arrays whose size is known at run time only, as light as std::array to make and to drop: a thread keeps the memory of what it
-// dropped for the next array of that size.
+// Arrays whose size is known at run time only, nearly as light as std::array to make and to drop (shelves.hpp).
 #pragma once
 
 #include <algorithm>
 #include <cstddef>
-#include <memory>
+#include <type_traits>
 #include <utility>
-#include <vector>
 
+#include "shelves.hpp"
 #include "unroll.hpp"
 
 namespace fisherpoint {
@@ -17,9 +16,12 @@ template <class T>
 class HeapArray {
  public:
   HeapArray() = default;
-  explicit HeapArray(int n) : size_(n), values_(taken(n)) {}
+  explicit HeapArray(int n) : size_(n), values_(n ? static_cast<T*>(Shelves::take(n * sizeof(T))) : nullptr) {
+    static_assert(std::is_trivially_default_constructible_v<T> && std::is_trivially_destructible_v<T>);
+  }
   HeapArray(const HeapArray& other) : HeapArray(other.size_) { std::copy(other.begin(), other.end(), begin()); }
-  HeapArray(HeapArray&& other) noexcept : size_(std::exchange(other.size_, 0)), values_(std::move(other.values_)) {}
+  HeapArray(HeapArray&& other) noexcept
+      : size_(std::exchange(other.size_, 0)), values_(std::exchange(other.values_, nullptr)) {}
   HeapArray& operator=(const HeapArray& other) {
     if (size_ != other.size_) *this = HeapArray(other.size_);
     std::copy(other.begin(), other.end(), begin());
@@ -31,12 +33,12 @@ class HeapArray {
     return *this;
   }
   ~HeapArray() {
-    if (values_) drop(std::move(values_), size_);
+    if (values_) Shelves::drop(values_, size_ * sizeof(T));
   }
 
   std::size_t size() const { return size_; }
-  T* data() { return values_.get(); }
-  const T* data() const { return values_.get(); }
+  T* data() { return values_; }
+  const T* data() const { return values_; }
   T* begin() { return data(); }
   T* end() { return data() + size_; }
   const T* begin() const { return data(); }
@@ -47,34 +49,8 @@ class HeapArray {
   friend bool operator==(const HeapArray& a, const HeapArray& b) { return std::equal(a.begin(), a.end(), b.begin(), b.end()); }
 
  private:
-  using Shelf = std::vector<std::unique_ptr<T[]>>;
-  struct Shelves {
-    std::vector<Shelf> of_size;
-    ~Shelves() { gone = true; }
-    static inline thread_local bool gone = false;  // at the end of a thread, other things of it may be dropped later
-  };
-
-  // What this thread has dropped of size n. Not inlined: hot functions, into which everything is, take many arrays.
-  static Shelf& shelf(int n) {
-    static thread_local Shelves shelves;
-    if (static_cast<int>(shelves.of_size.size()) <= n) shelves.of_size.resize(n + 1);
-    return shelves.of_size[n];
-  }
-  [[gnu::noinline]] static void drop(std::unique_ptr<T[]> values, int n) {
-    if (!Shelves::gone) shelf(n).push_back(std::move(values));
-  }
-  [[gnu::noinline]] static std::unique_ptr<T[]> taken(int n) {
-    if (n == 0) return nullptr;
-    if (Shelves::gone) return std::unique_ptr<T[]>(new T[n]);
-    Shelf& free = shelf(n);
-    if (free.empty()) return std::unique_ptr<T[]>(new T[n]);
-    std::unique_ptr<T[]> values = std::move(free.back());
-    free.pop_back();
-    return values;
-  }
-
   int size_ = 0;
-  std::unique_ptr<T[]> values_;
+  T* values_ = nullptr;
 };
 
 }  // namespace fisherpoint

@@ -18,6 +18,7 @@
 #include "quartic.hpp"
 #include "runge_kutta.hpp"
 #include "shape.hpp"
+#include "shelves.hpp"
 #include "status.hpp"
 #include "unroll.hpp"
 
@@ -40,6 +41,9 @@ struct Step {
   typename Equation::Number size;
   typename Equation::Side side;
 };
+
+template <class Equation>
+using Steps = ShelfVector<Step<Equation>>;
 
 template <class P>
 struct Outcome {
@@ -88,7 +92,7 @@ class Integrator {
   // Integrates y over `duration`; a lane of duration 0 rests. On return y is the end state or, where the status is not ok, the
   // last state that was reached. Where `first_step` is 0 the integrator chooses it. The steps that are taken are added to
   // `steps`.
-  Outcome<P> run(State& y, const P& duration, const P& first_step, std::vector<Step<Equation>>* steps = nullptr) {
+  Outcome<P> run(State& y, const P& duration, const P& first_step, Steps<Equation>* steps = nullptr) {
     steps_ = steps;
     begin(y, duration, first_step);
     while (any(running_)) {
@@ -362,7 +366,7 @@ class Integrator {
   double weight_;
   double landing_;  // how near to a kink a step must end to be moved onto it, as a share of the step
   Outcome<P> outcome_;
-  std::vector<Step<Equation>>* steps_ = nullptr;
+  Steps<Equation>* steps_ = nullptr;
 
   // Where the lanes are.
   Mask running_, rejected_;   // rejected: the last try failed its error test

@@ -33,16 +33,38 @@ typedef std::int64_t NativeMask __attribute__((vector_size(16)));
 #endif
 inline constexpr int native_lanes = register_bytes / sizeof(double);
 
-// Square root and quotient, to within one unit in the last place at every level. AVX-512 machines have one slow divider for
-// both, so there they come from the 14-bit estimates of the reciprocals, by one step of Newton's method to 28 bits and one that
-// corrects the result by its remainder, and run on the multipliers. There a quotient is NaN where the divisor is 0 or infinite.
+// Square root and quotient, to within one unit in the last place at every level, and of zeros, infinities and NaN what IEEE 754
+// says, but for the sign of a zero. AVX-512 machines have one slow divider for both, so there they come from the 14-bit
+// estimates of the reciprocals, by one step of Newton's method to 28 bits and one that corrects the result by its remainder,
+// and run on the multipliers; where such a step meets 0 times infinity, what it started from is right already. (A divisor below
+// 1e-308, of which there is no reciprocal, counts as 0.)
 #if defined(__AVX512F__)
-// sqrt(a) and 1 / (2 sqrt(a)), the latter to 28 bits; 0 and 0 for 0.
+// What becomes of a number, by the class of another: four bits for each class, in the order of _mm512_fixupimm_pd.
+enum class NumberClass { quiet_nan, signalling_nan, zero, one, minus_infinity, infinity, negative, positive };
+enum class Becomes { itself, the_other, infinity = 5, zero = 8 };
+constexpr int in_class(NumberClass c, Becomes what) { return static_cast<int>(what) << 4 * static_cast<int>(c); }
+
+template <int table>
+NativeVector by_class(NativeVector a, NativeVector other) {
+  return _mm512_fixupimm_pd(a, other, _mm512_set1_epi64(table), 0);
+}
+
+// `better`, or where that is NaN, a.
+inline NativeVector unless_nan(NativeVector a, NativeVector better) {
+  using enum NumberClass;
+  constexpr auto taken = Becomes::the_other;
+  return by_class<(in_class(zero, taken) | in_class(one, taken) | in_class(minus_infinity, taken) | in_class(infinity, taken) |
+                   in_class(negative, taken) | in_class(positive, taken))>(a, better);
+}
+
+// sqrt(a) and 1 / (2 sqrt(a)), the latter to 28 bits, or NaN for 0 and infinity.
 inline std::pair<NativeVector, NativeVector> estimated_root(NativeVector a) {
-  const NativeVector y = _mm512_maskz_rsqrt14_pd(_mm512_cmp_pd_mask(a, _mm512_setzero_pd(), _CMP_NEQ_UQ), a);
+  using enum NumberClass;
+  const NativeVector y = _mm512_maskz_rsqrt14_pd(0xff, a);
   const NativeVector g = a * y, h = 0.5 * y, r = 0.5 - g * h;
   const NativeVector root = g + g * r, half_inverse = h + h * r;
-  return {root + (a - root * root) * half_inverse, half_inverse};
+  constexpr int exact = in_class(zero, Becomes::the_other) | in_class(infinity, Becomes::the_other);
+  return {by_class<exact>(root + (a - root * root) * half_inverse, a), half_inverse};
 }
 #endif
 
@@ -62,8 +84,10 @@ inline NativeVector native_sqrt(NativeVector a) {
 // sqrt(a) and its derivative 1 / (2 sqrt(a)).
 inline std::pair<NativeVector, NativeVector> native_root_and_slope(NativeVector a) {
 #if defined(__AVX512F__)
+  using enum NumberClass;
   const auto [root, h] = estimated_root(a);
-  return {root, h + h * (1.0 - 2.0 * (root * h))};
+  constexpr int limits = in_class(zero, Becomes::infinity) | in_class(infinity, Becomes::zero);
+  return {root, by_class<limits>(h + h * (1.0 - 2.0 * (root * h)), a)};
 #else
   const NativeVector root = native_sqrt(a);
   return {root, 0.5 / root};
@@ -72,10 +96,9 @@ inline std::pair<NativeVector, NativeVector> native_root_and_slope(NativeVector 
 
 inline NativeVector native_quotient(NativeVector a, NativeVector b) {
 #if defined(__AVX512F__)
-  NativeVector y = _mm512_maskz_rcp14_pd(0xff, b);
-  y = y + y * (1.0 - b * y);
+  const NativeVector rough = _mm512_maskz_rcp14_pd(0xff, b), y = unless_nan(rough, rough + rough * (1.0 - b * rough));
   const NativeVector q = a * y;
-  return q + (a - b * q) * y;
+  return unless_nan(q, q + (a - b * q) * y);
 #else
   return a / b;
 #endif

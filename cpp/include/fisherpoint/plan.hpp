@@ -71,7 +71,7 @@ class Planner {
 
   // `nominal`: the steps of the nominal trajectory, in lane 0. None where too many pilots are no trajectories, or no number of
   // steps is enough: then every node is for the adaptive loop.
-  std::optional<Plan<M>> plan(const std::vector<Step<Equation>>& nominal, double rtol) const {
+  std::optional<Plan<M>> plan(const Steps<Equation>& nominal, double rtol) const {
     std::vector<Stretch<M>> stretches = between_kinks(nominal);
     if (stretches.empty()) return std::nullopt;
 
@@ -132,7 +132,7 @@ class Planner {
 
  private:
   // One stretch for every run of steps on the same sides; none where the time of a kink on the way depends on theta.
-  std::vector<Stretch<M>> between_kinks(const std::vector<Step<Equation>>& steps) const {
+  std::vector<Stretch<M>> between_kinks(const Steps<Equation>& steps) const {
     std::vector<Stretch<M>> stretches;
     for (const auto& step : steps) {
       const double size = lanes_of<P>::get(step.size, 0);

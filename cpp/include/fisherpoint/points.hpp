@@ -10,6 +10,7 @@
 
 #include "pack.hpp"
 #include "shape.hpp"
+#include "status.hpp"
 #include "workers.hpp"
 
 namespace fisherpoint {
@@ -53,6 +54,14 @@ void set_lanes(auto& packs, const double* from) {
   for (auto& pack : packs) pack = std::remove_cvref_t<decltype(pack)>(*from++);
 }
 
+// The lanes in which every number is finite.
+template <class P>
+mask_of_lanes<P> finite(const auto& packs) {
+  P sum(0.0);  // of zeros, unless a number is infinite or NaN
+  for (const P& pack : packs) sum += P(0.0) * pack;
+  return sum <= P(0.0);
+}
+
 // Lanes = points[rows[0]], points[rows[1]], ...; the lanes behind the last rest.
 template <class M, class P>
 struct PointPack {
@@ -77,6 +86,18 @@ struct PointPack {
     }
   }
 };
+
+// Where trajectories ended, how, and what was measured there, into the rows of `out`; with an end or outputs that are not
+// finite a trajectory is not ok.
+template <class P>
+void store_ends(const auto& x, const auto& y, const auto& status, std::span<const std::size_t> rows, const auto& out) {
+  const mask_of_lanes<P> whole = finite<P>(x) & finite<P>(y);
+  for (int lane = 0; lane < static_cast<int>(rows.size()); ++lane) {
+    get_lane(x, lane, out.x + rows[lane] * x.size());
+    get_lane(y, lane, out.y + rows[lane] * y.size());
+    out.status[rows[lane]] = status[lane] == Status::ok && !lanes_of<P>::get(whole, lane) ? Status::not_finite : status[lane];
+  }
+}
 
 // work(rows) for all points in packs of `width`, in the given order.
 inline void in_packs(const Workers& workers, std::span<const std::size_t> order, std::size_t width, auto&& work) {

@@ -2,10 +2,12 @@
 // = nodes of one point, streamed.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <limits>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "integrate.hpp"
@@ -136,20 +138,25 @@ auto sum_over_nodes(const M& model, const PointOverPrior<M>& point, const PriorN
     if (point.plan)
       believed = point.plan->believed(
           Replay<M, P, Method>(equation).run(x, point.plan->stretches, Remembered{point.plan->shared.data()}));
+    std::array<Status, width> status{};
     if (any(!believed & (duration > P(0.0)))) {
       duration = select(believed, P(0.0), duration);
       for (int lane = 0; lane < width; ++lane) chunk.redone += lanes_of<P>::get(duration, lane) > 0.0;
-      const auto status = redo<Method>(equation, tolerance, start, duration, P(point.first_step), x);
-      for (int lane = 0; lane < width; ++lane) {
-        if (status[lane] == Status::ok) continue;
-        if (chunk.status == Status::ok) chunk.status = status[lane];
-        if (strict) return chunk;
-        chunk.lost += std::abs(lanes_of<P>::get(weight, lane));
-        lanes_of<P>::set(weight, lane, 0.0);
-        lanes_of<P>::set(counts, lane, 0.0);
-      }
+      status = redo<Method>(equation, tolerance, start, duration, P(point.first_step), x);
     }
     auto deviation = equation.output(x);
+    const mask_of_lanes<P> overflowed = !finite<P>(deviation) & (counts > P(0.0));
+    if (any(overflowed))
+      for (int lane = 0; lane < width; ++lane)
+        if (status[lane] == Status::ok && lanes_of<P>::get(overflowed, lane)) status[lane] = Status::not_finite;
+    for (int lane = 0; lane < width; ++lane) {
+      if (status[lane] == Status::ok) continue;
+      if (chunk.status == Status::ok) chunk.status = status[lane];
+      if (strict) return chunk;
+      chunk.lost += std::abs(lanes_of<P>::get(weight, lane));
+      lanes_of<P>::set(weight, lane, 0.0);
+      lanes_of<P>::set(counts, lane, 0.0);
+    }
     if (y)
       for (int lane = 0; lane < width && first + lane < end; ++lane) get_lane(deviation, lane, y + (first + lane) * n_y);
     for_each_index(n_y, [&](auto i) {
@@ -184,14 +191,14 @@ Status prepare(const M& model, const Pilots& pilots, const Tolerance& tolerance,
   P duration(0.0);
   lanes_of<P>::set(duration, 0, point.dt);
   const Equation equation(model, theta, u);
-  std::vector<Step<Equation>> steps;
+  Steps<Equation> steps;
   const auto outcome = Integrator<Equation, Method>(equation, tolerance).run(x, duration, P(0.0), &steps);
   if (outcome.status[0] != Status::ok) return outcome.status[0];
   point.first_step = lanes_of<P>::get(outcome.first_step, 0);
   point.nominal_y = of_lane(equation.output(x), shape.outputs);
   point.plan = Planner<M, P, Method>(model, point.x0, point.u, pilots).plan(steps, tolerance.relative);
   if (point.plan) point.nominal_y = point.plan->nominal_y;
-  return Status::ok;
+  return finite<double>(point.nominal_y) ? Status::ok : Status::not_finite;
 }
 
 // Nodes that are not ok exclude their point where their share of the absolute weight exceeds `max_lost`; with 0 any one does.
@@ -254,6 +261,9 @@ void predictive_covariance_packs(const M& model, const Points& points, const dou
     int at = 0;
     for (int i = 0; i < n_y; ++i)
       for (int j = i; j < n_y; ++j) covariance[i * n_y + j] = covariance[j * n_y + i] = all.sum.product[at++] / all.sum.weight;
+    if (finite<double>(std::span(covariance, n_y * n_y))) continue;  // products overflow where no output does
+    out.status[k] = Status::not_finite;
+    std::fill_n(covariance, n_y * n_y, 0.0);
   }
 }
 

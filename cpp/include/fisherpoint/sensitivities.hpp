@@ -7,6 +7,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 #include <span>
@@ -25,38 +26,47 @@ struct SensitiveTrajectories {
   Status* status;                 // (count,)
 };
 
-template <class M>
-struct PointStep {
-  double size;
-  typename ArraysOf<M, double>::Sides side;
-};
-
 // The steps that a point takes; none where nothing is to be done any more.
 template <class M>
-using PointPath = std::vector<PointStep<M>>;
+struct PointPath {
+  struct Run {  // of steps on the same sides
+    std::size_t end;
+    typename ArraysOf<M, double>::Sides side;
+  };
+  ShelfVector<double> sizes;
+  ShelfVector<Run> runs;
+
+  std::size_t size() const { return sizes.size(); }
+  void push_back(double size, const typename ArraysOf<M, double>::Sides& side) {
+    if (runs.empty() || runs.back().side != side) runs.push_back({0, side});
+    sizes.push_back(size);
+    runs.back().end = sizes.size();
+  }
+};
 
 // The columns need finer steps than the states.
 inline constexpr double first_refinement = 1.4;
 
 // The same path in about `factor` times as many steps, whose sizes change along it as they did.
 template <class M>
-PointPath<M> refined(const PointPath<M>& steps, double factor) {
+PointPath<M> refined(const PointPath<M>& path, double factor) {
   PointPath<M> finer;
-  finer.reserve(static_cast<std::size_t>(factor * steps.size()) + 4);
-  for (std::size_t first = 0; first < steps.size();) {
-    std::size_t last = first;  // of the steps on the same sides
-    while (last + 1 < steps.size() && steps[last + 1].side == steps[first].side) ++last;
-    const double coarse = static_cast<double>(last + 1 - first), parts = std::ceil(coarse * factor);
+  finer.sizes.reserve(static_cast<std::size_t>(factor * path.size()) + path.runs.size());
+  finer.runs.reserve(path.runs.size());
+  std::size_t first = 0;
+  for (const auto& run : path.runs) {
+    const double coarse = static_cast<double>(run.end - first), parts = std::ceil(coarse * factor);
     std::size_t n = first;
     double rest = 1.0;  // of step n, as a share of it
     for (int part = 0; part < parts; ++part) {
       double share = coarse / parts, size = 0.0;
-      for (; share > rest && n < last; rest = 1.0) size += rest * steps[n++].size, share -= rest;
+      for (; share > rest && n + 1 < run.end; rest = 1.0) size += rest * path.sizes[n++], share -= rest;
       const double taken = part + 1 < parts ? std::min(share, rest) : rest;
-      finer.push_back({size + taken * steps[n].size, steps[n].side});
+      finer.sizes.push_back(size + taken * path.sizes[n]);
       rest -= taken;
     }
-    first = last + 1;
+    finer.runs.push_back({finer.sizes.size(), run.side});
+    first = run.end;
   }
   return finer;
 }
@@ -68,28 +78,22 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
   using Equation = StateEquation<M, P>;
   const auto shape = shape_of(model);
   const std::size_t n_x = shape.states, n_y = shape.outputs, p = shape.parameters;
-  static thread_local std::vector<Step<Equation>> steps;  // kept, so that a pack allocates nothing
-  static thread_local PointPath<M> taken;
+  Steps<Equation> steps;
   const PointPack<M, P> pack(shape, points, parameters, rows);
   const Equation equation(model, pack.theta, pack.u);
   auto x = pack.x0;
-  steps.clear();
   const auto outcome =
       Integrator<Equation, Method>(equation, tolerance).run(x, pack.dt, tolerance.whole_first ? pack.dt : P(0.0), &steps);
-  const auto y = equation.output(x);
+  store_ends<P>(x, equation.output(x), outcome.status, rows, out);
   for (int lane = 0; lane < pack.used; ++lane) {
     const std::size_t k = rows[lane];
-    out.status[k] = outcome.status[lane];
-    get_lane(x, lane, out.x + k * n_x);
-    get_lane(y, lane, out.y + k * n_y);
     std::fill_n(out.dx_dtheta + k * n_x * p, n_x * p, 0.0);
     std::fill_n(out.dy_dtheta + k * n_y * p, n_y * p, 0.0);
     if (out.status[k] != Status::ok) continue;
-    taken.clear();
+    PointPath<M> taken;
     for (const auto& step : steps) {
       const double size = lanes_of<P>::get(step.size, lane);
-      if (size == 0.0) continue;
-      taken.push_back({size, of_lane(step.side, shape.sides, lane)});
+      if (size != 0.0) taken.push_back(size, of_lane(step.side, shape.sides, lane));
     }
     paths[k] = refined<M>(taken, first_refinement);
   }
@@ -106,16 +110,19 @@ void follow_paths(const M& model, const Points& points, const Parameters& parame
   Tangents<M, P, Method> tangents(equation, pack.x0);
   std::size_t longest = 0;
   for (const std::size_t k : rows) longest = std::max(longest, paths[k].size());
+  typename VariationalEquation<M, P>::Side side;
+  fit(side, shape.sides);
+  side.fill(P(1.0));
+  std::array<std::size_t, lanes_of<P>::width> run{}, run_end{};  // of every lane: which is next, and where the current one ends
   for (std::size_t n = 0; n < longest; ++n) {
     P size(0.0);
-    typename VariationalEquation<M, P>::Side side;
-    fit(side, shape.sides);
-    side.fill(P(1.0));
     for (int lane = 0; lane < pack.used; ++lane) {
       const auto& path = paths[rows[lane]];
       if (n >= path.size()) continue;
-      lanes_of<P>::set(size, lane, path[n].size);
-      set_lane(side, lane, path[n].side.data());
+      lanes_of<P>::set(size, lane, path.sizes[n]);
+      if (n < run_end[lane]) continue;
+      set_lane(side, lane, path.runs[run[lane]].side.data());
+      run_end[lane] = path.runs[run[lane]++].end;
     }
     tangents.advance(size, side);
   }
@@ -123,9 +130,7 @@ void follow_paths(const M& model, const Points& points, const Parameters& parame
   const P error = tangents.relative_error();
   typename StateEquation<M, P>::Output y;
   fit(y, shape.outputs);
-  static thread_local std::vector<P> dx, dy;
-  dx.resize(n_x * p);
-  dy.resize(n_y * p);
+  ShelfVector<P> dx(n_x * p), dy(n_y * p);
   equation.output(tangents.x, tangents.s, y, dy);
   for_each_index(shape.states, [&](auto i) {
     for_each_index(shape.parameters, [&](auto j) {
@@ -134,24 +139,29 @@ void follow_paths(const M& model, const Points& points, const Parameters& parame
         dx[i * p + j] = tangents.s[equation.dependence.column_start[j] + detail::below(equation.dependence.rows(j), i)];
     });
   });
+  const mask_of_lanes<P> whole = finite<P>(tangents.x) & finite<P>(y) & finite<P>(dx) & finite<P>(dy);
   for (int lane = 0; lane < pack.used; ++lane) {
     const std::size_t k = rows[lane];
     const double excess = lanes_of<P>::get(error, lane) / (Method::allowed_estimate * tolerance.relative);
     if (excess <= 1.0) {
+      paths[k] = PointPath<M>();
+      if (!lanes_of<P>::get(whole, lane)) {
+        out.status[k] = Status::not_finite;
+        continue;
+      }
       get_lane(tangents.x, lane, out.x + k * n_x);
       get_lane(y, lane, out.y + k * n_y);
       get_lane(dx, lane, out.dx_dtheta + k * n_x * p);
       get_lane(dy, lane, out.dy_dtheta + k * n_y * p);
-      paths[k].clear();
       continue;
     }
-    const bool finite = excess < 1e100;
-    const double factor = finite ? std::clamp(1.1 * std::pow(excess, 1.0 / Method::order), 1.1, 4.0) : 2.0;
+    const bool known = excess < 1e100;
+    const double factor = known ? std::clamp(1.1 * std::pow(excess, 1.0 / Method::order), 1.1, 4.0) : 2.0;
     if (factor * paths[k].size() <= tolerance.max_attempts) {
       paths[k] = refined<M>(paths[k], factor);
     } else {
-      paths[k].clear();
-      out.status[k] = finite ? Status::step_limit : Status::not_finite;
+      paths[k] = PointPath<M>();
+      out.status[k] = known ? Status::step_limit : Status::not_finite;
     }
   }
 }
@@ -159,15 +169,18 @@ void follow_paths(const M& model, const Points& points, const Parameters& parame
 template <class P, class Method, class M>
 void sensitivity_packs(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
                        const Workers& workers, const SensitiveTrajectories& out) {
-  constexpr std::size_t width = lanes_of<P>::width;
+  constexpr std::size_t width = lanes_of<P>::width, batch = 8192;
   std::vector<PointPath<M>> paths(points.count);
-  std::vector<std::size_t> todo = by_duration(points);
-  in_packs(workers, todo, width,
-           [&](auto rows) { find_paths<P, Method>(model, points, parameters, tolerance, rows, paths, out); });
-  while (std::erase_if(todo, [&](auto k) { return paths[k].empty(); }), !todo.empty()) {
-    std::stable_sort(todo.begin(), todo.end(), [&](auto a, auto b) { return paths[a].size() < paths[b].size(); });
+  const std::vector<std::size_t> order = by_duration(points);
+  for (std::size_t from = 0; from < order.size(); from += batch) {  // so that the paths' memory does not grow with the points
+    std::vector<std::size_t> todo(order.begin() + from, order.begin() + std::min(from + batch, order.size()));
     in_packs(workers, todo, width,
-             [&](auto rows) { follow_paths<P, Method>(model, points, parameters, tolerance, rows, paths, out); });
+             [&](auto rows) { find_paths<P, Method>(model, points, parameters, tolerance, rows, paths, out); });
+    while (std::erase_if(todo, [&](auto k) { return paths[k].size() == 0; }), !todo.empty()) {
+      std::stable_sort(todo.begin(), todo.end(), [&](auto a, auto b) { return paths[a].size() < paths[b].size(); });
+      in_packs(workers, todo, width,
+               [&](auto rows) { follow_paths<P, Method>(model, points, parameters, tolerance, rows, paths, out); });
+    }
   }
 }
 

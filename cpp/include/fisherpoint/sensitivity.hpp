@@ -7,6 +7,7 @@
 
 #include "dependence.hpp"
 #include "dual.hpp"
+#include "shelves.hpp"
 #include "state_equation.hpp"
 
 namespace fisherpoint {
@@ -62,7 +63,7 @@ class VariationalEquation : public Shape<M> {
   }
 
   // y = g, and dy/dtheta = g_x S + g_theta, (n_y, p) row by row.
-  void output(const State& x, const Columns<M, P>& s, typename Plain::Output& y, std::vector<P>& dy_dtheta) const {
+  void output(const State& x, const Columns<M, P>& s, typename Plain::Output& y, ShelfVector<P>& dy_dtheta) const {
     const auto g = model_.output(as_variables<0, n_x, P>(x), u_, as_variables<n_x, p, P>(theta_));
     for_each_index(Shape<M>::outputs, [&](auto i) {
       const auto& g_i = std::get<i>(g);

@@ -23,12 +23,7 @@ void simulate_packs(const M& model, const Points& points, const Parameters& para
     const Equation equation(model, pack.theta, pack.u);
     auto x = pack.x0;
     const auto outcome = Integrator<Equation, Method>(equation, tolerance).run(x, pack.dt, P(0.0));
-    const auto y = equation.output(x);
-    for (int lane = 0; lane < pack.used; ++lane) {
-      get_lane(x, lane, out.x + rows[lane] * shape.states);
-      get_lane(y, lane, out.y + rows[lane] * shape.outputs);
-      out.status[rows[lane]] = outcome.status[lane];
-    }
+    store_ends<P>(x, equation.output(x), outcome.status, rows, out);
   });
 }
 

@@ -247,7 +247,7 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
     for (P& entry : jacobian.by_theta) entry = rates_.output(at++);
   }
 
-  void output(const State& x, const Columns<TapeModel, P>& s, typename Plain::Output& y, std::vector<P>& dy_dtheta) const {
+  void output(const State& x, const Columns<TapeModel, P>& s, typename Plain::Output& y, ShelfVector<P>& dy_dtheta) const {
     output_.run(x);
     int at = 0;
     for (P& value : y) value = output_.output(at++);

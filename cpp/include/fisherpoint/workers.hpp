@@ -2,19 +2,42 @@
 // reduced in item order afterwards, so that they are the same to the last bit for any number of threads.
 #pragma once
 
+#include <sys/mman.h>
+
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstddef>
 #include <exception>
 #include <functional>
+#include <memory>
 #include <mutex>
+#include <new>
+#include <system_error>
 #include <thread>
 #include <vector>
+
+#include "shelves.hpp"
 
 namespace fisherpoint {
 
 struct Interrupted : std::exception {
   const char* what() const noexcept override { return "interrupted"; }
+};
+
+// Address space that is kept free for a thread to begin with: one that finds no memory for its own variables ends the process.
+class Room {
+ public:
+  Room() : at_(mmap(nullptr, size, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0)) {
+    if (at_ == MAP_FAILED) throw std::bad_alloc();
+  }
+  ~Room() { munmap(at_, size); }
+  Room(const Room&) = delete;
+  Room& operator=(const Room&) = delete;
+
+ private:
+  static constexpr std::size_t size = 1 << 20;
+  void* at_;
 };
 
 class Workers {
@@ -27,14 +50,16 @@ class Workers {
   int threads() const { return threads_; }
   bool interrupted() const { return interrupted_(); }
 
-  // work(item) for every item in [0, items), on the calling thread and threads - 1 others. An item should take well under a
-  // tenth of a second. The first exception stops the work and is thrown again here.
+  // work(item) for every item in [0, items), on the calling thread and threads - 1 others, or as many as the system lets start.
+  // An item should take well under a tenth of a second. The first exception stops the work and is thrown again here.
   void for_each(std::size_t items, const std::function<void(std::size_t)>& work) const {
     std::atomic<std::size_t> next{0};
     std::atomic<bool> stop{false};
     std::exception_ptr failure;
     std::mutex failing;
     const auto drain = [&](const std::function<bool()>& asked) {
+      const Shelves shelves;
+      [[maybe_unused]] const volatile int none = std::uncaught_exceptions();  // makes what a first exception would make
       try {
         auto last_asked = std::chrono::steady_clock::now();
         while (!stop.load(std::memory_order_relaxed)) {
@@ -55,8 +80,16 @@ class Workers {
     };
     {
       std::vector<std::jthread> others;
-      const std::size_t wanted = threads_ > 1 ? std::size_t(threads_) - 1 : 0;
-      for (std::size_t i = 0; i < wanted && i + 1 < items; ++i) others.emplace_back([&] { drain({}); });
+      const std::size_t wanted = items > 1 && threads_ > 1 ? std::min(std::size_t(threads_), items) - 1 : 0;
+      try {
+        for (std::size_t i = 0; i < wanted; ++i)
+          others.emplace_back([&drain, room = std::make_unique<Room>()]() mutable {
+            room.reset();
+            drain({});
+          });
+      } catch (const std::system_error&) {
+      } catch (const std::bad_alloc&) {
+      }
       drain(interrupted_);
     }
     if (failure) std::rethrow_exception(failure);

@@ -1,0 +1,90 @@
+#include <doctest/doctest.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <vector>
+
+#include "fisherpoint/heap_array.hpp"
+#include "fisherpoint/workers.hpp"
+
+using namespace fisherpoint;
+
+TEST_CASE("what is dropped is given out again, while its thread works") {
+  const Shelves shelves;
+  void* const block = Shelves::take(100);
+  void* const other = Shelves::take(1000);
+  Shelves::drop(block, 100);
+  Shelves::drop(other, 1000);
+  CHECK(Shelves::take(128) == block);  // of as many cache lines
+  CHECK(Shelves::take(1000) == other);
+  {
+    const Shelves inner;
+    Shelves::drop(block, 100);
+  }
+  CHECK(Shelves::take(64) != nullptr);
+  Shelves::drop(other, 1000);
+}
+
+TEST_CASE("arrays outlive the shelves that they came from, and may be dropped by another thread") {
+  std::vector<HeapArray<double>> arrays(1000);
+  Workers(4).for_each(arrays.size(), [&](std::size_t i) {
+    HeapArray<double> array(static_cast<int>(1 + i % 7));
+    array.fill(static_cast<double>(i));
+    arrays[i] = array;
+  });
+  Workers(4).for_each(arrays.size(), [&](std::size_t i) {
+    const auto& array = arrays[arrays.size() - 1 - i];
+    CHECK(array.size() == 1 + (arrays.size() - 1 - i) % 7);
+    for (const double value : array) CHECK(value == static_cast<double>(arrays.size() - 1 - i));
+  });
+  Workers(4).for_each(arrays.size(), [&](std::size_t i) { arrays[arrays.size() - 1 - i] = HeapArray<double>(3); });
+  const HeapArray<double> none(0), copy = none;
+  CHECK(copy == none);
+  CHECK(copy.size() == 0);
+}
+
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // which take more memory than any limit here
+// Runs `work` in a process that can get no more memory than it has; its exit status, or -1 where it died of a signal.
+static int with_no_memory_left(auto&& work) {
+  const pid_t child = fork();
+  if (child == 0) {
+    const rlimit none{0, 0};
+    setrlimit(RLIMIT_AS, &none);
+    setrlimit(RLIMIT_DATA, &none);
+    _exit(work());
+  }
+  int status = 0;
+  waitpid(child, &status, 0);
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+TEST_CASE("where memory is short, taking throws and dropping does not") {
+  std::vector<HeapArray<double>> arrays(1000, HeapArray<double>(50));
+  arrays.reserve(100000);
+  CHECK(with_no_memory_left([&] {
+          bool thrown = false;
+          try {
+            while (arrays.size() < arrays.capacity()) arrays.emplace_back(1 << 12);
+          } catch (const std::bad_alloc&) {
+            thrown = true;
+          }
+          const Shelves shelves;
+          for (auto& array : arrays) HeapArray<double>(std::move(array));
+          arrays.clear();
+          return thrown ? 7 : 8;
+        }) == 7);
+}
+
+TEST_CASE("where no thread can start, the calling one does the work") {
+  CHECK(with_no_memory_left([] {
+          int done = 0;  // by this thread alone
+          try {
+            Workers(8).for_each(100, [&](std::size_t) { ++done; });
+          } catch (...) {
+            return 9;
+          }
+          return done;
+        }) == 100);
+}
+#endif
