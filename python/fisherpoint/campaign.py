@@ -25,7 +25,7 @@ from .experiments import Experiments
 from .extras import needed_for
 from .messages import shown
 from .problem import DesignProblem
-from .quantity import Array, FrozenMapping, as_float, as_path, check_known, check_positive_int, names_of
+from .quantity import Array, FrozenMapping, as_float, check_known, check_positive_int, names_of
 from .trajectories import check_type, resolve_threads
 
 _NOT_SETTINGS = ("n_experiments", "seed", "time_limit")
@@ -301,9 +301,10 @@ class Campaign:
     def plot(self, path: str | Path) -> None:
         """Draw the relative standard errors over the batches, with the targets as lines; needs matplotlib."""
         with needed_for("plot"):
+            from .plot_style import save_figure
             from .plots_campaign import plot_campaign
 
-        plot_campaign(self).savefig(as_path(path, "path"), dpi=150)
+        save_figure(plot_campaign(self), path)
 
     def __repr__(self) -> str:
         stage = "all targets met" if self.done else "a batch to measure" if self.planned is not None else "a batch to design"

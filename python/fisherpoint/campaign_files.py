@@ -12,9 +12,6 @@ it. Tables of a batch that campaign.json does not have yet will be written again
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -26,7 +23,7 @@ from .data import Measurements
 from .data.measurement_files import measurements_csv
 from .design import ExchangeSettings, problem_from_json, versions
 from .experiments import Experiments
-from .files import built_from, parse_json, write_whole
+from .files import built_from, parse_json, sealed_json, write_whole
 from .messages import printable
 from .models import Model
 from .quantity import FrozenMapping, as_path
@@ -99,10 +96,6 @@ class CampaignFiles:
         path = cls.path_in(directory)
         given = path.read_bytes()
         data = parse_json(path, given, FORMAT, FORMAT_VERSION)
-        if data.pop("sha256", None) != _digest(data):
-            raise ValueError(
-                f"{printable(path)}: expected the file as it was written, given one that was changed (its SHA-256 differs)"
-            )
         state = built_from(path, "campaign", data, _state_from_json)
         files = cls(directory, data["problem"])
         files._last = given
@@ -128,17 +121,12 @@ class CampaignFiles:
             )
 
     def _write(self, state: State) -> None:
-        data = _state_to_json(state, self.problem_json)
-        text = json.dumps(data | {"sha256": _digest(data)}, indent=1, allow_nan=False) + "\n"
+        text = sealed_json(_state_to_json(state, self.problem_json))
         write_whole(self.path, text)
         self._last = text.encode()
 
     def _data_path(self, number: int) -> Path:
         return self.directory / f"data_{number}.csv"
-
-
-def _digest(data: Mapping[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(data, separators=(",", ":")).encode()).hexdigest()
 
 
 def _state_to_json(state: State, problem_json: dict[str, Any]) -> dict[str, Any]:

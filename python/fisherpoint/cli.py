@@ -36,10 +36,11 @@ try:
     from .cli_estimate import estimate
     from .cli_validate import validate
     from .config import ConfigError, load_config
-    from .files import write_whole
+    from .design import PICTURES
+    from .files import write_together, write_whole
     from .report import design_report, evaluation_report, simulation_report, to_text
     from .results import Evaluated, evaluate_points, parameter_frame, simulation_frame
-    from .terminal import make_directory, read_data, show
+    from .terminal import check_file, make_directory, read_data, show
 except ModuleNotFoundError as missing:
     if (missing.name or "").startswith("fisherpoint"):
         raise
@@ -105,7 +106,7 @@ def design(
         return INTERRUPTED
     found.save(output)
     report = design_report(found)
-    (output / "report.txt").write_text(to_text(report), encoding="utf-8")
+    write_whole(output / "report.txt", to_text(report))
     if not quiet:
         show(report)
     written = ["design.csv", "design.json", "report.txt"]
@@ -132,14 +133,15 @@ def evaluate(
     config = load_config(file)
     problem = config.problem()
     save_pictures = _picture_writer(output) if output else None
+    experiments = read_data(points, "points", fp.Experiments.from_csv, config.build_model())
     if output:
         make_directory(output)
-    evaluated = evaluate_points(problem, read_data(points, "points", fp.Experiments.from_csv, config.build_model()))
+    evaluated = evaluate_points(problem, experiments)
     report = evaluation_report(evaluated)
     show(report)
     if output and save_pictures:
-        (output / "report.txt").write_text(to_text(report), encoding="utf-8")
-        parameter_frame(problem, evaluated.under_noise).to_csv(output / "parameters.csv")
+        table = parameter_frame(problem, evaluated.under_noise).to_csv()
+        write_together(output, {"parameters.csv": table, "report.txt": to_text(report)}, stale=PICTURES[1:])
         save_pictures(evaluated)
     return 0
 
@@ -156,6 +158,8 @@ def simulate(
     config = load_config(file)
     model, prior = config.build_model(), config.build_prior()
     experiments = read_data(points, "points", fp.Experiments.from_csv, config.build_model())
+    if output:
+        check_file(output)
     theta = np.array([prior.mean[quantity.name] for quantity in model.parameters])
     done = fp.simulate(model, experiments, theta)
     show(simulation_report(model, experiments, done.y, done.status))

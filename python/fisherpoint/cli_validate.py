@@ -13,7 +13,7 @@ import fisherpoint as fp
 
 from .config import ConfigError, load_config
 from .extras import needed_for
-from .files import write_whole
+from .files import write_together
 from .terminal import make_directory, read_data, show
 
 
@@ -55,16 +55,15 @@ def validate(
     points = {name: read_data(path, "points", fp.Experiments.from_csv, problem.model) for name, path in _named(designs).items()}
     if not no_plots:
         with needed_for("pictures"):
-            from .plots_validation import plot_validation  # what can fail for a trivial reason fails before the work
+            from . import plots_validation  # noqa: F401  what can fail for a trivial reason fails before the work
     make_directory(output)
     found = fp.validate(
         points, problem, n=runs, theta=theta.value, seed=seed, noise=noise.value, use_prior=use_prior, threads=threads
     )
-    write_whole(output / "validation.csv", found.frame().to_csv())
-    write_whole(output / "report.txt", f"{found}\n")
-    written = ["validation.csv", "report.txt"]
+    contents = {"validation.csv": found.frame().to_csv(), "report.txt": f"{found}\n"}
+    written = [path.name for path in write_together(output, contents, stale=["validation.png"])]
     if not no_plots:
-        plot_validation(found).savefig(output / "validation.png", dpi=150)
+        found.plot(output / "validation.png")
         written.append("validation.png")
     if not quiet:
         print(found)

@@ -36,6 +36,7 @@ _EXPECTED = {
     "greater_than": "a number > {gt:g}",
     "less_than": "a number < {lt:g}",
     "greater_than_equal": "a number >= {ge:g}",
+    "less_than_equal": "a number <= {le:.10g}",
     "literal_error": "{expected}",
     "too_short": "at least {min_length} entries",
     "expected": "{message}",

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from .config_messages import fail, listed, toml
+from .design import MOST
 from .models import MODELS, Model
 from .rules import DEFAULT_RULE, RULES, Rule
 
@@ -217,11 +218,11 @@ def _arguments(rule: type[Rule]) -> list[str]:
 class DesignTable(Table):
     """What is optimised and for how long; what is left out takes the library's default."""
 
-    n_experiments: Count | None = None
-    n_candidates: Count | None = None
-    max_iterations: Count | None = None
+    n_experiments: Annotated[int, Field(ge=1, le=MOST["n_experiments"])] | None = None
+    n_candidates: Annotated[int, Field(ge=1, le=MOST["n_candidates"])] | None = None
+    max_iterations: Annotated[int, Field(ge=1, le=MOST["max_iterations"])] | None = None
     seed: Annotated[int, Field(ge=0)] | None = None
-    patience: Count | None = None
+    patience: Annotated[int, Field(ge=1, le=MOST["patience"])] | None = None
     time_limit: Positive | None = None
     local: Annotated[float, Field(ge=0, le=1)] | None = None
     output_covariance: Literal["noise", "region", "pooled", "pointwise"] | None = None
@@ -233,5 +234,5 @@ class DesignTable(Table):
 class CampaignTable(Table):
     """A campaign: how many points a batch has, and the relative standard errors to reach, one for all or by parameter."""
 
-    batch: Count | None = None
+    batch: Annotated[int, Field(ge=1, le=MOST["n_experiments"])] | None = None
     rse: Positive | dict[str, Positive] | None = None

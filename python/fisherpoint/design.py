@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import platform
+import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from importlib.metadata import PackageNotFoundError, version
@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .csv_table import CsvTable
 from .efficiency import Efficiency
 from .evaluation import Evaluation
-from .experiments import Experiments
+from .experiments import Experiments, points_csv
 from .extras import needed_for
-from .files import built_from, parse_json, write_whole
+from .files import built_from, parse_json, sealed_json, write_together
 from .kernels import isa
-from .messages import shown
+from .messages import printable, shown
 from .models import MODELS, HydraulicCylinder, Model
 from .prior import GaussianPrior
 from .problem import DERIVED, DesignProblem
@@ -33,15 +34,19 @@ from .quantity import (
     check_flag,
     check_positive_int,
     names_among,
+    names_of,
 )
 from .region import ExperimentRegion
 from .rules import RULES, Rule
 
 FORMAT = "fisherpoint design"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2  # 1 had no checksum
+PICTURES = ("criterion.png", "points.png", "standard_errors.png", "correlation.png", "trajectories.png")
+"""What the command line draws of a design; of points that are evaluated, all but the first."""
+
 STOP_REASONS = ("max_iterations", "patience", "time_limit", "interrupted")
 _LEAST = {"n_experiments": 1, "n_candidates": 1, "max_iterations": 0, "seed": 0, "patience": 1, "max_redraws": 0}
-_MOST = {"n_experiments": 10**6, "n_candidates": 10**6, "max_iterations": 10**9, "patience": 10**9, "max_redraws": 10**6}
+MOST = {"n_experiments": 10**6, "n_candidates": 10**6, "max_iterations": 10**9, "patience": 10**9, "max_redraws": 10**6}
 
 
 @dataclass(frozen=True)
@@ -64,7 +69,7 @@ class ExchangeSettings:
         for name, least in _LEAST.items():
             value = getattr(self, name)
             if value is not None or name != "patience":
-                set_field(self, name, check_positive_int(value, name, least, _MOST.get(name, LARGEST_INT)))
+                set_field(self, name, check_positive_int(value, name, least, MOST.get(name, LARGEST_INT)))
         if self.time_limit is not None:
             set_field(self, "time_limit", as_positive(self.time_limit, "time_limit", "number of seconds"))
         set_field(self, "references", check_flag(self.references, "references"))
@@ -134,26 +139,51 @@ class Design:
         return len(np.unique(self.points.table, axis=0))
 
     def save(self, directory: str | Path) -> None:
-        """Write design.csv and design.json into `directory`, which is made where needed; each appears whole or not at all."""
+        """Write design.csv and design.json into `directory`, which is made where needed.
+
+        Each appears whole or not at all, and design.json last: where it stands, what is beside it belongs to it. Of a design that
+        was there before, the command line's report and pictures go.
+        """
         directory = as_path(directory, "directory")
+        contents = {"design.csv": points_csv(self.points, self.problem.model), "design.json": sealed_json(_to_json(self))}
         directory.mkdir(parents=True, exist_ok=True)
-        write_whole(directory / "design.json", json.dumps(_to_json(self), indent=1, allow_nan=False) + "\n")
-        self.points.to_csv(directory / "design.csv", self.problem.model)
+        write_together(directory, contents, stale=("report.txt", *PICTURES))
 
     @classmethod
     def load(cls, directory: str | Path) -> Design:
-        """Read a design that `save` wrote.
+        """Read a design that `save` wrote, of which design.json counts; warn where design.csv beside it has other points.
 
         Raises
         ------
         OSError
             Where design.json cannot be read.
         ValueError
-            Where it is truncated, or not a design of this format.
+            Where it is truncated, was changed, or is not a design of this format.
         """
         path = as_path(directory, "directory") / "design.json"
-        data = parse_json(path, path.read_bytes(), FORMAT, FORMAT_VERSION)
-        return built_from(path, "design", data, _from_json)
+        data = parse_json(path, path.read_bytes(), FORMAT, FORMAT_VERSION, sealed_since=2)
+        design = built_from(path, "design", data, _from_json)
+        table = path.with_name("design.csv")
+        if table.exists() and not _has_points_of(design, table):
+            warnings.warn(
+                f"{printable(table)}: expected the points of design.json, given others: it was changed since or is of another run; "
+                "the points of design.json count",
+                stacklevel=2,
+            )
+        return design
+
+
+def _has_points_of(design: Design, path: Path) -> bool:
+    """Whether a table has a design's points, whatever columns were filled in and to as many digits as spreadsheets keep."""
+    axes = design.problem.model.axes
+    try:
+        table = CsvTable(path)
+        table.read_decimal_commas(names_of(axes))
+        points = np.column_stack([table.complete(quantity) for quantity in axes])
+    except (OSError, ValueError, KeyError):
+        return False
+    own = design.points.table[:, : len(axes)]
+    return points.shape == own.shape and np.allclose(points, own, rtol=1e-12, atol=0.0)
 
 
 def versions() -> dict[str, str]:

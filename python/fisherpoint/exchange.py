@@ -46,7 +46,7 @@ def exchange(
     problem : DesignProblem
         With a region.
     n_experiments, n_candidates : int
-        L points, M candidates per draw.
+        L points, M candidates per draw; a million of each at most.
     max_iterations : int
     seed : int
         The same seed gives the same design, for any number of threads.

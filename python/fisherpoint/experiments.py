@@ -109,14 +109,7 @@ class Experiments:
 
         Points without a state have no column dt. The file appears whole or not at all.
         """
-        if model is not None:
-            check_type(model, Model, "model")
-            check_alike([(len(model.states), len(model.inputs)), (self.x0.shape[1], self.u.shape[1])], "states and inputs", "model")
-        columns = _columns(model) if model is not None else self.columns
-        if columns is None:
-            columns = _places(self.x0.shape[1], self.u.shape[1])
-        header = (*columns, "dt") if self.x0.shape[1] else columns
-        write_whole(path, csv_text(header, self.table[:, : len(header)]))
+        write_whole(path, points_csv(self, model))
 
     @classmethod
     def from_csv(cls, path: str | Path, model: Model) -> Experiments:
@@ -146,6 +139,19 @@ class Experiments:
         rows = np.column_stack(numbers)
         dt = rows[:, -1] if "dt" in columns else None
         return cls(rows[:, :n_x], rows[:, n_x : n_x + n_u], dt, _columns(model))
+
+
+def points_csv(points: Experiments, model: Model | None) -> str:
+    """The text of a file of points; see `Experiments.to_csv`."""
+    given = points.x0.shape[1], points.u.shape[1]
+    if model is not None:
+        check_type(model, Model, "model")
+        check_alike([(len(model.states), len(model.inputs)), given], "states and inputs", "model")
+    columns = _columns(model) if model is not None else points.columns
+    if columns is None:
+        columns = _places(*given)
+    header = (*columns, "dt") if given[0] else columns
+    return csv_text(header, points.table[:, : len(header)])
 
 
 def _checked_columns(given: tuple[str, ...], count: int) -> tuple[str, ...]:

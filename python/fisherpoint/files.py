@@ -1,11 +1,17 @@
-"""Files that appear whole or not at all, and are read as what they were."""
+"""Files that appear whole or not at all, and are read as what they were.
+
+Files of one run belong together: `write_together` has the last of them stand only beside others of the same run.
+"""
 
 from __future__ import annotations
 
+import errno
+import hashlib
 import json
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,8 +21,8 @@ from .quantity import as_path
 Built = TypeVar("Built")
 
 
-def write_whole(path: str | Path, text: str) -> None:
-    """Write `text` as UTF-8 so that whoever reads `path`, at any moment and after any kill, finds the old file or the new one.
+def write_whole(path: str | Path, content: str | bytes) -> None:
+    """Write a file, text as UTF-8, so that whoever reads `path`, at any moment and after any kill, finds the old one or the new.
 
     Raises
     ------
@@ -24,26 +30,89 @@ def write_whole(path: str | Path, text: str) -> None:
         Where the file cannot be written; what was there stays.
     """
     path = as_path(path, "path")
-    target = Path(os.path.realpath(path))  # of a link its file is replaced, not the link
-    try:
+    with _names(path):
         if path.exists() and not path.is_file():  # a terminal or a pipe has no whole
-            path.write_text(text, encoding="utf-8", newline="")
+            path.write_bytes(_bytes(content))
             return
-        with tempfile.NamedTemporaryFile(
-            "w", encoding="utf-8", newline="", dir=target.parent, prefix=f".{target.name}.", suffix=".part", delete=False
-        ) as part:
-            try:
-                part.write(text)
-                part.flush()
-                os.fsync(part.fileno())
-                os.chmod(part.name, target.stat().st_mode & 0o777 if target.exists() else 0o644)
-                os.replace(part.name, target)
-                _keep_entries(target.parent)
-            except BaseException:
-                Path(part.name).unlink(missing_ok=True)
-                raise
+        target = _target(path)
+        part = _part(target, content)
+        try:
+            _put(part, target)
+        except BaseException:
+            part.unlink(missing_ok=True)
+            raise
+
+
+def write_together(directory: Path, contents: Mapping[str, str | bytes], stale: Iterable[str] = ()) -> list[Path]:
+    """Write files of which the last, wherever it stands and after any kill, says that those beside it are of the same run.
+
+    All are on the disk before the first is put in its place, so that a full one leaves everything as it was. Then the old last one
+    goes, and comes last. Where it stood, the `stale` files, which were made from it, go before it.
+    """
+    *_, last = contents
+    targets = {name: _target(directory / name) for name in contents}
+    parts: dict[str, Path] = {}
+    try:
+        for name, content in contents.items():
+            with _names(directory / name):
+                if targets[name].is_dir():
+                    raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+                parts[name] = _part(targets[name], content)
+        if targets[last].exists():
+            for path in (*(directory / name for name in stale), targets[last]):
+                path.unlink(missing_ok=True)
+            _keep_entries(targets[last].parent)
+        for name, part in parts.items():
+            with _names(directory / name):
+                _put(part, targets[name])
+    except BaseException:
+        for part in parts.values():
+            part.unlink(missing_ok=True)
+        raise
+    return [directory / name for name in contents]
+
+
+def check_writable(directory: Path) -> None:
+    """Raise an OSError where no file can be made in a directory: better before the work than after it."""
+    with tempfile.NamedTemporaryFile(dir=directory, prefix=".", suffix=".part"):
+        pass
+
+
+@contextmanager
+def _names(path: Path) -> Iterator[None]:
+    """Have errors name the file that was asked for, not a part of it."""
+    try:
+        yield
     except OSError as error:
-        raise OSError(error.errno, error.strerror, str(path)) from error  # names what was asked for, not the part
+        raise OSError(error.errno, error.strerror, str(path)) from error
+
+
+def _target(path: Path) -> Path:
+    """Of a link its file is replaced, not the link."""
+    return Path(os.path.realpath(path))
+
+
+def _bytes(content: str | bytes) -> bytes:
+    return content.encode() if isinstance(content, str) else content
+
+
+def _part(target: Path, content: str | bytes) -> Path:
+    """Bring what a file is to have to the disk, beside it."""
+    with tempfile.NamedTemporaryFile(dir=target.parent, prefix=f".{target.name}.", suffix=".part", delete=False) as part:
+        try:
+            part.write(_bytes(content))
+            part.flush()
+            os.fsync(part.fileno())
+            os.chmod(part.name, target.stat().st_mode & 0o777 if target.exists() else 0o644)
+        except BaseException:
+            Path(part.name).unlink(missing_ok=True)
+            raise
+    return Path(part.name)
+
+
+def _put(part: Path, target: Path) -> None:
+    os.replace(part, target)
+    _keep_entries(target.parent)
 
 
 def _keep_entries(directory: Path) -> None:
@@ -56,22 +125,39 @@ def _keep_entries(directory: Path) -> None:
             os.close(descriptor)
 
 
-def parse_json(path: Path, given: bytes, kind: str, version: int) -> dict[str, Any]:
-    """Return what a JSON file of this format says.
+def sealed_json(data: dict[str, Any]) -> str:
+    """Return `data` as a JSON file's text with its SHA-256, by which `parse_json` sees whether anything was changed."""
+    return json.dumps(data | {"sha256": _sha256(data)}, indent=1, allow_nan=False) + "\n"
+
+
+def _sha256(data: Any) -> str:
+    return hashlib.sha256(json.dumps(data, separators=(",", ":")).encode()).hexdigest()
+
+
+def parse_json(path: Path, given: bytes, kind: str, version: int, sealed_since: int = 1) -> dict[str, Any]:
+    """Return what a JSON file of this format, up to this version, says; from the version `sealed_since` on it has a checksum.
 
     Raises
     ------
     ValueError
-        Where it is truncated, or of another format or version.
+        Where it is truncated, of another format or version, or not as it was written.
     """
     try:
         data = json.loads(given.decode())
-    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
+        seal = data.pop("sha256", None) if isinstance(data, dict) else None
+        sha256 = _sha256(data)
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"{printable(path)}: expected a whole JSON file, given one that ends or breaks at: {error}") from error
     if not isinstance(data, dict) or data.get("format") != kind:
         raise ValueError(f"{printable(path)}: expected a file of format {kind!r}, given another")
-    if data.get("format_version") != version:
-        raise ValueError(f"{printable(path)}: expected format version {version}, given {shown(data.get('format_version'))}")
+    given_version = data.get("format_version")
+    if type(given_version) is not int or not 1 <= given_version <= version:
+        expected = " or ".join(map(str, range(1, version + 1)))
+        raise ValueError(f"{printable(path)}: expected format version {expected}, given {shown(given_version)}")
+    if seal != sha256 and (seal is not None or given_version >= sealed_since):
+        raise ValueError(
+            f"{printable(path)}: expected the file as it was written, given one that was changed (its SHA-256 differs)"
+        )
     return data
 
 

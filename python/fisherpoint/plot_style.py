@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 import fisherpoint as fp
+
+from .files import write_whole
+from .messages import shown
+from .quantity import as_path
 
 PRIOR, CRITERION, NOISE, TEXT = "#8c8c8c", "#d55e00", "#0072b2", "#333333"
 STYLE: dict[Any, Any] = {
@@ -42,3 +49,16 @@ def scale(quantity: fp.Quantity, values: ArrayLike) -> tuple[float, str]:
         if quantity.unit in ("m", "s", "Pa", "N", "V", "A", "W") and largest * factor >= 0.1:
             return factor, prefix + quantity.unit
     return 1.0, quantity.unit
+
+
+def save_figure(figure: Figure, path: str | Path) -> None:
+    """Write a picture, whole or not at all; the ending says the format, PNG where there is none."""
+    path = as_path(path, "path")
+    if not path.suffix:
+        path = path.with_name(f"{path.name}.png")
+    kind, known = path.suffix[1:].lower(), figure.canvas.get_supported_filetypes()
+    if kind not in known:
+        raise ValueError(f"path: expected the ending of a picture, one of {', '.join(sorted(known))}; given {shown(path.suffix)}")
+    picture = BytesIO()
+    figure.savefig(picture, format=kind, dpi=150)
+    write_whole(path, picture.getvalue())

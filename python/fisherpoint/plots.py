@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator, NullFormatter, PercentFormatter
 import fisherpoint as fp
 
 from .plot_correlation import draw_correlation
-from .plot_style import CRITERION, NOISE, PRIOR, STYLE
+from .plot_style import CRITERION, NOISE, PRIOR, STYLE, save_figure
 from .plots_points import plot_points, plot_trajectories
 from .report import result
 from .results import Evaluated
@@ -159,7 +159,7 @@ def save_all(design: Evaluated, directory: str | Path) -> list[Path]:
     paths = []
     for name, plot in plots.items():
         paths.append(Path(directory) / f"{name}.png")
-        plot(design).savefig(paths[-1], dpi=150)
+        save_figure(plot(design), paths[-1])
     return paths
 
 

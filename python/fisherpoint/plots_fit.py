@@ -18,7 +18,7 @@ import fisherpoint as fp
 
 from .estimation.profile import OPEN, Profile
 from .plot_correlation import draw_correlation
-from .plot_style import CRITERION, NOISE, PRIOR, STYLE, TEXT, scale
+from .plot_style import CRITERION, NOISE, PRIOR, STYLE, TEXT, save_figure, scale
 
 __all__ = [
     "ellipse",
@@ -221,7 +221,7 @@ def save_all(fit: fp.Fit, directory: str | Path, profiles: Sequence[Profile] = (
     paths = []
     for name, plot in plots.items():
         paths.append(Path(directory) / f"{name}.png")
-        plot().savefig(paths[-1], dpi=150)
+        save_figure(plot(), paths[-1])
     return paths
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,7 @@ from rich.console import Console, RenderableType
 import fisherpoint as fp
 
 from .config import ConfigError
+from .files import check_writable
 from .messages import printable
 from .report import to_text
 
@@ -27,11 +29,28 @@ def show(report: RenderableType) -> None:
 
 
 def make_directory(path: Path) -> None:
-    """Make a directory for the files of a command, with those above it."""
+    """Make a directory for the files of a command, with those above it, and make sure that files can be made in it.
+
+    What cannot be written is to be told before the work, not after it.
+    """
     try:
         path.mkdir(parents=True, exist_ok=True)
+        check_writable(path)
     except (FileExistsError, NotADirectoryError):
         raise ConfigError(f"--output: expected a directory, given {path}, which is or lies under a file") from None
+    except OSError as error:
+        raise ConfigError(f"--output: expected a directory to write to, given {path}: {error.strerror}") from None
+
+
+def check_file(path: Path) -> None:
+    """Make sure, as `make_directory` does, that a command can write its file."""
+    try:
+        if path.is_dir():
+            raise ConfigError(f"--output: expected a file, given the directory {path}")
+        if path.is_file() or not path.exists():  # a terminal or a pipe is written as it is
+            check_writable(Path(os.path.realpath(path)).parent)
+    except OSError as error:
+        raise ConfigError(f"--output: expected a file in a directory to write to, given {path}: {error.strerror}") from None
 
 
 def read_data(path: Path, what: str, read: Callable[[Path, fp.Model], Read], model: fp.Model) -> Read:

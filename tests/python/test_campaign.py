@@ -153,6 +153,8 @@ def test_only_chosen_parameters_are_estimated(problem: fp.DesignProblem) -> None
         ({"targets": "small"}, ValueError, r"targets\['a_tau'\]: expected numbers"),
         ({"time_limit": 1.0}, TypeError, "settings: expected names of n_candidates, .* given 'time_limit'"),
         ({"n_candidates": 0}, ValueError, "n_candidates: expected"),
+        ({"n_candidates": 10**9}, ValueError, "n_candidates: expected a whole number of at most 1000000, given 1000000000"),
+        ({"batch": 10**9}, ValueError, "n_experiments: expected a whole number of at most 1000000, given 1000000000"),
     ],
 )
 def test_misuse_is_told(problem: fp.DesignProblem, change: dict[str, Any], error: type[Exception], message: str) -> None:

@@ -108,6 +108,8 @@ def test_a_file_that_was_changed_needs_another_directory(run: Any, file: Path, t
         ({"rse = 0.2": "rse = 0"}, "campaign.rse: expected a number > 0, given 0"),
         ({"rse = 0.2": "rse = {c_M = 0.1}"}, 'unknown key campaign.rse.c_M; expected one of a_tau, .* (did you mean "c_L"?)'),
         ({"batch = 6": "batch = 0"}, "campaign.batch: expected a number >= 1, given 0"),
+        ({"batch = 6": "batch = 1000001"}, "campaign.batch: expected a number <= 1000000, given 1000001"),
+        ({"= 10 ": "= 1000000000 "}, "design.n_candidates: expected a number <= 1000000, given 1000000000"),
         ({"batch = 6": "batches = 6"}, "unknown key campaign.batches; expected one of batch, rse"),
         ({"# time_limit = 600 ": "time_limit = 600 #"}, "design.time_limit: expected none with a campaign"),
     ],

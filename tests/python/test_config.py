@@ -24,6 +24,22 @@ TEXT = RECOMMENDED.replace(rule_of(RECOMMENDED), rule_of(PAPER))
 
 # What is written in place of what, and the line that follows the file's name.
 MISTAKES = {
+    "candidates": (
+        "n_candidates = 50",
+        "n_candidates = 1000000000",
+        "design.n_candidates: expected a number <= 1000000, given 1000000000",
+    ),
+    "points": (
+        "n_experiments = 12",
+        "n_experiments = 1000001",
+        "design.n_experiments: expected a number <= 1000000, given 1000001",
+    ),
+    "iterations": (
+        "max_iterations = 200",
+        "max_iterations = 10000000000",
+        "design.max_iterations: expected a number <= 1000000000, given 10000000000",
+    ),
+    "share": ("seed = 0 ", "local = 1.5 ", "design.local: expected a number <= 1, given 1.5"),
     "unit": ('unit = "N" }', 'unit = "kN" }', 'prior.a_tau.unit: expected "N", given "kN"'),
     "unit of a constant": ('unit = "m2" }', 'unit = "mm2" }', 'model.constants.A_A.unit: expected "m2", given "mm2"'),
     "bounds": (

@@ -18,6 +18,7 @@ from scipy.stats import t as student
 
 import fisherpoint as fp
 from fisherpoint.config import load_config
+from fisherpoint.files import sealed_json
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -168,13 +169,16 @@ def test_a_file_that_is_no_fit_is_told(tmp_path: Path) -> None:
     path = tmp_path / "fit.json"
     text, whole = path.read_text(), json.loads(path.read_text())
     older = {name: value for name, value in whole.items() if name not in ("format", "format_version", "state")}
+    del whole["sha256"]
     short = whole | {"state": whole["state"] | {"values": [1.0]}}
     without = whole | {"state": {name: value for name, value in whole["state"].items() if name != "data"}}
     for broken, message in (
         (text[: len(text) // 2], "expected a whole JSON file"),
         (json.dumps(older), "expected a file of format 'fisherpoint fit'"),
-        (json.dumps(short), "values: expected 2 unknowns, c_0, k"),
-        (json.dumps(without), "expected a complete fit, given one without or with a wrong 'data'"),
+        (text.replace('"reached": 1', '"reached": 2'), "expected the file as it was written"),
+        (json.dumps(short), "expected the file as it was written"),
+        (sealed_json(short), "values: expected 2 unknowns, c_0, k"),
+        (sealed_json(without), "expected a complete fit, given one without or with a wrong 'data'"),
     ):
         path.write_text(broken)
         with pytest.raises(ValueError, match=re.escape(message)):

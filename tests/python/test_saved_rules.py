@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import fisherpoint as fp
-from defaults import NAMES, PRIOR, problem
+from defaults import NAMES, PRIOR, problem, without_checksum
 
 QUICK: dict[str, Any] = {"n_experiments": 4, "n_candidates": 3, "max_iterations": 2, "references": False}
 
@@ -40,7 +40,7 @@ def test_rules_and_priors_come_back(tmp_path: Path, changes: dict[str, Any]) -> 
 
 def test_files_from_before_there_were_other_rules_and_priors(tmp_path: Path) -> None:
     path = saved(tmp_path)
-    data = json.loads(path.read_text())
+    data = without_checksum(json.loads(path.read_text()))
     for table, key in (("rule", "kind"), ("rule", "edges"), ("prior", "covariance"), ("prior", "log")):
         del data["problem"][table][key]
     path.write_text(json.dumps(data))
@@ -58,7 +58,7 @@ def test_files_from_before_there_were_other_rules_and_priors(tmp_path: Path) -> 
 )
 def test_wrong_rules_and_priors_in_a_file_are_named(tmp_path: Path, table: str, key: str, value: Any, message: str) -> None:
     path = saved(tmp_path)
-    data = json.loads(path.read_text())
+    data = without_checksum(json.loads(path.read_text()))
     data["problem"][table][key] = value
     path.write_text(json.dumps(data))
     with pytest.raises(ValueError, match=message):

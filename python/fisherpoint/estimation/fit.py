@@ -308,7 +308,11 @@ class Fit:
         return fit_dict(self)
 
     def save(self, directory: str | Path) -> list[Path]:
-        """Write ``estimate.csv``, ``residuals.csv`` and ``fit.json`` (`to_dict`), each whole or not at all; return their paths."""
+        """Write ``estimate.csv``, ``residuals.csv`` and ``fit.json`` (`to_dict`); return their paths.
+
+        Each appears whole or not at all, and fit.json last: where it stands, what is beside it belongs to it. Of a fit that was
+        there before, the command line's report and pictures go.
+        """
         from .fit_files import save_fit
 
         return save_fit(self, directory)
@@ -322,7 +326,8 @@ class Fit:
         OSError
             Where fit.json cannot be read.
         ValueError
-            Where it is truncated, of another format, or of a model of Python functions, which no file can hold: pickle such a fit.
+            Where it is truncated, was changed, is of another format, or of a model of Python functions, which no file can hold:
+            pickle such a fit.
         """
         from .fit_files import load_fit
 

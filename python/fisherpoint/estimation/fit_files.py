@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -12,12 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..files import built_from, parse_json, write_whole
+from ..files import built_from, parse_json, sealed_json, write_together
 from ..quantity import Array, as_path, names_of
 from . import summary
 from .fit_state import fit_from_state, fit_state
 
 FORMAT, FORMAT_VERSION = "fisherpoint fit", 1
+PICTURES = ("parity.png", "residuals.png", "time.png", "correlation.png", "ellipses.png", "profiles.png")
+"""What the command line may draw of a fit."""
 
 if TYPE_CHECKING:
     from .fit import Fit
@@ -78,15 +79,13 @@ def fit_dict(fit: Fit) -> dict[str, Any]:
 def save_fit(fit: Fit, directory: str | Path) -> list[Path]:
     """See `Fit.save`."""
     directory = as_path(directory, "directory")
-    directory.mkdir(parents=True, exist_ok=True)
-    texts = {
+    contents = {
         "estimate.csv": _estimate_csv(fit),
         "residuals.csv": _residuals_csv(fit),
-        "fit.json": json.dumps(_whole(fit), indent=1, allow_nan=False) + "\n",  # last: where it is, the others are
+        "fit.json": sealed_json(_whole(fit)),
     }
-    for name, text in texts.items():
-        write_whole(directory / name, text)
-    return [directory / name for name in texts]
+    directory.mkdir(parents=True, exist_ok=True)
+    return write_together(directory, contents, stale=("report.txt", *PICTURES))
 
 
 def _whole(fit: Fit) -> dict[str, Any]:
@@ -100,7 +99,7 @@ def _whole(fit: Fit) -> dict[str, Any]:
 
 def load_fit(directory: str | Path) -> Fit:
     """See `Fit.load`."""
-    path = Path(directory) / "fit.json"
+    path = as_path(directory, "directory") / "fit.json"
     data = parse_json(path, path.read_bytes(), FORMAT, FORMAT_VERSION)
     if "not_saved" in data.get("state", {}):
         raise ValueError(f"{path}: expected a fit with its model, given one without: {data['state']['not_saved']}")

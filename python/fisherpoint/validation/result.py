@@ -13,7 +13,6 @@ from ..experiments import Experiments
 from ..extras import needed_for
 from ..models import Model
 from ..problem import DesignProblem
-from ..quantity import as_path
 from .figures import Figure, ParameterFigures
 from .fits import Runs
 
@@ -104,9 +103,10 @@ class Validation:
     def plot(self, path: str | Path) -> None:
         """Draw promised against achieved standard errors and the coverage of every design; the ending says the format."""
         with needed_for("plot"):
+            from ..plot_style import save_figure
             from ..plots_validation import plot_validation
 
-        plot_validation(self).savefig(as_path(path, "path"), dpi=150)
+        save_figure(plot_validation(self), path)
 
     def __str__(self) -> str:
         from .table import text
