@@ -123,3 +123,12 @@ def test_a_compiler_that_fails_is_told_with_its_complaint(monkeypatch, tmp_path)
 def test_the_builtin_cylinder_is_compiled_already():
     model = fp.HydraulicCylinder()
     assert model.compile() is model
+
+
+def test_a_static_model_is_compiled_too():
+    growth = fp.SymbolicModel([], ["k*(exp(n*u) - 1)"], {}, {"u": "V"}, {"k": "A", "n": "1/V"}, {"y": "A"})
+    model, points = growth.compile(), fp.Experiments(np.empty((3, 0)), [[1.0], [2.0], [800.0]])
+    assert model.compiled
+    one, other = (fp.sensitivities(m, points, [2.0, 0.9]) for m in (growth, model))
+    assert other.status.tolist() == one.status.tolist() == [fp.Status.ok, fp.Status.ok, fp.Status.not_finite]
+    np.testing.assert_allclose(other.dy_dtheta, one.dy_dtheta, rtol=1e-14)

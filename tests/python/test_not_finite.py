@@ -112,6 +112,24 @@ def test_a_diode_past_the_largest_number_is_no_point(kind: str, rule: fp.Rule) -
     assert np.isfinite(design.evaluation.fisher).all() and (design.points.u < 24).all()
 
 
+@pytest.mark.kernels
+def test_nodes_whose_outputs_overflow_are_lost_and_no_more() -> None:
+    """y = exp(p) at three nodes, 1 and 1 -+ 1000: the last is lost, with its share of the weight."""
+    growth = fp.SymbolicModel([], ["exp(p*u)"], {}, {"u": "1"}, {"p": "1"})
+    rule, prior = fp.TensorGrid(3, 1.0), fp.GaussianPrior({"p": 1.0}, std={"p": 1000.0})
+    _, weights = rule.nodes(prior)
+    nodes = rule.core_nodes(prior)
+    arguments = (growth.core, np.empty((1, 0)), np.ones((1, 1)), np.ones(1), np.ones(1), nodes, 1e-6, True, "fastest", 1)
+    for max_lost, status in ((0.5, fp.Status.ok), (0.1, fp.Status.not_finite)):
+        covariance, statuses, _, outputs, lost = growth.kernels.predictive_covariance(
+            *arguments, max_lost=max_lost, keep_outputs=True
+        )
+        assert statuses[0] == status and lost[0] == pytest.approx(weights[2] / weights.sum())
+        assert outputs[0, :, 0] == pytest.approx([0.0, np.e, np.inf])
+        expected = np.average([np.e**2, 0.0], weights=weights[:2]) if status == fp.Status.ok else 0.0
+        assert covariance[0, 0, 0] == pytest.approx(expected)
+
+
 @pytest.mark.parametrize("std", [1e-200, 1e-160, 1e160, 1e308])
 def test_noise_whose_square_is_no_number_is_refused(std: float) -> None:
     with pytest.raises(ValueError, match=r"noise_std\['y'\]: expected a standard deviation between 1e-100 and 1e\+100, given"):

@@ -33,8 +33,8 @@ struct PointPath {
     std::size_t end;
     typename ArraysOf<M, double>::Sides side;
   };
-  ShelfVector<double> sizes;
-  ShelfVector<Run> runs;
+  std::vector<double> sizes;
+  std::vector<Run> runs;
 
   std::size_t size() const { return sizes.size(); }
   void push_back(double size, const typename ArraysOf<M, double>::Sides& side) {
@@ -43,6 +43,9 @@ struct PointPath {
     runs.back().end = sizes.size();
   }
 };
+
+// For which memory is taken at once.
+inline constexpr std::size_t usual_steps = 64;
 
 // The columns need finer steps than the states.
 inline constexpr double first_refinement = 1.4;
@@ -79,6 +82,9 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
   const auto shape = shape_of(model);
   const std::size_t n_x = shape.states, n_y = shape.outputs, p = shape.parameters;
   Steps<Equation> steps;
+  steps.reserve(usual_steps);
+  PointPath<M> taken;
+  taken.sizes.reserve(usual_steps);
   const PointPack<M, P> pack(shape, points, parameters, rows);
   const Equation equation(model, pack.theta, pack.u);
   auto x = pack.x0;
@@ -90,7 +96,8 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
     std::fill_n(out.dx_dtheta + k * n_x * p, n_x * p, 0.0);
     std::fill_n(out.dy_dtheta + k * n_y * p, n_y * p, 0.0);
     if (out.status[k] != Status::ok) continue;
-    PointPath<M> taken;
+    taken.sizes.clear();
+    taken.runs.clear();
     for (const auto& step : steps) {
       const double size = lanes_of<P>::get(step.size, lane);
       if (size != 0.0) taken.push_back(size, of_lane(step.side, shape.sides, lane));

@@ -45,7 +45,7 @@ class Shelves {
   struct Block {
     Block* next;
   };
-  static constexpr std::size_t unit = 64, sizes = 1024, most_kept = (16 << 20) / unit;
+  static constexpr std::size_t unit = 64, sizes = 256, most_kept = (16 << 20) / unit;
   static constexpr std::size_t units_of(std::size_t bytes) { return (bytes + unit - 1) / unit; }
   static void release(void* block) noexcept { ::operator delete(block, std::align_val_t{unit}); }
 

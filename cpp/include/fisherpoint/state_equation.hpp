@@ -50,7 +50,10 @@ class StateEquation : public Shape<M> {
  private:
   Surfaces surfaces_of(auto&& state, auto&& pick) const {
     const auto x = [&]<int... i>(std::integer_sequence<int, i...>) {
-      return std::array{state(std::integral_constant<int, i>{})...};
+      if constexpr (sizeof...(i) == 0)
+        return std::array<P, 0>{};  // of a static model
+      else
+        return std::array{state(std::integral_constant<int, i>{})...};
     }(std::make_integer_sequence<int, sizes<M>::states>{});
     return std::apply([&](const auto&... h) { return Surfaces{pick(h)...}; },
                       std::tuple_cat(model_.switching(x, u_, theta_), model_.limits(x, u_, theta_)));
