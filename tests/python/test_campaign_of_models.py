@@ -7,6 +7,8 @@ import time
 import numpy as np
 import pytest
 
+import fisherpoint as fp
+from check_bits import Levels
 from figures import Figures
 from random_models import Case
 from reading import Reading
@@ -70,3 +72,14 @@ def test_random_models(number: int) -> None:
     done = run_round(number, CASES, {}, time.monotonic() + 300)
     assert not done.findings, done.findings[0].title + "\n\n" + done.findings[0].code
     assert done.figures.counts["cases"] == CASES
+
+
+@pytest.mark.skipif(len(fp.available_isas()) < 2, reason="one instruction set is installed")
+def test_random_models_on_the_other_instruction_sets() -> None:
+    levels = Levels()
+    try:
+        done = run_round(SEEDS[-1] + 1, CASES, {}, time.monotonic() + 300, levels, also="levels")
+    finally:
+        levels.close()
+    assert not done.findings, done.findings[0].title + "\n\n" + done.findings[0].code
+    assert any(name.startswith("compared with ") for name in done.figures.counts)

@@ -113,6 +113,14 @@ def test_a_diode_past_the_largest_number_is_no_point(kind: str, rule: fp.Rule) -
 
 
 @pytest.mark.kernels
+def test_what_overflows_is_returned_as_zero() -> None:
+    points = fp.Experiments(np.empty((2, 0)), [[0.5], [24.0]])
+    for ends in (fp.simulate(DIODE, points, [1e-9, 1.2]), fp.sensitivities(DIODE, points, [1e-9, 1.2])):
+        assert ends.status.tolist() == [fp.Status.ok, fp.Status.not_finite]
+        assert ends.y[0, 0] > 0 and ends.y[1, 0] == 0
+
+
+@pytest.mark.kernels
 def test_nodes_whose_outputs_overflow_are_lost_and_no_more() -> None:
     """y = exp(p) at three nodes, 1 and 1 -+ 1000: the last is lost, with its share of the weight."""
     growth = fp.SymbolicModel([], ["exp(p*u)"], {}, {"u": "1"}, {"p": "1"})

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <numeric>
 #include <span>
@@ -87,15 +88,22 @@ struct PointPack {
   }
 };
 
-// Where trajectories ended, how, and what was measured there, into the rows of `out`; with an end or outputs that are not
-// finite a trajectory is not ok.
+// Where trajectories ended, how, and what was measured there, into the rows of `out`. With an end or outputs that are not
+// finite a trajectory is not ok, and these are zero.
 template <class P>
 void store_ends(const auto& x, const auto& y, const auto& status, std::span<const std::size_t> rows, const auto& out) {
   const mask_of_lanes<P> whole = finite<P>(x) & finite<P>(y);
   for (int lane = 0; lane < static_cast<int>(rows.size()); ++lane) {
-    get_lane(x, lane, out.x + rows[lane] * x.size());
-    get_lane(y, lane, out.y + rows[lane] * y.size());
-    out.status[rows[lane]] = status[lane] == Status::ok && !lanes_of<P>::get(whole, lane) ? Status::not_finite : status[lane];
+    double* const end = out.x + rows[lane] * x.size();
+    double* const outputs = out.y + rows[lane] * y.size();
+    get_lane(x, lane, end);
+    get_lane(y, lane, outputs);
+    out.status[rows[lane]] = status[lane];
+    if (lanes_of<P>::get(whole, lane)) continue;
+    const auto overflowed = [](double number) { return !std::isfinite(number); };
+    std::replace_if(end, end + x.size(), overflowed, 0.0);
+    std::replace_if(outputs, outputs + y.size(), overflowed, 0.0);
+    if (status[lane] == Status::ok) out.status[rows[lane]] = Status::not_finite;
   }
 }
 
