@@ -14,6 +14,7 @@ import fisherpoint as fp
 from .config import ConfigError, load_config
 from .extras import needed_for
 from .files import write_whole
+from .messages import listed
 from .terminal import make_directory, read_data, show
 
 
@@ -79,4 +80,4 @@ def _named(paths: list[Path]) -> dict[str, Path]:
         named = {name(path): path for path in paths}
         if len(named) == len(paths):
             return named
-    raise ConfigError(f"DESIGN.csv: expected different files, given {', '.join(map(str, paths))}")
+    raise ConfigError(f"DESIGN.csv: expected different files, given {listed(paths)}")

@@ -17,7 +17,7 @@ from .efficiency import Efficiency
 from .evaluation import Evaluation
 from .experiments import Experiments
 from .extras import needed_for
-from .files import built_from, parse_json, write_whole
+from .files import built_from, parse_json, read_bytes, write_whole
 from .kernels import isa
 from .messages import shown
 from .models import MODELS, HydraulicCylinder, Model
@@ -152,7 +152,7 @@ class Design:
             Where it is truncated, or not a design of this format.
         """
         path = as_path(directory, "directory") / "design.json"
-        data = parse_json(path, path.read_bytes(), FORMAT, FORMAT_VERSION)
+        data = parse_json(path, read_bytes(path), FORMAT, FORMAT_VERSION)
         return built_from(path, "design", data, _from_json)
 
 

@@ -28,6 +28,9 @@ MOST_NAMES = 100_000
 MOST_CHARACTERS = 4096
 """Of a path."""
 
+LONGEST_NAME, LONGEST_UNIT, LONGEST_DESCRIPTION = 200, 100, 2000
+"""Characters."""
+
 LARGEST_INT = 2**128 - 1
 """Of seeds; counts have limits of their own."""
 
@@ -70,10 +73,12 @@ class Quantity:
     scale: float | None = None
 
     def __post_init__(self) -> None:
-        for label in ("name", "unit", "description"):
-            text = getattr(self, label)
-            if not isinstance(text, str) or not (label == "description" or (text and text.isprintable())):
-                raise TypeError(f"{label}: expected the {label} of a quantity as text, given {shown(text)}")
+        for field, longest in (("name", LONGEST_NAME), ("unit", LONGEST_UNIT), ("description", LONGEST_DESCRIPTION)):
+            text, label = getattr(self, field), field if field == "name" else f"{shortened(self.name)}.{field}"
+            if not isinstance(text, str) or not (field == "description" or (text and text.isprintable())):
+                raise TypeError(f"{label}: expected the {field} of a quantity as text, given {shown(text)}")
+            if len(text) > longest:
+                raise ValueError(f"{label}: expected at most {longest} characters, given {len(text):,}")
         if self.scale is not None:
             object.__setattr__(self, "scale", as_positive(self.scale, f"{shortened(self.name)}.scale"))
 
@@ -289,6 +294,8 @@ def check_name(given: Any, label: str) -> str:
     """Return a name: a text without control characters."""
     if not isinstance(given, str) or not given or not given.isprintable():
         raise TypeError(f"{label}: expected names as text, given {shown(given)}")
+    if len(given) > LONGEST_NAME:
+        raise ValueError(f"{label}: expected names of at most {LONGEST_NAME} characters, given {shown(given)}")
     return given
 
 
