@@ -26,7 +26,7 @@ MOST_NAMES = 100_000
 """Names or things of a sequence, past which it counts as one without end."""
 
 MOST_CHARACTERS = 4096
-"""Of a path."""
+"""Of a path, or of a name that may be one."""
 
 LONGEST_NAME, LONGEST_UNIT, LONGEST_DESCRIPTION = 200, 100, 2000
 """Characters."""
@@ -298,8 +298,8 @@ def check_name(given: Any, label: str) -> str:
     """Return a name: a text without control characters."""
     if not isinstance(given, str) or not given or not given.isprintable():
         raise TypeError(f"{label}: expected names as text, given {shown(given)}")
-    if len(given) > LONGEST_NAME:
-        raise ValueError(f"{label}: expected names of at most {LONGEST_NAME} characters, given {shown(given)}")
+    if len(given) > MOST_CHARACTERS:
+        raise ValueError(f"{label}: expected names of at most {MOST_CHARACTERS} characters, given {shown(given)}")
     return given
 
 

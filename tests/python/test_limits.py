@@ -13,7 +13,7 @@ import pytest
 
 import fisherpoint as fp
 from fisherpoint import files
-from fisherpoint.quantity import LONGEST_DESCRIPTION, LONGEST_NAME, LONGEST_UNIT, check_name
+from fisherpoint.quantity import LONGEST_DESCRIPTION, LONGEST_NAME, LONGEST_UNIT, MOST_CHARACTERS, check_name
 
 config = pytest.importorskip("fisherpoint.config", reason="needs the extras", exc_type=ImportError)
 toml_data = pytest.importorskip("fisherpoint.toml_data")
@@ -179,6 +179,7 @@ def test_names_units_and_descriptions_have_an_end() -> None:
     ):
         with pytest.raises(ValueError, match=f"^{label}{field}: expected at most {len(longer)} characters, given"):
             fp.Quantity(**{"name": "n", "unit": "u", field: longer + longer[0]})
-    assert check_name(longest.name, "columns") == longest.name
-    with pytest.raises(ValueError, match=r"^columns: expected names of at most 200 characters"):
-        check_name(longest.name + "n", "columns")
+    path = "n" * MOST_CHARACTERS
+    assert check_name(path, "columns") == path
+    with pytest.raises(ValueError, match=r"^columns: expected names of at most 4096 characters"):
+        check_name(path + "n", "columns")
