@@ -13,6 +13,7 @@ import sympy
 from .. import _core
 from ..messages import listed, shown
 from ..quantity import Array, FrozenMapping, Quantity, as_float, as_sequence, check_known, check_mapping, names_of
+from ..tape.parts import replaced
 from ..tape.program import to_core
 from ..tape.programs import LIMIT
 from .base import Model
@@ -190,7 +191,7 @@ class SymbolicModel(Model):
         shift = {symbol(name): symbol(name) + symbol(offset.name) for name, offset in zip(names, offsets, strict=True)}
         equations = self.equations
         f, g, domain = (
-            [expression.xreplace(shift) for expression in of] for of in (equations.rates, equations.output, equations.conditions)
+            [replaced(expression, shift) for expression in of] for of in (equations.rates, equations.output, equations.conditions)
         )
         constants = {q.name: (self.constants[q.name], q) for q in self.constant_quantities}
         parameters = (*self.parameters, *offsets)
