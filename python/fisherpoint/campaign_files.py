@@ -23,7 +23,7 @@ from .data import Measurements
 from .data.measurement_files import measurements_csv
 from .design import ExchangeSettings, problem_from_json, versions
 from .experiments import Experiments
-from .files import built_from, parse_json, sealed_json, write_whole
+from .files import built_from, parse_json, read_bytes, sealed_json, write_whole
 from .messages import printable
 from .models import Model
 from .quantity import FrozenMapping, as_path
@@ -94,7 +94,7 @@ class CampaignFiles:
     def read(cls, directory: str | Path) -> tuple[CampaignFiles, State]:
         """Read the state of a campaign, and make sure that the data beside it are those that were told."""
         path = cls.path_in(directory)
-        given = path.read_bytes()
+        given = read_bytes(path)
         data = parse_json(path, given, FORMAT, FORMAT_VERSION)
         state = built_from(path, "campaign", data, _state_from_json)
         files = cls(directory, data["problem"])
@@ -107,14 +107,14 @@ class CampaignFiles:
             path, text = self._data_path(number), measurements_csv(batch.data, state.problem.model)
             if not path.exists():
                 write_whole(path, text)
-            elif path.read_bytes() != text.encode():
+            elif read_bytes(path) != text.encode():
                 raise ValueError(
                     f"{printable(path)}: expected the data that were told, given a file that was changed since; "
                     "delete it to get them again"
                 )
 
     def _check_alone(self) -> None:
-        if not self.path.exists() or self.path.read_bytes() != self._last:
+        if not self.path.exists() or read_bytes(self.path) != self._last:
             raise RuntimeError(
                 f"{printable(self.path)}: expected the state that this process wrote or read last, given another: "
                 "two work on one campaign"

@@ -30,7 +30,6 @@ try:
         TimeElapsedColumn,
         TimeRemainingColumn,
     )
-    from rich.text import Text
 
     from .cli_campaign import campaign
     from .cli_estimate import estimate
@@ -40,7 +39,7 @@ try:
     from .files import write_together, write_whole
     from .report import design_report, evaluation_report, simulation_report, to_text
     from .results import Evaluated, evaluate_points, parameter_frame, simulation_frame
-    from .terminal import check_file, make_directory, read_data, show
+    from .terminal import check_file, make_directory, read_data, say, show
 except ModuleNotFoundError as missing:
     if (missing.name or "").startswith("fisherpoint"):
         raise
@@ -115,9 +114,9 @@ def design(
         written += [path.name for path in save_pictures(found)]
     if not quiet:
         print()
-        show(Text(f"Written to {output}: {', '.join(written)}"))
+        say(f"Written to {output}: {', '.join(written)}")
         if interrupted:
-            show(Text(f"For pictures: fisherpoint evaluate {file} {output / 'design.csv'} -o {output}"))
+            say(f"For pictures: fisherpoint evaluate {file} {output / 'design.csv'} -o {output}")
     return INTERRUPTED if interrupted else 0
 
 

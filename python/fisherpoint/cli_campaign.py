@@ -14,6 +14,7 @@ from .config import Config, ConfigError, load_config
 from .design import problem_to_json
 from .extras import needed_for
 from .files import write_whole
+from .messages import printable
 from .terminal import make_directory, read_data
 
 INTERRUPTED = 130
@@ -61,7 +62,7 @@ def campaign(
     if run.planned is not None:
         lines += ["", *_to_do(run, file, output)]
     if not quiet:
-        print("\n".join(lines).strip("\n"))
+        print("\n".join(map(printable, "\n".join(lines).strip("\n").split("\n"))))
     return 0
 
 

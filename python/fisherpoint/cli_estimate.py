@@ -9,7 +9,6 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.text import Text
 
 import fisherpoint as fp
 
@@ -19,7 +18,7 @@ from .extras import needed_for
 from .files import write_whole
 from .report import to_text
 from .report_fit import fit_report
-from .terminal import make_directory, read_data, show
+from .terminal import make_directory, read_data, say, show
 
 
 class Noise(StrEnum):
@@ -91,7 +90,7 @@ def estimate(
     if not quiet:
         show(report)
         print()
-        show(Text(f"Written to {output}: {', '.join(written)}"))
+        say(f"Written to {output}: {', '.join(written)}")
     return 0
 
 

@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.text import Text
 
 import fisherpoint as fp
 
 from .config import ConfigError, load_config
 from .extras import needed_for
 from .files import write_together
-from .terminal import make_directory, read_data, show
+from .messages import listed, printable
+from .terminal import make_directory, read_data, say
 
 
 class Truth(StrEnum):
@@ -68,14 +68,14 @@ def validate(
     if not quiet:
         print(found)
         print()
-        show(Text(f"Written to {output}: {', '.join(written)}"))
+        say(f"Written to {output}: {', '.join(written)}")
     return 0
 
 
 def _named(paths: list[Path]) -> dict[str, Path]:
     """Paths by the shortest names that tell them apart: file names, or with the directories."""
     for name in (lambda path: path.stem, lambda path: f"{path.parent.name}/{path.stem}", str):
-        named = {name(path): path for path in paths}
+        named = {printable(name(path)): path for path in paths}
         if len(named) == len(paths):
             return named
-    raise ConfigError(f"DESIGN.csv: expected different files, given {', '.join(map(str, paths))}")
+    raise ConfigError(f"DESIGN.csv: expected different files, given {listed(paths)}")

@@ -6,10 +6,8 @@ Units are checked, never converted: a file is in the units of the model, which a
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from itertools import combinations
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -18,7 +16,7 @@ from pydantic import BaseModel, Field, PrivateAttr, ValidationError, model_valid
 
 import fisherpoint as fp
 
-from .config_messages import ConfigError, describe, fail, listed, toml, unknown_key
+from .config_messages import ConfigError, choices, describe, fail, toml, unknown_key
 from .config_tables import (
     Bounds,
     CampaignTable,
@@ -38,6 +36,7 @@ from .config_tables import (
 )
 from .models import MODELS
 from .quantity import as_path
+from .toml_data import parse_toml, read_toml
 
 __all__ = ["Config", "ConfigError", "load_config", "load_model", "model_from_toml"]
 
@@ -96,14 +95,15 @@ class Config(ModelFile):
         if self.region is not None:
             _check_table("region", self.region.bounds, model.axes, missing="[lower, upper]", also=("constraints",))
             for name, axis in self.region.bounds.items():
-                pair = axis.bounds
-                if len(pair) != 2 or pair[0] > pair[1]:
-                    fail(f"region.{name}.bounds: expected [lower, upper] with lower <= upper, given {toml(pair)}")
+                bounds = axis.bounds
+                if len(bounds) != 2 or bounds[0] > bounds[1]:
+                    fail(f"region.{name}.bounds: expected [lower, upper] with lower <= upper, given {toml(bounds)}")
         parameters = [quantity.name for quantity in model.parameters]
-        pairs = [self._pair(key, parameters) for key in self.prior_correlation]
-        for first, second in combinations(pairs, 2):
-            if set(first) == set(second):
-                fail(f'prior_correlation."{", ".join(second)}": expected each pair once, given twice')
+        seen = set()
+        for pair in (self._pair(key, parameters) for key in self.prior_correlation):
+            if frozenset(pair) in seen:
+                fail(f'prior_correlation."{", ".join(pair)}": expected each pair once, given twice')
+            seen.add(frozenset(pair))
         by_name = {"levels": "a whole number, 1 to keep the parameter at its mean", "edges": "a list of ascending numbers"}
         for key, expected in by_name.items():
             given = getattr(self.rule, key)
@@ -116,7 +116,7 @@ class Config(ModelFile):
             _check_names("campaign.rse", self.campaign.rse, self.design.parameters or parameters)
         for name in self.design.parameters or ():
             if name not in parameters:
-                fail(f"design.parameters: expected names out of {listed(parameters, name)}, given {toml(name)}")
+                fail(f"design.parameters: expected names out of {choices(parameters, name)}, given {toml(name)}")
         _check_table("uncertain", self.uncertain, (*model.constant_quantities, *model.parameters))
         for name in self.uncertain:
             if name in (self.design.parameters or parameters):
@@ -218,7 +218,7 @@ def load_config(path: str | Path) -> Config:
         parameter, ...: one line that names the file, the key and what was expected.
     """
     path = as_path(path, "path")
-    config = _validated(Config, _read(path), path)
+    config = _validated(Config, read_toml(path), path)
     config._source = str(path)
     return config
 
@@ -232,32 +232,13 @@ def load_model(path: str | Path) -> fp.Model:
         If the file cannot be read or the model has a mistake: one line that names the file, the key and the place.
     """
     path = as_path(path, "path")
-    data = _read(path)
+    data = read_toml(path)
     return _validated(ModelFile, {"model": data["model"]} if "model" in data else {}, path).build_model()
 
 
 def model_from_toml(text: str) -> fp.Model:
     """The model that `Model.to_toml` wrote."""
-    return _validated(ModelFile, tomllib.loads(text), "model").build_model()
-
-
-def _read(path: str | Path) -> dict[str, Any]:
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise ConfigError(f"{path}: expected a TOML file, found no such file") from None
-    except IsADirectoryError:
-        raise ConfigError(f"{path}: expected a TOML file, given a directory") from None
-    except UnicodeDecodeError:
-        raise ConfigError(f"{path}: expected a TOML file in UTF-8, given other bytes") from None
-    except OSError as error:
-        raise ConfigError(f"{path}: expected a readable TOML file, given: {error.strerror}") from error
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{path}: not valid TOML: {error}") from None
-    except (RecursionError, ValueError) as error:  # brackets without end, a number of too many digits
-        raise ConfigError(f"{path}: not valid TOML: {str(error)[:80]}") from None
+    return _validated(ModelFile, parse_toml(text, "model"), "model").build_model()
 
 
 def _validated(kind: type[Validated], data: dict[str, Any], path: str | Path) -> Validated:

@@ -5,15 +5,21 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
+from itertools import islice
 from typing import NoReturn
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from .messages import printable
+from .messages import LISTED, SHOWN, listed, printable, shortened
+from .quantity import LONGEST_NAME
 
 KeysOf = Callable[[tuple[str, ...]], Iterable[str]]
 """From the place of a table to the keys that it may have."""
+
+
+DEEPEST = 4
+"""Tables and lists inside each other that are shown of a value."""
 
 
 class ConfigError(ValueError):
@@ -54,14 +60,14 @@ def describe(error: ValidationError, keys_of: KeysOf) -> str:
     problems = error.errors(include_url=False)
     # A union reports one problem per member, at its own key or below it: these count once.
     places = {_place(problem) for problem in problems}
-    more = sum(not any(other[:-1] == place for other in places) for place in places) - 1
+    more = len(places - {place[:-1] for place in places}) - 1
     line = " ".join(_describe(problems[0], keys_of).split())
     return line + (f" (and {more} more)" if more > 0 else "")
 
 
 def _describe(problem: ErrorDetails, keys_of: KeysOf) -> str:
     kind, place, context = problem["type"], _place(problem), problem.get("ctx", {})
-    key = ".".join(place)
+    key = shortened(".".join(place), 2 * SHOWN)
     if kind == "key":
         return str(context["text"])
     if kind == "missing":
@@ -91,24 +97,26 @@ def fail(text: str) -> NoReturn:
 
 def unknown_key(table: str, name: str, expected: Iterable[str]) -> str:
     """A key that its table does not have, the keys that it has, and the closest of them."""
-    return f"unknown key {f'{table}.{name}' if table else name}; expected one of {listed(expected, name)}"
+    return f"unknown key {shortened(f'{table}.{name}' if table else name)}; expected one of {choices(expected, name)}"
 
 
-def listed(expected: Iterable[str], given: str | None = None) -> str:
+def choices(expected: Iterable[str], given: str) -> str:
     """The expected names, and the closest to the given one."""
     expected = list(expected)
-    close = get_close_matches(given, expected, n=1) if given else []
-    return ", ".join(expected) + (f' (did you mean "{close[0]}"?)' if close else "")
+    close = get_close_matches(given[:LONGEST_NAME], expected, n=1)
+    return listed(expected) + (f' (did you mean "{shortened(close[0])}"?)' if close else "")
 
 
-def toml(value: object) -> str:
+def toml(value: object, deep: int = 0) -> str:
     """A value as it would stand in a TOML file, cut to a readable length."""
-    if isinstance(value, Mapping):
-        text = "{" + ", ".join(f"{key} = {toml(entry)}" for key, entry in value.items()) + "}"
+    if isinstance(value, Mapping | list | tuple) and deep == DEEPEST:
+        text = "..."
+    elif isinstance(value, Mapping):
+        text = "{" + ", ".join(f"{key} = {toml(entry, deep + 1)}" for key, entry in islice(value.items(), LISTED)) + "}"
     elif isinstance(value, list | tuple):
-        text = "[" + ", ".join(map(toml, value)) + "]"
-    elif isinstance(value, str | bool):
-        text = json.dumps(value, ensure_ascii=False)
+        text = "[" + ", ".join(toml(entry, deep + 1) for entry in value[:LISTED]) + "]"
+    elif isinstance(value, str):
+        text = json.dumps(value[:SHOWN], ensure_ascii=False)
     else:
-        text = str(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+        text = json.dumps(value) if isinstance(value, bool) else str(value)
+    return shortened(text)

@@ -9,8 +9,9 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from .config_messages import fail, listed, toml
+from .config_messages import fail, toml
 from .design import MOST
+from .messages import listed
 from .models import MODELS, Model
 from .rules import DEFAULT_RULE, RULES, Rule
 

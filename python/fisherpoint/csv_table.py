@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .files import read_bytes
 from .messages import listed, printable, shortened, shown
 from .models.base import DURATION
 from .models.units import convert
@@ -42,7 +43,7 @@ class CsvTable:
     def __init__(self, given: str | Path) -> None:
         self.path = path = printable(as_path(given, "path"))
         try:
-            text = Path(given).read_bytes().decode("utf-8-sig")
+            text = read_bytes(Path(given)).decode("utf-8-sig")
         except UnicodeDecodeError as error:
             raise ValueError(f"{path}: expected a CSV text file in UTF-8, given bytes that are no text: {error}") from error
         lines = io.StringIO(text, newline="")  # keeps the line breaks as they are, as csv wants them
@@ -144,7 +145,7 @@ class CsvTable:
         if given is None:
             return values
         with np.errstate(over="ignore"):
-            values = convert(values, "1" if given in ("", "-") else given, unit, f"{self.path}: column {name}")
+            values = convert(values, "1" if given == "-" else given, unit, f"{self.path}: column {name}")
         self.refuse(np.isinf(values), name, f"a finite number in {unit}")
         return values
 

@@ -18,7 +18,7 @@ from .efficiency import Efficiency
 from .evaluation import Evaluation
 from .experiments import Experiments, points_csv
 from .extras import needed_for
-from .files import built_from, parse_json, sealed_json, write_together
+from .files import built_from, parse_json, read_bytes, sealed_json, write_together
 from .kernels import isa
 from .messages import printable, shown
 from .models import MODELS, HydraulicCylinder, Model
@@ -161,7 +161,7 @@ class Design:
             Where it is truncated, was changed, or is not a design of this format.
         """
         path = as_path(directory, "directory") / "design.json"
-        data = parse_json(path, path.read_bytes(), FORMAT, FORMAT_VERSION, sealed_since=2)
+        data = parse_json(path, read_bytes(path), FORMAT, FORMAT_VERSION, sealed_since=2)
         design = built_from(path, "design", data, _from_json)
         table = path.with_name("design.csv")
         if table.exists() and not _has_points_of(design, table):

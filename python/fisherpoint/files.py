@@ -20,6 +20,9 @@ from .quantity import as_path
 
 Built = TypeVar("Built")
 
+MOST_BYTES = 500_000_000
+"""Of a file with data, such as a design, a fit or a table of a million rows."""
+
 
 def write_whole(path: str | Path, content: str | bytes) -> None:
     """Write a file, text as UTF-8, so that whoever reads `path`, at any moment and after any kill, finds the old one or the new.
@@ -123,6 +126,26 @@ def _keep_entries(directory: Path) -> None:
             os.fsync(descriptor)
         finally:
             os.close(descriptor)
+
+
+def read_bytes(path: Path, most: int = MOST_BYTES) -> bytes:
+    """Return what is in a file of at most so many bytes; a device or a pipe is not read past them.
+
+    Raises
+    ------
+    OSError
+        Where it cannot be read.
+    ValueError
+        Where it is larger.
+    """
+    blocks, size = [], 0
+    with path.open("rb") as file:
+        while size <= most and (block := file.read(1 << 20)):
+            blocks.append(block)
+            size += len(block)
+    if size > most:
+        raise ValueError(f"{printable(path)}: expected a file of at most {most / 1e6:g} MB, given a larger one")
+    return b"".join(blocks)
 
 
 def sealed_json(data: dict[str, Any]) -> str:

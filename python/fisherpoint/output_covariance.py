@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from . import _core
 from .candidates import CandidateSource
 from .information import PointInformation
+from .messages import listed
 from .problem import DesignProblem
 from .quantity import Array, names_of
 
@@ -137,15 +138,13 @@ def check_regular(d: Array, names: tuple[str, ...], kind: str) -> None:
     scale = np.sqrt(np.maximum(np.diagonal(stack, axis1=1, axis2=2), 0))
     flat = [name for name, s in zip(names, scale.min(axis=0), strict=True) if not s > 0]
     if flat:
-        raise ValueError(
-            f"output_covariance {kind!r}: expected a regular D, given no variance of {', '.join(flat)}: give noise_std"
-        )
+        raise ValueError(f"output_covariance {kind!r}: expected a regular D, given no variance of {listed(flat)}: give noise_std")
     values, vectors = np.linalg.eigh(stack / (scale[:, :, None] * scale[:, None, :]))
     worst = int(np.argmin(values[:, 0]))
     if not values[worst, 0] > SINGULAR:
         involved = [name for name, v in zip(names, vectors[worst, :, 0], strict=True) if abs(v) > 0.1]
         raise ValueError(
-            f"output_covariance {kind!r}: expected a regular D, given one that is singular in {', '.join(involved)}: "
+            f"output_covariance {kind!r}: expected a regular D, given one that is singular in {listed(involved)}: "
             "give noise_std, or more points or levels"
         )
 

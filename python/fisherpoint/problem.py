@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from .assumed import Assumed, assumed_of, checked_stds
+from .messages import shown
 from .models import Model
 from .natural_sizes import warn_of_small_states
 from .prior import GaussianPrior
@@ -144,7 +145,7 @@ class DesignProblem:
         """Return a copy with some arguments changed; options that were not told follow from the others anew."""
         known = [one.name for one in dataclasses.fields(self) if one.init]
         for unknown in (name for name in changes if name not in known):
-            raise TypeError(f"replace: expected names of {', '.join(known)}; given unknown {unknown!r}")
+            raise TypeError(f"replace: expected names of {', '.join(known)}; given unknown {shown(unknown)}")
         arguments: dict[str, Any] = dict.fromkeys(self.derived) | changes
         return dataclasses.replace(self, **arguments)
 

@@ -26,7 +26,13 @@ MOST_NAMES = 100_000
 """Names or things of a sequence, past which it counts as one without end."""
 
 MOST_CHARACTERS = 4096
-"""Of a path."""
+"""Of a path, or of a name that may be one."""
+
+LONGEST_NAME, LONGEST_UNIT, LONGEST_DESCRIPTION = 200, 100, 2000
+"""Characters."""
+
+UNIT = "a unit such as 'm', or '1' for none"
+"""What is expected of a unit that is empty: it was rather forgotten than left out."""
 
 LARGEST_INT = 2**128 - 1
 """Of seeds; counts have limits of their own."""
@@ -70,10 +76,13 @@ class Quantity:
     scale: float | None = None
 
     def __post_init__(self) -> None:
-        for label in ("name", "unit", "description"):
-            text = getattr(self, label)
-            if not isinstance(text, str) or not (label == "description" or (text and text.isprintable())):
-                raise TypeError(f"{label}: expected the {label} of a quantity as text, given {shown(text)}")
+        for field, longest in (("name", LONGEST_NAME), ("unit", LONGEST_UNIT), ("description", LONGEST_DESCRIPTION)):
+            text, label = getattr(self, field), field if field == "name" else f"{shortened(self.name)}.{field}"
+            if not isinstance(text, str) or not (field == "description" or (text.strip() and text.isprintable())):
+                expected = UNIT if field == "unit" else f"the {field} of a quantity as text"
+                raise TypeError(f"{label}: expected {expected}, given {shown(text)}")
+            if len(text) > longest:
+                raise ValueError(f"{label}: expected at most {longest} characters, given {len(text):,}")
         if self.scale is not None:
             object.__setattr__(self, "scale", as_positive(self.scale, f"{shortened(self.name)}.scale"))
 
@@ -289,6 +298,8 @@ def check_name(given: Any, label: str) -> str:
     """Return a name: a text without control characters."""
     if not isinstance(given, str) or not given or not given.isprintable():
         raise TypeError(f"{label}: expected names as text, given {shown(given)}")
+    if len(given) > MOST_CHARACTERS:
+        raise ValueError(f"{label}: expected names of at most {MOST_CHARACTERS} characters, given {shown(given)}")
     return given
 
 

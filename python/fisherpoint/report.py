@@ -19,6 +19,7 @@ from rich.text import Text
 
 import fisherpoint as fp
 
+from .messages import printable
 from .results import Evaluated, parameter_frame
 
 WIDTH = 100
@@ -64,7 +65,7 @@ def to_text(report: RenderableType) -> str:
     """A report as plain text, `WIDTH` columns wide."""
     stream = StringIO()
     Console(file=stream, width=WIDTH, color_system=None, highlight=False, legacy_windows=False).print(report)
-    text = "\n".join(line.rstrip() for line in stream.getvalue().splitlines())
+    text = "\n".join(printable(line.rstrip()) for line in stream.getvalue().split("\n"))
     return re.sub(r"\n{3,}", "\n\n", text).strip("\n") + "\n"
 
 
@@ -315,7 +316,7 @@ def _counts(title: str, counts: Mapping[str, int], total: int, share: str) -> Re
             advice = "" if name == "ok" else fp.Status[name].advice
         else:
             advice = _CONSTRAINT if name == "constraint" else _NEAR if name.startswith("starts near") else ""
-        table.add_row(name, str(count), percent(count / total) if count else "0 %", Text(advice))
+        table.add_row(Text(name), str(count), percent(count / total) if count else "0 %", Text(advice))
     return Padding(table, (1, 0, 0, 0))
 
 

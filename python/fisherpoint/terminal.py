@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from rich.console import Console, RenderableType
+from rich.text import Text
 
 import fisherpoint as fp
 
@@ -26,6 +27,11 @@ def show(report: RenderableType) -> None:
         Console(highlight=False).print(report)
     else:
         print(to_text(report), end="", flush=True)
+
+
+def say(line: str) -> None:
+    """Print a line that names files, of which some may have control characters in their names."""
+    show(Text(printable(line)))
 
 
 def make_directory(path: Path) -> None:

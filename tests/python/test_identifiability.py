@@ -425,3 +425,11 @@ def test_friction_and_an_offset_are_told_apart_by_motion_to_both_sides() -> None
     assert fp.identifiability(axis, region=forward).null_directions == (
         "Fc up by 1, b down by 1: no output changes; only Fc + b can be told",
     )
+
+
+def test_a_direction_is_looked_for_in_conditions_with_max() -> None:
+    rate = "u - p*where(max(h - 0.5, 0) > 0.1, 1, 2)/q"
+    model = fp.SymbolicModel([rate], ["h"], {"h": "m"}, {"u": "m/s"}, {"p": "m/s", "q": "1"})
+    region = fp.ExperimentRegion({"h": (0.1, 2), "u": (0.1, 1), "dt": (0.1, 1)})
+    found = fp.identifiability(model, fp.GaussianPrior({"p": 0.6, "q": 1.0}, std={"p": 0.1, "q": 0.1}), region)
+    assert found.null_directions == ("p up 1 %, q up 1 %: no output changes; only q/p can be told",)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ import pytest
 import fisherpoint as fp
 from conftest import REGION, random_points
 from defaults import KINDS, MODEL, problem, same_bits
+from fisherpoint.candidates import CandidateSource
+from fisherpoint.exchange_search import ExchangeSearch
 from fisherpoint.region import NEAREST
 
 LOW, HIGH = np.array(list(REGION.values())).T
@@ -78,16 +81,54 @@ def test_moved_points_obey_constraints_and_survive_on_all_nodes() -> None:
     assert not fp.predictive_covariance(MODEL, design.points, given.prior, given.rule).status.any()
 
 
+def decay(bounds: tuple[float, float] = (0.1, 5.0)) -> fp.DesignProblem:
+    """x' = -k x from x = 1: k is told best by a point at dt = 1 / k = 1."""
+    model = fp.SymbolicModel(["-k*x"], ["x"], {"x": "1"}, {}, {"k": "1/s"}, {"x": "1"})
+    prior = fp.GaussianPrior(mean={"k": 1.0}, std={"k": 0.1})
+    return fp.DesignProblem(model, prior, fp.ExperimentRegion({"x": (1.0, 1.0), "dt": bounds}), noise_std={"x": 1.0})
+
+
 def test_patience_ends_a_search_that_has_come_to_its_optimum() -> None:
     """Points are not moved for ever by gains that nobody sees."""
-
-    @fp.model(states={"x": "1"}, parameters={"k": "1/s"}, outputs={"x": "1"})
-    def decay(x, u, p):  # type: ignore[no-untyped-def]
-        return [-p.k * x.x], [x.x]
-
-    prior = fp.GaussianPrior(mean={"k": 1.0}, std={"k": 0.1})
-    region = fp.ExperimentRegion({"x": (1.0, 1.0), "dt": (0.1, 5.0)})
-    given = fp.DesignProblem(decay, prior, region, noise_std={"x": 1.0})
-    design = fp.exchange(given, 1, 20, 5000, patience=50, references=False)
+    design = fp.exchange(decay(), 1, 20, 5000, patience=50, references=False)
     assert design.stop_reason == "patience" and design.trace[-1].iteration < 1000
     assert design.points.dt[0] == pytest.approx(1.0, abs=2e-3)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_points_are_moved_for_what_is_worth_it_only(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However near the optimum a point is, candidates near it are better, by the square of less and less."""
+    monkeypatch.setattr(ExchangeSearch, "_iterate", lambda _: False)  # no random candidates, which any gain lets in
+    design = fp.exchange(decay(), 1, 20, 400, seed=seed, references=False, local=1.0)
+    gains = [after.log_det - before.log_det for before, after in itertools.pairwise(design.trace) if after.exchanged]
+    assert min(gains) > 1e-6
+    assert design.points.dt[0] == pytest.approx(1.0, abs=2e-3)
+
+
+@pytest.mark.parametrize(("points", "share", "each"), [(2, 0.5, 10), (2, 1.0, 20), (3, 0.5, 7), (40, 0.1, 1), (2, 0.0, None)])
+def test_local_candidates_come_every_fourth_time_as_many_as_their_share(
+    points: int, share: float, each: int | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done, drawn, draw_near = [0], [], CandidateSource.draw_near
+
+    def counted(source: CandidateSource, near: fp.Experiments, count: int) -> Any:
+        drawn.append((done[-1] + 1, len(near), count))
+        return draw_near(source, near, count)
+
+    monkeypatch.setattr(CandidateSource, "draw_near", counted)
+    fp.exchange(decay(), points, 10, 13, references=False, local=share, progress=lambda progress: done.append(progress.iteration))
+    assert drawn == ([] if each is None else [(iteration, points, each) for iteration in (4, 8, 12)])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_design_that_stays_singular_determines_what_it_can(seed: int) -> None:
+    """c has no influence, so F is singular. Two points at u = 1 say most of a; one of them says all that can be said of b."""
+    model = fp.SymbolicModel(
+        [], ["a*u + b*v/100 + c*w"], {}, {"u": "1", "v": "1", "w": "1"}, {"a": "1", "b": "1", "c": "1"}, {"y": "1"}
+    )
+    prior = fp.GaussianPrior(mean=dict.fromkeys("abc", 1.0), std=dict.fromkeys("abc", 1.0))
+    region = fp.ExperimentRegion({"u": (0, 1), "v": (0, 1), "w": (0, 0)}, constraints=["u + v < 1"])
+    design = fp.exchange(fp.DesignProblem(model, prior, region, noise_std={"y": 1.0}), 2, 50, 60, seed=seed, references=False)
+    assert design.evaluation.rank == 2 and design.evaluation.log_det == -np.inf
+    u, v = design.points.u[np.argsort(design.points.u[:, 0]), :2].T
+    assert v[0] > 0.7 and u[1] > 0.7

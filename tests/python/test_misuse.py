@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from decimal import Decimal
 from fractions import Fraction
@@ -189,3 +190,47 @@ def test_a_hostile_model_file_is_refused_in_a_short_printable_line(
 def test_a_description_does_not_reach_the_terminal_raw() -> None:
     told = fp.Quantity("c", "1", f"a concentration {ESCAPE}\nof something")
     assert r"c [1]: a concentration \x1b[31m\x9b1m of something" in str(fp.SymbolicModel(["-k*c"], ["c"], [told], {}, {"k": "1/s"}))
+
+
+SMALL = (
+    MODEL.format(state="x", unit="m", more=" + max(x - 5, 0)")
+    + """
+[prior]
+k = { mean = 1.0, std = 0.1 }
+[noise_std]
+x = 0.01
+[region]
+x = [0.1, 1.0]
+dt = [0.1, 1.0]
+[design]
+n_experiments = 2
+n_candidates = 5
+max_iterations = 2
+"""
+)
+
+
+@pytest.mark.parametrize("terminal", [False, True])
+def test_names_of_files_do_not_reach_the_terminal_raw(
+    terminal: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run, model_file = tmp_path / ESCAPE, tmp_path / f"{ESCAPE}.toml"
+    model_file.write_text(SMALL)
+
+    def told(*arguments: object, code: int = 0) -> str:
+        monkeypatch.setattr(sys.stdout, "isatty", lambda: terminal)
+        with pytest.raises(SystemExit) as caught:
+            cli.main([str(argument) for argument in arguments])
+        text = "".join(capsys.readouterr())
+        assert caught.value.code == code and ESCAPE not in text and "\x9b" not in text
+        return text.replace("\n", "")
+
+    shown_name = r"\x1b[31m\x9b1m"
+    assert shown_name in told("design", model_file, "-o", run, "--no-plots")
+    told("simulate", model_file, run / "design.csv", "-o", run / f"y{ESCAPE}.csv")
+    assert shown_name in told("estimate", model_file, run / f"y{ESCAPE}.csv", "-o", run / ESCAPE, "--no-plots")
+    (run / f"{ESCAPE}.csv").write_bytes((run / "design.csv").read_bytes())
+    options = ("--runs", 20, "--no-plots")
+    assert told("validate", model_file, run / f"{ESCAPE}.csv", "-o", run / ESCAPE, *options).count(shown_name) >= 2
+    assert shown_name in told("campaign", model_file, "-o", run / ESCAPE, "--no-plots")
+    assert shown_name in told("design", run / f"none{ESCAPE}.toml", "-o", run, code=2)

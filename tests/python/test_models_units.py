@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 
+import fisherpoint as fp
 from fisherpoint.models.units import UNITS, check_unit, convert
 
 
@@ -20,7 +24,6 @@ def test_units_that_are_used(unit: str) -> None:
 @pytest.mark.parametrize(
     ("unit", "part"),
     {
-        "": "a unit expected before its end",
         "m^": r"'\^' at column 2",
         "m//s": "a unit expected before '/s' at column 3",
         "m/": "a unit expected before its end",
@@ -42,6 +45,49 @@ def test_what_is_no_unit_is_named_with_its_place(unit: str, part: str) -> None:
         check_unit(unit, "states.x")
     assert str(caught.value).startswith("states.x: expected a unit such as 'm3/(s sqrt(Pa))', given")
     assert len(str(caught.value)) < 250
+
+
+@pytest.mark.parametrize("empty", ["", " "])
+def test_an_empty_unit_is_refused_wherever_one_is_given(empty: str, tmp_path: Path) -> None:
+    expected = rf"expected a unit such as 'm', or '1' for none, given {empty!r}"
+    given: dict[str, Any] = {"states": {"x": "1"}, "inputs": {"u": "1"}, "parameters": {"k": "1"}, "constants": {"c": (1.0, "1")}}
+    make: Any
+    for make in (fp.SymbolicModel, fp.CallableModel):
+        f, g = (["-k*x"], ["x"]) if make is fp.SymbolicModel else (lambda x, u, p: [-p.k * x.x], lambda x, u, p: [x.x])
+        for kind, name, entry in (
+            ("states", "x", empty),
+            ("states", "x", (empty, 1.0)),
+            ("inputs", "u", empty),
+            ("parameters", "k", empty),
+            ("outputs", "y", empty),
+            ("constants", "c", (1.0, empty)),
+        ):
+            with pytest.raises(ValueError, match=f"^{kind}.{name}: {expected}$"):
+                make(f, g, **given | {kind: {name: entry}})
+    with pytest.raises(TypeError, match=f"^x.unit: {expected}$"):
+        fp.Quantity("x", empty)
+    (tmp_path / "points.csv").write_text(f"x [{empty}],u,dt\n1,1,1\n")
+    with pytest.raises(ValueError, match=f"points.csv: column x: {expected.removesuffix(repr(empty))}''$"):
+        fp.Experiments.from_csv(tmp_path / "points.csv", fp.SymbolicModel(["-k*x"], ["x"], **given))
+
+
+@pytest.mark.parametrize("kind", ["states", "inputs", "parameters", "outputs", "constants"])
+@pytest.mark.parametrize("table", [True, False])
+def test_an_empty_unit_in_a_file_is_refused(kind: str, table: bool) -> None:
+    from_toml = pytest.importorskip("fisherpoint.config", reason="needs the extras", exc_type=ImportError).model_from_toml
+    units = {"states": ("x", "m"), "inputs": ("u", "m"), "parameters": ("k", "1"), "outputs": ("y", "1")}
+    texts = {of: f'{name} = "{unit}"' for of, (name, unit) in units.items()} | {"constants": "c = 2.0"}
+    text = '[model]\nname = "m"\n{}[model.equations]\nx = "u - k*x"\ny = "c*x"\n'
+
+    def whole() -> str:
+        return text.format("".join(f"[model.{of}]\n{entry}\n" for of, entry in texts.items()))
+
+    assert from_toml(whole()).constants == {"c": 2.0}
+    name = units.get(kind, ("c",))[0]
+    value = "value = 2.0, " if kind == "constants" else ""
+    texts[kind] = f'{name} = {{ {value}unit = "" }}' if table or value else f'{name} = ""'
+    with pytest.raises(ValueError, match=rf"^model: model\.{name}\.unit: expected a unit such as 'm', or '1' for none, given ''$"):
+        from_toml(whole())
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sympy as sp
 
 import fisherpoint as fp
 from fisherpoint.models.evaluate import evaluate
@@ -201,3 +202,33 @@ def test_a_root_that_ends_on_a_surface_ends_the_trajectory_there_and_nowhere_els
     assert done.status[[0, 2]].tolist() == [fp.Status.ok] * 2
     assert (done.status[[1, 3]] != fp.Status.ok).all()
     assert done.x[[0, 2], 0] == pytest.approx([0.25, -0.5], rel=1e-5)
+
+
+H, U, P = sp.symbols("h u p")
+INSIDE = {
+    "text": "where(where(h > 0.5, h, p) > 0.4, u, p)",
+    "of both sides": "where(max(h - 0.5, 0) > where(h > p, 1, 0.1), u, p)",
+    "joined": "where(not where(h > 0.5, h, p) > 0.4 or u > 2, u, p)",
+    "where": fp.where((fp.where(H > 0.5, H, P) > 0.4) & (U > 0), U, P),
+    "Piecewise": sp.Piecewise((U, sp.Piecewise((H, H > 0.5), (P, True)) > 0.4), (P, True)),
+    "ITE": fp.where(sp.ITE(H > 0.5, H > 0.4, P > 0.4), U, P),
+}
+
+
+@pytest.mark.parametrize("kind", INSIDE)
+def test_cases_inside_a_condition_are_as_good_as_others(kind: str) -> None:
+    made = fp.SymbolicModel([INSIDE[kind]], ["h"], {"h": "m"}, {"u": "m/s"}, {"p": "m/s"})
+    points = fp.Experiments([[0.3], [0.3], [0.9]], [[0.7], [0.7], [0.7]], [0.1] * 3)
+    # The second has a p below 0.4.
+    y = fp.simulate(made, points, [[1.2], [0.2], [0.6]]).y[:, 0]
+    first, second, third = {"of both sides": (1.2, 0.2, 0.6), "joined": (1.2, 0.7, 0.6)}.get(kind, (0.7, 0.2, 0.7))
+    np.testing.assert_allclose(y, [0.3 + 0.1 * first, 0.3 + 0.1 * second, 0.9 + 0.1 * third], rtol=1e-9)
+    freed = made.free_start("h")
+    shifted = fp.simulate(freed, points, [[1.2, 0.0], [0.2, 0.0], [0.6, 0.0]]).y[:, 0]
+    np.testing.assert_allclose(shifted, y, rtol=1e-12)
+
+
+@pytest.mark.parametrize("condition", [sp.Xor(H > 1, U > 0), sp.Implies(H > 1, U > 0)])
+def test_other_ways_to_join_conditions_are_refused_in_words(condition: Any) -> None:
+    with pytest.raises(ValueError, match=r"^equations\.h: expected conditions that are joined by &, \| and ~, given "):
+        fp.SymbolicModel([fp.where(condition, U, P)], ["h"], {"h": "m"}, {"u": "m/s"}, {"p": "m/s"})

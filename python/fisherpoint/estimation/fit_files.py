@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..files import built_from, parse_json, sealed_json, write_together
+from ..files import built_from, parse_json, read_bytes, sealed_json, write_together
 from ..quantity import Array, as_path, names_of
 from . import summary
 from .fit_state import fit_from_state, fit_state
@@ -100,7 +100,7 @@ def _whole(fit: Fit) -> dict[str, Any]:
 def load_fit(directory: str | Path) -> Fit:
     """See `Fit.load`."""
     path = as_path(directory, "directory") / "fit.json"
-    data = parse_json(path, path.read_bytes(), FORMAT, FORMAT_VERSION)
+    data = parse_json(path, read_bytes(path), FORMAT, FORMAT_VERSION)
     if "not_saved" in data.get("state", {}):
         raise ValueError(f"{path}: expected a fit with its model, given one without: {data['state']['not_saved']}")
     return built_from(path, "fit", data, lambda whole: fit_from_state(whole["state"]))

@@ -10,6 +10,7 @@ from ..data.measurements import Measurements
 from ..data.record import Record
 from ..design import model_from_json, model_to_json, prior_from_json, prior_to_json
 from ..experiments import Experiments
+from ..messages import listed
 from ..quantity import Array, names_of
 from ..trajectories import resolve_threads
 from .response import Observed
@@ -64,7 +65,7 @@ def fit_from_state(data: dict[str, Any]) -> Fit:
     lower, upper = (np.array([none if value is None else value for value in of[side]]) for side, none in BOUNDS.items())
     unknowns = Unknowns(observed.names, _numbers(of["center"]), _numbers(of["scale"]), np.array(of["log"], bool), lower, upper)
     if {len(array) for array in (values, unknowns.center, unknowns.scale, unknowns.log, lower, upper)} != {len(observed.names)}:
-        raise ValueError(f"values: expected {len(observed.names)} unknowns, {', '.join(observed.names)}; given another number")
+        raise ValueError(f"values: expected {len(observed.names)} unknowns, {listed(observed.names)}; given another number")
     factor = prior_factor(prior, unknowns) if data["prior_takes_part"] and prior is not None else None
     problem = WeightedResiduals(observed, unknowns, observed.y[None], _numbers(data["weights"]), factor)
     response = observed.respond(values[None])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels import Kernels
-from ..messages import shortened, shown
+from ..messages import listed, shortened, shown
 from ..quantity import Array, FrozenMapping, as_float, check_known, check_mapping, check_name, names_of
 from .base import Model
 from .quantities import Described, check_distinct, checked_name, constants_of, quantities_of, start_offsets
@@ -42,8 +42,8 @@ class Columns(np.ndarray[Any, Any]):
 
     def __getattr__(self, name: str) -> Any:
         known = self.__dict__
-        names = ", ".join([*known.get("_places", ()), *known.get("_constants", ())])
-        raise AttributeError(f"expected one of {names or 'no names'}; given unknown {name!r}")
+        names = listed([*known.get("_places", ()), *known.get("_constants", ())], "no names")
+        raise AttributeError(f"expected one of {names}; given unknown {shown(name)}")
 
 
 class CallableModel(Model):

@@ -73,7 +73,7 @@ def compiled_model(model: SymbolicModel, tape: Any) -> Any | None:
         if found is None:
             found = _core.CompiledModel(tape, str(cache.keep(key, _build(compiler, flags, sources))))
     except (OSError, RuntimeError) as error:
-        _stays_interpreted(f"expected {compiler} to build the model, given: {printable(str(error))}")
+        _stays_interpreted(f"expected {compiler} to build the model, given: {error}")
         return None
     for remark in cache.remarks:
         warnings.warn(f"compile: {printable(remark)}", stacklevel=3)
@@ -93,7 +93,7 @@ def _loaded(tape: Any, cache: LibraryCache, key: str) -> Any | None:
 
 
 def _stays_interpreted(reason: str) -> None:
-    warnings.warn(f"compile: {reason}; the model stays interpreted", stacklevel=4)
+    warnings.warn(f"compile: {printable(reason)}; the model stays interpreted", stacklevel=4)
 
 
 def find_compiler() -> str | None:

@@ -104,6 +104,8 @@ class Domain:
         smooth = sympy.Mul(*(factor for factor in sympy.Mul.make_args(expression) if not isinstance(factor, sympy.Dummy)))
         if pole and smooth == 1:
             return
+        if any(taken and condition == expression for condition, taken in guards):
+            return  # the branch is taken where this is positive
         form, sign = normal_form(smooth)
         side = self._switching.get(form)
         if side is not None and (smooth != expression or any(condition == side for condition, _ in guards)):
@@ -141,6 +143,8 @@ def _limits_of(part: Any, origin: Mapping[Any, Any]) -> Sequence[tuple[Any, Any,
     if isinstance(part, sympy.Pow):
         if part.exp.is_Integer:
             return [(argument, written, True)] if part.exp < 0 else ()
+        if isinstance(argument, sympy.Abs) and part.exp.is_Number and part.exp > 1:
+            return ()
         return [(argument, written, False)]
     if isinstance(part, sympy.log):
         return [(argument, written, False)]

@@ -9,7 +9,7 @@ from typing import Any
 import sympy
 from sympy.core.function import AppliedUndef
 from sympy.core.relational import Equality, Relational, Unequality
-from sympy.logic.boolalg import BooleanFalse, BooleanTrue
+from sympy.logic.boolalg import BooleanFalse, BooleanFunction, BooleanTrue
 
 from ..functions import NAMES
 from ..messages import listed, shortened, shown
@@ -21,7 +21,7 @@ MAX_EXPONENT = 1000
 _ARITHMETIC = (sympy.Symbol, sympy.Number, sympy.Add, sympy.Mul, sympy.Pow)
 _CALLS = tuple(getattr(sympy, name) for name in NAMES if hasattr(sympy, name) and isinstance(getattr(sympy, name), type))
 _CASES = (sympy.Abs, sympy.Heaviside, sympy.Min, sympy.Max, sympy.Piecewise, sympy.functions.elementary.piecewise.ExprCondPair)
-_LOGIC = (Relational, sympy.And, sympy.Or, sympy.Not, BooleanTrue, BooleanFalse)
+_LOGIC = (Relational, sympy.And, sympy.Or, sympy.Not, sympy.ITE, BooleanTrue, BooleanFalse)
 _KNOWN = (*_ARITHMETIC, *_CALLS, *_CASES, *_LOGIC)
 
 
@@ -49,6 +49,8 @@ def checked(expression: Any, symbols: Mapping[str, sympy.Symbol], place: str) ->
     for part in parts(expression):
         if isinstance(part, Equality | Unequality) or not isinstance(part, (*_KNOWN, sympy.NumberSymbol, AppliedUndef)):
             what = str(part) if isinstance(part, Relational) else part.func.__name__
+            if isinstance(part, BooleanFunction):
+                raise ValueError(f"{place}: expected conditions that are joined by &, | and ~, given {shortened(part)}")
             if part not in (sympy.I, sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
                 raise ValueError(f"{place}: expected the functions {', '.join(NAMES)}; given {shortened(what)}")
 
@@ -57,6 +59,11 @@ def checked(expression: Any, symbols: Mapping[str, sympy.Symbol], place: str) ->
             return _known(part.func.__name__, symbols, place)
         if isinstance(part, sympy.Heaviside):
             return sympy.Heaviside(now.args[0])  # its value at zero is never asked for
+        if isinstance(now, sympy.ITE):  # what SymPy makes of a comparison of its own Piecewise
+            condition, yes, no = now.args
+            return sympy.Or(
+                sympy.And(condition, yes, evaluate=False), sympy.And(sympy.Not(condition), no, evaluate=False), evaluate=False
+            )
         return symbols.get(part.name, part) if part.is_Symbol else now
 
     expression = rebuilt(expression, ours)

@@ -32,7 +32,7 @@ def leaves_equations(model: SymbolicModel, theta: Array, change: Array, x: Array
     equations, moved = model.equations, np.flatnonzero(change)
     branches = Branches((*equations.states, *equations.inputs, *equations.parameters), by_side=True)
     rewritten = [branches.rewrite(expression) for expression in (*equations.rates, *equations.output)]
-    expressions = [*rewritten, *(surface.expression for surface in branches.surfaces)]
+    expressions = [branches.merged(one) for one in (*rewritten, *(surface.expression for surface in branches.surfaces))]
     rng = np.random.default_rng(0)
     known: dict[Any, Any] = {surface.side: rng.choice([-1.0, 1.0], len(x)) for surface in branches.surfaces}
     known |= dict(equations.constants)

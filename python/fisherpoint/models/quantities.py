@@ -9,14 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from ..functions import NAMES
 from ..messages import shown
-from ..quantity import Quantity, as_float, as_positive, as_sequence, check_known
+from ..quantity import LONGEST_NAME, Quantity, as_float, as_positive, as_sequence, check_known
 from .units import check_unit
 
 if TYPE_CHECKING:
     from .base import Model
-
-MAX_LENGTH = 200
-"""Characters of a name."""
 
 RESERVED = (*NAMES, "pi", "dt")
 
@@ -89,7 +86,7 @@ def check_distinct(named: Iterable[tuple[str, str]]) -> None:
 def _name(key: Any, kind: str) -> str:
     name = key if isinstance(key, str) else getattr(key, "name", None) or getattr(getattr(key, "func", None), "__name__", None)
     place = f"{kind}.{shown(name)}"
-    if not isinstance(name, str) or len(name) > MAX_LENGTH or not _is_plain(name):
+    if not isinstance(name, str) or len(name) > LONGEST_NAME or not _is_plain(name):
         raise ValueError(f"{place}: expected a name of letters, digits and _ that starts with a letter, given {shown(key)}")
     if keyword.iskeyword(name) or name in RESERVED:
         raise ValueError(f"{place}: expected a name that is free, given {shown(name)}, which means something else in equations")
@@ -104,8 +101,8 @@ def checked_name(given: Any) -> str:
     """The name of a model."""
     if not isinstance(given, str) or not given.strip() or not given.isprintable():
         raise ValueError(f"name: expected a name, given {shown(given)}")
-    if len(given) > MAX_LENGTH:
-        raise ValueError(f"name: expected a name of at most {MAX_LENGTH} characters, given {shown(given)}")
+    if len(given) > LONGEST_NAME:
+        raise ValueError(f"name: expected a name of at most {LONGEST_NAME} characters, given {shown(given)}")
     return given
 
 

@@ -15,6 +15,7 @@ from ..tape.programs import Programs, build_programs
 from .domain import Domain, Limit
 from .evaluate import evaluate
 from .jumps import classified
+from .powers import Powers
 from .surfaces import Branches
 
 
@@ -39,9 +40,11 @@ class Structure:
         by_side, by_value = Branches(equations.states, by_side=True), Branches(equations.states, by_side=False)
         rates = [by_side.rewrite(expression) for expression in equations.rates]
         told = classified(rates, by_side, equations.states, equations.constants, equations.conditions)
-        self.rates = [by_side.merged(rate) for rate in rates]
-        self.surfaces = [replace(surface, expression=by_side.merged(surface.expression)) for surface in told]
-        self.output = [by_value.rewrite(expression) for expression in equations.output]
+        merged = [replace(surface, expression=by_side.merged(surface.expression)) for surface in told]
+        powers = Powers(merged)
+        self.rates = [powers.rewrite(by_side.merged(rate)) for rate in rates]
+        self.surfaces = [replace(surface, expression=powers.rewrite(surface.expression)) for surface in merged]
+        self.output = [powers.rewrite(by_value.rewrite(expression)) for expression in equations.output]
 
         domain = Domain(equations.constants, self.surfaces)
         for condition in equations.conditions:

@@ -11,12 +11,14 @@ from typing import Any
 import sympy
 
 from .. import _core
-from ..messages import shown
+from ..messages import listed, shown
 from ..quantity import Array, FrozenMapping, Quantity, as_float, as_sequence, check_known, check_mapping, names_of
+from ..tape.parts import replaced
 from ..tape.program import to_core
 from ..tape.programs import LIMIT
 from .base import Model
 from .compiled import compiled_model
+from .domain import MOST
 from .expressions import checked, symbol
 from .printing import to_text
 from .quantities import Described, check_distinct, checked_name, constants_of, quantities_of, start_offsets
@@ -80,6 +82,8 @@ class SymbolicModel(Model):
 
         _check_count(given_f, "f", self.states)
         _check_count(given_g, "g", self.outputs)
+        if len(given_domain) > MOST:
+            raise ValueError(f"domain: expected at most {MOST} conditions, given {len(given_domain)}")
         symbols = {name: symbol(name) for name in self._names()}
         rates = [_equation(e, symbols, f"equations.{q.name}") for e, q in zip(given_f, self.states, strict=True)]
         output = [_equation(e, symbols, self._place_of(q)) for e, q in zip(given_g, self.outputs, strict=True)]
@@ -187,7 +191,7 @@ class SymbolicModel(Model):
         shift = {symbol(name): symbol(name) + symbol(offset.name) for name, offset in zip(names, offsets, strict=True)}
         equations = self.equations
         f, g, domain = (
-            [expression.xreplace(shift) for expression in of] for of in (equations.rates, equations.output, equations.conditions)
+            [replaced(expression, shift) for expression in of] for of in (equations.rates, equations.output, equations.conditions)
         )
         constants = {q.name: (self.constants[q.name], q) for q in self.constant_quantities}
         parameters = (*self.parameters, *offsets)
@@ -289,7 +293,7 @@ def _default_outputs(count: int) -> dict[str, str]:
 
 def _check_count(given: list[Any], place: str, quantities: tuple[Quantity, ...]) -> None:
     if len(given) != len(quantities):
-        one_for_each = f", one for each of {', '.join(names_of(quantities))}" if quantities else ""
+        one_for_each = f", one for each of {listed(names_of(quantities))}" if quantities else ""
         raise ValueError(f"{place}: expected {len(quantities)} equations{one_for_each}; given {len(given)}")
 
 

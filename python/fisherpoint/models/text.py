@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 import sympy
 
 from ..functions import ARGUMENTS, FUNCTIONS, NAMES
+from ..messages import listed, shown
 from ..tape.parts import compared
 from .expressions import MAX_EXPONENT, checked
 
@@ -54,7 +55,7 @@ def parse_equation(text: object, symbols: Mapping[str, sympy.Symbol], place: str
         For anything else: one line that names the place, and the column.
     """
     if not isinstance(text, str):
-        raise ValueError(f"{place}: expected an equation as text, given {text!r:.60}")
+        raise ValueError(f"{place}: expected an equation as text, given {shown(text)}")
     if len(text) > MAX_LENGTH:
         raise ValueError(f"{place}: expected an equation of at most {MAX_LENGTH} characters, given {len(text)}")
     reader = _Reader(text.translate(_BLANKS), symbols, place)
@@ -111,7 +112,7 @@ class _Reader:
                     return self.symbols[name]
                 if name == "pi":
                     return sympy.Float(math.pi)
-                self.refuse_node(f"expected the names {', '.join(self.symbols)}", node)
+                self.refuse_node(f"expected the names {listed(self.symbols)}", node)
             case ast.Constant(value) if isinstance(value, int | float) and not isinstance(value, bool):
                 return self.number(node, value)
             case ast.BinOp(_, ast.BitXor(), _):

@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from ..messages import listed, shortened, shown
 from ..quantity import Quantity, names_of
 from .base import Model
 from .hydraulic_cylinder import HydraulicCylinder
@@ -70,7 +71,8 @@ def model_of_table(table: ModelTable) -> SymbolicModel:
         for kind, entries in table.quantities.items()
     }
     constants = {
-        name: (entry.value, Quantity(name, entry.unit or "1", entry.description)) for name, entry in table.constants.items()
+        name: (entry.value, Quantity(name, "1" if entry.unit is None else entry.unit, entry.description))
+        for name, entry in table.constants.items()
     }
     nominal = {name: entry.nominal for name, entry in table.parameters.items() if entry.nominal is not None}
     f, g = _equations(table)
@@ -83,7 +85,7 @@ def _equations(table: ModelTable) -> tuple[list[str], list[str]]:
     for name in equations:
         if name not in expected:
             raise ValueError(
-                f"equations.{name}: expected an equation for each of {', '.join(expected)}; given one for {name!r:.60}"
+                f"equations.{shortened(name)}: expected an equation for each of {listed(expected)}; given one for {shown(name)}"
             )
     for name in expected:
         if name not in equations and (name in states or name not in table.inputs):
@@ -91,7 +93,7 @@ def _equations(table: ModelTable) -> tuple[list[str], list[str]]:
             raise ValueError(f"equations.{name}: expected {what} as a text, given none")
     for name, output in outputs.items():
         if output.equation is not None and name not in states:
-            raise ValueError(f"outputs.{name}.equation: expected only for an output with the name of a state, given {name!r:.60}")
+            raise ValueError(f"outputs.{name}.equation: expected only for an output with the name of a state, given {shown(name)}")
     # Without an equation, an output with the name of a state or an input is that.
     g = [entry.equation or (name if name in states else equations.get(name, name)) for name, entry in outputs.items()]
     return [equations[name] for name in states], g

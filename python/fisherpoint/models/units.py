@@ -11,7 +11,7 @@ from fractions import Fraction
 from math import inf, pi, pow
 
 from ..messages import shown
-from ..quantity import Array
+from ..quantity import LONGEST_UNIT, UNIT, Array
 
 _BASE = ("m", "kg", "s", "A", "K", "mol", "cd", "rad", "au")
 """The angle is one here, so that Hz, rad/s and rpm are not taken for each other; au may be anything, and is only itself."""
@@ -112,7 +112,6 @@ _TOKEN = re.compile(
     r"\s*(?:(?P<power>(?:\^|\*\*)\s*[+-]?(?:\d+\.\d+|\d+)|(?<=[A-Za-zΩ%])[+-]?\d+)|(?P<name>sqrt(?=\s*\()|[^\W\d_]+|%|°C)"
     r"|(?P<one>\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)|(?P<mark>[*·/()]))"
 )
-MAX_LENGTH = 100
 
 
 def check_unit(text: object, place: str) -> str:
@@ -151,8 +150,10 @@ def convert(values: Array, given: str, wanted: str, place: str) -> Array:
 
 
 def _read(text: object, place: str) -> UnitValue:
-    if not isinstance(text, str) or len(text) > MAX_LENGTH:
+    if not isinstance(text, str) or len(text) > LONGEST_UNIT:
         raise ValueError(f"{place}: expected a unit such as 'm3/(s sqrt(Pa))', given {shown(text)}")
+    if not text.strip():
+        raise ValueError(f"{place}: expected {UNIT}, given {shown(text)}")
     return _Parser(text, place).whole()
 
 

@@ -96,14 +96,19 @@ def _sum(graph: Graph, a: Tangent, b: Tangent) -> Tangent:
 
 def _select(graph: Graph, condition: int, a: Tangent, b: Tangent) -> Tangent:
     """Each variable's derivative by the branch that is taken; nothing of the other is let into a product."""
+
+    def alone(seed: int, first: bool) -> int:
+        """The seed of one branch where it may multiply what is chosen by the condition, else one that changes at every stage."""
+        return graph.select(condition, *((seed, graph.zero) if first else (graph.zero, seed))) if graph.partial[seed] else seed
+
     none = graph.one, graph.zero
     result: Tangent = {}
     for variable in a.keys() | b.keys():
         (scale_a, seed_a), (scale_b, seed_b) = a.get(variable, none), b.get(variable, none)
-        if seed_b == graph.zero and graph.levels[seed_a] < STAGE:
-            result[variable] = graph.select(condition, scale_a, graph.zero), seed_a
-        elif seed_a == graph.zero and graph.levels[seed_b] < STAGE:
-            result[variable] = graph.select(condition, graph.zero, scale_b), seed_b
+        if seed_b == graph.zero and graph.levels[seed := alone(seed_a, True)] < STAGE:
+            result[variable] = graph.select(condition, scale_a, graph.zero), seed
+        elif seed_a == graph.zero and graph.levels[seed := alone(seed_b, False)] < STAGE:
+            result[variable] = graph.select(condition, graph.zero, scale_b), seed
         elif seed_a == seed_b:
             result[variable] = _term(graph, graph.select(condition, scale_a, scale_b), seed_a)
         else:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .operations import COMMUTATIVE, EVEN, ODD, OPERATIONS
+from .operations import COMMUTATIVE, EVEN, ODD, OPERATIONS, PARTIAL
 
 LITERAL, TRAJECTORY, STAGE = range(3)
 """How often a node's value changes: never, with theta and u from trajectory to trajectory, with every evaluation."""
@@ -57,7 +57,8 @@ class Graph:
     """A graph of operations; nodes are numbers, operands come before what uses them, and leaves come first.
 
     `names[n]` is the operation of node n, or "leaf" or "literal"; `operands[n]` are its operands, `values[n]` is the value of a
-    literal, `reads[n]` a set of bits, one for every leaf that its value depends on, and `levels[n]` says how often that changes.
+    literal, `reads[n]` a set of bits, one for every leaf that its value depends on, `levels[n]` says how often that changes, and
+    `partial[n]` whether it is made of what has not a value everywhere, such as a root.
 
     The methods named after operations simplify what is exact but for rounding: they fold literals, drop neutral elements, and pull
     signs outwards, where sums absorb them, and factors that the state does not enter, where they meet others of their kind.
@@ -70,6 +71,7 @@ class Graph:
         self.values: list[float] = []
         self.reads: list[int] = []
         self.levels: list[int] = []
+        self.partial: list[bool] = []
         self._nodes: dict[tuple[object, ...], int] = {}
         for leaf in range(leaves.count):
             self._append("leaf", (), math.nan, 1 << leaf, STAGE if leaf >= leaves.x.start else TRAJECTORY)
@@ -81,6 +83,7 @@ class Graph:
         self.values.append(value)
         self.reads.append(reads)
         self.levels.append(level)
+        self.partial.append(name in PARTIAL or any(self.partial[operand] for operand in operands))
         return len(self.names) - 1
 
     def literal(self, value: float) -> int:

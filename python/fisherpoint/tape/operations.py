@@ -54,4 +54,5 @@ OPERATIONS = {operation.name: operation for operation in TABLE}
 CODES = {operation.name: code for code, operation in enumerate(TABLE)}
 COMMUTATIVE = frozenset({"add", "mul", "min", "max"})
 ODD = frozenset({"sin", "tan", "asin", "atan", "sinh", "tanh", "sign"})
+PARTIAL = frozenset({"sqrt", "log", "asin", "acos", "pow"})
 EVEN = frozenset({"cos", "cosh", "abs"})

@@ -12,6 +12,7 @@ import numpy as np
 from ..design import Design
 from ..estimation.weighting import noise_covariance
 from ..experiments import Experiments
+from ..messages import listed
 from ..models import Model
 from ..problem import DesignProblem
 from ..quantity import FrozenMapping, check_choice, check_flag, check_mapping, check_name, check_positive_int, names_of
@@ -151,7 +152,7 @@ def _check_truth(truth: Model, model: Model) -> None:
     for kind in ("states", "inputs", "outputs", "parameters"):
         expected, given = names_of(getattr(model, kind)), names_of(getattr(truth, kind))
         if expected != given:
-            raise ValueError(f"truth: expected the {kind} {', '.join(expected)}; given {', '.join(given)}")
+            raise ValueError(f"truth: expected the {kind} {listed(expected)}; given {listed(given)}")
 
 
 def _noise_std(problem: DesignProblem, given: Mapping[str, float] | None) -> dict[str, float]:
@@ -161,5 +162,5 @@ def _noise_std(problem: DesignProblem, given: Mapping[str, float] | None) -> dic
     stds = problem.noise_std if given is None else check_mapping(given, "noise_std")
     noise_covariance(problem.model, stds or {}, np.full((1, len(problem.model.outputs)), np.nan))  # for its checks
     if not stds:
-        raise ValueError(f"noise_std: expected at least one of {', '.join(names_of(problem.model.outputs))}; given none")
+        raise ValueError(f"noise_std: expected at least one of {listed(names_of(problem.model.outputs))}; given none")
     return dict(stds)
