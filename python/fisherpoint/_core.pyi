@@ -137,7 +137,9 @@ class TapeModel:
         output_entries: collections.abc.Sequence[
             tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex]
         ],
-        surface_reads: collections.abc.Sequence[collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex]],
+        varying_states: collections.abc.Sequence[bool],
+        varying_outputs: collections.abc.Sequence[bool],
+        varying_surfaces: collections.abc.Sequence[bool],
     ) -> None:
         """
         Scales of the states, how many there are of what (the poles among the limits), and the programs with their entries.

@@ -50,8 +50,7 @@ TapeModel ball(Kind kind, double floor, bool pole = false) {
                     {literals, {}, {}, {ds_at}, registers},
                     rate_jacobian,
                     {literals, {}, {}, {s, one}, registers}},
-                   entries, {{0, 0}},
-                   kind == Kind::limit ? std::vector<std::vector<int>>{} : std::vector<std::vector<int>>{{0}});
+                   entries, {{0, 0}}, {{true, true}, {true}, std::vector<bool>(kind != Kind::limit, true)});
 }
 
 struct Throws {
@@ -175,7 +174,8 @@ TEST_CASE("lists that would read or write what they must not are refused") {
   const Shape<TapeModel> shape{1, 0, 1, 1, 0, 0, 0, 0};
   const auto model = [&](const Program& rates) {
     const Program none{{}, {}, {}, {}, 3}, x{{}, {}, {}, {1}, 3}, jacobian{{}, {}, {}, {1, 0}, 3};
-    return TapeModel(shape, {1.0}, {rates, x, none, none, jacobian, {{}, {}, {}, {1, 1}, 3}}, {{0, 1}}, {{0, 0}}, {});
+    return TapeModel(shape, {1.0}, {rates, x, none, none, jacobian, {{}, {}, {}, {1, 1}, 3}}, {{0, 1}}, {{0, 0}},
+                     {{true}, {true}, {}});
   };
   // theta, x, dx, then what is computed.
   CHECK_NOTHROW(model({{}, {}, {{O::mul, 3, 0, 1, 0}}, {3}, 4}));

@@ -125,11 +125,11 @@ def units_of(bench: Bench, numbers: Numbers) -> Numbers:
     """What differences are measured by."""
     tiny, sizes = 1e-290, bench.case.sizes
     x, y, dx, dy = (numbers[name] for name in ("x", "y", "dx", "dy"))
-    columns = np.max(np.abs(dx) / sizes[:, None], axis=1, initial=0.0)  # (K, p)
+    columns = np.max(np.abs(dx) / sizes[:, None], axis=(0, 1), initial=0.0)  # (p,), of all points: some decay to nothing
     units = {
         "x": np.abs(x) + sizes,
         "y": np.broadcast_to(np.abs(y).max(axis=0, initial=0.0), y.shape) + tiny,
-        "dx": sizes[:, None] * columns[:, None] + tiny,
+        "dx": np.broadcast_to(sizes[:, None] * columns, dx.shape) + tiny,
         "dy": np.broadcast_to(np.abs(dy).max(axis=(0, 1), initial=0.0), dy.shape) + tiny,
     }
     if "covariance" in numbers:

@@ -243,6 +243,15 @@ def _difference(a: ast.expr, b: ast.expr) -> ast.expr:
     return a if isinstance(b, ast.Constant) and b.value == 0 else ast.BinOp(a, ast.Sub(), b)
 
 
+def _is_zero(tree: ast.expr) -> bool:
+    return isinstance(tree, ast.Constant) and tree.value == 0
+
+
+def _exponent(power: ast.BinOp) -> float:
+    """The exponent of a power, NaN where it is no number."""
+    return float(ast.unparse(power.right)) if isinstance(power.right, ast.Constant | ast.UnaryOp) else math.nan
+
+
 class _Brancher(ast.NodeTransformer):
     """From functions with branches to conditional expressions, the arguments first as they were written."""
 
@@ -272,6 +281,13 @@ class _Brancher(ast.NodeTransformer):
         if name == "heaviside":
             return ast.IfExp(above, ast.Constant(1.0), ast.Constant(0.0))
         return ast.IfExp(above, value, ast.UnaryOp(ast.USub(), deepcopy(value)))
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
+        """A power above 1 of what is zero on an edge goes on evenly past it, where a trial step may look."""
+        self.generic_visit(node)
+        if isinstance(node.op, ast.Pow) and _exponent(node) > 1 and isinstance(node.left, ast.IfExp):
+            node.left = _call("abs", node.left)
+        return node
 
     def extreme(self, name: str, first: tuple[ast.expr, ast.expr], second: tuple[ast.expr, ast.expr]) -> tuple[ast.expr, ast.expr]:
         above = self.above(_difference(first[0], second[0]))
@@ -307,14 +323,20 @@ class _Looker(ast.NodeTransformer):
     def __init__(self, reading: Reading) -> None:
         self.reading = reading
 
+    def root(self, argument: ast.expr) -> ast.expr:
+        """What must be positive, but for a branch that is zero."""
+        if not isinstance(argument, ast.IfExp):
+            return argument if _is_zero(argument) else self.reading.limit(argument, pole=False)
+        return ast.IfExp(argument.test, self.root(argument.body), self.root(argument.orelse))
+
     def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
         self.generic_visit(node)
         if isinstance(node.op, ast.Div):
             node.right = self.reading.limit(node.right, pole=True)
-        if isinstance(node.op, ast.Pow) and isinstance(exponent := node.right, ast.Constant | ast.UnaryOp):
-            power = float(ast.unparse(exponent))
-            if power < 0 or power != int(power):
-                node.left = self.reading.limit(node.left, pole=power == int(power))
+        if isinstance(node.op, ast.Pow) and not math.isnan(power := _exponent(node)):
+            even = power > 1 and isinstance(node.left, ast.Call) and ast.unparse(node.left.func) == "abs"
+            if power < 0 or (power != int(power) and not even):
+                node.left = self.root(node.left) if power > 0 else self.reading.limit(node.left, pole=power == int(power))
         elif isinstance(node.op, ast.Pow):
             node.left = self.reading.limit(node.left, pole=False)
         return node
@@ -322,7 +344,9 @@ class _Looker(ast.NodeTransformer):
     def visit_Call(self, node: ast.Call) -> ast.expr:
         self.generic_visit(node)
         assert isinstance(node.func, ast.Name)
-        if node.func.id in ("sqrt", "log"):
+        if node.func.id == "sqrt":
+            node.args = [self.root(node.args[0])]
+        if node.func.id == "log":
             node.args = [self.reading.limit(node.args[0], pole=False)]
         others = {"tan": ["cos({})"], "asin": ["1 - ({})", "1 + ({})"], "acos": ["1 - ({})", "1 + ({})"]}.get(node.func.id)
         if not others:

@@ -310,7 +310,7 @@ def cases() -> dict[str, Case]:
         "Experiments.join": _case(fp.Experiments.join, parts=([points(), points()], POINTS)),
         "Experiments.to_csv": _case(
             lambda path, model: points().to_csv(_within(path), model),
-            path=("out.csv", TEXT, PATH),
+            path=("out", TEXT, PATH),
             model=(model(), MODEL, NONE),
         ),
         "Experiments.from_csv": _case(fp.Experiments.from_csv, path=(files() / "points.csv", TEXT, PATH), model=of_model),

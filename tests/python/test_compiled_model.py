@@ -132,3 +132,13 @@ def test_a_static_model_is_compiled_too():
     one, other = (fp.sensitivities(m, points, [2.0, 0.9]) for m in (growth, model))
     assert other.status.tolist() == one.status.tolist() == [fp.Status.ok, fp.Status.ok, fp.Status.not_finite]
     np.testing.assert_allclose(other.dy_dtheta, one.dy_dtheta, rtol=1e-14)
+
+
+def test_branches_over_a_prior_are_the_interpreted_ones():
+    growth = fp.SymbolicModel(["heaviside(p - 1)*u"], ["x", "sign(x - 0.5)"], {"x": "1"}, {"u": "1"}, {"p": "1"})
+    model, points = growth.compile(), fp.Experiments([[0.0]], [[1.0]], [1.0])
+    assert model.compiled
+    prior = fp.GaussianPrior({"p": 1.05}, std={"p": 0.5})
+    one, other = (fp.predictive_covariance(m, points, prior, fp.Sobol(64)).covariance[0] for m in (growth, model))
+    np.testing.assert_allclose(other, one, rtol=1e-12)
+    assert np.diag(one).min() > 0.1

@@ -26,6 +26,8 @@ def core_values(program: Program, x: np.ndarray) -> np.ndarray:
         *map(to_core, (x_leaf, program, none, none, x_leaf, program)),
         [],
         [],
+        [True, True, True],
+        [True],
         [],
     )
     return model.output(x, np.empty((len(x), 0)), np.ones((len(x), 1)))

@@ -95,7 +95,7 @@ def test_entries_are_in_order(programs: Programs) -> None:
     for entries in (programs.rate_entries, programs.output_entries):
         by_states = [entry for entry in entries if entry[1] < N_X]
         assert entries == (*sorted(by_states), *sorted(set(entries) - set(by_states), key=lambda entry: entry[::-1]))
-    assert programs.surface_reads == ((1,), (4,))
+    assert (programs.varying_states, programs.varying_surfaces) == ((True, True, True, True, False), (True, False))
 
 
 @pytest.mark.parametrize("name", COUNTS)

@@ -131,18 +131,27 @@ class Dependence {
     return {};
   }
   static constexpr bool depends(int i, int j) { return (row[i] >> j) & 1; }
-  // Whether state i depends on any parameter; one that does not is the same for every theta.
-  static constexpr bool state_depends(int i) { return row[i] != 0; }
-
-  // Whether output i or switching surface m depends on any parameter: such an output has exactly no predictive variance, and
-  // such a surface is crossed at the same time for every theta.
+  // Whether state i, output i or switching surface m depends on any parameter: a state that does not is the same for every
+  // theta, such an output has exactly no predictive variance, and such a surface is crossed at the same time. Branches on
+  // values that depend on theta do not show in derivatives: a model that has any says itself what varies.
+  static constexpr bool state_depends(int i) {
+    if constexpr (requires { M::varying_states; })
+      return M::varying_states[i];
+    else
+      return row[i] != 0;
+  }
   template <int i>
   static constexpr bool output_depends(Count<i>) {
-    return varies<std::tuple_element_t<i, Outputs>>();
+    if constexpr (requires { M::varying_outputs; })
+      return M::varying_outputs[i];
+    else
+      return varies<std::tuple_element_t<i, Outputs>>();
   }
   template <int m>
   static constexpr bool switching_depends(Count<m>) {
-    if constexpr (m < sizes<M>::switching)
+    if constexpr (m < sizes<M>::switching && requires { M::varying_surfaces; })
+      return M::varying_surfaces[m];
+    else if constexpr (m < sizes<M>::switching)
       return varies<std::tuple_element_t<m, Switching>>();
     else
       return true;

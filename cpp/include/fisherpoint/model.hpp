@@ -37,6 +37,9 @@
 // Where f is a quotient whose divisor may have either sign, the divisor is a pole: a limit that the trajectory must not cross,
 // from whichever side it comes. A model's `static constexpr int poles` says how many of its domain limits, the first ones, are.
 //
+// A model that branches on values of parameters or of states, inside `dynamics` or `output`, says in `varying_states`,
+// `varying_outputs` and `varying_surfaces`, arrays of bool, which of these depend on any parameter: derivatives do not show it.
+//
 // Scales. A quantity's scale is the size against which its error is measured: rtol of a state is rtol * scale.
 #pragma once
 

@@ -92,10 +92,13 @@ class Planner {
     if (total_steps(stretches) > static_cast<int>(stretches.size())) {
       // The last two tries tell the order, and with it the longest step that may do; equal steps in all stretches are fewer.
       const double order = std::isfinite(last_error) ? std::clamp(std::log2(last_error / error), 4.0, 12.0) : 6.0;
-      double longest = 0;
-      for (const auto& stretch : stretches) longest = std::max(longest, stretch.duration / stretch.steps);
+      double longest = 0, whole = 0;
+      for (const auto& stretch : stretches) {
+        longest = std::max(longest, stretch.duration / stretch.steps);
+        whole = std::max(whole, stretch.duration);
+      }
       std::vector<Stretch<M>> last;
-      for (double step = longest * std::pow(rtol / error, 1 / order); step > longest; step *= 0.92) {
+      for (double step = std::min(longest * std::pow(rtol / error, 1 / order), whole); step > longest; step *= 0.92) {
         const std::vector<Stretch<M>> tried = divided(stretches, step);
         if (same_steps(tried, last)) continue;
         last = tried;

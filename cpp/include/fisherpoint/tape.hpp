@@ -81,12 +81,17 @@ struct Entry {
   int row, variable;
 };
 
+// Which states, outputs, and jumps and kinks depend on theta in whatever way, by branches too: not those without a derivative
+// alone.
+struct Varying {
+  std::vector<bool> states, outputs, surfaces;
+};
+
 template <>
 class Dependence<TapeModel> {
  public:
-  Dependence(const Shape<TapeModel>& shape, const std::vector<Entry>& rate_entries, const std::vector<Entry>& output_entries,
-             const std::vector<std::vector<int>>& surface_reads)
-      : coupled_(shape.states), driven_(shape.parameters), rows_(shape.parameters), output_depends_(shape.outputs) {
+  Dependence(const Shape<TapeModel>& shape, const std::vector<Entry>& rate_entries, Varying varying)
+      : coupled_(shape.states), driven_(shape.parameters), rows_(shape.parameters), varying_(std::move(varying)) {
     Masks parameters_read(shape.states);
     for (const auto [i, k] : rate_entries) {
       if (k < shape.states) {
@@ -98,12 +103,6 @@ class Dependence<TapeModel> {
     }
     row_ = detail::reached_parameters(coupled_, parameters_read, shape.states);
     for (int j = 0; j < shape.parameters; ++j) rows_[j] = detail::which(shape.states, [&](int i) { return depends(i, j); });
-    for (const Entry& entry : output_entries) output_depends_[entry.row] = true;
-    for (const auto& reads : surface_reads) {
-      bool any = false;
-      for (const int k : reads) any = any || k >= shape.states || state_depends(k);
-      switching_depends_.push_back(any);
-    }
     const auto starts = [](const Masks& masks, std::vector<int>& start) {
       int at = 0;
       for (const Variables mask : masks) start.push_back(at), at += std::popcount(mask);
@@ -118,9 +117,9 @@ class Dependence<TapeModel> {
   Variables driven(int j) const { return driven_[j]; }
   Variables coupled(int i) const { return coupled_[i]; }
   bool depends(int i, int j) const { return (row_[i] >> j) & 1; }
-  bool state_depends(int i) const { return row_[i] != 0; }
-  bool output_depends(int i) const { return output_depends_[i]; }
-  bool switching_depends(int m) const { return switching_depends_[m]; }
+  bool state_depends(int i) const { return varying_.states[i]; }
+  bool output_depends(int i) const { return varying_.outputs[i]; }
+  bool switching_depends(int m) const { return varying_.surfaces[m]; }
   int leader(int j) const { return j; }
   int next_alike(int) const { return static_cast<int>(rows_.size()); }
 
@@ -130,7 +129,7 @@ class Dependence<TapeModel> {
  private:
   using Masks = std::vector<Variables>;
   Masks coupled_, driven_, rows_, row_;
-  std::vector<bool> output_depends_, switching_depends_;
+  Varying varying_;
 };
 
 // The surfaces' values, their rates along dx, f with its Jacobian, ...: one program each.
@@ -144,7 +143,7 @@ class TapeModel {
  public:
   // Throws std::invalid_argument where a list does not fit the shape.
   TapeModel(const Shape<TapeModel>& shape, std::vector<double> scales, TapePrograms programs, std::vector<Entry> rate_entries,
-            std::vector<Entry> output_entries, const std::vector<std::vector<int>>& surface_reads);
+            std::vector<Entry> output_entries, Varying varying);
 
   const Shape<TapeModel>& shape() const { return shape_; }
   const Dependence<TapeModel>& dependence() const { return dependence_; }
@@ -201,8 +200,7 @@ inline void check(const Program& program, const Shape<TapeModel>& shape, std::si
 }  // namespace detail
 
 inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> scales, TapePrograms programs,
-                            std::vector<Entry> rate_entries, std::vector<Entry> output_entries,
-                            const std::vector<std::vector<int>>& surface_reads)
+                            std::vector<Entry> rate_entries, std::vector<Entry> output_entries, Varying varying)
     : shape_(shape),
       inverse_scales_(std::move(scales)),
       programs_(std::move(programs)),
@@ -215,7 +213,9 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
         expect(0 <= jumps_end && jumps_end <= kinks_end && kinks_end <= sides && sides <= surfaces,
                "model: expected jumps, kinks, poles and limits in this order");
         expect(static_cast<int>(inverse_scales_.size()) == n_x, "scales: expected one for every state");
-        expect(static_cast<int>(surface_reads.size()) == kinks_end, "surface_reads: expected one for every jump and kink");
+        expect(static_cast<int>(varying.states.size()) == n_x && static_cast<int>(varying.outputs.size()) == n_y &&
+                   static_cast<int>(varying.surfaces.size()) == kinks_end,
+               "varying: expected one for every state, output, and jump and kink");
         const auto check_entries = [&](const std::vector<Entry>& entries, int rows, const char* name) {
           for (std::size_t e = 0; e < entries.size(); ++e) {
             const auto [i, k] = entries[e];
@@ -237,9 +237,7 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
         detail::check(programs_.surface_rates, shape, surfaces, "surface_rates");
         detail::check(programs_.rate_jacobian, shape, n_x + rate_entries.size(), "rate_jacobian");
         detail::check(programs_.output_jacobian, shape, n_y + output_entries_.size(), "output_jacobian");
-        for (const auto& reads : surface_reads)
-          for (const int k : reads) expect(k >= 0 && k < n_x + p, "surface_reads: expected states and parameters");
-        return Dependence<TapeModel>(shape, rate_entries, output_entries_, surface_reads);
+        return Dependence<TapeModel>(shape, rate_entries, std::move(varying));
       }()) {
   for (double& scale : inverse_scales_) scale = 1.0 / scale;
 }

@@ -153,7 +153,9 @@ class SymbolicModel(Model):
             output_jacobian=to_core(programs.output_jacobian),
             rate_entries=programs.rate_entries,
             output_entries=programs.output_entries,
-            surface_reads=programs.surface_reads,
+            varying_states=programs.varying_states,
+            varying_outputs=programs.varying_outputs,
+            varying_surfaces=programs.varying_surfaces,
         )
 
     _own_core: Any | None = None

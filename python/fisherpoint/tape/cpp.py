@@ -54,6 +54,9 @@ struct {name} {{
   static constexpr std::array<Surface, {len(model.kinks)}> kinks = {_surfaces(model.kinks)};
   static constexpr std::array<Surface, {len(model.domain)}> domain = {_surfaces(model.domain)};
   static constexpr int poles = {programs.poles};
+  static constexpr std::array<bool, {n_x}> varying_states = {_flags(programs.varying_states)};
+  static constexpr std::array<bool, {len(model.outputs)}> varying_outputs = {_flags(programs.varying_outputs)};
+  static constexpr std::array<bool, {sides}> varying_surfaces = {_flags(programs.varying_surfaces)};
 
   auto dynamics(const auto& parameters) const {{
     {_taken("theta", p, "parameters")}
@@ -92,6 +95,10 @@ struct {name} {{
 
 }}  // namespace fisherpoint
 """
+
+
+def _flags(flags: Sequence[bool]) -> str:
+    return f"{{{', '.join('true' if flag else 'false' for flag in flags)}}}"
 
 
 class _Body:

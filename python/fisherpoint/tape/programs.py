@@ -35,8 +35,8 @@ class Programs:
         f or g followed by its derivatives at the entries.
     rate_entries, output_entries : tuple of (int, int)
         Derivatives that are not zero by structure, without those by states that no parameter ever reaches.
-    surface_reads : tuple of tuple of int
-        For each jump and kink the variables that it reads.
+    varying_states, varying_outputs, varying_surfaces : tuple of bool
+        Whether each state, output, and jump or kink depends on any parameter, in whatever way: by branches too.
     poles : int
         How many of the domain limits, the first ones, are denominators of either sign.
     """
@@ -49,7 +49,9 @@ class Programs:
     output_jacobian: Program
     rate_entries: Entries
     output_entries: Entries
-    surface_reads: tuple[tuple[int, ...], ...]
+    varying_states: tuple[bool, ...]
+    varying_outputs: tuple[bool, ...]
+    varying_surfaces: tuple[bool, ...]
     poles: int
 
 
@@ -113,10 +115,9 @@ def build_programs(
         output_jacobian=schedule(graph, g + output_nodes),
         rate_entries=rate_entries,
         output_entries=output_entries,
-        surface_reads=tuple(
-            tuple(k for k, leaf in enumerate([*leaves.x, *leaves.theta]) if _reads_any(graph, node, [leaf]))
-            for node in h[: len(sides)]
-        ),
+        varying_states=tuple(leaf in variables for leaf in leaves.x),
+        varying_outputs=tuple(_reads_any(graph, node, variables) for node in g),
+        varying_surfaces=tuple(_reads_any(graph, node, variables) for node in h[: len(sides)]),
         poles=poles,
     )
 
