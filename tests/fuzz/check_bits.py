@@ -134,6 +134,7 @@ def units_of(bench: Bench, numbers: Numbers) -> Numbers:
     }
     if "covariance" in numbers:
         spread = np.sqrt(np.maximum(np.diagonal(numbers["covariance"], axis1=1, axis2=2), 0.0))
+        spread = np.maximum(spread, 1e-9 * np.abs(y[: len(spread)]))  # of deviations by rounding nothing is left
         most = spread.max(axis=0, initial=0.0)
         units["covariance"] = np.broadcast_to(np.outer(most, most), numbers["covariance"].shape) + tiny
     return units

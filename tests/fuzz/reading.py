@@ -195,7 +195,21 @@ class Reading:
 
 
 def _tree(text: str) -> ast.expr:
-    return ast.parse(text.strip(), mode="eval").body
+    tree: ast.expr = _Undone().visit(ast.parse(text.strip(), mode="eval").body)
+    return tree
+
+
+class _Undone(ast.NodeTransformer):
+    """sin(asin(a)) is a, and no limit of a's: so SymPy reads it too."""
+
+    PAIRS = (("sin", "asin"), ("cos", "acos"), ("tan", "atan"), ("exp", "log"))
+
+    def visit_Call(self, node: ast.Call) -> ast.expr:
+        self.generic_visit(node)
+        inner = node.args[0] if node.args else None
+        if isinstance(inner, ast.Call) and (ast.unparse(node.func), ast.unparse(inner.func)) in self.PAIRS:
+            return inner.args[0]
+        return node
 
 
 def _call(name: str, *arguments: ast.expr) -> ast.expr:

@@ -173,7 +173,9 @@ class _Walk:
             if self.done.stiff:
                 return Radau(self.scaled, t, z, 1.0, rtol=1e-9, atol=1e-11)
             rtol = RTOL if self.careful else FINE
-            return DOP853(self.scaled, t, z, 1.0, rtol=rtol, atol=rtol / 100)
+            # A surface that is met twice between two looks is not seen: looks are near each other.
+            most = 1.0 / 25 if self.reading.surfaces or self.reading.limits else np.inf
+            return DOP853(self.scaled, t, z, 1.0, rtol=rtol, atol=rtol / 100, max_step=most)
 
     def end(self, end: End, t: float, z: Floats, surface: int | None = None, depth: float = math.inf) -> None:
         self.done.end, self.done.at, self.done.x = end, t * self.dt, z * self.size
@@ -394,5 +396,7 @@ def slope(
     once = [(4 * b - a) / 3 for a, b in itertools.pairwise(central)]
     twice = (16 * once[1] - once[0]) / 15
     error = np.abs(twice - once[1])
+    first, second = (np.abs(b - a) for a, b in itertools.pairwise(central))
+    error = np.where(second > 0.6 * first, np.maximum(error, second), error)  # noise, or a jump between the trajectories
     n = reading.n_x
     return Slope(twice[:n], twice[n:], error[:n], error[n:])

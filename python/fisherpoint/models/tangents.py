@@ -53,7 +53,8 @@ def tangents(
         step = DIFFERENCE / largest
         factors = np.concatenate([[0.0], step, -step])
         rows = [0, *range(p), *range(p)]
-    at_x, at_theta = x + factors[:, None] * along_x[rows], theta + factors[:, None] * along_theta[rows]
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
+        at_x, at_theta = x + factors[:, None] * along_x[rows], theta + factors[:, None] * along_theta[rows]
     values = function(at_x, np.broadcast_to(u, (len(rows), len(u))), at_theta)
     if by_complex_step:
         return np.real(values[0]), np.imag(values[1:]).T / COMPLEX_STEP
