@@ -24,7 +24,8 @@ STOPPED = {("MGH10", 0)}
 """Starts from which the search does not come to the minimum: a valley that b1 follows through fifty decades."""
 
 ROUNDED = {"Lanczos1": 3.0}
-"""Digits of the standard errors where residuals are 400 times the rounding of the data, and double precision tells no more."""
+"""Digits of the standard errors where residuals are 400 times the rounding of the data: the data as double precision numbers have
+standard errors that are 3.3e-4 smaller, computed with sixty digits."""
 
 
 def problem(name: str) -> tuple[fp.Model, fp.Measurements]:
