@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "fisherpoint/functions.hpp"
 #include "models.hpp"
 
 using namespace fisherpoint;
@@ -47,6 +48,47 @@ TEST_CASE("a surface is found although both ends of the step lie on one side") {
     CHECK(outcome.status[0] == (excess > 0 ? Status::met_jump : Status::ok));
     const auto [y, o] = run<double>(Ball<Kind::limit>{-1.0}, std::array{0.0, -v}, std::array{0.0}, flight, std::array{-g, 0.0});
     CHECK(o.status[0] == (excess > 0 ? Status::left_domain : Status::ok));
+  }
+}
+
+// x = 1 - cos(w (a - 1/2)) + d^2 beside a clock a: it falls towards a limit and turns before it, again and again; y is the
+// integral of its root.
+struct Dips {
+  static constexpr std::string_view name = "dips";
+  static constexpr std::array states = {Quantity{"a", "1", "", 1.0}, Quantity{"x", "1", "", 1.0}, Quantity{"y", "1", "", 1.0}};
+  static constexpr std::array<Quantity, 0> inputs = {};
+  static constexpr std::array outputs = {states[2]};
+  static constexpr std::array parameters = {Quantity{"w", "1", "", 1.0}};
+  static constexpr std::array<Surface, 0> jumps = {}, kinks = {};
+  static constexpr std::array<Surface, 1> domain = {};
+  auto dynamics(const auto& theta) const {
+    const auto& [w] = theta;
+    return [=](const auto& state, const auto&, const auto&) {
+      const auto& [a, x, y] = state;
+      return std::tuple{1.0 + 0.0 * a, w * fisherpoint::sin(w * (a - 0.5)), fisherpoint::sqrt(x)};
+    };
+  }
+  auto output(const auto& state, const auto&, const auto&) const { return std::tuple{std::get<2>(state)}; }
+  auto switching(const auto&, const auto&, const auto&) const { return std::tuple{}; }
+  auto limits(const auto& state, const auto&, const auto&) const { return std::tuple{std::get<1>(state)}; }
+};
+
+TEST_CASE("next to a limit the domain is left only where the limit is as near as the last step could be") {
+  // From anywhere the straight line reaches the limit after sqrt(2) d / w or later. The first try looks far past it.
+  using E = StateEquation<Dips, double>;
+  const double w = 20.0;
+  for (const double share : {3e-5, 1e-4, 3e-4, 8e-4}) {
+    const double d = share * w / std::sqrt(2.0), rtol = 1e-6;
+    const auto x_at = [&](double t) { return 1.0 - std::cos(w * (t - 0.5)) + d * d; };
+    double integral = 0.0;
+    const int parts = 1000000;
+    for (int i = 0; i < parts; ++i) integral += std::sqrt(x_at((i + 0.5) / parts)) / parts;
+    E::State state{0.0, x_at(0.0), 0.0};
+    const E equation(Dips{}, {w}, {});
+    const auto outcome = Integrator<E, DormandPrince853>(equation, Tolerance{rtol}).run(state, 1.0, 1.0);
+    CAPTURE(share);
+    CHECK(outcome.status[0] == Status::ok);
+    CHECK(state[2] == doctest::Approx(integral).epsilon(30 * rtol));
   }
 }
 
