@@ -145,7 +145,7 @@ class CsvTable:
         if given is None:
             return values
         with np.errstate(over="ignore"):
-            values = convert(values, "1" if given == "-" else given, unit, f"{self.path}: column {name}")
+            values = convert(values, "1" if given in ("", "-") else given, unit, f"{self.path}: column {name}")
         self.refuse(np.isinf(values), name, f"a finite number in {unit}")
         return values
 

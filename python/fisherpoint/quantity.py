@@ -31,9 +31,6 @@ MOST_CHARACTERS = 4096
 LONGEST_NAME, LONGEST_UNIT, LONGEST_DESCRIPTION = 200, 100, 2000
 """Characters."""
 
-UNIT = "a unit such as 'm', or '1' for none"
-"""What is expected of a unit that is empty: it was rather forgotten than left out."""
-
 LARGEST_INT = 2**128 - 1
 """Of seeds; counts have limits of their own."""
 
@@ -65,7 +62,7 @@ class FrozenMapping(Mapping[str, Value]):
 
 @dataclass(frozen=True)
 class Quantity:
-    """A state, input, output, parameter or constant: its name, SI unit and description.
+    """A state, input, output, parameter or constant: its name, SI unit and description. An empty unit is "1", dimensionless.
 
     `scale` is a state's or output's natural size, in its unit, to which tolerances refer; None is taken as 1.
     """
@@ -78,11 +75,11 @@ class Quantity:
     def __post_init__(self) -> None:
         for field, longest in (("name", LONGEST_NAME), ("unit", LONGEST_UNIT), ("description", LONGEST_DESCRIPTION)):
             text, label = getattr(self, field), field if field == "name" else f"{shortened(self.name)}.{field}"
-            if not isinstance(text, str) or not (field == "description" or (text.strip() and text.isprintable())):
-                expected = UNIT if field == "unit" else f"the {field} of a quantity as text"
-                raise TypeError(f"{label}: expected {expected}, given {shown(text)}")
+            if not isinstance(text, str) or not (field == "description" or text.isprintable()) or (field == "name" and not text):
+                raise TypeError(f"{label}: expected the {field} of a quantity as text, given {shown(text)}")
             if len(text) > longest:
                 raise ValueError(f"{label}: expected at most {longest} characters, given {len(text):,}")
+        object.__setattr__(self, "unit", self.unit.strip() or "1")
         if self.scale is not None:
             object.__setattr__(self, "scale", as_positive(self.scale, f"{shortened(self.name)}.scale"))
 

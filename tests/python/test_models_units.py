@@ -48,46 +48,35 @@ def test_what_is_no_unit_is_named_with_its_place(unit: str, part: str) -> None:
 
 
 @pytest.mark.parametrize("empty", ["", " "])
-def test_an_empty_unit_is_refused_wherever_one_is_given(empty: str, tmp_path: Path) -> None:
-    expected = rf"expected a unit such as 'm', or '1' for none, given {empty!r}"
-    given: dict[str, Any] = {"states": {"x": "1"}, "inputs": {"u": "1"}, "parameters": {"k": "1"}, "constants": {"c": (1.0, "1")}}
-    make: Any
-    for make in (fp.SymbolicModel, fp.CallableModel):
-        f, g = (["-k*x"], ["x"]) if make is fp.SymbolicModel else (lambda x, u, p: [-p.k * x.x], lambda x, u, p: [x.x])
-        for kind, name, entry in (
-            ("states", "x", empty),
-            ("states", "x", (empty, 1.0)),
-            ("inputs", "u", empty),
-            ("parameters", "k", empty),
-            ("outputs", "y", empty),
-            ("constants", "c", (1.0, empty)),
-        ):
-            with pytest.raises(ValueError, match=f"^{kind}.{name}: {expected}$"):
-                make(f, g, **given | {kind: {name: entry}})
-    with pytest.raises(TypeError, match=f"^x.unit: {expected}$"):
-        fp.Quantity("x", empty)
-    (tmp_path / "points.csv").write_text(f"x [{empty}],u,dt\n1,1,1\n")
-    with pytest.raises(ValueError, match=f"points.csv: column x: {expected.removesuffix(repr(empty))}''$"):
-        fp.Experiments.from_csv(tmp_path / "points.csv", fp.SymbolicModel(["-k*x"], ["x"], **given))
+@pytest.mark.parametrize("make", [fp.SymbolicModel, fp.CallableModel])
+@pytest.mark.filterwarnings("ignore:CallableModel")
+def test_an_empty_unit_means_dimensionless_wherever_one_is_given(make: Any, empty: str, tmp_path: Path) -> None:
+    f, g = (["-k*x"], ["x"]) if make is fp.SymbolicModel else (lambda x, u, p: [-p.k * x.x], lambda x, u, p: [x.x])
+    model = make(f, g, {"x": (empty, 1.0)}, {"u": empty}, {"k": empty}, {"y": empty}, constants={"c": (1.0, empty)})
+    quantities = (*model.states, *model.inputs, *model.parameters, *model.outputs, *model.constant_quantities)
+    assert [quantity.unit for quantity in quantities] == ["1"] * 5
+    assert fp.Quantity("x", empty) == fp.Quantity("x", "1")
+    (tmp_path / "points.csv").write_text(f"x [{empty}],u [%],dt\n1,50,1\n")
+    points = fp.Experiments.from_csv(tmp_path / "points.csv", model)
+    assert (points.x0[0, 0], points.u[0, 0]) == (1.0, 0.5)
 
 
-@pytest.mark.parametrize("kind", ["states", "inputs", "parameters", "outputs", "constants"])
-@pytest.mark.parametrize("table", [True, False])
-def test_an_empty_unit_in_a_file_is_refused(kind: str, table: bool) -> None:
+def test_an_empty_unit_in_a_file_means_dimensionless() -> None:
     from_toml = pytest.importorskip("fisherpoint.config", reason="needs the extras", exc_type=ImportError).model_from_toml
-    units = {"states": ("x", "m"), "inputs": ("u", "m"), "parameters": ("k", "1"), "outputs": ("y", "1")}
-    texts = {of: f'{name} = "{unit}"' for of, (name, unit) in units.items()} | {"constants": "c = 2.0"}
-    text = '[model]\nname = "m"\n{}[model.equations]\nx = "u - k*x"\ny = "c*x"\n'
-
-    def whole() -> str:
-        return text.format("".join(f"[model.{of}]\n{entry}\n" for of, entry in texts.items()))
-
-    assert from_toml(whole()).constants == {"c": 2.0}
-    name = units.get(kind, ("c",))[0]
-    value = "value = 2.0, " if kind == "constants" else ""
-    texts[kind] = f'{name} = {{ {value}unit = "" }}' if table or value else f'{name} = ""'
-    with pytest.raises(ValueError, match=rf"^model: model\.{name}\.unit: expected a unit such as 'm', or '1' for none, given ''$"):
-        from_toml(whole())
+    text = """
+[model]
+name = "m"
+states = { x = "" }
+inputs = { u = { unit = "" } }
+parameters = { k = "" }
+outputs = { y = "" }
+constants = { c = { value = 2.0, unit = "" } }
+[model.equations]
+x = "u - k*x"
+y = "c*x"
+"""
+    empty, one = from_toml(text), from_toml(text.replace('""', '"1"'))
+    assert empty == one and empty.to_toml() == one.to_toml()
 
 
 @pytest.mark.parametrize(

@@ -71,8 +71,7 @@ def model_of_table(table: ModelTable) -> SymbolicModel:
         for kind, entries in table.quantities.items()
     }
     constants = {
-        name: (entry.value, Quantity(name, "1" if entry.unit is None else entry.unit, entry.description))
-        for name, entry in table.constants.items()
+        name: (entry.value, Quantity(name, entry.unit or "1", entry.description)) for name, entry in table.constants.items()
     }
     nominal = {name: entry.nominal for name, entry in table.parameters.items() if entry.nominal is not None}
     f, g = _equations(table)

@@ -11,7 +11,7 @@ from fractions import Fraction
 from math import inf, pi, pow
 
 from ..messages import shown
-from ..quantity import LONGEST_UNIT, UNIT, Array
+from ..quantity import LONGEST_UNIT, Array
 
 _BASE = ("m", "kg", "s", "A", "K", "mol", "cd", "rad", "au")
 """The angle is one here, so that Hz, rad/s and rpm are not taken for each other; au may be anything, and is only itself."""
@@ -152,9 +152,7 @@ def convert(values: Array, given: str, wanted: str, place: str) -> Array:
 def _read(text: object, place: str) -> UnitValue:
     if not isinstance(text, str) or len(text) > LONGEST_UNIT:
         raise ValueError(f"{place}: expected a unit such as 'm3/(s sqrt(Pa))', given {shown(text)}")
-    if not text.strip():
-        raise ValueError(f"{place}: expected {UNIT}, given {shown(text)}")
-    return _Parser(text, place).whole()
+    return _Parser(text.strip() or "1", place).whole()
 
 
 def _of_name(name: str) -> UnitValue:
