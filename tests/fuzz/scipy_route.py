@@ -397,6 +397,7 @@ def slope(
     twice = (16 * once[1] - once[0]) / 15
     error = np.abs(twice - once[1])
     first, second = (np.abs(b - a) for a, b in itertools.pairwise(central))
-    error = np.where(second > 0.6 * first, np.maximum(error, second), error)  # noise, or a jump between the trajectories
+    stuck = second > 0.6 * first  # by noise, or a jump or kink of a parameter between the trajectories
+    error = np.where(stuck, np.where(second > 1e-6 * np.abs(central[2]), np.inf, np.maximum(error, second)), error)
     n = reading.n_x
     return Slope(twice[:n], twice[n:], error[:n], error[n:])

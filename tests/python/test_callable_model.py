@@ -299,6 +299,21 @@ def test_complex_step_is_taken_where_the_functions_keep_complex_numbers() -> Non
         assert kind_of_derivative(lossy) == "central differences"
 
 
+def test_a_function_that_is_no_complex_one_behind_a_branch_is_found(quiet: None) -> None:
+    """np.sign of a complex number is z / |z|, which shows only where z2 is above 1.2: not where the trajectory begins."""
+    model = fp.CallableModel(
+        lambda x, u, p: [-p.k * x.z1, 1.0 + 0 * x.z2],
+        lambda x, u, p: np.sign(x.z1) * np.maximum(x.z2 - 1.2, 0.0),
+        {"z1": "1", "z2": "1"},
+        {},
+        {"k": "1"},
+        {"y": "1"},
+    )
+    done = fp.sensitivities(model, fp.Experiments([[1.9, 1.1]], [[]], [1.0]), [2.0])
+    assert done.y[0, 0] == pytest.approx(0.9) and done.dy_dtheta[0, 0, 0] == pytest.approx(0.0, abs=1e-8)
+    assert model.core.by_complex_step is False
+
+
 def test_the_cost_is_said_once() -> None:
     model, given = tanks(), points(2)
     with pytest.warns(UserWarning) as said:

@@ -19,6 +19,9 @@ Rows = NDArray[Any]
 COMPLEX_STEP = 1e-60
 DIFFERENCE = float(np.finfo(np.float64).eps) ** (1 / 3)
 
+OTHERS = 32
+"""States at random at which a function is tried with complex numbers."""
+
 
 def tangents(
     function: Callable[[Rows, Rows, Rows], Rows],
@@ -63,8 +66,16 @@ def tangents(
 
 
 def complex_step_works(model: CallableCore, x: Array, u: Array, theta: Array) -> bool:
-    """Whether f and g take complex numbers, and give the derivatives that central differences give, at rows (K, ...)."""
+    """Whether f and g take complex numbers, and give the derivatives that central differences give, at rows (K, ...).
+
+    Others at random are tried too, as a branch may hide at the given ones what is taken later: np.sign and np.abs of complex
+    numbers are not what they are of real ones.
+    """
     n_x, p = x.shape[1], theta.shape[1]
+    random = np.random.default_rng(0)
+    others = random.integers(len(x), size=OTHERS)
+    x = np.vstack([x, x[others] + 3 * model.scale * random.standard_normal((OTHERS, n_x))])
+    u, theta = np.vstack([u, u[others]]), np.vstack([theta, theta[others]])
     unit = np.eye(n_x + p)
     found = 0
     for k in range(len(x)):
