@@ -58,8 +58,9 @@ def write_together(directory: Path, contents: Mapping[str, str | bytes], stale: 
     try:
         for name, content in contents.items():
             with _names(directory / name):
-                if targets[name].is_dir():
-                    raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+                if targets[name].exists() and not targets[name].is_file():
+                    error = errno.EISDIR if targets[name].is_dir() else errno.EINVAL  # a device has no whole
+                    raise OSError(error, os.strerror(error))
                 parts[name] = _part(targets[name], content)
         if targets[last].exists():
             for path in (*(directory / name for name in stale), targets[last]):
@@ -178,9 +179,8 @@ def parse_json(path: Path, given: bytes, kind: str, version: int, sealed_since: 
         expected = " or ".join(map(str, range(1, version + 1)))
         raise ValueError(f"{printable(path)}: expected format version {expected}, given {shown(given_version)}")
     if seal != sha256 and (seal is not None or given_version >= sealed_since):
-        raise ValueError(
-            f"{printable(path)}: expected the file as it was written, given one that was changed (its SHA-256 differs)"
-        )
+        given_seal = "one that was changed (its SHA-256 differs)" if seal is not None else "one without its SHA-256"
+        raise ValueError(f"{printable(path)}: expected the file as it was written, given {given_seal}")
     return data
 
 

@@ -52,7 +52,7 @@ Settings = tuple[float, bool, str, int]
 class Trajectories(NamedTuple):
     """States x (K, n_x) and outputs y (K, n_y) after dt, and status (K,) as `Status` values.
 
-    Where the status is not ok, x and y are those of the last state that was reached.
+    Where the status is not ok, x and y are those of the last state that was reached, or zero where they overflow.
     """
 
     x: Array

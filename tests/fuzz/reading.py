@@ -200,7 +200,7 @@ def _tree(text: str) -> ast.expr:
 
 
 class _Undone(ast.NodeTransformer):
-    """sin(asin(a)) is a, and no limit of a's: so SymPy reads it too."""
+    """sin(asin(a)) and sqrt(a)**2 are a, and no limit of a's: so SymPy reads them too."""
 
     PAIRS = (("sin", "asin"), ("cos", "acos"), ("tan", "atan"), ("exp", "log"))
 
@@ -209,6 +209,13 @@ class _Undone(ast.NodeTransformer):
         inner = node.args[0] if node.args else None
         if isinstance(inner, ast.Call) and (ast.unparse(node.func), ast.unparse(inner.func)) in self.PAIRS:
             return inner.args[0]
+        return node
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
+        self.generic_visit(node)
+        of_root = isinstance(node.left, ast.Call) and ast.unparse(node.left.func) == "sqrt"
+        if isinstance(node.op, ast.Pow) and isinstance(node.left, ast.Call) and of_root and _exponent(node) % 2 == 0:
+            return ast.BinOp(node.left.args[0], ast.Pow(), ast.Constant(int(_exponent(node)) // 2))
         return node
 
 
@@ -299,7 +306,8 @@ class _Brancher(ast.NodeTransformer):
     def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
         """A power above 1 of what is zero on an edge goes on evenly past it, where a trial step may look."""
         self.generic_visit(node)
-        if isinstance(node.op, ast.Pow) and _exponent(node) > 1 and isinstance(node.left, ast.IfExp):
+        fraction = isinstance(node.op, ast.Pow) and (exponent := _exponent(node)) > 1 and exponent != int(exponent)
+        if fraction and isinstance(node.left, ast.IfExp):
             node.left = _call("abs", node.left)
         return node
 

@@ -1,4 +1,4 @@
-"""Covariances over a prior whose nodes take other branches, and plans for trajectories that forget where they began."""
+"""Branches that are not taken, or only at some nodes of a prior; and plans for trajectories that forget where they began."""
 
 from __future__ import annotations
 
@@ -51,3 +51,31 @@ print(fp.predictive_covariance(model, points, prior, fp.Sobol(64)).status.tolist
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0 and done.stdout.startswith("[0, "), done.stderr
+
+
+@pytest.mark.parametrize(
+    ("rate", "output", "x0", "u", "p"),
+    [
+        ("-k*x + where(u > 0, p*x/u, 0)", "x", 1.0, 0.0, 1.0),
+        ("-k*x", "where(p > 0, x/p, 0) + x", 1.0, 0.0, 0.0),
+        ("-k*x", "(1 + where(p > 0, exp(-1/p), 0))*x", 1.0, 0.0, 0.0),
+        ("-k*x", "where(p < 5, x*exp(p), 0) + x", 1.0, 0.0, 800.0),
+        ("-k*x", "where(p < 5, x*sinh(p), 0) + x", 1.0, 0.0, 800.0),
+        ("-k*x", "where(p > 0, x**2*log(p), 0) + x", 1.0, 0.0, -1.0),
+        ("-k*abs(u - p)**1.5*x - k*x", "x", 1.0, 1.0, 1.0),
+    ],
+)
+def test_a_branch_that_has_no_value_and_is_not_taken_leaves_the_derivative(
+    rate: str, output: str, x0: float, u: float, p: float
+) -> None:
+    model = fp.SymbolicModel([rate], [output], {"x": "1"}, {"u": "1"}, {"k": "1", "p": "1"}, {"y": "1"})
+    done = fp.sensitivities(model, fp.Experiments([[x0]], [[u]], [1.0]), [1.0, p])
+    assert done.status[0] == fp.Status.ok
+    assert done.dy_dtheta[0, 0] == pytest.approx([-np.exp(-1.0), 0.0], abs=1e-8)
+
+
+@pytest.mark.parametrize("exponent", [1.3, 1.5, 2.5])
+def test_a_power_above_one_of_an_absolute_value_is_flat_where_that_is_zero(exponent: float) -> None:
+    model = fp.SymbolicModel(["u - k*x"], [f"abs(x)**{exponent}"], {"x": "1"}, {"u": "1"}, {"k": "1"}, {"y": "1"})
+    done = fp.sensitivities(model, fp.Experiments([[0.0]], [[0.0]], [1.0]), [2.0])
+    assert (done.status[0], done.y[0, 0], done.dy_dtheta[0, 0, 0]) == (fp.Status.ok, 0.0, 0.0)

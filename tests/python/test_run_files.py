@@ -343,3 +343,10 @@ def test_bytes_and_text_are_written_as_they_are(tmp_path: Path) -> None:
     write_whole(tmp_path / "text", "é\r\n")
     write_whole(str(tmp_path / "bytes"), b"\x00\xff")
     assert files(tmp_path) == {"text": "é\r\n".encode(), "bytes": b"\x00\xff"}
+
+
+def test_files_of_a_run_do_not_take_the_place_of_a_pipe(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "b.json")
+    with pytest.raises(OSError, match=r"Invalid argument: .*b\.json"):
+        write_together(tmp_path, {"a.csv": "1\n", "b.json": "{}\n"})
+    assert os.listdir(tmp_path) == ["b.json"] and (tmp_path / "b.json").is_fifo()

@@ -179,7 +179,7 @@ void sensitivity_packs(const M& model, const Points& points, const Parameters& p
   constexpr std::size_t width = lanes_of<P>::width, batch = 8192;
   std::vector<PointPath<M>> paths(points.count);
   const std::vector<std::size_t> order = by_duration(points);
-  for (std::size_t from = 0; from < order.size(); from += batch) {  // so that the paths' memory does not grow with the points
+  for (std::size_t from = 0; from < order.size(); from += batch) {  // so that few paths are kept at a time
     std::vector<std::size_t> todo(order.begin() + from, order.begin() + std::min(from + batch, order.size()));
     in_packs(workers, todo, width,
              [&](auto rows) { find_paths<P, Method>(model, points, parameters, tolerance, rows, paths, out); });

@@ -58,7 +58,7 @@ class Graph:
 
     `names[n]` is the operation of node n, or "leaf" or "literal"; `operands[n]` are its operands, `values[n]` is the value of a
     literal, `reads[n]` a set of bits, one for every leaf that its value depends on, `levels[n]` says how often that changes, and
-    `partial[n]` whether it is made of what has not a value everywhere, such as a root.
+    `partial[n]` whether it is made of what has no finite value everywhere, such as a root or a quotient.
 
     The methods named after operations simplify what is exact but for rounding: they fold literals, drop neutral elements, and pull
     signs outwards, where sums absorb them, and factors that the state does not enter, where they meet others of their kind.
@@ -219,7 +219,9 @@ class Graph:
                 return self.div(self.one, self.pow(a, self.literal(-exponent)))
             if exponent.is_integer() and exponent <= MAX_POWER:
                 return self._integer_power(a, int(exponent))
-            if (2 * exponent).is_integer() and exponent <= MAX_POWER:
+            # The derivative of a root times a power is 0 times infinity where the base is 0; that of a power is not.
+            touches = exponent > 1 and self.names[a] == "abs"
+            if (2 * exponent).is_integer() and exponent <= MAX_POWER and not touches:
                 return self.mul(self._integer_power(a, int(exponent)), self.call("sqrt", a))
         if self.is_literal(a) and not self.is_literal(b) and self.values[a] > 0:
             return self.call("exp", self.mul(self.literal(math.log(self.values[a])), b))

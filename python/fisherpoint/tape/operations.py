@@ -54,5 +54,6 @@ OPERATIONS = {operation.name: operation for operation in TABLE}
 CODES = {operation.name: code for code, operation in enumerate(TABLE)}
 COMMUTATIVE = frozenset({"add", "mul", "min", "max"})
 ODD = frozenset({"sin", "tan", "asin", "atan", "sinh", "tanh", "sign"})
-PARTIAL = frozenset({"sqrt", "log", "asin", "acos", "pow"})
+PARTIAL = frozenset({"div", "sqrt", "log", "exp", "sinh", "cosh", "tan", "asin", "acos", "pow"})
+"""What has no finite value everywhere: a product of it and zero may be NaN."""
 EVEN = frozenset({"cos", "cosh", "abs"})
