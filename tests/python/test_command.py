@@ -39,6 +39,11 @@ def run(*arguments: object, program: str = PROGRAM, **changes: str) -> subproces
     return done
 
 
+def heard() -> None:
+    """Have Ctrl-C heard: a shell's background jobs start with it ignored."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @pytest.fixture
 def points(tmp_path: Path) -> Path:
     path = tmp_path / "points.csv"
@@ -56,6 +61,7 @@ def test_an_interrupt_at_any_time_is_one_line(delay: float, tmp_path: Path) -> N
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=heard,
     )
     assert process.stderr is not None
     assert process.stderr.readline() == "ready\n"

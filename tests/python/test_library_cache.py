@@ -296,7 +296,11 @@ def test_an_interrupt_ends_the_compilers_too(cache: Path, tmp_path: Path, monkey
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     environment = os.environ | {"PYTHONPATH": str(Path(fp.__file__).parents[1])}
     process = subprocess.Popen(
-        [sys.executable, "-c", MODEL + "decay.compile()"], env=environment, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-c", MODEL + "decay.compile()"],
+        env=environment,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background jobs start with it ignored
     )
     deadline = time.monotonic() + 30
     while not (tmp_path / "started").exists() or len((tmp_path / "started").read_text().split()) < 2:

@@ -174,7 +174,11 @@ class Integrator {
       for_each_index(f_.states, [&](auto i) {
         error[i] = end_[i] - y[i] - step_ * weighted_sum(counted<Equation, last>(), Method::coarse, stage_, i);
       });
-      squared_error_ = Method::squared_error(squared_error_, squared_weight() * f_.squared_size(error));
+      const P coarse = f_.squared_size(error);
+      squared_error_ = Method::squared_error(squared_error_, squared_weight() * coarse);
+      const P size = f_.squared_size(y) + f_.squared_size(end_) + 1e-300;
+      const P least = (Method::least_error * Method::least_error) * squared_weight() * coarse * coarse / size;
+      squared_error_ = select(least > squared_error_, least, squared_error_);  // which stays NaN where it is
     }
 
     for_each_index(f_.states, [&](auto i) {

@@ -88,8 +88,8 @@ struct PointPack {
   }
 };
 
-// Where trajectories ended, how, and what was measured there, into the rows of `out`. With an end or outputs that are not finite
-// a trajectory is not ok; numbers that are not finite become zero.
+// Where trajectories ended, how, and what was measured there, into the rows of `out`. With an end or outputs that are not
+// finite a trajectory is not ok; numbers that are not finite become zero.
 template <class P>
 void store_ends(const auto& x, const auto& y, const auto& status, std::span<const std::size_t> rows, const auto& out) {
   const mask_of_lanes<P> whole = finite<P>(x) & finite<P>(y);
