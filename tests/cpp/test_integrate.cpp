@@ -41,7 +41,8 @@ struct Growth {
 TEST_CASE_TEMPLATE("no step is taken on an embedded error that vanishes by chance", Method, FISHERPOINT_METHODS) {
   for (double x0 = 0.75; x0 < 0.95; x0 += 0.0013) {
     const std::array<double, 0> u{};
-    const auto [exact, tight] = run<double, DormandPrince853>(Growth{}, std::array{x0}, u, 1.037e-6, std::array{0.5789e6}, {1e-13});
+    const auto [exact, tight] =
+        run<double, DormandPrince853>(Growth{}, std::array{x0}, u, 1.037e-6, std::array{0.5789e6}, {1e-13});
     for (const double rtol : {1e-8, 1e-9, 1e-10}) {
       const auto [x, outcome] = run<double, Method>(Growth{}, std::array{x0}, u, 1.037e-6, std::array{0.5789e6}, {rtol});
       CAPTURE(x0);
