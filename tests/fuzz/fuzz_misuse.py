@@ -14,7 +14,9 @@ from random import Random
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "python"))
 
-from misuse_cases import CLUMSY, SWAPPED, Misuse, cases, outcome
+from misuse_cases import SWAPPED, cases
+from misuse_outcomes import Misuse, outcome
+from misuse_values import CLUMSY
 
 MEMORY = 6 << 30
 """Bytes: what asks for more is refused by the system, not by us, and counts as a fault."""

@@ -49,3 +49,18 @@ def random_points(rng: np.random.Generator, count: int, bounds: dict[str, tuple[
     low, high = np.array(list(bounds.values())).T
     drawn = rng.uniform(low, high, (count, len(bounds)))
     return fp.Experiments(drawn[:, :5], drawn[:, 5:6], drawn[:, 6])
+
+
+@pytest.fixture(scope="session")
+def decay_problem() -> fp.DesignProblem:
+    """The example of an exponential decay."""
+    from fisherpoint.config import load_config  # which needs the extras
+
+    return load_config(Path(__file__).resolve().parents[2] / "examples" / "exponential_decay.toml").problem()
+
+
+@pytest.fixture(scope="session")
+def decay_designs(decay_problem: fp.DesignProblem) -> tuple[fp.Design, fp.Design]:
+    """Two quick designs of the decay."""
+    quick: dict[str, Any] = {"n_experiments": 4, "n_candidates": 5, "max_iterations": 3}
+    return fp.exchange(decay_problem, **quick, seed=1), fp.exchange(decay_problem, **quick, seed=2)

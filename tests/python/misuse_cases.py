@@ -1,240 +1,44 @@
-"""Public functions with good arguments, and clumsy values to put in the place of one of them."""
+"""Public functions with good arguments, and the kinds of clumsy ones that each may take."""
 
 from __future__ import annotations
 
-import atexit
-import re
-import shutil
-import signal
 import tempfile
-import warnings
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from decimal import Decimal
-from fractions import Fraction
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
-from types import FrameType
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import sympy
 
 import fisherpoint as fp
-from fisherpoint.config import ConfigError
-
-# --- What a value may be taken for ---------------------------------------------------------------------------------------
-
-NONE, NUMBER, INT, FLAG, TEXT, TERM, ARRAY, NAMES, MAP = "none", "number", "int", "flag", "text", "term", "array", "names", "map"
-MODEL, POINTS, PRIOR, FUNCTION, CLASS, SLICE, PATH = "model", "points", "prior", "function", "class", "slice", "path"
-
-
-@dataclass(frozen=True)
-class Clumsy:
-    """A value, made anew for each call, and what it may be taken for: an argument that takes nothing of that must refuse it."""
-
-    make: Callable[[], Any]
-    kinds: frozenset[str]
-
-
-class Rude:
-    """An object of which nothing works."""
-
-    def __repr__(self) -> str:
-        raise RuntimeError("no repr")
-
-    def __len__(self) -> int:
-        raise RuntimeError("no length")
-
-    def __iter__(self) -> Iterator[Any]:
-        raise RuntimeError("no iteration")
-
-    def __float__(self) -> float:
-        raise RuntimeError("no number")
-
-    def __eq__(self, other: object) -> bool:
-        raise RuntimeError("no comparison")
-
-    __hash__ = None  # type: ignore[assignment]
-
-
-def _value(make: Callable[[], Any], *kinds: str) -> Clumsy:
-    return Clumsy(make, frozenset(kinds))
-
-
-CLUMSY: dict[str, Clumsy] = {
-    "None": _value(lambda: None, NONE),
-    "''": _value(lambda: "", TEXT),
-    "'1.0'": _value(lambda: "1.0", TEXT, PATH),
-    "'a'": _value(lambda: "a", TEXT, PATH),
-    "bytes": _value(lambda: b"h"),
-    "control characters": _value(lambda: "\x1b[31m\n\x00", TEXT),
-    "long text": _value(lambda: "x" * 100_000, TEXT),
-    "10**9": _value(lambda: 10**9, NUMBER, INT),
-    "10**400": _value(lambda: 10**400),
-    "-10**400": _value(lambda: -(10**400)),
-    "10**5000": _value(lambda: 10**5000),
-    "2**63": _value(lambda: 2**63, NUMBER, INT),
-    "Fraction": _value(lambda: Fraction(1, 3), NUMBER),
-    "Decimal": _value(lambda: Decimal("0.25"), NUMBER),
-    "Decimal NaN": _value(lambda: Decimal("nan")),
-    "sympy number": _value(lambda: sympy.Rational(1, 3), NUMBER),
-    "sympy symbol": _value(lambda: sympy.Symbol("a"), TERM),
-    "nan": _value(lambda: float("nan")),
-    "inf": _value(lambda: float("inf")),
-    "-inf": _value(lambda: float("-inf")),
-    "1e308": _value(lambda: 1e308, NUMBER),
-    "1e-308": _value(lambda: 1e-308, NUMBER),
-    "-1": _value(lambda: -1, NUMBER, INT),
-    "0": _value(lambda: 0, NUMBER, INT),
-    "1": _value(lambda: 1, NUMBER, INT),
-    "0.5": _value(lambda: 0.5, NUMBER),
-    "2.0": _value(lambda: 2.0, NUMBER),
-    "True": _value(lambda: True, FLAG),
-    "False": _value(lambda: False, FLAG),
-    "np.True_": _value(lambda: np.True_, FLAG),
-    "1j": _value(lambda: 1 + 1j),
-    "[]": _value(list, ARRAY, NAMES),
-    "()": _value(tuple, ARRAY, NAMES),
-    "[[]]": _value(lambda: [[]], ARRAY),
-    "{}": _value(dict, MAP, NAMES),
-    "a set": _value(lambda: {1.0, 2.0}),
-    "[None]": _value(lambda: [None]),
-    "['a']": _value(lambda: ["a"], NAMES),
-    "['h']": _value(lambda: ["h"], NAMES),
-    "[1j]": _value(lambda: [1j]),
-    "[True]": _value(lambda: [True]),
-    "[10**400]": _value(lambda: [10**400]),
-    "ragged": _value(lambda: [[1.0], [1.0, 2.0]]),
-    "[Fraction]": _value(lambda: [Fraction(1, 2)], ARRAY),
-    "a vector": _value(lambda: np.ones(3), ARRAY),
-    "a matrix": _value(lambda: np.ones((2, 2)), ARRAY),
-    "a cube": _value(lambda: np.ones((2, 1, 1)), ARRAY),
-    "an empty array": _value(lambda: np.empty((0, 1)), ARRAY, NAMES),
-    "a numpy number": _value(lambda: np.float64(0.5), NUMBER),
-    "a 0-d array": _value(lambda: np.array(0.5), NUMBER, ARRAY),
-    "complex": _value(lambda: np.ones((2, 1), complex)),
-    "objects": _value(lambda: np.array([[object()]])),
-    "an array of text": _value(lambda: np.array([["1.0"]])),
-    "dates": _value(lambda: np.array([["2020-01-01"]], dtype="M8[D]")),
-    "an array of nan": _value(lambda: np.array([[np.nan]])),
-    "a structured array": _value(lambda: np.zeros(2, dtype=[("a", float)])),
-    "a masked array": _value(lambda: np.ma.masked_array([[1.0], [2.0]], [[True], [False]])),
-    "an array of flags": _value(lambda: np.array([True, False])),
-    "a DataFrame": _value(lambda: pd.DataFrame({"h": [1.0, 2.0]}), ARRAY, NAMES),
-    "a Series": _value(lambda: pd.Series([1.0, 2.0], index=["h", "u"]), ARRAY),
-    "{'x': 1.0}": _value(lambda: {"x": 1.0}, MAP),
-    "{1: 2}": _value(lambda: {1: 2}),
-    "a mapping to text": _value(lambda: dict.fromkeys(("k", "a", "h", "u", "dt", "y"), "x")),
-    "a mapping to None": _value(lambda: dict.fromkeys(("k", "a", "h", "u", "dt", "y"))),
-    "a mapping to 10**400": _value(lambda: dict.fromkeys(("k", "a", "h", "u", "dt", "y"), 10**400)),
-    "a mapping to lists": _value(lambda: {key: [1.0] for key in ("k", "a", "h", "u", "dt", "y")}),
-    "many keys": _value(lambda: dict.fromkeys(map(str, range(20_000)), 1.0), MAP),
-    "many names": _value(lambda: [f"n{i}" for i in range(20_000)]),
-    "a model": _value(lambda: model(), MODEL),
-    "points": _value(lambda: points(), POINTS),
-    "a prior": _value(lambda: prior(), PRIOR),
-    "a class": _value(lambda: fp.Experiments, CLASS),
-    "a function": _value(lambda: lambda *_: 1.0, FUNCTION),
-    "a generator": _value(lambda: (x for x in (1.0, 2.0)), NAMES),
-    "an iterator of names": _value(lambda: iter(["k"]), NAMES),
-    "a range": _value(lambda: range(3), ARRAY),
-    "an object": _value(object),
-    "a rude object": _value(Rude),
-    "Ellipsis": _value(lambda: ...),
-    "a slice": _value(lambda: slice(None), SLICE),
-    "a path": _value(lambda: files() / "\x1b[31m", PATH),
-}
-"""Values that a hurried user, another program or a damaged file may hand in."""
-
-
-# --- Good arguments ------------------------------------------------------------------------------------------------------
-
-
-STATES, INPUTS, PARAMETERS, OUTPUTS = {"h": ("m", 1.0)}, {"u": "V"}, {"k": "m^0.5/s", "a": "m/(s V)"}, {"y": "m"}
-CONSTANTS, THETA, NOISE = {"d": (1.0, "1")}, {"k": 0.1, "a": 0.2}, {"y": 1e-3}
-BOUNDS = {"h": (0.5, 2.0), "u": (0.0, 1.0), "dt": (0.1, 2.0)}
-RATES, OUTPUT = ["-d*k*sqrt(h) + a*u"], ["h"]
-
-
-@cache
-def model() -> fp.SymbolicModel:
-    return fp.SymbolicModel(RATES, OUTPUT, STATES, INPUTS, PARAMETERS, OUTPUTS, CONSTANTS, nominal=THETA, name="tank")
-
-
-@cache
-def prior() -> fp.GaussianPrior:
-    return fp.GaussianPrior(THETA, relative_std={"k": 0.1, "a": 0.1})
-
-
-@cache
-def region() -> fp.ExperimentRegion:
-    return fp.ExperimentRegion(BOUNDS)
-
-
-@cache
-def points() -> fp.Experiments:
-    return fp.Experiments([[1.0], [1.5], [0.8]], [0.5, 0.1, 0.9], [0.5, 1.0, 1.5])
-
-
-@cache
-def problem() -> fp.DesignProblem:
-    return fp.DesignProblem(model(), prior(), region(), noise_std=NOISE)
-
-
-@cache
-def data() -> fp.Measurements:
-    return fp.VirtualRig(model(), THETA, NOISE).measure(points(), repeats=2)
-
-
-@cache
-def record() -> fp.Record:
-    return fp.Record([0.0, 0.5, 1.0, 1.5], [0.5, 0.1, 0.2, 0.3], [1.0, 0.95, 0.9, 0.85], {"h": 1.0})
-
-
-@cache
-def fit() -> fp.Fit:
-    return fp.estimate(model(), data(), noise_std=NOISE)
-
-
-@cache
-def design() -> fp.Design:
-    return fp.exchange(problem(), n_experiments=3, n_candidates=2, max_iterations=1, references=False)
-
-
-def campaign() -> fp.Campaign:
-    return fp.Campaign(problem(), batch=2, n_candidates=2, max_iterations=1)
-
-
-@cache
-def comparison() -> fp.RuleComparison:
-    return fp.compare_rules(problem(), points()[0], [fp.Linearized()])
-
-
-def output(x: Any, u: Any, p: Any) -> Any:
-    return x.h
-
-
-def rates(x: Any, u: Any, p: Any) -> Any:
-    return -p.k * np.sqrt(x.h) + p.a * u.u
-
-
-@cache
-def files() -> Path:
-    """A directory with good files."""
-    directory = Path(tempfile.mkdtemp(prefix="misuse-"))
-    atexit.register(shutil.rmtree, directory, ignore_errors=True)
-    points().to_csv(directory / "points.csv", model())
-    data().to_csv(directory / "data.csv", model())
-    record().to_csv(directory / "record.csv", model())
-    (directory / "model.toml").write_text(model().to_toml())
-    design().save(directory / "design")
-    fp.Campaign(problem(), batch=2, directory=directory / "campaign")
-    return directory
-
-
-# --- Calls ---------------------------------------------------------------------------------------------------------------
+from misuse_examples import (
+    BOUNDS,
+    CONSTANTS,
+    INPUTS,
+    NOISE,
+    OUTPUT,
+    OUTPUTS,
+    PARAMETERS,
+    RATES,
+    STATES,
+    THETA,
+    campaign,
+    comparison,
+    data,
+    design,
+    files,
+    fit,
+    model,
+    output,
+    points,
+    prior,
+    problem,
+    rates,
+    record,
+    region,
+)
+from misuse_values import ARRAY, FLAG, FUNCTION, INT, MAP, MODEL, NAMES, NONE, NUMBER, PATH, POINTS, PRIOR, SLICE, TERM, TEXT
 
 EQUATIONS = (TEXT, TERM, NUMBER, ARRAY, NAMES)
 Argument = tuple[Any, ...]
@@ -607,79 +411,3 @@ SWAPPED: dict[str, Callable[[], Any]] = {
     "exchange": lambda: fp.exchange(12, problem()),  # type: ignore[arg-type]
 }
 """Calls with two arguments in each other's place."""
-
-
-# --- What comes of them --------------------------------------------------------------------------------------------------
-
-OURS = re.compile(r"[^\n]*\bexpected\b[^\n]*\b(given|found)\b[^\n]*")
-LONGEST = 1000
-"""Characters of a message."""
-
-
-@dataclass
-class Outcome:
-    """How a call ended: "refused" in our words, "taken" where the value may be, or in a way that must not be."""
-
-    kind: str
-    text: str = ""
-
-
-class Hangs(BaseException):
-    """A call takes too long."""
-
-
-def outcome(call: Callable[[], Any], may_be_taken: bool, seconds: float = 20.0) -> Outcome:
-    """Call, and judge what comes of it."""
-
-    def ring(number: int, frame: FrameType | None) -> None:
-        raise Hangs
-
-    before = signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            result = call()
-    except Hangs:
-        return Outcome("hangs")
-    except OSError as error:  # of a path, which the system names
-        return Outcome("refused" if error.filename is not None or OURS.fullmatch(str(error)) else "foreign", repr(error))
-    except (ValueError, TypeError, KeyError, IndexError) as error:
-        text = str(error)
-        ours = (OURS.fullmatch(text) or isinstance(error, ConfigError)) and text.isprintable() and len(text) <= LONGEST
-        return Outcome("refused" if ours else "foreign", f"{type(error).__name__}: {text[:300]!r}")
-    except Exception as error:
-        return Outcome("foreign", f"{type(error).__name__}: {str(error)[:300]!r}")
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
-    return Outcome("taken" if may_be_taken else "accepted", repr(type(result)))
-
-
-@dataclass
-class Misuse:
-    """What came of calls with clumsy arguments."""
-
-    counts: dict[str, int] = field(default_factory=dict)
-    faults: list[str] = field(default_factory=list)
-
-    def try_one(self, name: str, argument: str, value: str) -> None:
-        """Call with one argument replaced."""
-        self.try_some(name, {argument: value})
-
-    def try_some(self, name: str, values: dict[str, str]) -> None:
-        """Call with arguments replaced; what comes of it may be a result only where each may be taken."""
-        case = cases()[name]
-        kinds = {argument: set(case.arguments[argument][1:]) for argument in values}
-        if any(FUNCTION in kinds[argument] and CLASS in CLUMSY[value].kinds for argument, value in values.items()):
-            return  # a function too, of which the errors are its own
-        arguments = {key: good for key, (good, *_) in case.arguments.items()}
-        arguments |= {argument: CLUMSY[value].make() for argument, value in values.items()}
-        may_be_taken = all(CLUMSY[value].kinds & kinds[argument] for argument, value in values.items())
-        self.count(f"{name}({values})", outcome(lambda: case.call(**arguments), may_be_taken))
-
-    def count(self, call: str, found: Outcome) -> None:
-        """Count an outcome, and keep what must not be."""
-        self.counts[found.kind] = self.counts.get(found.kind, 0) + 1
-        if found.kind not in ("refused", "taken"):
-            self.faults.append(f"{call}: {found.kind} {found.text}")

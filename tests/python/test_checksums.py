@@ -13,34 +13,22 @@ import pytest
 
 import fisherpoint as fp
 from defaults import without_checksum
-from fisherpoint.config import load_config
-
-DECAY = Path(__file__).resolve().parents[2] / "examples" / "exponential_decay.toml"
-QUICK: dict[str, Any] = {"n_experiments": 4, "n_candidates": 5, "max_iterations": 3}
-
-
-@pytest.fixture(scope="module")
-def problem() -> fp.DesignProblem:
-    return load_config(DECAY).problem()
-
-
-@pytest.fixture(scope="module")
-def designs(problem: fp.DesignProblem) -> tuple[fp.Design, fp.Design]:
-    return fp.exchange(problem, **QUICK, seed=1), fp.exchange(problem, **QUICK, seed=2)
 
 
 @pytest.mark.parametrize("kind", ["design", "fit", "campaign"])
-def test_bit_flips_are_refused(kind: str, problem: fp.DesignProblem, designs: tuple[fp.Design, fp.Design], tmp_path: Path) -> None:
+def test_bit_flips_are_refused(
+    kind: str, decay_problem: fp.DesignProblem, decay_designs: tuple[fp.Design, fp.Design], tmp_path: Path
+) -> None:
     load: Callable[[Path], Any]
     if kind == "design":
-        designs[0].save(tmp_path)
+        decay_designs[0].save(tmp_path)
         load = fp.Design.load
     elif kind == "fit":
-        data = fp.VirtualRig(problem.model, dict(problem.prior.mean), {"c": 0.2}).measure(designs[0].points)
-        fp.estimate(problem.model, data, problem.prior, noise_std=problem.noise_std).save(tmp_path)
+        data = fp.VirtualRig(decay_problem.model, dict(decay_problem.prior.mean), {"c": 0.2}).measure(decay_designs[0].points)
+        fp.estimate(decay_problem.model, data, decay_problem.prior, noise_std=decay_problem.noise_std).save(tmp_path)
         load = fp.Fit.load
     else:
-        fp.Campaign(problem, 2, directory=tmp_path)
+        fp.Campaign(decay_problem, 2, directory=tmp_path)
         load = fp.Campaign.load
     path = tmp_path / f"{kind}.json"
     content, rng, refused = path.read_bytes(), np.random.default_rng(14), 0
@@ -59,16 +47,16 @@ def test_bit_flips_are_refused(kind: str, problem: fp.DesignProblem, designs: tu
     assert refused > 290
 
 
-def test_what_is_changed_is_told_in_every_version(designs: tuple[fp.Design, fp.Design], tmp_path: Path) -> None:
-    designs[0].save(tmp_path)
+def test_what_is_changed_is_told_in_every_version(decay_designs: tuple[fp.Design, fp.Design], tmp_path: Path) -> None:
+    decay_designs[0].save(tmp_path)
     path = tmp_path / "design.json"
     data = json.loads(path.read_text())
     assert data["format_version"] == 2
     path.write_text(json.dumps(data))  # indents are nobody's business
-    assert fp.Design.load(tmp_path).seconds == designs[0].seconds
+    assert fp.Design.load(tmp_path).seconds == decay_designs[0].seconds
     first = without_checksum(data)
     path.write_text(json.dumps(first))
-    assert fp.Design.load(tmp_path).points == designs[0].points
+    assert fp.Design.load(tmp_path).points == decay_designs[0].points
     for changed in (
         data | {"seconds": 1.0},
         {name: value for name, value in data.items() if name != "sha256"},
@@ -87,9 +75,9 @@ def test_what_is_changed_is_told_in_every_version(designs: tuple[fp.Design, fp.D
             fp.Design.load(tmp_path)
 
 
-def test_a_table_of_another_run_is_told(designs: tuple[fp.Design, fp.Design], tmp_path: Path) -> None:
-    designs[0].save(tmp_path)
-    path, model = tmp_path / "design.csv", designs[0].problem.model
+def test_a_table_of_another_run_is_told(decay_designs: tuple[fp.Design, fp.Design], tmp_path: Path) -> None:
+    decay_designs[0].save(tmp_path)
+    path, model = tmp_path / "design.csv", decay_designs[0].problem.model
     own = path.read_text()
     header, *rows = own.splitlines()
     for fine in (
@@ -104,9 +92,9 @@ def test_a_table_of_another_run_is_told(designs: tuple[fp.Design, fp.Design], tm
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             fp.Design.load(tmp_path)
-    designs[1].points.to_csv(path, model)
+    decay_designs[1].points.to_csv(path, model)
     for other in (path.read_text(), "", "a,b\n1,2\n", own[: len(own) // 2], "\n".join(own.splitlines()[:-1])):
         path.write_text(other)
         with pytest.warns(UserWarning, match=r"design\.csv: expected the points of design\.json, given others"):
             loaded = fp.Design.load(tmp_path)
-        assert loaded.points == designs[0].points
+        assert loaded.points == decay_designs[0].points

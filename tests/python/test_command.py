@@ -39,9 +39,16 @@ def run(*arguments: object, program: str = PROGRAM, **changes: str) -> subproces
     return done
 
 
-def heard() -> None:
-    """Have Ctrl-C heard: a shell's background jobs start with it ignored."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+def started(*arguments: object) -> subprocess.Popen[str]:
+    """The program at its work, which hears Ctrl-C: a shell's background jobs start with it ignored."""
+    return subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, *map(str, arguments)],
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
 
 
 @pytest.fixture
@@ -55,14 +62,7 @@ def points(tmp_path: Path) -> Path:
 def test_an_interrupt_at_any_time_is_one_line(delay: float, tmp_path: Path) -> None:
     """During imports too. What is done by then may have ended, or have saved what there is."""
     arguments = ["design", EXAMPLES / "paper.toml", "-o", tmp_path / "run", "--quiet", "--no-plots"]
-    process = subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, *map(str, arguments)],
-        env=environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=heard,
-    )
+    process = started(*arguments)
     assert process.stderr is not None
     assert process.stderr.readline() == "ready\n"
     time.sleep(delay)
@@ -77,13 +77,7 @@ def test_an_interrupt_at_any_time_is_one_line(delay: float, tmp_path: Path) -> N
 
 def test_a_reader_that_leaves_is_no_error(points: Path) -> None:
     for arguments in (["--help"], ["info"], ["simulate", EXAMPLES / "paper.toml", points]):
-        process = subprocess.Popen(
-            [sys.executable, "-c", PROGRAM, *map(str, arguments)],
-            env=environment(),
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        process = started(*arguments)
         assert process.stdout is not None and process.stderr is not None
         process.stdout.close()
         err = process.stderr.read()

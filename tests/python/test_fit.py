@@ -1,43 +1,19 @@
-"""What a user sees of a fit: estimates, tests, warnings, files, pictures, and what happens at the edges."""
+"""What a user sees of a fit: estimates, tests, warnings, and what happens at the edges."""
 
 from __future__ import annotations
 
-import csv
-import json
-import pickle
 import re
-from functools import cache
-from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from scipy.stats import chi2, f, norm
+from scipy.stats import chi2, norm
 from scipy.stats import t as student
 
 import fisherpoint as fp
 from fisherpoint.config import load_config
-from fisherpoint.files import sealed_json
-
-EXAMPLES = Path(__file__).parents[2] / "examples"
-
-
-def decay(n: int = 12, noise: float = 0.2, seed: int = 0) -> tuple[Any, fp.Measurements]:
-    model = load_config(EXAMPLES / "exponential_decay.toml").build_model()
-    dt = np.linspace(100.0, 6000.0, n)
-    y = 20.0 * np.exp(-5e-4 * dt) + np.random.default_rng(seed).normal(0.0, noise, n)
-    return model, fp.Measurements(fp.Experiments(np.ones((n, 1)), np.zeros((n, 0)), dt), y)
-
-
-@cache
-def cylinder(T_1: float = 2.2e-3) -> tuple[fp.DesignProblem, fp.Measurements]:
-    """Twelve points of the default cylinder, measured; the model that is fitted has the given T_1."""
-    problem = load_config(EXAMPLES / "cylinder.toml").problem()
-    design = fp.exchange(problem, n_experiments=12, n_candidates=30, max_iterations=5, seed=1, references=False)
-    data = fp.VirtualRig(problem.model, dict(problem.prior.mean), problem.noise_std, seed=2).measure(design.points)
-    model = fp.HydraulicCylinder(T_1=T_1)
-    return fp.DesignProblem(model, problem.prior, None, noise_std=problem.noise_std), data
+from fit_cases import EXAMPLES, cylinder, decay
 
 
 def test_it_is_the_least_squares_fit_of_numpy() -> None:
@@ -104,116 +80,6 @@ def test_noise_that_is_smaller_than_given_is_told() -> None:
     model, data = decay(n=40, noise=0.01)
     fit = fp.estimate(model, data, noise_std={"c": 0.2})
     assert "the noise of this output is smaller than given" in str(fit)
-
-
-def test_files_hold_the_fit_and_are_whole(tmp_path: Path) -> None:
-    model, data = decay()
-    fit = fp.estimate(model, data, noise_std={"c": 0.2}, start=None)
-    paths = fit.save(tmp_path / "new" / "directory")
-    assert sorted(path.name for path in paths) == ["estimate.csv", "fit.json", "residuals.csv"]
-    assert sorted(path.name for path in (tmp_path / "new" / "directory").iterdir()) == ["estimate.csv", "fit.json", "residuals.csv"]
-    told = json.loads((tmp_path / "new" / "directory" / "fit.json").read_text())
-    assert {name: told[name] for name in fit.to_dict()} == fit.to_dict()
-    assert told["parameters"]["k"]["estimate"] == fit.estimate["k"]
-    assert np.array(told["covariance"]) == pytest.approx(fit.covariance)
-    with (tmp_path / "new" / "directory" / "estimate.csv").open() as file:
-        rows = {row["parameter"]: row for row in csv.DictReader(file)}
-    assert float(rows["c_0"]["standard_error"]) == fit.standard_errors["c_0"]
-    assert rows["c_0"]["prior_mean"] == ""
-    with (tmp_path / "new" / "directory" / "residuals.csv").open() as file:
-        residuals = list(csv.DictReader(file))
-    assert [float(row["residual"]) for row in residuals] == pytest.approx(fit.residuals[:, 0])
-    assert float(residuals[3]["measured"]) - float(residuals[3]["predicted"]) == pytest.approx(float(residuals[3]["residual"]))
-
-
-def tanks_fit() -> fp.Fit:
-    """Of a record of which a start is not known, with a noise that is estimated."""
-    model = load_config(EXAMPLES / "cascaded_tanks.toml").build_model()
-    t, u = 4.0 * np.arange(60), 2.0 + np.where((np.arange(60) // 15) % 2, 1.0, -1.0)
-    y = fp.simulate_record(model, dict(model.nominal), t, u, {"h1": 5.0, "h2": 4.0}).y
-    y = y + np.random.default_rng(1).normal(0, 0.05, y.shape)
-    y[7] = np.nan
-    return fp.estimate(model, fp.Record(t, u, y, {"h1": 5.0}), parameters=["k1", "k3"])
-
-
-def assert_same(again: fp.Fit, fit: fp.Fit) -> None:
-    assert again.to_dict() == fit.to_dict()
-    assert str(again) == str(fit) and again.model == fit.model
-    for name in ("theta", "values", "residuals", "covariance", "information", "noise_covariance", "z", "whitened"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(fit, name), strict=True)
-    name = fit.parameters[0]
-    assert again.intervals(0.9) == fit.intervals(0.9) and again.profile(name).interval == fit.profile(name).interval
-
-
-@pytest.mark.parametrize("kind", ["points", "bound", "prior", "record"])
-def test_a_fit_comes_back_from_its_file_and_from_a_pickle(kind: str, tmp_path: Path) -> None:
-    model, data = decay()
-    log = fp.GaussianPrior({"c_0": 18.0, "k": 6e-4}, relative_std={"c_0": 0.3, "k": 0.3}, log=["k"])
-    fit = {
-        "points": lambda: fp.estimate(model, [data[:5], data[5:]], noise_std={"c": 0.2}),
-        "bound": lambda: fp.estimate(model, data, bounds={"k": (None, 4e-4)}),
-        "prior": lambda: fp.estimate(model, data, log, noise_std={"c": 0.2}, initial_state_std={"share": 0.01}),
-        "record": tanks_fit,
-    }[kind]()
-    fit.save(tmp_path)
-    for again in (fp.Fit.load(tmp_path), pickle.loads(pickle.dumps(fit))):
-        assert_same(again, fit)
-    if kind == "prior":
-        assert again.posterior() == fit.posterior()
-
-
-def test_a_file_that_is_no_fit_is_told(tmp_path: Path) -> None:
-    model, data = decay()
-    fit = fp.estimate(model, data, noise_std={"c": 0.2})
-    fit.save(tmp_path)
-    path = tmp_path / "fit.json"
-    text, whole = path.read_text(), json.loads(path.read_text())
-    older = {name: value for name, value in whole.items() if name not in ("format", "format_version", "state")}
-    del whole["sha256"]
-    short = whole | {"state": whole["state"] | {"values": [1.0]}}
-    without = whole | {"state": {name: value for name, value in whole["state"].items() if name != "data"}}
-    for broken, message in (
-        (text[: len(text) // 2], "expected a whole JSON file"),
-        (json.dumps(older), "expected a file of format 'fisherpoint fit'"),
-        (text.replace('"reached": 1', '"reached": 2'), "expected the file as it was written"),
-        (json.dumps(short), "expected the file as it was written"),
-        (sealed_json(short), "values: expected 2 unknowns, c_0, k"),
-        (sealed_json(without), "expected a complete fit, given one without or with a wrong 'data'"),
-    ):
-        path.write_text(broken)
-        with pytest.raises(ValueError, match=re.escape(message)):
-            fp.Fit.load(tmp_path)
-
-
-def falling(x: Any, u: Any, theta: Any) -> Any:
-    return np.stack([-theta[..., 0] * x[..., 0]], axis=-1)
-
-
-def as_it_is(x: Any, u: Any, theta: Any) -> Any:
-    return x
-
-
-@pytest.mark.filterwarnings("ignore:CallableModel")
-def test_a_fit_of_python_functions_is_pickled_and_not_loaded(tmp_path: Path) -> None:
-    data = decay()[1]
-    model = fp.CallableModel(falling, as_it_is, {"c": "1"}, {}, {"k": "1/s"}, {"c": "1"}, nominal={"k": 1e-3})
-    fit = fp.estimate(model, fp.Measurements(data.points, data.y / 20), noise_std={"c": 0.02})
-    fit.save(tmp_path)
-    assert json.loads((tmp_path / "fit.json").read_text())["parameters"]["k"]["estimate"] == fit.estimate["k"]
-    with pytest.raises(ValueError, match=r"expected a fit with its model, given one without: .*given CallableModel"):
-        fp.Fit.load(tmp_path)
-    assert pickle.loads(pickle.dumps(fit)).to_dict() == fit.to_dict()
-
-
-def test_what_is_not_finite_is_null_in_the_file(tmp_path: Path) -> None:
-    model, data = decay(n=1)
-    fit = fp.estimate(model, data, noise_std={"c": 0.2})
-    assert fit.to_dict()["parameters"]["k"]["standard_error"] is None
-    fit.save(tmp_path)
-    json.loads((tmp_path / "fit.json").read_text(), parse_constant=lambda name: pytest.fail(name))
-
-
-# Edges
 
 
 def test_fewer_numbers_than_unknowns_is_told() -> None:
@@ -362,66 +228,6 @@ def test_a_fit_with_a_perfect_match_and_unknown_noise_stays_finite() -> None:
     fit = fp.estimate(model, data)
     assert fit.estimate["k"] == pytest.approx(5e-4, rel=1e-6)
     assert np.isfinite(list(fit.standard_errors.values())).all()
-
-
-# Pictures
-
-
-def test_an_ellipse_has_the_roots_of_the_eigenvalues_as_half_axes() -> None:
-    from fisherpoint.plots_fit import ellipse
-
-    covariance = np.array([[4.0, 1.5], [1.5, 1.0]])
-    curve = ellipse(covariance, 5.99, count=100_001)
-    radius = np.linalg.norm(curve, axis=1)
-    values = np.linalg.eigvalsh(covariance)
-    assert radius.max() == pytest.approx(np.sqrt(5.99 * values[1]), rel=1e-6)
-    assert radius.min() == pytest.approx(np.sqrt(5.99 * values[0]), rel=1e-6)
-    small = ellipse(covariance * np.outer([1e-9, 1e9], [1e-9, 1e9]), 5.99)
-    assert small / [1e-9, 1e9] == pytest.approx(ellipse(covariance, 5.99))
-
-
-@pytest.mark.parametrize("known", [True, False])
-def test_every_picture_is_drawn(tmp_path: Path, known: bool) -> None:
-    from fisherpoint import plots_fit
-
-    problem, data = cylinder()
-    fit = fp.estimate(problem.model, data, problem.prior, noise_std=problem.noise_std if known else None)
-    paths = plots_fit.save_all(fit, tmp_path, [fit.profile("c_L")] if known else [])
-    expected_names = {"parity", "residuals", "correlation", "ellipses", *(["profiles"] if known else [])}
-    assert {path.stem for path in paths} == expected_names
-    assert all(path.stat().st_size > 10_000 for path in paths)
-    figure = plots_fit.plot_ellipses(fit)
-    assert len(figure.axes) == 6
-    degrees = min(fit.quantile_degrees_of_freedom.values())
-    expected = chi2.ppf(0.95, 2) if known else 2 * f.ppf(0.95, 2, degrees)
-    assert known or expected > chi2.ppf(0.95, 2)
-
-
-def test_pictures_of_a_single_parameter(tmp_path: Path) -> None:
-    from fisherpoint import plots_fit
-
-    model, data = decay()
-    fit = fp.estimate(model, data, parameters=["k"], noise_std={"c": 0.2})
-    paths = plots_fit.save_all(fit, tmp_path)
-    assert {path.stem for path in paths} == {"parity", "residuals"}
-
-
-def test_a_record_is_drawn_over_time(tmp_path: Path) -> None:
-    from fisherpoint import plots_fit
-
-    model = load_config(EXAMPLES / "cascaded_tanks.toml").build_model()
-    t = 4.0 * np.arange(100)
-    u = 2.0 + np.where((np.arange(100) // 15) % 2, 1.0, -1.0)
-    theta = dict(model.nominal)
-    y = fp.simulate_record(model, theta, t, u, {"h1": 5.0, "h2": 4.0}).y + np.random.default_rng(1).normal(0, 0.05, (100, 1))
-    fit = fp.estimate(model, fp.Record(t, u, y, {"h1": 5.0}), parameters=["k1", "k3", "k4"], noise_std={"level": 0.05})
-    assert fit.parameters == ("k1", "k3", "k4", "x0_h2")
-    assert fit.units["x0_h2"] == "V"
-    assert "x0_h2" in str(fit)
-    assert abs(fit.estimate["x0_h2"] - 4.0) < 4 * fit.standard_errors["x0_h2"]
-    assert fit.profile("x0_h2").interval == pytest.approx(fit.intervals()["x0_h2"], rel=0.01)
-    paths = plots_fit.save_all(fit, tmp_path)
-    assert "time" in {path.stem for path in paths}
 
 
 def test_a_fit_shows_what_its_outputs_were_expected_to_scatter_by() -> None:

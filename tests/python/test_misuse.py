@@ -16,21 +16,10 @@ import pytest
 import fisherpoint as fp
 from fisherpoint import cli
 from fisherpoint.messages import listed, printable, shortened, shown
-from misuse_cases import (
-    CLUMSY,
-    NOISE,
-    SWAPPED,
-    THETA,
-    Misuse,
-    Rude,
-    cases,
-    data,
-    model,
-    outcome,
-    points,
-    prior,
-    problem,
-)
+from misuse_cases import SWAPPED, cases
+from misuse_examples import NOISE, THETA, data, model, points, prior, problem
+from misuse_outcomes import Misuse, outcome
+from misuse_values import CLUMSY, Rude
 
 ESCAPE = "\x1b[31m\x9b1m"
 

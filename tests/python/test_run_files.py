@@ -18,34 +18,22 @@ from matplotlib.figure import Figure
 
 import fisherpoint as fp
 from fisherpoint import cli, plots, plots_fit, plots_validation
-from fisherpoint.config import load_config
 from fisherpoint.design import PICTURES
 from fisherpoint.estimation.fit_files import PICTURES as PICTURES_OF_A_FIT
 from fisherpoint.files import write_together, write_whole
 from fisherpoint.plot_style import save_figure
 
 DECAY = Path(__file__).resolve().parents[2] / "examples" / "exponential_decay.toml"
-QUICK: dict[str, Any] = {"n_experiments": 4, "n_candidates": 5, "max_iterations": 3}
 COMMANDS = ("design", "evaluate", "estimate", "validate", "campaign")
 LAST = {"design": "design.json", "evaluate": "report.txt", "estimate": "fit.json", "validate": "report.txt"}
 """The file of a command that stands only beside files of the same run."""
 
 
 @pytest.fixture(scope="module")
-def problem() -> fp.DesignProblem:
-    return load_config(DECAY).problem()
-
-
-@pytest.fixture(scope="module")
-def designs(problem: fp.DesignProblem) -> tuple[fp.Design, fp.Design]:
-    return fp.exchange(problem, **QUICK, seed=1), fp.exchange(problem, **QUICK, seed=2)
-
-
-@pytest.fixture(scope="module")
-def tables(designs: tuple[fp.Design, fp.Design], tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+def tables(decay_designs: tuple[fp.Design, fp.Design], tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """Measurements of each design."""
-    directory, model = tmp_path_factory.mktemp("tables"), designs[0].problem.model
-    for k, design in enumerate(designs):
+    directory, model = tmp_path_factory.mktemp("tables"), decay_designs[0].problem.model
+    for k, design in enumerate(decay_designs):
         fp.VirtualRig(model, dict(model.nominal), {"c": 0.2}, seed=k).measure(design.points).to_csv(directory / f"{k}.csv", model)
         design.points.to_csv(directory / f"points_{k}.csv", model)
     return directory / "0.csv", directory / "1.csv"
@@ -184,8 +172,8 @@ def files(directory: Path) -> dict[str, bytes]:
 class Runs:
     """Two runs of a command with different results, which take no time."""
 
-    def __init__(self, command: str, tables: tuple[Path, Path], designs: tuple[fp.Design, fp.Design]) -> None:
-        self.command, self.tables, self.designs = command, tables, designs
+    def __init__(self, command: str, tables: tuple[Path, Path], decay_designs: tuple[fp.Design, fp.Design]) -> None:
+        self.command, self.tables, self.designs = command, tables, decay_designs
         self.found: dict[int, Any] = {}
 
     def work(self, which: int, function: Callable[..., Any]) -> Callable[..., Any]:
@@ -230,9 +218,9 @@ class Runs:
 @pytest.mark.parametrize("before", [True, False], ids=["over another run", "alone"])
 @pytest.mark.parametrize("command", LAST)
 def test_a_run_that_is_killed_at_any_file_leaves_no_mixture(
-    command: str, before: bool, tables: tuple[Path, Path], designs: tuple[fp.Design, fp.Design], tmp_path: Path
+    command: str, before: bool, tables: tuple[Path, Path], decay_designs: tuple[fp.Design, fp.Design], tmp_path: Path
 ) -> None:
-    runs = Runs(command, tables, designs)
+    runs = Runs(command, tables, decay_designs)
     for which in (0, 1):
         runs(which, tmp_path / str(which))
     whole = [files(tmp_path / str(which)) for which in (0, 1)]
@@ -255,19 +243,19 @@ def test_a_run_that_is_killed_at_any_file_leaves_no_mixture(
 
 
 def test_a_run_without_pictures_leaves_none_of_another(
-    tables: tuple[Path, Path], designs: tuple[fp.Design, fp.Design], tmp_path: Path
+    tables: tuple[Path, Path], decay_designs: tuple[fp.Design, fp.Design], tmp_path: Path
 ) -> None:
     for command in ("design", "estimate", "validate"):
-        Runs(command, tables, designs)(0, tmp_path / command)
+        Runs(command, tables, decay_designs)(0, tmp_path / command)
         (tmp_path / command / "mine.png").write_text("stays")
         assert run(*arguments(command, tables[1], tmp_path / command), "--no-plots") == 0
         assert [path.name for path in (tmp_path / command).glob("*.png")] == ["mine.png"]
 
 
-def test_files_that_only_have_the_names_of_pictures_stay(designs: tuple[fp.Design, fp.Design], tmp_path: Path) -> None:
+def test_files_that_only_have_the_names_of_pictures_stay(decay_designs: tuple[fp.Design, fp.Design], tmp_path: Path) -> None:
     """Where there was no design before."""
     (tmp_path / "points.png").write_text("a holiday")
-    designs[0].save(tmp_path)
+    decay_designs[0].save(tmp_path)
     assert set(files(tmp_path)) == {"points.png", "design.csv", "design.json"}
 
 

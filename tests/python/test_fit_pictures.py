@@ -1,0 +1,70 @@
+"""Pictures of fits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import chi2, f
+
+import fisherpoint as fp
+from fisherpoint.config import load_config
+from fit_cases import EXAMPLES, cylinder, decay
+
+
+def test_an_ellipse_has_the_roots_of_the_eigenvalues_as_half_axes() -> None:
+    from fisherpoint.plots_fit import ellipse
+
+    covariance = np.array([[4.0, 1.5], [1.5, 1.0]])
+    curve = ellipse(covariance, 5.99, count=100_001)
+    radius = np.linalg.norm(curve, axis=1)
+    values = np.linalg.eigvalsh(covariance)
+    assert radius.max() == pytest.approx(np.sqrt(5.99 * values[1]), rel=1e-6)
+    assert radius.min() == pytest.approx(np.sqrt(5.99 * values[0]), rel=1e-6)
+    small = ellipse(covariance * np.outer([1e-9, 1e9], [1e-9, 1e9]), 5.99)
+    assert small / [1e-9, 1e9] == pytest.approx(ellipse(covariance, 5.99))
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_every_picture_is_drawn(tmp_path: Path, known: bool) -> None:
+    from fisherpoint import plots_fit
+
+    problem, data = cylinder()
+    fit = fp.estimate(problem.model, data, problem.prior, noise_std=problem.noise_std if known else None)
+    paths = plots_fit.save_all(fit, tmp_path, [fit.profile("c_L")] if known else [])
+    expected_names = {"parity", "residuals", "correlation", "ellipses", *(["profiles"] if known else [])}
+    assert {path.stem for path in paths} == expected_names
+    assert all(path.stat().st_size > 10_000 for path in paths)
+    figure = plots_fit.plot_ellipses(fit)
+    assert len(figure.axes) == 6
+    degrees = min(fit.quantile_degrees_of_freedom.values())
+    expected = chi2.ppf(0.95, 2) if known else 2 * f.ppf(0.95, 2, degrees)
+    assert known or expected > chi2.ppf(0.95, 2)
+
+
+def test_pictures_of_a_single_parameter(tmp_path: Path) -> None:
+    from fisherpoint import plots_fit
+
+    model, data = decay()
+    fit = fp.estimate(model, data, parameters=["k"], noise_std={"c": 0.2})
+    paths = plots_fit.save_all(fit, tmp_path)
+    assert {path.stem for path in paths} == {"parity", "residuals"}
+
+
+def test_a_record_is_drawn_over_time(tmp_path: Path) -> None:
+    from fisherpoint import plots_fit
+
+    model = load_config(EXAMPLES / "cascaded_tanks.toml").build_model()
+    t = 4.0 * np.arange(100)
+    u = 2.0 + np.where((np.arange(100) // 15) % 2, 1.0, -1.0)
+    theta = dict(model.nominal)
+    y = fp.simulate_record(model, theta, t, u, {"h1": 5.0, "h2": 4.0}).y + np.random.default_rng(1).normal(0, 0.05, (100, 1))
+    fit = fp.estimate(model, fp.Record(t, u, y, {"h1": 5.0}), parameters=["k1", "k3", "k4"], noise_std={"level": 0.05})
+    assert fit.parameters == ("k1", "k3", "k4", "x0_h2")
+    assert fit.units["x0_h2"] == "V"
+    assert "x0_h2" in str(fit)
+    assert abs(fit.estimate["x0_h2"] - 4.0) < 4 * fit.standard_errors["x0_h2"]
+    assert fit.profile("x0_h2").interval == pytest.approx(fit.intervals()["x0_h2"], rel=0.01)
+    paths = plots_fit.save_all(fit, tmp_path)
+    assert "time" in {path.stem for path in paths}
