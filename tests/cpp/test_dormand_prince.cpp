@@ -32,13 +32,9 @@ static Tried tried(double t, double y, double h) {
   for (int s = 0; s <= last; ++s) error += M::error[s] * k[s], bow += M::bow[s] * k[s];
   const double middle = 0.5 * (y + end) + h / 8 * (k[0] - k[last]) + h * bow;
   error *= h;
-  if constexpr (requires { M::coarse; }) {
-    for (int s = 0; s < last; ++s) coarse += M::coarse[s] * k[s];
-    coarse = end - y - h * coarse;
-    return {end, std::sqrt(M::squared_error(error * error, coarse * coarse)), middle};
-  } else {
-    return {end, std::sqrt(M::squared_error(error * error)), middle};
-  }
+  for (int s = 0; s < last; ++s) coarse += M::coarse[s] * k[s];
+  coarse = end - y - h * coarse;
+  return {end, std::sqrt(M::squared_error(error * error, coarse * coarse)), middle};
 }
 template <class M>
 static double solve(double t, double y, double duration, int steps) {

@@ -24,6 +24,7 @@ RTOL, FINE = 1e-10, 1e-12  # of states in units of their sizes; for differences
 MOST_STEPS, MOST_STIFF_STEPS, MOST_CROSSINGS = 600, 150, 60
 LOOKS = 8  # at the dense output of a step
 SAME = 1e-8  # relative difference of f up to which its two sides at a surface are the same
+ROUNDING = 1e-13  # of the largest rate on the way
 DIFFERENCE = 4e-3  # of a parameter, the longest of the three steps of a derivative
 
 
@@ -320,7 +321,12 @@ class _Walk:
         for a, b in beside:
             if a is not None and b is not None:
                 size = np.maximum(size, np.abs(a) + np.abs(b))
-        return bool(np.any(np.abs(here - there) > SAME * size))
+        return bool(np.any(np.abs(here - there) > SAME * size + ROUNDING * self.fastest()))
+
+    def fastest(self) -> Floats:
+        """The largest rate of every state on the way: of a state at rest, its terms cancel to rounding alone."""
+        rates = [rate for x in [self.x0.tolist(), *self.done.way] if (rate := self.rates(np.array(x))) is not None]
+        return np.max(np.abs(rates), axis=0) if rates else np.zeros(len(self.x0))
 
     def depth(self, t: float, z: Floats, place: int) -> float:
         """How far the trajectory would go past a surface if f went on as before it."""

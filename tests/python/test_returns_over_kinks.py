@@ -79,3 +79,19 @@ def test_a_record_that_swings_over_a_kink() -> None:
 
 def _swing(centre: float, begin: float, end: float) -> float:
     return float(quad(lambda t: abs(centre + 0.4 * np.cos(3 * t) - 0.5), begin, end, limit=200, epsabs=1e-9)[0])
+
+
+@pytest.mark.parametrize("method", ["RK45", "DOP853"])
+@pytest.mark.parametrize("rtol", TOLERANCES)
+def test_a_power_behind_an_edge(rtol: float, method: str) -> None:
+    """From an edge on, f rises like t^1.5: the embedded error of order 5(4) is a tenth of the error, or of the other sign."""
+    duration, c = 6.934e-3, np.linspace(1e-4, 5e-3, 200)
+    points = fp.Experiments(np.tile([0.0, -1.43], (200, 1)), np.zeros((200, 0)), np.full(200, duration))
+    model = fp.SymbolicModel(
+        ["1000.0", "-100 * (x - p) + 1000 * max(a - 1000 * c, 0)**1.5"], ["x"], {"a": "1", "x": "1"}, {}, {"p": "1", "c": "1"}
+    )
+    result = fp.simulate(model, points, np.column_stack([np.full(200, 0.8732), c]), rtol=rtol, method=method)
+    assert (result.status == fp.Status.ok).all()
+    expected = 0.8732 - 2.3032 * np.exp(-100 * duration)
+    truth = [expected + 1e3**2.5 * quad(lambda s, c=c: s**1.5 * np.exp(-100 * (duration - c - s)), 0, duration - c)[0] for c in c]
+    np.testing.assert_allclose(result.y[:, 0], truth, rtol=0, atol=60 * rtol)

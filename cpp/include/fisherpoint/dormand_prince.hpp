@@ -25,9 +25,10 @@ struct DormandPrince {
   // Fifth-order minus fourth-order weights.
   static constexpr std::array<double, 7> error = {71.0 / 57600,      0,          -71.0 / 16695, 71.0 / 1920,
                                                   -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
-  // What step control takes for the squared error.
+  static constexpr std::array<double, 6> coarse = {0.5, 0, 0, 0, 0, 0.5};  // the trapezoidal rule
+  // What step control takes for the squared error: it falls with the tenth power of the step.
   template <class P>
-  static P squared_error(const P& embedded) {
+  static P squared_error(const P& embedded, const P&) {
     return embedded;
   }
   // x(t + step/2) = (x0 + x1)/2 + step (k1 - k7)/8 + step sum(bow k): the cubic through both ends, and what a quartic adds.

@@ -66,10 +66,6 @@ struct DormandPrince853 {
   static P squared_error(const P& embedded, const P& by_coarse) {
     return embedded * embedded / (embedded + 0.01 * by_coarse + 1e-300);
   }
-  // The embedded error changes its sign at some steps, next to which it says nothing, with few states more often. By the coarse
-  // one the error is not below this times its square, both relative to x: smooth problems have a hundred times more, at the
-  // step where the estimate is the tolerance.
-  static constexpr double least_error = 0.004;
   // x(t + step/2) = (x0 + x1)/2 + step (k1 - k13)/8 + step sum(bow k), of order six: the solution of the order conditions at
   // the middle of the step with the smallest weights.
   static constexpr std::array<double, 13> bow = {-0.07960653701500475,

@@ -3,7 +3,7 @@
 //     order, stages          the last stage is the derivative at the step's end, and the first one of the next step
 //     a[stages]              weights of the stages before; the last row gives the solution
 //     error                  weights of the embedded error
-//     coarse                 where there is another embedded solution of a still lower order, the weights of that
+//     coarse                 weights of another embedded solution, of a still lower order
 //     squared_error(...)     what step control takes for the squared error, from the squares of the embedded ones; its root
 //     falls
 //                            at least as the step's power of `order`

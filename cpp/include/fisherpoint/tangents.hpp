@@ -82,21 +82,14 @@ class Tangents {
       error += square(inverse_scale * differences.first);
       coarse += square(inverse_scale * differences.second);
     }
-    P squared() const {
-      if constexpr (requires { Method::coarse; })
-        return Method::squared_error(error, coarse);
-      else
-        return Method::squared_error(error);
-    }
+    P squared() const { return Method::squared_error(error, coarse); }
   };
 
   // Moves a number to the step's end; returns its differences to the embedded solutions.
   static std::pair<P, P> finish(P& value, const State* rate, auto i) {
     const P change = weighted_sum(counted<Equation, last>(), Method::a[last], rate, i);
     value += change;
-    P coarse(0.0);
-    if constexpr (requires { Method::coarse; })
-      coarse = change - weighted_sum(counted<Equation, last>(), Method::coarse, rate, i);
+    const P coarse = change - weighted_sum(counted<Equation, last>(), Method::coarse, rate, i);
     return {weighted_sum(counted<Equation, stages>(), Method::error, rate, i), coarse};
   }
 
