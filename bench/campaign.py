@@ -15,8 +15,8 @@ from time import perf_counter
 import numpy as np
 
 import fisherpoint as fp
+from fisherpoint.basics.values import Array
 from fisherpoint.estimation.fit import Fit
-from fisherpoint.quantity import Array
 
 from .designs import RELATIVE_STD, default_problem
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 import fisherpoint as fp
-from fisherpoint.kernels import kernels
-from fisherpoint.trajectories import resolve_threads
+from fisherpoint.engine.levels import kernels
+from fisherpoint.points.trajectories import resolve_threads
 
 from . import fresh_process
 from .accuracy import ACCURACY_RULE, Errors, loosest_rtol, output_errors

@@ -21,15 +21,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fisherpoint as fp
+from fisherpoint.basics.values import IntArray
 from fisherpoint.data.record_trajectory import record_trajectories
 from fisherpoint.estimation.least_squares import CONVERGED, Minima, minimise
+from fisherpoint.estimation.observed import Observed
 from fisherpoint.estimation.precision import Precision, covariances
-from fisherpoint.estimation.response import Observed
 from fisherpoint.estimation.small_samples import output_degrees_of_freedom
 from fisherpoint.estimation.unknowns import checked_bounds, prior_factor, spread_starts, unknowns_of
 from fisherpoint.estimation.weighting import WeightedResiduals, noise_covariance
-from fisherpoint.quantity import IntArray
-from fisherpoint.trajectories import resolve_threads
+from fisherpoint.points.trajectories import resolve_threads
 from fisherpoint.validation.fits import Estimator
 from fisherpoint.validation.truths import TRUTH_RTOL, Rig, Streams, drawn_from_prior
 

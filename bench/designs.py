@@ -9,9 +9,9 @@ from time import perf_counter, process_time
 from typing import Any
 
 import fisherpoint as fp
-from fisherpoint import _core
-from fisherpoint.kernels import kernels
-from fisherpoint.rules import Rule
+from fisherpoint.engine import _core
+from fisherpoint.engine.levels import kernels
+from fisherpoint.prior.rules import Rule
 
 RELATIVE_STD = dict(a_tau=0.3, b_tau=0.2, m_q=0.05, E_oil=0.2, p_t=0.2, B_v=0.1, c_L=0.3, V_0A=0.1, V_0B=0.1)
 REGION = fp.ExperimentRegion(

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fisherpoint as fp
-from fisherpoint.candidates import CandidateSource
-from fisherpoint.data.record_response import RecordResponse
-from fisherpoint.information import PointInformation
+from fisherpoint.estimation.record_response import RecordResponse
+from fisherpoint.information.candidates import CandidateSource
+from fisherpoint.information.point_information import PointInformation
 
 from .designs import NOISE_STD, REGION, RELATIVE_STD
 

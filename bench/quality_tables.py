@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
 
-from fisherpoint.plot_style import CRITERION, NOISE, PRIOR, STYLE, TEXT
+from fisherpoint.show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT
 from fisherpoint.validation.figures import NORMAL_MEDIAN
 
 Array = NDArray[np.float64]

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fisherpoint as fp
-from fisherpoint import _core
-from fisherpoint.trajectories import resolve_threads
+from fisherpoint.engine import _core
+from fisherpoint.points.trajectories import resolve_threads
 
 from .timing import best_times
 from .workload import MODEL, PRIOR, Array, candidates, random_pairs

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fisherpoint import _core
-from fisherpoint.design import ExchangeSettings
-from fisherpoint.exchange_search import SHORTLIST, ExchangeSearch
-from fisherpoint.information import PointInformation, with_linearized_covariance
-from fisherpoint.trajectories import resolve_threads
+from fisherpoint.design.found import ExchangeSettings
+from fisherpoint.design.search import SHORTLIST, ExchangeSearch
+from fisherpoint.engine import _core
+from fisherpoint.information.point_information import PointInformation, with_linearized_covariance
+from fisherpoint.points.trajectories import resolve_threads
 
 from .designs import default_problem
 

@@ -10,10 +10,10 @@ import numpy as np
 from scipy.optimize import least_squares
 
 import fisherpoint as fp
+from fisherpoint.basics.values import Array
 from fisherpoint.estimation.least_squares import minimise
 from fisherpoint.estimation.weighting import WeightedResiduals
-from fisherpoint.quantity import Array
-from fisherpoint.trajectories import resolve_threads
+from fisherpoint.points.trajectories import resolve_threads
 from fisherpoint.validation.fits import Estimator
 from fisherpoint.validation.truths import Rig, Streams, truths_of
 

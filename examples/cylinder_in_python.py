@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 import fisherpoint as fp
-from fisherpoint.config import load_config
+from fisherpoint_command.config import load_config
 
 
 @fp.model(

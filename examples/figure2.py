@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from scipy.optimize import root
 
 import fisherpoint as fp
-from fisherpoint.config import load_model
-from fisherpoint.plot_style import CRITERION, NOISE, PRIOR, STYLE, TEXT
+from fisherpoint.show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT
 
 HERE = Path(__file__).resolve().parent
 STEP = [(0.10, 0.0), (0.35, -0.2), (1.05, 0.0)]  # s, u: closed, open, closed again at 0.45 s; k_u = -1, so u < 0 extends
@@ -72,7 +71,7 @@ def figure(t, full, simplified, rest):
 
 
 def main(picture):
-    model = load_model(HERE / "figure2.toml")
+    model = fp.load_model(HERE / "figure2.toml")
     theta = dict(model.nominal)
     rest = rest_state(model, theta, Q_START)
     print(f"rest state: v = {1e3 * rest[1]:.3f} mm/s, p_A = {rest[2] / 1e6:.3f} MPa, p_B = {rest[3] / 1e6:.3f} MPa")

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import fisherpoint as fp
-from fisherpoint.config import load_config
+from fisherpoint_command.config import load_config
 
 problem = load_config(Path(__file__).with_name("positioning_axis.toml")).problem()
 design = fp.exchange(problem, n_experiments=8, max_iterations=100, references=False)

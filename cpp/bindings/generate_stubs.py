@@ -14,14 +14,14 @@ from pathlib import Path
 import fisherpoint as fp
 
 STUBS = {"_core": "_core.pyi", f"_kernels_{fp.isa()}": "_kernels.pyi"}
-STUBS_DIRECTORY = Path(__file__).resolve().parents[2] / "python" / "fisherpoint"
+STUBS_DIRECTORY = Path(__file__).resolve().parents[2] / "python" / "fisherpoint" / "engine"
 
 
 def generate(module: str) -> str:
     with tempfile.TemporaryDirectory() as directory:
-        command = [sys.executable, "-m", "pybind11_stubgen", f"fisherpoint.{module}", "-o", directory]
+        command = [sys.executable, "-m", "pybind11_stubgen", f"fisherpoint.engine.{module}", "-o", directory]
         subprocess.run([*command, "--numpy-array-use-type-var"], check=True, stderr=subprocess.DEVNULL)
-        text = (Path(directory) / "fisherpoint" / f"{module}.pyi").read_text()
+        text = (Path(directory) / "fisherpoint" / "engine" / f"{module}.pyi").read_text()
     formatted = subprocess.run(
         [sys.executable, "-m", "ruff", "format", "--line-length", "120", "--stdin-filename", f"{module}.pyi", "-"],
         input=text.replace("ClassVar[list]", "ClassVar[list[typing.Any]]"),

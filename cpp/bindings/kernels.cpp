@@ -162,7 +162,7 @@ void bind_model(py::module_& m) {
 }  // namespace fisherpoint::bindings
 
 PYBIND11_MODULE(FISHERPOINT_MODULE, m) {
-  pybind11::module_::import("fisherpoint._core");  // registers the types that the kernels take
+  pybind11::module_::import("fisherpoint.engine._core");  // registers the types that the kernels take
   fisherpoint::bindings::bind_model<fisherpoint::HydraulicCylinder>(m);
   fisherpoint::bindings::bind_model<fisherpoint::CompiledModel>(m);  // before the tape, which it is too
   fisherpoint::bindings::bind_model<fisherpoint::TapeModel>(m);

@@ -2,37 +2,33 @@
 
 from typing import Any
 
-from .assumed import assumed_covariance
-from .campaign import Campaign
-from .comparison import RuleComparison, compare_rules
-from .constraints import Constraint
+from .basics.extras import needed_for
+from .basics.quantity import Quantity
+from .campaign.campaign import Campaign
 from .data import Measurements, Record, RecordTrajectory, VirtualRig, simulate_record
-from .design import Design, ExchangeSettings, TraceRecord
-from .efficiency import Efficiency
+from .design.efficiency import Efficiency
+from .design.exchange import exchange
+from .design.found import ExchangeSettings, TraceRecord
+from .design.result import Design
+from .design.search import Progress
+from .engine.levels import available_isas, isa
 from .estimation.estimate import estimate
 from .estimation.fit import Fit
-from .evaluation import Evaluation, evaluate_design, evaluate_under_noise
-from .exchange import exchange
-from .exchange_search import Progress
-from .experiments import Experiments
-from .extras import needed_for
-from .identifiability import Identifiability, identifiability
-from .kernels import available_isas, isa
+from .information.assumed import assumed_covariance
+from .information.comparison import RuleComparison, compare_rules
+from .information.evaluation import Evaluation, evaluate_design, evaluate_under_noise
+from .information.identifiability import Identifiability, identifiability
+from .information.problem import DesignProblem
 from .models import HydraulicCylinder, Model
-from .predictive import PredictiveCovariance, predictive_covariance
-from .prior import GaussianPrior
-from .problem import DesignProblem
-from .quantity import Quantity
-from .region import ExperimentRegion
-from .rules import GaussHermite, Linearized, Rule, Sobol, SparseGaussHermite, TensorGrid, Unscented
-from .trajectories import (
-    Sensitivities,
-    Status,
-    Trajectories,
-    sensitivities,
-    simulate,
-)
-from .validation.result import DesignValidation, Validation
+from .points.constraints import Constraint
+from .points.experiments import Experiments
+from .points.predictive import PredictiveCovariance, predictive_covariance
+from .points.region import ExperimentRegion
+from .points.trajectories import Sensitivities, Status, Trajectories, sensitivities, simulate
+from .prior.gaussian import GaussianPrior
+from .prior.rules import GaussHermite, Linearized, Rule, Sobol, SparseGaussHermite, TensorGrid, Unscented
+from .validation.of_design import DesignValidation
+from .validation.result import Validation
 from .validation.validate import validate
 
 __version__ = "0.1.0"
@@ -90,10 +86,10 @@ __all__ = [
 ]
 
 _LAZY = {
-    "CallableModel": ".models.callable",
+    "CallableModel": ".models.callable.model",
     "SymbolicModel": ".models.symbolic",
     "model": ".models.decorator",
-    "load_model": ".config",
+    "load_model": ".models.toml",
 }
 
 
@@ -106,7 +102,7 @@ def __getattr__(name: str) -> Any:
             return getattr(import_module(_LAZY[name], __name__), name)
     if not name.startswith("_"):
         with needed_for(name):
-            functions = import_module(".functions", __name__).FUNCTIONS
+            functions = import_module(".models.functions", __name__).FUNCTIONS
         if name in functions:
             return functions[name]
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -24,7 +24,7 @@ def main() -> None:
             signal.signal(signal.SIGINT, _leave)  # nothing is to be saved yet, and not every import stands an exception
         _open_streams()
         try:
-            from fisherpoint.cli import main as run
+            from .cli import main as run
         except ImportError as error:
             _fail(error)
         if heard:

@@ -10,10 +10,11 @@ import time
 import atheris
 
 with atheris.instrument_imports(include=["fisherpoint"]):  # what is imported later, in functions, is not instrumented
+    import fisherpoint.models.surfaces.branches.branches
+
     import fisherpoint.models.dependence
-    import fisherpoint.models.surfaces
     import fisherpoint.models.symbolic
-    import fisherpoint.tape.programs
+    import fisherpoint.models.tape.programs
     from fisherpoint.models.text import parse_equation
 
 import sympy

@@ -8,9 +8,9 @@ import numpy as np
 import sympy as sp
 
 import fisherpoint as fp
-from fisherpoint.tape.branch import Select
-from fisherpoint.tape.graph import Graph, Leaves
-from fisherpoint.tape.program import Program
+from fisherpoint.models.tape.branch import Select
+from fisherpoint.models.tape.graph import Graph, Leaves
+from fisherpoint.models.tape.program import Program
 from oracle import Floats
 
 

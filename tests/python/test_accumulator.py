@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fisherpoint import _core
+from fisherpoint.engine import _core
 
 Floats = NDArray[np.float64]
 N_Y, P = 3, 4

@@ -9,8 +9,8 @@ import pytest
 
 import fisherpoint as fp
 from defaults import KINDS, MODEL, NAMES, NOISE, PRIOR, SMALL, point, problem, same_bits, valid_points
-from fisherpoint.assumed import MARGIN, assumed_covariance, starts_near
-from fisherpoint.output_covariance import region_mean
+from fisherpoint.information.assumed import MARGIN, assumed_covariance, starts_near
+from fisherpoint.information.output_covariance import region_mean
 from oracle import Floats
 from test_callable_model import tanks as callable_tanks
 

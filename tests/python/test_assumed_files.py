@@ -51,7 +51,7 @@ v = { value = 2e-3, unit = "m/s" }
 
 
 def load(tmp_path: Path, tables: str, **changes: str) -> fp.DesignProblem:
-    config = pytest.importorskip("fisherpoint.config", reason="needs the extras", exc_type=ImportError)
+    config = pytest.importorskip("fisherpoint_command.config", reason="needs the extras", exc_type=ImportError)
     text = EXAMPLE.read_text()
     for old, new in changes.items():
         text = text.replace(old, new)
@@ -88,7 +88,7 @@ def test_mistakes_in_tables(tmp_path: Path, old: str, new: str, expected: str) -
 
 
 def test_the_report_says_what_is_uncertain() -> None:
-    report = pytest.importorskip("fisherpoint.report", reason="needs the extras", exc_type=ImportError)
+    report = pytest.importorskip("fisherpoint.design.report", reason="needs the extras", exc_type=ImportError)
     design = fp.exchange(problem(uncertain=UNCERTAIN, initial_state_std={"v": 0.02}, region=fp.ExperimentRegion(REGION)), **QUICK)
     text = " ".join(report.to_text(report.design_report(design)).split())
     for part in (

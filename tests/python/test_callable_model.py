@@ -13,7 +13,7 @@ import pytest
 import fisherpoint as fp
 from conftest import random_points
 from defaults import MODEL
-from fisherpoint.models import callable_integration
+from fisherpoint.models.callable import integration
 
 STATES, INPUTS, PARAMETERS, OUTPUTS = {"h1": "m", "h2": "m"}, {"u": "V"}, dict.fromkeys(("k1", "k2", "k3", "k4"), "1"), {"y": "m"}
 NOMINAL = {"k1": 0.5, "k2": 0.4, "k3": 0.3, "k4": 0.2}
@@ -269,7 +269,7 @@ def test_trouble_is_a_status_and_never_nan(monkeypatch: pytest.MonkeyPatch) -> N
     assert nowhere.status == [fp.Status.not_finite] and np.isfinite(nowhere.x).all() and np.isfinite(nowhere.y).all()
     nothing = fp.CallableModel(lambda x, u, p: -p.k * x.c, lambda x, u, p: np.log(x.c), {"c": "1"}, {}, {"k": "1"})
     assert end(nothing, -1.0, 1.0).status == [fp.Status.not_finite] and end(nothing, -1.0, 1.0).y.tolist() == [[0.0]]
-    monkeypatch.setattr(callable_integration, "MAX_EVALUATIONS", 50)
+    monkeypatch.setattr(integration, "MAX_EVALUATIONS", 50)
     assert end(scalar(lambda x, u, p: -1e3 * p.k * (x.c - 1)), 2.0, 1.0).status == [fp.Status.step_limit]
 
 

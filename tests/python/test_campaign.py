@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.config import load_config
+from fisherpoint_command.config import load_config
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 QUICK: dict[str, Any] = {"threads": 1, "n_candidates": 10, "max_iterations": 10}
@@ -334,9 +334,9 @@ def test_the_report_says_what_is_met_and_what_comes_next(saved: Path) -> None:
 
 
 def test_the_picture_has_a_panel_for_each_parameter(saved: Path, tmp_path: Path) -> None:
-    plots = pytest.importorskip("fisherpoint.plots_campaign")
+    plots = pytest.importorskip("fisherpoint.campaign.pictures")
     campaign = fp.Campaign.load(saved)
-    figure = plots.plot_campaign(campaign)
+    figure = plots.plot_campaign(campaign._state.rse, campaign.targets)
     panels = [axes for axes in figure.axes if axes.axison]
     assert [axes.get_title(loc="left") for axes in panels] == list(campaign.problem.estimated)
     rse = [batch.rse["c_L"] for batch in campaign.history]

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 import fisherpoint as fp
-from fisherpoint import cli
+from fisherpoint_command import cli
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
@@ -191,7 +191,7 @@ def test_misuse_exits_2_with_one_line(run: Any, file: Path, tmp_path: Path) -> N
 
 
 def test_a_missing_extra_is_named() -> None:
-    code = "import sys; sys.modules['typer'] = None; import fisherpoint.cli"
+    code = "import sys; sys.modules['typer'] = None; import fisherpoint_command.cli"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert done.stderr == "fisherpoint: the command line needs typer: pip install 'fisherpoint[all]'\n"

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import fisherpoint as fp
-from fisherpoint import _core
+from fisherpoint.engine import _core
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 PROGRAM = "from fisherpoint_command import main; print('ready', flush=True, file=__import__('sys').stderr); main()"
@@ -149,7 +149,7 @@ def test_an_instruction_set_that_the_machine_lacks_is_one_line() -> None:
         assert done.stderr == f"fisherpoint: FISHERPOINT_ISA: expected one of {available}, given {level!r}, {why}\n"
 
 
-@pytest.mark.parametrize("package", ["numpy", "scipy.special", "fisherpoint._core"])
+@pytest.mark.parametrize("package", ["numpy", "scipy.special", "fisherpoint.engine._core"])
 def test_an_installation_that_is_not_whole_is_one_line(package: str) -> None:
     done = run("info", program=MISSING.format(package=package))
     assert (done.returncode, done.stdout) == (2, "")
@@ -184,7 +184,6 @@ def test_pictures_without_their_package(tmp_path: Path) -> None:
         ("pydantic", "fp.load_model"),
         ("sympy", "fp.HydraulicCylinder().symbolic()"),
         ("sympy", "fp.HydraulicCylinder().blocks"),
-        ("sympy", "fp.HydraulicCylinder().to_toml()"),
         ("sympy", "fp.HydraulicCylinder(smooth={'v': 1e-3}).core"),
     ],
 )

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import t as student
 
 import fisherpoint as fp
-from fisherpoint.quantity import Array
+from fisherpoint.basics.values import Array
 
 LINE = fp.SymbolicModel([], ["a + b*u"], {}, {"u": "1"}, {"a": "1", "b": "1"}, {"y": "1"}, nominal={"a": 1.0, "b": 1.0})
 PAIR = fp.SymbolicModel(

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 import fisherpoint as fp
 from defaults import KINDS, MODEL, NAMES, NOISE, OUTPUTS, PRIOR, SMALL, grid, point, problem, valid_points
-from fisherpoint.candidates import CandidateSource
-from fisherpoint.output_covariance import REGION_SAMPLE
+from fisherpoint.information.candidates import CandidateSource
+from fisherpoint.information.output_covariance import REGION_SAMPLE
 
 Floats = NDArray[np.float64]
 RTOL = 1e-10

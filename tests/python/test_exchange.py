@@ -17,10 +17,10 @@ import pytest
 import fisherpoint as fp
 from conftest import REGION
 from defaults import KINDS, MODEL, NAMES, NOISE, OUTPUTS, PRIOR, SMALL, grid, problem, same_bits
-from fisherpoint.candidates import CandidateSource
-from fisherpoint.efficiency import median_of, random_designs
-from fisherpoint.exchange_search import SHORTLIST
-from fisherpoint.information import PointInformation
+from fisherpoint.design.efficiency import median_of, random_designs
+from fisherpoint.design.search import SHORTLIST
+from fisherpoint.information.candidates import CandidateSource
+from fisherpoint.information.point_information import PointInformation
 
 QUICK: dict[str, Any] = {"n_experiments": 9, "n_candidates": 8, "max_iterations": 12, "references": False}
 

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.config import load_config
-from fisherpoint.files import sealed_json
+from fisherpoint.basics.files import sealed_json
+from fisherpoint_command.config import load_config
 from fit_cases import EXAMPLES, decay
 
 

@@ -9,12 +9,12 @@ import pytest
 from scipy.stats import chi2, f
 
 import fisherpoint as fp
-from fisherpoint.config import load_config
+from fisherpoint_command.config import load_config
 from fit_cases import EXAMPLES, cylinder, decay
 
 
 def test_an_ellipse_has_the_roots_of_the_eigenvalues_as_half_axes() -> None:
-    from fisherpoint.plots_fit import ellipse
+    from fisherpoint.estimation.pictures import ellipse
 
     covariance = np.array([[4.0, 1.5], [1.5, 1.0]])
     curve = ellipse(covariance, 5.99, count=100_001)
@@ -28,7 +28,7 @@ def test_an_ellipse_has_the_roots_of_the_eigenvalues_as_half_axes() -> None:
 
 @pytest.mark.parametrize("known", [True, False])
 def test_every_picture_is_drawn(tmp_path: Path, known: bool) -> None:
-    from fisherpoint import plots_fit
+    from fisherpoint.estimation import pictures as plots_fit
 
     problem, data = cylinder()
     fit = fp.estimate(problem.model, data, problem.prior, noise_std=problem.noise_std if known else None)
@@ -44,7 +44,7 @@ def test_every_picture_is_drawn(tmp_path: Path, known: bool) -> None:
 
 
 def test_pictures_of_a_single_parameter(tmp_path: Path) -> None:
-    from fisherpoint import plots_fit
+    from fisherpoint.estimation import pictures as plots_fit
 
     model, data = decay()
     fit = fp.estimate(model, data, parameters=["k"], noise_std={"c": 0.2})
@@ -53,7 +53,7 @@ def test_pictures_of_a_single_parameter(tmp_path: Path) -> None:
 
 
 def test_a_record_is_drawn_over_time(tmp_path: Path) -> None:
-    from fisherpoint import plots_fit
+    from fisherpoint.estimation import pictures as plots_fit
 
     model = load_config(EXAMPLES / "cascaded_tanks.toml").build_model()
     t = 4.0 * np.arange(100)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import fisherpoint as fp
-from fisherpoint.models.evaluate import evaluate
+from fisherpoint.models.surfaces.evaluate import evaluate
 
 
 def model(rate: str, constants: dict[str, float] | None = None, domain: tuple[str, ...] = ()) -> fp.SymbolicModel:

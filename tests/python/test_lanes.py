@@ -12,8 +12,8 @@ import pytest
 
 import fisherpoint as fp
 from defaults import MODEL, NAMES, PRIOR, grid, point, same_bits, valid_points
-from fisherpoint import _core
-from fisherpoint.kernels import kernels
+from fisherpoint.engine import _core
+from fisherpoint.engine.levels import kernels
 from oracle import OUTPUT_ROWS, STATE_SCALES, Floats
 
 pytestmark = pytest.mark.kernels

@@ -9,15 +9,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from fisherpoint.estimation.least_squares import (
-    CONVERGED,
-    LIMIT,
-    NOT_EVALUABLE,
-    UNNOTICED,
-    Accuracy,
-    minimise,
-)
-from fisherpoint.quantity import Array
+from fisherpoint.basics.values import Array
+from fisherpoint.estimation.least_squares import CONVERGED, LIMIT, NOT_EVALUABLE, UNNOTICED, Accuracy, minimise
 
 One = Callable[[Array, int], tuple[Array, Array]]
 

@@ -11,9 +11,9 @@ import pytest
 import fisherpoint as fp
 from conftest import REGION, random_points
 from defaults import KINDS, MODEL, problem, same_bits
-from fisherpoint.candidates import CandidateSource
-from fisherpoint.exchange_search import ExchangeSearch
-from fisherpoint.region import NEAREST
+from fisherpoint.design.search import ExchangeSearch
+from fisherpoint.information.candidates import CandidateSource
+from fisherpoint.points.region import NEAREST
 
 LOW, HIGH = np.array(list(REGION.values())).T
 

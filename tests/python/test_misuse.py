@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint import cli
-from fisherpoint.messages import listed, printable, shortened, shown
+from fisherpoint.basics.messages import listed, printable, shortened, shown
+from fisherpoint_command import cli
 from misuse_cases import SWAPPED, cases
 from misuse_examples import NOISE, THETA, data, model, points, prior, problem
 from misuse_outcomes import Misuse, outcome

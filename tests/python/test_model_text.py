@@ -11,9 +11,9 @@ import sympy
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from fisherpoint.models.evaluate import evaluate
 from fisherpoint.models.expressions import symbol
-from fisherpoint.models.printing import to_text
+from fisherpoint.models.surfaces.evaluate import evaluate
+from fisherpoint.models.surfaces.printing import to_text
 from fisherpoint.models.text import MAX_DEPTH, parse_equation
 
 SYMBOLS = {name: symbol(name) for name in ("x", "y", "k", "p_A", "N", "E")}

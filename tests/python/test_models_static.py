@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint import plots, report
-from fisherpoint.results import simulation_frame
+from fisherpoint.design import pictures as plots
+from fisherpoint.design import report
+from fisherpoint.design.evaluated import simulation_frame
 
 
 @fp.model(

@@ -9,9 +9,9 @@ import pytest
 from matplotlib.figure import Figure
 
 import fisherpoint as fp
-from fisherpoint.plot_style import scale
-from fisherpoint.plots import plot_points, plot_trajectories
-from fisherpoint.plots_responses import free_axis, plot_responses
+from fisherpoint.design.pictures import plot_points, plot_trajectories
+from fisherpoint.design.pictures_responses import free_axis, plot_responses
+from fisherpoint.show.style import scale
 
 
 @fp.model(states={"c": "kg/m3"}, parameters={"k": "1/s"}, outputs={"c": "kg/m3", "rate": "kg/(m3 s)"})

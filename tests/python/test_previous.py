@@ -11,9 +11,9 @@ import pytest
 import fisherpoint as fp
 from defaults import KINDS, MODEL, NOISE, PRIOR, point, problem, same_bits, valid_points
 from fisherpoint.data import Measurements
-from fisherpoint.efficiency import random_designs
-from fisherpoint.output_covariance import region_mean
-from fisherpoint.previous import previous_information
+from fisherpoint.design.efficiency import random_designs
+from fisherpoint.information.output_covariance import region_mean
+from fisherpoint.information.previous import previous_information
 from oracle import Floats
 
 THETA = MODEL.theta(MODEL.nominal)
@@ -147,7 +147,7 @@ def test_previous_points_that_are_none_are_counted() -> None:
     same_information(design.evaluation, fp.evaluate_design(problem(), design.points, previous=FIRST))
     with pytest.warns(UserWarning, match=r"previous: expected experiment points at the prior mean, left out met_jump 1"):
         fp.evaluate_design(problem(), SECOND, previous=jumping)
-    report = pytest.importorskip("fisherpoint.report", reason="needs the extras", exc_type=ImportError)
+    report = pytest.importorskip("fisherpoint.design.report", reason="needs the extras", exc_type=ImportError)
     text = " ".join(report.to_text(report.design_report(design)).split())
     assert "3 experiment points beside 10 previous ones" in text
     assert "previous points left out met_jump 2, starts on v = 0 1" in text

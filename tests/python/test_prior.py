@@ -17,7 +17,7 @@ from scipy.stats import norm
 
 import fisherpoint as fp
 from defaults import MODEL, NAMES, PRIOR, point
-from fisherpoint import _core
+from fisherpoint.engine import _core
 
 
 def axis(levels: int, span: float) -> tuple[np.ndarray, np.ndarray]:

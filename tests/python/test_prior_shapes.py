@@ -11,7 +11,7 @@ import pytest
 
 import fisherpoint as fp
 from defaults import NAMES, PRIOR
-from fisherpoint.coordinates import cholesky_coordinates, principal_coordinates
+from fisherpoint.prior.coordinates import cholesky_coordinates, principal_coordinates
 
 MEAN = {"a": 1.0, "b": 2.0, "c": -3.0}
 COVARIANCE = np.array([[0.04, 0.03, 0.0], [0.03, 0.09, 0.01], [0.0, 0.01, 0.25]])

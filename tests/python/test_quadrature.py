@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 import fisherpoint as fp
 from conftest import random_points
 from defaults import MODEL, NAMES, NOISE, PRIOR, RELATIVE_STD, point, problem, same_bits, valid_points
-from fisherpoint import _core
-from fisherpoint.kernels import kernels
-from fisherpoint.predictive import nearest_semidefinite
-from fisherpoint.rules import MAX_LOST_WEIGHT
+from fisherpoint.engine import _core
+from fisherpoint.engine.levels import kernels
+from fisherpoint.points.predictive import nearest_semidefinite
+from fisherpoint.prior.rules import MAX_LOST_WEIGHT, RULES
 from oracle import OUTPUT_ROWS, STATE_SCALES, Floats
 
 pytestmark = pytest.mark.kernels
@@ -348,7 +348,7 @@ def test_a_comparison_by_default_takes_every_kind_and_the_problems_own() -> None
     own = fp.Sobol(32, 5)
     comparison = fp.compare_rules(problem(rule=own, parameters=("E_oil", "B_v")), valid_points(2, seed=6))
     rules = [row.rule for row in comparison.rows]
-    assert rules[-1] == own and {type(rule) for rule in rules} == set(fp.rules.RULES.values())
+    assert rules[-1] == own and {type(rule) for rule in rules} == set(RULES.values())
     assert comparison.rows[rules.index(fp.TensorGrid())].nodes == 9
 
 

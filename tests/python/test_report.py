@@ -13,8 +13,9 @@ import pytest
 from matplotlib.figure import Figure
 
 import fisherpoint as fp
-from fisherpoint import plots, report
-from fisherpoint.results import evaluate_points, parameter_frame, simulation_frame
+from fisherpoint.design import pictures as plots
+from fisherpoint.design import report
+from fisherpoint.design.evaluated import evaluate_points, parameter_frame, simulation_frame
 
 NOISE_STD = {"q": 5e-6, "p_A": 2e4, "p_B": 2e4, "x_v": 1e-3}
 RELATIVE_STD = dict(a_tau=0.3, b_tau=0.2, m_q=0.05, E_oil=0.2, p_t=0.2, B_v=0.1, c_L=0.3, V_0A=0.1, V_0B=0.1)
@@ -231,5 +232,5 @@ def test_every_picture_is_a_figure_of_its_own(design: fp.Design, tmp_path: Path)
 
 
 def test_pictures_do_not_need_pyplot() -> None:
-    code = "import sys, fisherpoint.plots; sys.exit('matplotlib.pyplot' in sys.modules)"
+    code = "import sys, fisherpoint.design.pictures; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

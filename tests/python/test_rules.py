@@ -12,7 +12,7 @@ import pytest
 
 import fisherpoint as fp
 from defaults import NAMES, PRIOR
-from fisherpoint.rules import DEFAULT_RULE, RULES
+from fisherpoint.prior.rules import DEFAULT_RULE, RULES
 
 ONE = fp.GaussianPrior({"a": 0.0}, std={"a": 1.0})
 THREE = fp.GaussianPrior({"a": 0.0, "b": 0.0, "c": 0.0}, std={"a": 1.0, "b": 1.0, "c": 1.0})

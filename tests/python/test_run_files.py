@@ -17,11 +17,14 @@ import pytest
 from matplotlib.figure import Figure
 
 import fisherpoint as fp
-from fisherpoint import cli, plots, plots_fit, plots_validation
-from fisherpoint.design import PICTURES
+from fisherpoint.basics.files import write_together, write_whole
+from fisherpoint.design import pictures as plots
+from fisherpoint.design.files import PICTURES
+from fisherpoint.estimation import pictures as plots_fit
 from fisherpoint.estimation.fit_files import PICTURES as PICTURES_OF_A_FIT
-from fisherpoint.files import write_together, write_whole
-from fisherpoint.plot_style import save_figure
+from fisherpoint.show.style import save_figure
+from fisherpoint.validation import pictures as plots_validation
+from fisherpoint_command import cli
 
 DECAY = Path(__file__).resolve().parents[2] / "examples" / "exponential_decay.toml"
 COMMANDS = ("design", "evaluate", "estimate", "validate", "campaign")

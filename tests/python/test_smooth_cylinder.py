@@ -11,8 +11,7 @@ import pytest
 
 import fisherpoint as fp
 from defaults import MODEL, NAMES, point, problem
-from fisherpoint.config import ConfigError, load_config
-from fisherpoint.models.toml import model_to_toml
+from fisherpoint_command.config import ConfigError, load_config
 
 WIDTHS = {"v": 1e-3, "x_v": 1e-3}
 SMOOTH = fp.HydraulicCylinder(smooth=WIDTHS)
@@ -189,11 +188,11 @@ def test_constants_and_parameters_are_exchanged_in_it() -> None:
 
 def test_a_toml_file_has_it(tmp_path: Path) -> None:
     path = tmp_path / "model.toml"
-    path.write_text(model_to_toml(SMOOTH))
+    path.write_text(SMOOTH.to_toml())
     assert fp.load_model(path) == SMOOTH
     path.write_text('[model]\nname = "hydraulic_cylinder"\nsmooth = { v = 1e-2 }\n')
     assert fp.load_model(path) == fp.HydraulicCylinder(smooth={"v": 1e-2})
-    assert "smooth" not in model_to_toml(MODEL)
+    assert "smooth" not in MODEL.to_toml()
 
 
 @pytest.mark.parametrize(

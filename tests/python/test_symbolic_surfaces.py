@@ -9,7 +9,7 @@ import pytest
 import sympy as sp
 
 import fisherpoint as fp
-from fisherpoint.models.evaluate import evaluate
+from fisherpoint.models.surfaces.evaluate import evaluate
 
 
 def model(rate: str, **changes: Any) -> fp.SymbolicModel:

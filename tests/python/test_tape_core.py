@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fisherpoint import _core
-from fisherpoint.tape.operations import TABLE
-from fisherpoint.tape.program import Program, to_core
+from fisherpoint.engine import _core
+from fisherpoint.models.tape.operations import TABLE
+from fisherpoint.models.tape.program import Program, to_core
 
 PLACES = [operation.name for operation in TABLE]
 

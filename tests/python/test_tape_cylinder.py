@@ -11,9 +11,9 @@ import sympy as sp
 
 from conftest import random_points
 from defaults import MODEL
-from fisherpoint.tape.branch import Select
-from fisherpoint.tape.program import Program
-from fisherpoint.tape.programs import Programs, build_programs
+from fisherpoint.models.tape.branch import Select
+from fisherpoint.models.tape.program import Program
+from fisherpoint.models.tape.programs import Programs, build_programs
 from oracle import Floats
 from tape_cases import cylinder, written
 

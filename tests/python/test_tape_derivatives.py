@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fisherpoint.tape.differentiate import gradient, rates_along
-from fisherpoint.tape.graph import Graph
-from fisherpoint.tape.operations import OPERATIONS
-from fisherpoint.tape.schedule import schedule
+from fisherpoint.models.tape.differentiate import gradient, rates_along
+from fisherpoint.models.tape.graph import Graph
+from fisherpoint.models.tape.operations import OPERATIONS
+from fisherpoint.models.tape.schedule import schedule
 from tape_cases import at, small_graph
 
 STEP = 1e-30

@@ -11,13 +11,13 @@ import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fisherpoint.tape.branch import Select
-from fisherpoint.tape.differentiate import gradient
-from fisherpoint.tape.from_sympy import nodes_of
-from fisherpoint.tape.graph import Graph, Leaves
-from fisherpoint.tape.operations import TABLE
-from fisherpoint.tape.program import Program
-from fisherpoint.tape.schedule import schedule
+from fisherpoint.models.tape.branch import Select
+from fisherpoint.models.tape.differentiate import gradient
+from fisherpoint.models.tape.from_sympy import nodes_of
+from fisherpoint.models.tape.graph import Graph, Leaves
+from fisherpoint.models.tape.operations import TABLE
+from fisherpoint.models.tape.program import Program
+from fisherpoint.models.tape.schedule import schedule
 from oracle import Floats
 
 X, Y, K, U, S = sp.symbols("x y k u s", real=True)

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from fisherpoint.tape.differentiate import gradient
-from fisherpoint.tape.graph import Graph, Leaves
-from fisherpoint.tape.schedule import schedule
+from fisherpoint.models.tape.differentiate import gradient
+from fisherpoint.models.tape.graph import Graph, Leaves
+from fisherpoint.models.tape.schedule import schedule
 from tape_cases import small_graph
 
 LEAVES = Leaves(parameters=2, inputs=1, states=2, sides=1)

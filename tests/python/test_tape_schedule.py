@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fisherpoint.tape.graph import STAGE, Graph, Leaves
-from fisherpoint.tape.operations import CODES, OPERATIONS, TABLE
-from fisherpoint.tape.program import Program
-from fisherpoint.tape.schedule import schedule
+from fisherpoint.models.tape.graph import STAGE, Graph, Leaves
+from fisherpoint.models.tape.operations import CODES, OPERATIONS, TABLE
+from fisherpoint.models.tape.program import Program
+from fisherpoint.models.tape.schedule import schedule
 from oracle import Floats
 from tape_cases import small_graph, written
 

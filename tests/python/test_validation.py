@@ -12,15 +12,15 @@ from scipy.optimize import least_squares
 
 import fisherpoint as fp
 from defaults import NOISE, problem, valid_points
-from fisherpoint.cli import main
+from fisherpoint.basics.values import Array
 from fisherpoint.estimation.least_squares import CONVERGED, minimise
 from fisherpoint.estimation.precision import covariances
 from fisherpoint.estimation.small_samples import inflated
-from fisherpoint.quantity import Array
 from fisherpoint.validation import fits
 from fisherpoint.validation.figures import mean, parameter_figures, share, standard_deviation, typical_size
 from fisherpoint.validation.fits import Estimator
 from fisherpoint.validation.truths import Rig, Streams, truths_of
+from fisherpoint_command.cli import main
 
 MODEL = {"inputs": {"u": "1"}, "parameters": {"a": "1", "b": "1"}, "outputs": {"y": "1"}}
 LINE = fp.SymbolicModel([], ["a + b*u"], {}, **MODEL, nominal={"a": 1.0, "b": 1.0})

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..quantity import Array, as_numbers, as_rows
+from ..basics.checks import as_numbers, as_rows
+from ..basics.values import Array
 
 
 def measured_outputs(values: ArrayLike, count: int) -> Array:

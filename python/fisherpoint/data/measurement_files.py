@@ -18,35 +18,34 @@ from pathlib import Path
 
 import numpy as np
 
-from ..csv_table import CsvTable, csv_text
-from ..experiments import Experiments
-from ..messages import listed
+from ..basics.csv_table import CsvTable, csv_text
+from ..basics.messages import listed
+from ..basics.quantity import DURATION, names_of
+from ..basics.values import Array
 from ..models import Model
-from ..models.base import DURATION
-from ..quantity import names_of
-from ..trajectories import Status
-from .measurements import Measurements
+from ..points.experiments import Experiments
+from ..points.trajectories import Status
 from .plausibility import refuse_implausible
 
 BOOKKEEPING = ("comment", "note", "time", "date", "operator", "run", "point", "replicate", "batch")
 """Columns that a rig's file may have besides, and that are not read."""
 
 
-def measurements_csv(measurements: Measurements, model: Model) -> str:
+def measurements_csv(points: Experiments, y: Array, model: Model) -> str:
     """The text of a file of measurements; every digit is kept, and what was not measured is an empty entry."""
-    axes, points = names_of(model.axes), measurements.points
+    axes = names_of(model.axes)
     header = (*axes, *(f"y_{name}" for name in names_of(model.outputs)))
-    given = (points.x0.shape[1], points.u.shape[1], measurements.y.shape[1])
+    given = (points.x0.shape[1], points.u.shape[1], y.shape[1])
     expected = (len(model.states), len(model.inputs), len(model.outputs))
     if given != expected:
         raise ValueError(f"model: expected one of {given} states, inputs and outputs, given {model.name} of {expected}")
     if len(set(header)) != len(header):
         raise ValueError(f"model: expected names that differ from y_<output>, given {listed(axes)}")
-    return csv_text(header, np.column_stack([points.table[:, : len(axes)], measurements.y]))
+    return csv_text(header, np.column_stack([points.table[:, : len(axes)], y]))
 
 
-def read_measurements(path: str | Path, model: Model) -> Measurements:
-    """Read and check a file of measurements of `model`; see `Measurements.from_csv`."""
+def read_measurements(path: str | Path, model: Model) -> tuple[Experiments, Array]:
+    """Read and check points and outputs of a file of measurements of `model`; see `Measurements.from_csv`."""
     table = CsvTable(path)
     table.refuse_cut_off()
     outputs = _match(table, model)
@@ -72,7 +71,7 @@ def read_measurements(path: str | Path, model: Model) -> Measurements:
         raise ValueError(f"{table.path}: expected at least one measured output, given none in {listed(outputs.values())}")
 
     refuse_implausible(table, model, outputs, np.column_stack([planned, u, dt]), x0, u, y)
-    return Measurements(Experiments(x0, u, dt, (*names_of(model.states), *names_of(model.inputs))), y)
+    return Experiments(x0, u, dt, (*names_of(model.states), *names_of(model.inputs))), y
 
 
 def _axes(model: Model) -> tuple[str, ...]:

@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..experiments import Experiments
-from ..files import write_whole
+from ..basics.checks import as_index, as_sequence, check_alike, check_type
+from ..basics.files import write_whole
+from ..basics.values import Array
 from ..models import Model
-from ..quantity import Array, as_index, as_sequence, check_alike, check_type
+from ..points.experiments import Experiments
 from .measured_outputs import measured_outputs
+from .measurement_files import measurements_csv, read_measurements
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,10 +73,8 @@ class Measurements:
 
         Every digit is kept, and the file appears whole or not at all. The starts are written as they are, in the states' columns.
         """
-        from .measurement_files import measurements_csv
-
         check_type(model, Model, "model")
-        write_whole(path, measurements_csv(self, model))
+        write_whole(path, measurements_csv(self.points, self.y, model))
 
     @classmethod
     def from_csv(cls, path: str | Path, model: Model) -> Measurements:
@@ -91,10 +91,8 @@ class Measurements:
             Where it is no whole file of this model, or numbers are none, in wrong units or beyond physics; the message names row,
             counted from 1 below the header, and column.
         """
-        from .measurement_files import read_measurements
-
         check_type(model, Model, "model")
-        return read_measurements(path, model)
+        return Measurements(*read_measurements(path, model))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Measurements) and self.points == other.points and np.array_equal(self.y, other.y, equal_nan=True)

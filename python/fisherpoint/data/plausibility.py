@@ -8,9 +8,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from ..csv_table import CsvTable
+from ..basics.csv_table import CsvTable
+from ..basics.quantity import names_of
+from ..basics.values import Array
 from ..models import Model
-from ..quantity import Array, names_of
 
 Places = NDArray[np.intp]
 

@@ -10,24 +10,13 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..csv_table import CsvTable, csv_text
-from ..files import write_whole
-from ..messages import listed, shown
+from ..basics.checks import as_float, as_floats, as_index, as_rows, check_known, check_mapping, check_name, check_type
+from ..basics.csv_table import CsvTable, csv_text
+from ..basics.files import write_whole
+from ..basics.messages import listed, shown
+from ..basics.quantity import Quantity, names_of
+from ..basics.values import Array, FrozenMapping
 from ..models import Model
-from ..quantity import (
-    Array,
-    FrozenMapping,
-    Quantity,
-    as_float,
-    as_floats,
-    as_index,
-    as_rows,
-    check_known,
-    check_mapping,
-    check_name,
-    check_type,
-    names_of,
-)
 from .measured_outputs import measured_outputs
 
 TIME = Quantity("t", "s", "time of a sample")

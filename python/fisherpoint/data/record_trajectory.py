@@ -8,10 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..basics.checks import as_floats_of_shape, in_order
+from ..basics.quantity import names_of
+from ..basics.values import Array, IntArray
 from ..models import Model
-from ..natural_sizes import warn_of_small_states
-from ..quantity import Array, IntArray, as_floats_of_shape, in_order, names_of
-from ..trajectories import Settings, Status, check_rtol, check_type
+from ..points.natural_sizes import warn_of_small_states
+from ..points.trajectories import Settings, Status, check_rtol, check_type
 from .record import checked_times, held_inputs
 
 

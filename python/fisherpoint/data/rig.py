@@ -9,10 +9,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..experiments import Experiments
+from ..basics.checks import as_std, check_known, check_mapping, check_positive_int
+from ..basics.quantity import names_of
+from ..basics.values import Array, FrozenMapping
 from ..models import Model
-from ..quantity import Array, FrozenMapping, as_std, check_known, check_mapping, check_positive_int, names_of
-from ..trajectories import Status, check_rtol, check_type, simulate
+from ..points.experiments import Experiments
+from ..points.trajectories import Status, check_rtol, check_type, simulate
 from .measurements import Measurements
 
 MAX_POINTS = 10**8

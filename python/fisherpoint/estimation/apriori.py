@@ -2,34 +2,38 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from ..basics.quantity import names_of
+from ..basics.values import Array
 from ..data.measurements import Measurements
-from ..predictive import predictive_covariance
-from ..quantity import Array, names_of
-from ..rules import DEFAULT_RULE
-from ..trajectories import Status
+from ..data.record import Record
+from ..models import Model
+from ..points.predictive import predictive_covariance
+from ..points.trajectories import Status
+from ..prior.gaussian import GaussianPrior
+from ..prior.rules import DEFAULT_RULE
 
-if TYPE_CHECKING:
-    from .fit import Fit
 
-
-def apriori_covariance(fit: Fit) -> Array | None:
+def apriori_covariance(
+    model: Model, data: Sequence[Measurements | Record], prior: GaussianPrior | None, estimated: Collection[str], noise: Array
+) -> Array | None:
     """The noise's covariance plus the mean predictive covariance (16) of the points over the prior, (n_y, n_y).
 
     None where there is no prior of all parameters, where there are records, and where no point has its trajectories.
     """
-    names = names_of(fit.model.parameters)
-    if fit.prior is None or set(names) - set(fit.prior.names) or not all(isinstance(part, Measurements) for part in fit.data):
+    names = names_of(model.parameters)
+    measured = [part for part in data if isinstance(part, Measurements)]
+    if prior is None or set(names) - set(prior.names) or len(measured) < len(data):
         return None
-    points = Measurements.join(fit.data).points
+    points = Measurements.join(measured).points
     _, first, counts = np.unique(points.table, axis=0, return_index=True, return_counts=True)
-    varied = tuple(name for name in names if name in fit.parameters)
-    spread = predictive_covariance(fit.model, points[first], fit.prior.marginal(names), DEFAULT_RULE, parameters=varied)
+    varied = tuple(name for name in names if name in estimated)
+    spread = predictive_covariance(model, points[first], prior.marginal(names), DEFAULT_RULE, parameters=varied)
     ok = spread.status == Status.ok
     if not ok.any():
         return None
     mean: Array = np.average(spread.covariance[ok], axis=0, weights=counts[ok])
-    return mean + fit.noise_covariance
+    return mean + noise

@@ -8,18 +8,20 @@ from typing import Any
 
 import numpy as np
 
+from ..basics.checks import as_float, check_mapping, check_positive_int, some_names_among
+from ..basics.messages import listed, shown
+from ..basics.quantity import names_of
+from ..basics.values import Array
 from ..data.measurements import Measurements
 from ..data.record import Record
-from ..messages import listed, shown
 from ..models import Model
-from ..natural_sizes import warn_of_small_states
-from ..prior import GaussianPrior
-from ..quantity import Array, as_float, check_mapping, check_positive_int, names_of, some_names_among
-from ..rules import Rule
-from ..trajectories import Status, check_rtol, check_type, resolve_threads
+from ..points.natural_sizes import warn_of_small_states
+from ..points.trajectories import Status, check_rtol, check_type, resolve_threads
+from ..prior.gaussian import GaussianPrior
+from ..prior.rules import Rule
 from .fit import Fit
 from .known_noise import KnownNoise
-from .response import Observed
+from .observed import Observed
 from .search import search_with_known_noise, search_with_unknown_noise
 from .small_samples import unbiased
 from .unknown_noise import check_noise_can_be_told

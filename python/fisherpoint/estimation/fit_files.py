@@ -7,24 +7,24 @@ import io
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from ..files import built_from, parse_json, read_bytes, sealed_json, write_together
-from ..quantity import Array, as_path, names_of
+from ..basics.checks import as_path
+from ..basics.files import built_from, parse_json, read_bytes, sealed_json, write_together
+from ..basics.quantity import names_of
+from ..basics.values import Array
 from . import summary
 from .fit_state import fit_from_state, fit_state
+from .statistics import FitStatistics
 
 FORMAT, FORMAT_VERSION = "fisherpoint fit", 1
 PICTURES = ("parity.png", "residuals.png", "time.png", "correlation.png", "ellipses.png", "profiles.png")
 """What the command line may draw of a fit."""
 
-if TYPE_CHECKING:
-    from .fit import Fit
 
-
-def fit_dict(fit: Fit) -> dict[str, Any]:
+def fit_dict(fit: FitStatistics) -> dict[str, Any]:
     """See `Fit.to_dict`."""
     outputs = list(names_of(fit.model.outputs))
     tests = {
@@ -76,7 +76,7 @@ def fit_dict(fit: Fit) -> dict[str, Any]:
     return plain
 
 
-def save_fit(fit: Fit, directory: str | Path) -> list[Path]:
+def save_fit(fit: FitStatistics, directory: str | Path) -> list[Path]:
     """See `Fit.save`."""
     directory = as_path(directory, "directory")
     contents = {
@@ -88,7 +88,7 @@ def save_fit(fit: Fit, directory: str | Path) -> list[Path]:
     return write_together(directory, contents, stale=("report.txt", *PICTURES))
 
 
-def _whole(fit: Fit) -> dict[str, Any]:
+def _whole(fit: FitStatistics) -> dict[str, Any]:
     """What a fit says, and what it is."""
     try:
         state = fit_state(fit)
@@ -97,8 +97,8 @@ def _whole(fit: Fit) -> dict[str, Any]:
     return {"format": FORMAT, "format_version": FORMAT_VERSION, **fit_dict(fit), "state": state}
 
 
-def load_fit(directory: str | Path) -> Fit:
-    """See `Fit.load`."""
+def load_fit(directory: str | Path) -> dict[str, Any]:
+    """The fields of a fit; see `Fit.load`."""
     path = as_path(directory, "directory") / "fit.json"
     data = parse_json(path, read_bytes(path), FORMAT, FORMAT_VERSION)
     if "not_saved" in data.get("state", {}):
@@ -117,7 +117,7 @@ def _plain(given: Any) -> Any:
     return given.item() if isinstance(given, np.generic) else given
 
 
-def _estimate_csv(fit: Fit) -> str:
+def _estimate_csv(fit: FitStatistics) -> str:
     header = ["parameter", "unit", "estimate", "standard_error", "rse", "lower_95", "upper_95", "prior_mean", "prior_std"]
     rows: list[list[str]] = []
     for name, value in fit.estimate.items():
@@ -128,7 +128,7 @@ def _estimate_csv(fit: Fit) -> str:
     return _csv(header, rows)
 
 
-def _residuals_csv(fit: Fit) -> str:
+def _residuals_csv(fit: FitStatistics) -> str:
     """A row per number that was measured: which part of the data, sample within it, output, and what was found."""
     header = ["data", "sample", "output", "measured", "predicted", "residual", "standardised"]
     standardised, names, rows, first = fit.standardised, names_of(fit.model.outputs), [], 0

@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ..basics.messages import listed
+from ..basics.quantity import names_of
+from ..basics.values import Array
 from ..data.measurements import Measurements
 from ..data.record import Record
-from ..design import model_from_json, model_to_json, prior_from_json, prior_to_json
-from ..experiments import Experiments
-from ..messages import listed
-from ..quantity import Array, names_of
-from ..trajectories import resolve_threads
-from .response import Observed
+from ..models.files import model_from_json, model_to_json
+from ..points.files import points_from_json, points_to_json
+from ..points.trajectories import resolve_threads
+from ..prior.files import prior_from_json, prior_to_json
+from .observed import Observed
+from .statistics import FitStatistics
 from .unknowns import Unknowns, prior_factor
 from .weighting import WeightedResiduals
-
-if TYPE_CHECKING:
-    from .fit import Fit
 
 BOUNDS = {"lower": -np.inf, "upper": np.inf}
 """What null stands for in JSON."""
 
 
-def fit_state(fit: Fit) -> dict[str, Any]:
+def fit_state(fit: FitStatistics) -> dict[str, Any]:
     """All that is not computed from the rest; a TypeError for a model of functions, which no file can hold."""
     unknowns, names = fit.problem.unknowns, names_of(fit.model.parameters)
     return {
@@ -53,10 +53,8 @@ def fit_state(fit: Fit) -> dict[str, Any]:
     }
 
 
-def fit_from_state(data: dict[str, Any]) -> Fit:
-    """The fit of which this is the state; its trajectories are computed anew."""
-    from .fit import Fit
-
+def fit_from_state(data: dict[str, Any]) -> dict[str, Any]:
+    """The fields of the fit of which this is the state; its trajectories are computed anew."""
     model, parts = model_from_json(data["model"]), tuple(_data_from_json(part) for part in data["data"])
     prior = None if data["prior"] is None else prior_from_json(data["prior"])
     theta, values = _numbers(data["theta"]), _numbers(data["values"])
@@ -69,7 +67,7 @@ def fit_from_state(data: dict[str, Any]) -> Fit:
     factor = prior_factor(prior, unknowns) if data["prior_takes_part"] and prior is not None else None
     problem = WeightedResiduals(observed, unknowns, observed.y[None], _numbers(data["weights"]), factor)
     response = observed.respond(values[None])
-    return Fit(
+    return dict(
         model=model,
         data=parts,
         prior=prior,
@@ -92,8 +90,7 @@ def _data_to_json(part: Any) -> dict[str, Any]:
     y = [_with_none(row) for row in part.y]
     if isinstance(part, Record):
         return {"t": part.t.tolist(), "u": part.u.tolist(), "y": y, "x0": dict(part.x0)}
-    points = part.points
-    return {"columns": points.columns, "x0": points.x0.tolist(), "u": points.u.tolist(), "dt": points.dt.tolist(), "y": y}
+    return points_to_json(part.points) | {"y": y}
 
 
 def _data_from_json(data: dict[str, Any]) -> Measurements | Record:
@@ -101,8 +98,7 @@ def _data_from_json(data: dict[str, Any]) -> Measurements | Record:
     u = _numbers(data["u"]).reshape(len(y), -1)
     if "t" in data:
         return Record(_numbers(data["t"]), u, y, data["x0"])
-    columns = None if data["columns"] is None else tuple(data["columns"])
-    return Measurements(Experiments(_numbers(data["x0"]).reshape(len(y), -1), u, data["dt"], columns), y)
+    return Measurements(points_from_json(data), y)
 
 
 def _with_none(values: Array) -> list[float | None]:

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..basics.values import Array
 from ..data.measurements import Measurements
 from ..data.record import Record
 from ..models import Model
-from ..quantity import Array
-from ..rules import Rule
-from ..trajectories import Status
+from ..points.trajectories import Status
+from ..prior.rules import Rule
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class KnownNoise:
         """(n_y, n_y), or (N, n_y, n_y) where something is assumed, at the parameters (p,)."""
         if not self.assumed:
             return self.sensors
-        from ..assumed import assumed_covariance
+        from ..information.assumed import assumed_covariance
 
         shares = []
         for part in self.parts:

@@ -12,7 +12,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..quantity import Array, IntArray
+from ..basics.values import Array, IntArray
 from .tangent import Damped, Tangent
 
 CONVERGED, LIMIT, STALLED, NOT_EVALUABLE, UNNOTICED, ROUGH, UNSETTLED, RAN_OFF = range(8)

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..messages import listed
-from ..prior import GaussianPrior
-from ..quantity import names_of
-
-if TYPE_CHECKING:
-    from .fit import Fit
+from ..basics.messages import listed
+from ..basics.quantity import names_of
+from ..prior.gaussian import GaussianPrior
+from .statistics import FitStatistics
 
 
-def posterior_of(fit: Fit) -> GaussianPrior:
+def posterior_of(fit: FitStatistics) -> GaussianPrior:
     """The normal distribution of the estimate over all parameters of the model; see `Fit.posterior`."""
     fit = replace(fit, problem=replace(fit.problem, unknowns=fit.problem.unknowns.without_bounds(fit.parameters)))
     unknowns, names = fit.problem.unknowns, names_of(fit.model.parameters)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..combinations import changes_of
-from ..null_space import column_scaled_svd, pivots, reduced_basis
-from ..quantity import Array
+from ..basics.values import Array
+from ..information.combinations import changes_of
+from ..information.null_space import column_scaled_svd, pivots, reduced_basis
 from .tangent import NOTHING
 
 NULL, WEAK = 1e-8, 1e-4

@@ -15,10 +15,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..extras import needed_for
-from ..quantity import Array, as_probability, check_known
+from ..basics.checks import as_probability, check_known
+from ..basics.extras import needed_for
+from ..basics.values import Array
 from .least_squares import CONVERGED, NOT_EVALUABLE, Residuals, minimise
 from .precision import Precision
+from .profile_curve import BOUND, FAILED, FOUND, OPEN, ProfileCurve
+from .statistics import FitStatistics
 from .unknown_noise import MAX_ROUNDS, correlations_can_be_told, floor, likelihood_deviance, residual_covariance
 from .unknowns import FARTHEST
 from .weighting import WeightedResiduals
@@ -26,9 +29,6 @@ from .weighting import WeightedResiduals
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from .fit import Fit
-
-FOUND, BOUND, OPEN, FAILED = "found", "at its bound", "not bounded", "trajectories are not ok further out"
 
 STEPS = 6
 """Values between the estimate and an end, about."""
@@ -45,66 +45,15 @@ EVALUATIONS = 5
 SETTLED = 1e-5
 """Change of the weights, as a share, from which on the deviance, which is flat there, no longer changes."""
 
-BETTER = 1e-4
-"""Fall of the deviance below that of the fit from which on the fit was not at the minimum."""
-
 
 @dataclass(frozen=True, eq=False)
-class Profile:
-    """The likelihood of one unknown, with all others estimated anew at each of its values.
-
-    Attributes
-    ----------
-    name, unit : str
-    level : float
-        Of the confidence interval.
-    estimate : float
-    values : ndarray, (G,)
-        Of the unknown, ascending, SI units; the ends of the interval and the estimate are among them.
-    deviance : ndarray, (G,)
-        Zero at the estimate; twice the fall of the log-likelihood.
-    converged : ndarray of bool, (G,)
-        Whether the search for the others came to its end at each value; where it did not, the deviance is too large.
-    unknowns : ndarray, (G, P)
-        All unknowns at each value, in the order of the fit's, SI units.
-    threshold : float
-        Deviance at the ends of the interval.
-    interval : tuple of float
-        Where the deviance reaches the threshold; -inf, or 0 of a positive unknown, and inf where it does not.
-    ends : tuple of str
-        What each end of the interval is: "found", "at its bound", "not bounded", or "trajectories are not ok further out".
-    linear_interval : tuple of float
-        From the standard error, as `Fit.intervals`.
-    """
-
-    name: str
-    unit: str
-    level: float
-    estimate: float
-    values: Array
-    deviance: Array
-    converged: NDArray[np.bool_]
-    unknowns: Array
-    threshold: float
-    interval: tuple[float, float]
-    ends: tuple[str, str]
-    linear_interval: tuple[float, float]
-
-    @property
-    def signed_root(self) -> Array:
-        """Root of the deviance, negative below the estimate, (G,): over the values of a linear model, a straight line."""
-        root: Array = np.sign(self.values - self.estimate) * np.sqrt(np.maximum(self.deviance, 0.0))
-        return root
-
-    @property
-    def better(self) -> bool:
-        """Whether a lower minimum than the fit's was found on the way; then estimate again from `unknowns` there."""
-        return bool(self.deviance.min() < -BETTER)
+class Profile(ProfileCurve):
+    """The likelihood of one unknown; see `ProfileCurve` for its attributes."""
 
     def plot(self) -> Figure:
         """The deviance over the unknown, beside the parabola of the linear interval; needs matplotlib."""
         with needed_for("plot"):
-            from ..plots_fit import plot_profiles
+            from .pictures import plot_profiles
 
         return plot_profiles([self])
 
@@ -124,7 +73,7 @@ class Profile:
         return "\n".join(lines)
 
 
-def profile_of(fit: Fit, name: str, level: float = 0.95) -> Profile:
+def profile_of(fit: FitStatistics, name: str, level: float = 0.95) -> Profile:
     """See `Fit.profile`."""
     check_known([name], fit.parameters, "name", "one of")
     level = as_probability(level, "level")
@@ -200,7 +149,7 @@ def _minimum(
     return np.insert(found.z, j, z[:, j], axis=1), cost, found.end == CONVERGED
 
 
-def _held_minimum(fit: Fit, j: int) -> _Minimum:
+def _held_minimum(fit: FitStatistics, j: int) -> _Minimum:
     if not fit.noise_known:
         return _held_likelihood(fit, j)
     least = 0.5 * np.square(fit.problem(fit.z[None], np.zeros(1, dtype=np.intp))[0]).sum()
@@ -212,7 +161,7 @@ def _held_minimum(fit: Fit, j: int) -> _Minimum:
     return deviance
 
 
-def _held_likelihood(fit: Fit, j: int) -> _Minimum:
+def _held_likelihood(fit: FitStatistics, j: int) -> _Minimum:
     """The minimum of log det of (10), by least squares weighted with the residual covariance of the minimum before."""
     problem, measured = fit.problem, fit.problem.measured
     keep = _kept(fit)
@@ -252,13 +201,13 @@ def _held_likelihood(fit: Fit, j: int) -> _Minimum:
     return deviance
 
 
-def _kept(fit: Fit) -> Array:
+def _kept(fit: FitStatistics) -> Array:
     """Which entries of the residual covariance the estimate used, (n_y, n_y)."""
     full = correlations_can_be_told(fit.problem.measured, len(fit.parameters))
     return np.ones_like(fit.noise_covariance) if full else np.eye(len(fit.noise_covariance))
 
 
-def _threshold(fit: Fit, j: int, level: float) -> float:
+def _threshold(fit: FitStatistics, j: int, level: float) -> float:
     from scipy.stats import norm, t
 
     if fit.noise_known:

@@ -1,18 +1,16 @@
-"""What a model says to data: predicted outputs and their derivatives by every unknown, for many sets of unknowns at once."""
+"""Predicted outputs of points and their derivatives by parameters, for many sets of unknowns at once."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..data.measurements import Measurements
-from ..experiments import Experiments
+from ..basics.values import Array, IntArray
 from ..models import Model
-from ..quantity import Array, IntArray, names_of
-from ..trajectories import Settings, Status, checked_arguments
+from ..points.experiments import Experiments
+from ..points.trajectories import Settings, Status
 
 MOST_POINTS = 200_000
 """Points that the engine is given at once, so that memory stays bounded."""
@@ -30,100 +28,6 @@ class Response(NamedTuple):
     y: Array
     dy: Array
     status: IntArray
-
-
-class Observed:
-    """Data of a model as N samples in a row, and the response to the unknowns that they depend on.
-
-    Parameters
-    ----------
-    model : Model
-    data : sequence of Measurements or Record
-    parameters : tuple of str
-        Parameters to estimate.
-    theta : ndarray, (p,)
-        All parameters; those that are not estimated stay there.
-    rtol : float
-    threads : int
-
-    Attributes
-    ----------
-    names : tuple of str
-        The unknowns: the parameters, then starts of records that are not known, as "x0_h1", of the second record "x0_h1_2".
-    starts : mapping of str to (str, Record)
-        Of the unknowns that are starts: the state, and the record.
-    y : ndarray, (N, n_y)
-        Measured outputs, NaN where there are none.
-    rtol : float
-
-    Raises
-    ------
-    ValueError
-        Where two unknowns would have the same name.
-    """
-
-    def __init__(
-        self, model: Model, data: Sequence[Any], parameters: tuple[str, ...], theta: Array, rtol: float, threads: int
-    ) -> None:
-        self.model, self.rtol, self._theta = model, rtol, theta
-        self._given = (model, tuple(data), parameters, theta, rtol, threads)
-        self._columns = [names_of(model.parameters).index(name) for name in parameters]
-        self.y = np.concatenate([part.y for part in data])
-        names, self._parts = list(parameters), []
-        self.starts: dict[str, tuple[str, Any]] = {}
-        for part in data:
-            if isinstance(part, Measurements):
-                settings = checked_arguments(model, part.points, theta, rtol, threads, "cross", None)
-                self._parts.append((_points_response(model, part.points, self._columns, settings), len(part), slice(0)))
-                continue
-            respond, starts = _record_response(model, part, self._columns, rtol, threads)
-            number = sum(not isinstance(other, Measurements) for other in data[: len(self._parts) + 1])
-            first = len(names)
-            of_part = {f"x0_{state}" + (f"_{number}" if number > 1 else ""): (state, part) for state in starts}
-            for name in (name for name in of_part if name in (*names_of(model.parameters), *names)):
-                raise ValueError(f"states: expected names by which starts of records can be told apart, given two called {name!r}")
-            self.starts |= of_part
-            names += of_part
-            self._parts.append((respond, len(part), slice(first, len(names))))
-        self.names = tuple(names)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Observed, self._given
-
-    @property
-    def precision(self) -> float:
-        """Share of an output to which the response is computed: of the trajectories' tolerance, or of a double without states."""
-        return self.rtol if self.model.states else EPSILON
-
-    def parameters(self, values: Array) -> Array:
-        """All parameters (B, p) of the model at the unknowns (B, P)."""
-        theta = np.tile(self._theta, (len(values), 1))
-        theta[:, self._columns] = values[:, : len(self._columns)]
-        return theta
-
-    def respond(self, values: Array) -> Response:
-        """The response to unknowns (B, P) in SI units; a set at which the model makes no sense has `Status.not_finite`."""
-        theta, count, p = self.parameters(values), len(values), len(self._columns)
-        n_samples, n_y = self.y.shape
-        y, dy = np.zeros((count, n_samples, n_y)), np.zeros((count, n_samples, n_y, len(self.names)))
-        status = np.where(sensible(self.model, theta), Status.ok, Status.not_finite).astype(np.int32)
-        first = 0
-        for respond, length, starts in self._parts:
-            rows = np.flatnonzero(status == Status.ok)
-            if not len(rows):
-                break
-            part = respond(theta[rows], values[rows, starts])
-            samples = slice(first, first + length)
-            y[rows, samples] = part.y
-            dy[rows, samples, :, :p] = part.dy[..., :p]
-            dy[rows, samples, :, starts] = part.dy[..., p:]
-            status[rows] = part.status
-            first += length
-        finite = np.isfinite(y).all(axis=(1, 2)) & np.isfinite(dy).all(axis=(1, 2, 3))
-        status[(status == Status.ok) & ~finite] = Status.not_finite
-        failed = status != Status.ok
-        y[failed], dy[failed] = 0.0, 0.0
-        return Response(y, dy, status)
 
 
 def measurements_response(model: Model, points: Experiments, theta: Array, columns: list[int], settings: Settings) -> Response:
@@ -159,34 +63,3 @@ def _makes_sense(model: Model, theta: Array) -> bool:
     except ValueError:
         return False
     return True
-
-
-_Respond = Callable[[Array, Array], Response]
-
-
-def _points_response(model: Model, points: Experiments, columns: list[int], settings: Settings) -> _Respond:
-    """The response of points, of which replicates are simulated once."""
-    _, first, replicate = np.unique(points.table, axis=0, return_index=True, return_inverse=True)
-    distinct, replicate = points[first], replicate.reshape(-1)
-
-    def respond(theta: Array, _: Array) -> Response:
-        found = measurements_response(model, distinct, theta, columns, settings)
-        return Response(found.y[:, replicate], found.dy[:, replicate], found.status)
-
-    return respond
-
-
-def _record_response(model: Model, record: Any, columns: list[int], rtol: float, threads: int) -> tuple[_Respond, tuple[str, ...]]:
-    from ..data.record_response import RecordResponse
-
-    response = RecordResponse(model, record, columns, rtol, threads)
-    known = np.array([(record.x0 or {}).get(name, 0.0) for name in names_of(model.states)])
-    places = [names_of(model.states).index(name) for name in response.starts]
-
-    def respond(theta: Array, starts: Array) -> Response:
-        x0 = np.tile(known, (len(theta), 1))
-        x0[:, places] = starts
-        found: Response = response(theta, x0)
-        return found
-
-    return respond, response.starts

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..quantity import Array
-from ..trajectories import Status
+from ..basics.values import Array
+from ..points.trajectories import Status
 from .known_noise import KnownNoise
 from .least_squares import CONVERGED, ENDS, NOT_EVALUABLE, UNSETTLED, Minima, minimise
 from .unknown_noise import correlations_can_be_told, likelihood_deviance, minimise_log_det

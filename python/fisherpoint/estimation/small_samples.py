@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..quantity import Array
+from ..basics.values import Array
 
 FEWEST = 1e-3
 """Degrees of freedom that an output at least counts as having."""

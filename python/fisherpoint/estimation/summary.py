@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from html import escape
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from ..quantity import names_of
+from ..basics.quantity import names_of
+from ..prior.gaussian import GaussianPrior
+from .statistics import FitStatistics
 from .unknown_noise import TINY
-
-if TYPE_CHECKING:
-    from ..prior import GaussianPrior
-    from .fit import Fit
 
 OFF = 0.001
 """Probability of a chi-square by chance below which the model or the noise of an output is called wrong."""
@@ -40,7 +38,7 @@ class Section(NamedTuple):
     marked: tuple[int, ...] = ()
 
 
-def headline(fit: Fit) -> str:
+def headline(fit: FitStatistics) -> str:
     """What was estimated, how, and from what, in a line."""
     count, samples = int(np.isfinite(fit.residuals).sum()), len(fit.residuals)
     kind = "least squares" if len(fit.tests) == 1 else "least log det of the residual covariance (10)"
@@ -51,7 +49,7 @@ def headline(fit: Fit) -> str:
     return f"Fit of {fit.model.name}: {unknowns} from {_plural(count, 'number')} in {_plural(samples, 'sample')}, {kind}"
 
 
-def sections(fit: Fit, level: float = 0.95) -> Iterator[Section]:
+def sections(fit: FitStatistics, level: float = 0.95) -> Iterator[Section]:
     """The tables: unknowns, outputs, and noise beside residuals."""
     yield _unknowns(fit, level)
     if fit.prior is not None and fit.problem.prior_factor is not None:
@@ -61,7 +59,7 @@ def sections(fit: Fit, level: float = 0.95) -> Iterator[Section]:
         yield _noise_correlation(fit)
 
 
-def facts(fit: Fit) -> Iterator[tuple[str, str]]:
+def facts(fit: FitStatistics) -> Iterator[tuple[str, str]]:
     """How good the fit is, and how it was found."""
     degrees = fit.degrees_of_freedom
     if fit.noise_known:
@@ -74,7 +72,7 @@ def facts(fit: Fit) -> Iterator[tuple[str, str]]:
         yield "starts at this minimum", f"{fit.reached} of {fit.starts}"
 
 
-def warnings(fit: Fit) -> Iterator[str]:
+def warnings(fit: FitStatistics) -> Iterator[str]:
     """What the user should not miss, each as a sentence."""
     if not fit.converged:
         hint = "standard errors mean nothing" if fit.noise_not_told else "other starts may help"
@@ -111,7 +109,7 @@ def warnings(fit: Fit) -> Iterator[str]:
         yield f"{names[i]} and {names[j]} are told together only: their correlation is {correlation[i, j]:.3f}"
 
 
-def _beside_numerical_error(fit: Fit) -> Iterator[str]:
+def _beside_numerical_error(fit: FitStatistics) -> Iterator[str]:
     """Outputs of which the estimated noise is hardly larger than the numerical error of what is fitted."""
     if fit.noise_known:
         return
@@ -128,7 +126,7 @@ def _beside_numerical_error(fit: Fit) -> Iterator[str]:
         yield f"{name}: the estimated noise, {number(stds[i], 2)}, is {size} {source}: standard errors may be those of that{advice}"
 
 
-def text(fit: Fit) -> str:
+def text(fit: FitStatistics) -> str:
     """All of it, for the console."""
     lines = [headline(fit)]
     for section in sections(fit):
@@ -139,7 +137,7 @@ def text(fit: Fit) -> str:
     return "\n".join([*lines, *(f"Warning: {warning}" for warning in warnings(fit))])
 
 
-def html(fit: Fit) -> str:
+def html(fit: FitStatistics) -> str:
     """All of it, for a notebook."""
     parts = [f"<p><b>{escape(headline(fit))}</b></p>"]
     for section in sections(fit):
@@ -155,7 +153,7 @@ def html(fit: Fit) -> str:
 # Tables
 
 
-def _unknowns(fit: Fit, level: float) -> Section:
+def _unknowns(fit: FitStatistics, level: float) -> Section:
     units, errors, intervals = fit.units, fit.standard_errors, fit.intervals(level)
     columns = ("parameter", "unit", "estimate", "std error", "RSE", f"{100 * level:g} % interval")
     rows: list[tuple[str, ...]] = []
@@ -172,7 +170,7 @@ def _unknowns(fit: Fit, level: float) -> Section:
     return Section(title, columns, tuple(rows), tuple(i for i, name in enumerate(fit.parameters) if name in marked))
 
 
-def _beside_prior(fit: Fit, prior: GaussianPrior) -> Section:
+def _beside_prior(fit: FitStatistics, prior: GaussianPrior) -> Section:
     """What the data have made of the prior: how far the estimate has moved, and what is left of the standard deviation."""
     rows, marked = [], []
     for i, name in enumerate(name for name in fit.parameters if name in prior.names):
@@ -184,14 +182,14 @@ def _beside_prior(fit: Fit, prior: GaussianPrior) -> Section:
     return Section("Beside the prior", columns, tuple(rows), tuple(marked))
 
 
-def shift(fit: Fit, prior: GaussianPrior, name: str) -> float:
+def shift(fit: FitStatistics, prior: GaussianPrior, name: str) -> float:
     """Estimate less prior mean in prior standard deviations; of the logarithm where that is normal."""
     return (
         float(fit.z[fit.parameters.index(name)]) if name in prior.log else (fit.estimate[name] - prior.mean[name]) / prior.std[name]
     )
 
 
-def _outputs(fit: Fit) -> Section:
+def _outputs(fit: FitStatistics) -> Section:
     """Residuals of each output beside its noise; with chi-square, where the noise is known."""
     units = {q.name: q.unit for q in fit.model.outputs}
     given, found = (np.sqrt(np.diag(m)) for m in (fit.noise_covariance, fit.residual_covariance))
@@ -219,7 +217,7 @@ def _outputs(fit: Fit) -> Section:
     return Section("Outputs", tuple(columns), tuple(rows), tuple(marked))
 
 
-def _noise_correlation(fit: Fit) -> Section:
+def _noise_correlation(fit: FitStatistics) -> Section:
     """Correlation of the residuals of outputs that were measured together."""
     names, places = list(fit.tests), [names_of(fit.model.outputs).index(name) for name in fit.tests]
     covariance = fit.residual_covariance[np.ix_(places, places)]

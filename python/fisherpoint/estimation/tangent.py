@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..quantity import Array
+from ..basics.values import Array
 
 NOTHING = 1e-100
 """A derivative that is none, and so is that share of a column's largest: squares of less are below 1e-200, and soon no numbers."""

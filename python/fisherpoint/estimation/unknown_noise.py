@@ -11,10 +11,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..prior import GaussianPrior
-from ..quantity import Array
+from ..basics.values import Array
+from ..prior.gaussian import GaussianPrior
 from .least_squares import CONVERGED, LIMIT, NOT_EVALUABLE, UNSETTLED, Minima, minimise
-from .response import EPSILON, Observed
+from .observed import EPSILON, Observed
 from .weighting import WeightedResiduals
 
 TINY = 1e-200

@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..messages import shown
+from ..basics.checks import as_float, as_numbers, check_known, check_mapping
+from ..basics.messages import shown
+from ..basics.values import Array, IntArray
 from ..models import Model
-from ..prior import GaussianPrior
-from ..quantity import Array, IntArray, as_float, as_numbers, check_known, check_mapping
-from ..rules import Sobol
+from ..prior.gaussian import GaussianPrior
+from ..prior.rules import Sobol
 from .least_squares import CONVERGED, RAN_OFF, Minima
 
 FARTHEST = 30.0

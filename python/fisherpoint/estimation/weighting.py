@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..basics.checks import as_std, check_known, check_mapping
+from ..basics.quantity import names_of
+from ..basics.values import Array
 from ..models import Model
-from ..quantity import Array, as_std, check_known, check_mapping, names_of
 from .least_squares import Accuracy
-from .response import Observed
+from .observed import Observed
 from .unknowns import Unknowns
 
 

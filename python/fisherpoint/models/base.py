@@ -4,21 +4,18 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Hashable, Iterable, Mapping
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..extras import needed_for
-from ..kernels import Kernels, kernels
-from ..quantity import Array, FrozenMapping, Quantity, as_floats, in_order, names_of
+from ..basics.checks import as_floats, in_order
+from ..basics.quantity import DURATION, Quantity, names_of
+from ..basics.values import Array, FrozenMapping
+from ..engine.levels import Kernels, kernels
 
 if TYPE_CHECKING:
     from .dependence import Dependence
-    from .symbolic import SymbolicModel
-
-DURATION = Quantity("dt", "s", "duration")
 
 
 def quantities(described: Iterable[tuple[str, str, str, float]]) -> tuple[Quantity, ...]:
@@ -135,7 +132,7 @@ class Model(ABC):
             self._check_theta(np.atleast_2d(array))
         return array
 
-    def symbolic(self) -> SymbolicModel:
+    def symbolic(self) -> Model:
         """The model as equations.
 
         Raises
@@ -145,11 +142,11 @@ class Model(ABC):
         """
         raise TypeError(f"{self.name}: expected a model with equations, given {type(self).__name__}")
 
-    def estimate(self, *names: str) -> SymbolicModel:
+    def estimate(self, *names: str) -> Model:
         """Return the model with known constants made parameters; their values become nominal ones."""
         return self.symbolic().estimate(*names)
 
-    def fix(self, **values: float) -> SymbolicModel:
+    def fix(self, **values: float) -> Model:
         """Return the model with parameters made known constants of these values, SI units."""
         return self.symbolic().fix(**values)
 
@@ -190,19 +187,14 @@ class Model(ABC):
         """
         return self._dependence.blocks
 
-    @cached_property
+    @property
     def _dependence(self) -> Dependence:
-        with needed_for("the structure of a model"):
-            from .dependence import Dependence
+        """What depends on what in the equations."""
+        return self.symbolic()._dependence
 
-        return Dependence(self.symbolic())
-
+    @abstractmethod
     def to_toml(self) -> str:
         """The model as the table [model] of a TOML file; `load_model` reads it back."""
-        with needed_for("to_toml"):
-            from .toml import model_to_toml
-
-        return model_to_toml(self)
 
     @abstractmethod
     def _check_theta(self, rows: Array) -> None:

@@ -14,16 +14,15 @@ import warnings
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from .. import _core
-from ..kernels import isa
-from ..messages import printable
-from ..tape.cpp import cpp_model
+from ..basics.messages import printable
+from ..engine import _core
+from ..engine.levels import isa
+from .base import Model
+from .cpp_source import cpp_model
 from .library_cache import LibraryCache
-
-if TYPE_CHECKING:
-    from .symbolic import SymbolicModel
+from .tape.programs import Programs
 
 _NAME = "CompiledModel"
 _MODEL = "model.hpp"
@@ -47,8 +46,8 @@ LAST_LINES = 3
 """Of what a compiler says, beside its first error."""
 
 
-def compiled_model(model: SymbolicModel, tape: Any) -> Any | None:
-    """Return the model's programs, `tape`, with kernels of their own, built if the cache does not have them.
+def compiled_model(model: Model, programs: Programs, tape: Any) -> Any | None:
+    """Return `programs`, which `tape` has as the core interprets them, with kernels of their own, built where no cache has them.
 
     None, with a warning that says why, where there is no C++ compiler, or where it cannot build the model.
     """
@@ -60,7 +59,7 @@ def compiled_model(model: SymbolicModel, tape: Any) -> Any | None:
         _stays_interpreted("expected the core's headers beside the package, found none")
         return None
     flags = [*_FLAGS, *([] if isa() == "generic" else [f"-march=x86-64-{isa()}"]), f"-I{include}"]
-    sources = {_MODEL: cpp_model(model, model.structure.programs, _NAME)}
+    sources = {_MODEL: cpp_model(model, programs, _NAME)}
     for kernel, function in _SOURCES.items():
         includes = f'#include "{_MODEL}"\n#include "fisherpoint/c_kernels.hpp"\n\nusing namespace fisherpoint;\n\n'
         visible = 'extern "C" __attribute__((visibility("default")))\n'

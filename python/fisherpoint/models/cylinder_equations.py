@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
-from ..functions import heaviside, sign, sqrt, tanh
+from .base import Model
 from .decorator import model
-
-if TYPE_CHECKING:
-    from .hydraulic_cylinder import HydraulicCylinder
-    from .symbolic import SymbolicModel
+from .functions import heaviside, sign, sqrt, tanh
+from .symbolic import SymbolicModel
 
 
-def symbolic_cylinder(cylinder: HydraulicCylinder) -> SymbolicModel:
+def symbolic_cylinder(cylinder: Model, width: Mapping[str, float]) -> SymbolicModel:
     """The built-in cylinder as a model of equations; readings of the print are those of `HydraulicCylinder`."""
     constants = {quantity.name: (cylinder.constants[quantity.name], quantity) for quantity in cylinder.constant_quantities}
-
-    width = cylinder.smooth
 
     def direction(v: Any) -> Any:
         return tanh(v / width["v"]) if "v" in width else sign(v)

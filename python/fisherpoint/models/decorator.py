@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import CodeType
 from typing import Any
 
-from ..messages import shortened, shown
+from ..basics.messages import shortened, shown
 from .expressions import symbol
 from .quantities import Described, checked_name, constants_of, quantities_of
 from .symbolic import SymbolicModel

@@ -12,10 +12,10 @@ from typing import Any
 
 import sympy
 
-from ..quantity import FrozenMapping, names_of
-from ..tape.branch import Select
-from ..tape.parts import parts, symbols_of
-from .symbolic import SymbolicModel
+from ..basics.values import FrozenMapping
+from .surfaces.structure import Structure
+from .tape.branch import Select
+from .tape.parts import parts, symbols_of
 
 Names = tuple[str, ...]
 
@@ -37,7 +37,9 @@ class Dependence:
 
     Parameters
     ----------
-    model : SymbolicModel
+    structure : Structure
+    states, parameters, outputs : tuple of str
+        Names, in the order of the equations.
 
     Attributes
     ----------
@@ -49,11 +51,10 @@ class Dependence:
         Parameters, but the idle ones, in groups that can be identified independently of each other; see `blocks_of`.
     """
 
-    def __init__(self, model: SymbolicModel) -> None:
-        self._parameters, outputs = names_of(model.parameters), names_of(model.outputs)
-        read = _Reader(model)
-        self._rates = dict(zip(names_of(model.states), map(read, model.structure.rates), strict=True))
-        self._output = dict(zip(outputs, map(read, model.structure.output), strict=True))
+    def __init__(self, structure: Structure, states: Names, parameters: Names, outputs: Names) -> None:
+        self._parameters, read = parameters, _Reader(structure, states, parameters)
+        self._rates = dict(zip(states, map(read, structure.rates), strict=True))
+        self._output = dict(zip(outputs, map(read, structure.output), strict=True))
         behind = {name: self._states_behind(equation.states) for name, equation in self._output.items()}
         reached = {
             name: equation.parameters.union(*(self._rates[state].parameters for state in behind[name]))
@@ -134,10 +135,10 @@ def blocks_of(dependence: Dependence) -> tuple[Names, ...]:
 class _Reader:
     """Reads equations of a model in which branches are symbols for the side of a surface."""
 
-    def __init__(self, model: SymbolicModel) -> None:
-        self._sides = {surface.side: surface.expression for surface in model.structure.surfaces}
-        self._states = dict(zip(model.equations.states, names_of(model.states), strict=True))
-        self._parameters = dict(zip(model.equations.parameters, names_of(model.parameters), strict=True))
+    def __init__(self, structure: Structure, states: Names, parameters: Names) -> None:
+        self._sides = {surface.side: surface.expression for surface in structure.surfaces}
+        self._states = dict(zip(structure.equations.states, states, strict=True))
+        self._parameters = dict(zip(structure.equations.parameters, parameters, strict=True))
 
     def __call__(self, expression: sympy.Expr) -> Equation:
         symbols = self._symbols(expression)

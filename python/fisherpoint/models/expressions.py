@@ -11,9 +11,9 @@ from sympy.core.function import AppliedUndef
 from sympy.core.relational import Equality, Relational, Unequality
 from sympy.logic.boolalg import BooleanFalse, BooleanFunction, BooleanTrue
 
-from ..functions import NAMES
-from ..messages import listed, shortened, shown
-from ..tape.parts import check_size, parts, rebuilt, replaced, symbols_of
+from ..basics.messages import listed, shortened, shown
+from .functions import NAMES
+from .tape.parts import check_size, parts, rebuilt, replaced, symbols_of
 
 MAX_EXPONENT = 1000
 """The largest number as an exponent; sympy works powers of numbers out to the last digit."""

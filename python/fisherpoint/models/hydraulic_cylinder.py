@@ -7,11 +7,14 @@ from collections.abc import Hashable, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from .. import _core
-from ..extras import needed_for
-from ..messages import shown
-from ..quantity import Array, FrozenMapping, Quantity, as_float, as_positive, check_known, names_of
+from ..basics.checks import as_float, as_positive, check_known
+from ..basics.extras import needed_for
+from ..basics.messages import shown
+from ..basics.quantity import Quantity, names_of
+from ..basics.values import Array, FrozenMapping
+from ..engine import _core
 from .base import Model, quantities
+from .toml_text import cylinder_toml
 
 if TYPE_CHECKING:
     from .symbolic import SymbolicModel
@@ -140,7 +143,11 @@ class HydraulicCylinder(Model):
         with needed_for("a model as equations"):
             from .cylinder_equations import symbolic_cylinder
 
-        return symbolic_cylinder(self)
+        return symbolic_cylinder(self, self.smooth)
+
+    def to_toml(self) -> str:
+        """The model as the table [model] of a TOML file; `load_model` reads it back."""
+        return cylinder_toml(self, self.smooth)
 
     def _identity(self) -> Hashable:
         return (self.name, *self.constants.values(), *self.smooth.items())
@@ -164,3 +171,7 @@ def _checked_widths(given: Mapping[str, float] | None, surfaces: tuple[str, ...]
     check_known(given or {}, surfaces, "smooth", "widths of")
     widths = {name: as_positive(value, f"smooth[{name!r}]", "width") for name, value in (given or {}).items()}
     return FrozenMapping({name: widths[name] for name in surfaces if name in widths})
+
+
+MODELS: dict[str, type[HydraulicCylinder]] = {HydraulicCylinder.name: HydraulicCylinder}
+"""Models that come with the package, by name."""

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import sympy
 
-from ..quantity import Array
-from ..tape.branch import Select
-from ..tape.parts import parts
-from .evaluate import evaluate
-from .surfaces import Branches
+from ..basics.values import Array
+from .surfaces.branches import Branches
+from .surfaces.evaluate import evaluate
 from .symbolic import SymbolicModel
+from .tape.branch import Select
+from .tape.parts import parts
 
 STEP = 1e-30
 """Of the derivatives along complex directions, which lose no digits."""

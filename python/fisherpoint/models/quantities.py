@@ -5,15 +5,14 @@ from __future__ import annotations
 import keyword
 import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from ..functions import NAMES
-from ..messages import shown
-from ..quantity import LONGEST_NAME, Quantity, as_float, as_positive, as_sequence, check_known
-from .units import check_unit
-
-if TYPE_CHECKING:
-    from .base import Model
+from ..basics.checks import as_float, as_positive, as_sequence, check_known
+from ..basics.messages import shown
+from ..basics.quantity import LONGEST_NAME, Quantity
+from ..basics.units import check_unit
+from .base import Model
+from .functions import NAMES
 
 RESERVED = (*NAMES, "pi", "dt")
 

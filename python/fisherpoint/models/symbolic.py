@@ -10,21 +10,25 @@ from typing import Any
 
 import sympy
 
-from .. import _core
-from ..messages import listed, shown
-from ..quantity import Array, FrozenMapping, Quantity, as_float, as_sequence, check_known, check_mapping, names_of
-from ..tape.parts import replaced
-from ..tape.program import to_core
-from ..tape.programs import LIMIT
+from ..basics.checks import as_float, as_sequence, check_known, check_mapping
+from ..basics.messages import listed, shown
+from ..basics.quantity import Quantity, names_of
+from ..basics.values import Array, FrozenMapping
+from ..engine import _core
 from .base import Model
 from .compiled import compiled_model
-from .domain import MOST
+from .dependence import Dependence
 from .expressions import checked, symbol
-from .printing import to_text
+from .model_text import latex, model_text
 from .quantities import Described, check_distinct, checked_name, constants_of, quantities_of, start_offsets
-from .show import latex, model_text
-from .structure import Equations, Structure
+from .surfaces.domain import MOST
+from .surfaces.printing import to_text
+from .surfaces.structure import Equations, Structure
+from .tape.parts import replaced
+from .tape.program import to_core
+from .tape.programs import LIMIT
 from .text import parse_equation
+from .toml_text import equations_toml
 
 
 class SymbolicModel(Model):
@@ -125,7 +129,7 @@ class SymbolicModel(Model):
         too, and the kernels last as long as the process. Results differ by rounding; a pickled copy is interpreted again.
         """
         compiled = copy.copy(self)
-        compiled._own_core = compiled_model(compiled, compiled._tape)
+        compiled._own_core = compiled_model(compiled, self.structure.programs, compiled._tape)
         return compiled
 
     @property
@@ -241,6 +245,14 @@ class SymbolicModel(Model):
                 )
 
     @cached_property
+    def _dependence(self) -> Dependence:
+        return Dependence(self.structure, *map(names_of, (self.states, self.parameters, self.outputs)))
+
+    def to_toml(self) -> str:
+        """The model as the table [model] of a TOML file; `load_model` reads it back."""
+        return equations_toml(self, *self.texts)
+
+    @cached_property
     def least(self) -> Mapping[str, float]:
         """Zero for every parameter that alone is a limit of the domain."""
         own = {symbol(q.name): q.name for q in self.parameters}
@@ -265,10 +277,10 @@ class SymbolicModel(Model):
         return f"SymbolicModel({self.name!r}, {', '.join(f'{n} {kind}{chr(115) * (n != 1)}' for n, kind in counts)})"
 
     def __str__(self) -> str:
-        return model_text(self)
+        return model_text(self, *self.texts[:2])
 
     def _repr_latex_(self) -> str:
-        return latex(self)
+        return latex(self.equations, names_of(self.outputs))
 
 
 _KINDS = ("state", "input", "parameter", "output")

@@ -11,10 +11,10 @@ from typing import Any, NoReturn
 
 import sympy
 
-from ..functions import ARGUMENTS, FUNCTIONS, NAMES
-from ..messages import listed, shown
-from ..tape.parts import compared
+from ..basics.messages import listed, shown
 from .expressions import MAX_EXPONENT, checked
+from .functions import ARGUMENTS, FUNCTIONS, NAMES
+from .tape.parts import compared
 
 MAX_LENGTH = 10_000
 MAX_DEPTH = 60
@@ -42,8 +42,8 @@ def parse_equation(text: object, symbols: Mapping[str, sympy.Symbol], place: str
     Parameters
     ----------
     text : str
-        Names, numbers, + - * / **, pi, and the functions of `fisherpoint.functions`; the condition of where() is a comparison, or
-        several joined by and, or, not.
+        Names, numbers, + - * / **, pi, and the functions of `fisherpoint.models.functions`; the condition of where() is a
+        comparison, or several joined by and, or, not.
     symbols : mapping of str to sympy.Symbol
         The names that may occur.
     place : str

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..quantity import Array
+from ..basics.values import Array
 
 FEWEST = 10
 """Fits below which nothing is told of a parameter."""

@@ -8,19 +8,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..basics.quantity import names_of
+from ..basics.values import Array
 from ..data.measurements import Measurements
 from ..estimation.least_squares import CONVERGED, ENDS, Minima, minimise
+from ..estimation.observed import Observed
 from ..estimation.precision import Precision, covariances, in_words, quantile
-from ..estimation.response import Observed
 from ..estimation.small_samples import inflated, output_degrees_of_freedom, unbiased
 from ..estimation.unknown_noise import check_noise_can_be_told, correlations_can_be_told, minimise_log_det
 from ..estimation.unknowns import Unknowns, checked_bounds, prior_factor, spread_starts, unknowns_of
 from ..estimation.weighting import WeightedResiduals, noise_covariance
-from ..experiments import Experiments
-from ..information import point_information
-from ..problem import DesignProblem
-from ..quantity import Array, names_of
-from ..trajectories import Status
+from ..information.point_information import point_information
+from ..information.problem import DesignProblem
+from ..points.experiments import Experiments
+from ..points.trajectories import Status
 from .figures import LEVEL
 from .truths import Rig, Streams
 

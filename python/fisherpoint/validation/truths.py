@@ -7,15 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..assumed import Assumed, assumed_of
-from ..coordinates import cholesky_coordinates
+from ..basics.checks import as_float, check_known
+from ..basics.messages import shown
+from ..basics.quantity import names_of
+from ..basics.values import Array, IntArray
 from ..estimation.response import sensible
-from ..experiments import Experiments
-from ..messages import shown
+from ..information.assumed import Assumed, assumed_of
+from ..information.problem import DesignProblem
 from ..models import Model
-from ..problem import DesignProblem
-from ..quantity import Array, IntArray, as_float, check_known, names_of
-from ..trajectories import Status, simulate
+from ..points.experiments import Experiments
+from ..points.trajectories import Status, simulate
+from ..prior.coordinates import cholesky_coordinates
 
 TRUTH_RTOL = 1e-10
 """Tolerance of the true trajectories."""

@@ -9,17 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from ..design import Design
+from ..basics.checks import check_choice, check_flag, check_mapping, check_name, check_positive_int
+from ..basics.messages import listed
+from ..basics.quantity import names_of
+from ..basics.values import FrozenMapping
+from ..design.result import Design
 from ..estimation.weighting import noise_covariance
-from ..experiments import Experiments
-from ..messages import listed
+from ..information.problem import DesignProblem
 from ..models import Model
-from ..problem import DesignProblem
-from ..quantity import FrozenMapping, check_choice, check_flag, check_mapping, check_name, check_positive_int, names_of
-from ..trajectories import check_rtol, check_type, resolve_threads
+from ..points.experiments import Experiments
+from ..points.trajectories import check_rtol, check_type, resolve_threads
 from .figures import parameter_figures
 from .fits import Estimator, Runs, run
-from .result import DesignValidation, Validation
+from .of_design import DesignValidation
+from .result import Validation
 from .truths import Rig, truths_of
 
 MOST_RUNS = 10**6

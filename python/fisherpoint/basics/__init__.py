@@ -1,0 +1,1 @@
+"""What every other room uses: quantities and checks of what is given, messages, files, CSV and TOML."""

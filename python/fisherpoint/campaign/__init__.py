@@ -1,0 +1,1 @@
+"""Experiments in batches: design, measure, estimate, until every parameter is known well enough."""

@@ -1,0 +1,93 @@
+"""What a campaign is at a moment: its problem and settings, the batches that were measured, and the points that are planned."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..basics.values import FrozenMapping
+from ..data import Measurements
+from ..design.found import ExchangeSettings
+from ..information.problem import DesignProblem
+from ..points.experiments import Experiments
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """One batch that was measured, and what all data up to it say.
+
+    Attributes
+    ----------
+    planned : Experiments or None
+        The points that were designed; None where data came without a design.
+    data : Measurements
+    estimate, standard_errors : mapping of name to float
+        Maximum a posteriori of all data up to this batch, SI units.
+    chi_square, degrees_of_freedom : float
+        Of all data up to this batch.
+    converged : bool
+        Whether the estimate is a minimum.
+    """
+
+    planned: Experiments | None
+    data: Measurements
+    estimate: Mapping[str, float]
+    standard_errors: Mapping[str, float]
+    chi_square: float
+    degrees_of_freedom: float
+    converged: bool
+
+    @property
+    def rse(self) -> Mapping[str, float]:
+        """Relative standard errors, shares of |estimate|; of an estimate that is zero, inf."""
+        return relative(self.standard_errors, self.estimate)
+
+
+def relative(errors: Mapping[str, float], values: Mapping[str, float]) -> Mapping[str, float]:
+    """Standard errors as shares of the absolute values of the same names."""
+    return FrozenMapping({name: error / abs(values[name]) if values[name] else np.inf for name, error in errors.items()})
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """All of a campaign: what else it knows follows from this.
+
+    Attributes
+    ----------
+    problem : DesignProblem
+        As it was before the first batch.
+    settings : ExchangeSettings
+        Of a batch's search; their seed is that of the whole campaign.
+    targets : mapping of name to float
+    batches : tuple of Batch
+    planned : Experiments or None
+        Points that were designed and not yet told.
+    """
+
+    problem: DesignProblem
+    settings: ExchangeSettings
+    targets: Mapping[str, float]
+    batches: tuple[Batch, ...] = ()
+    planned: Experiments | None = None
+
+    @property
+    def estimate(self) -> Mapping[str, float]:
+        """The estimate so far, SI units: the prior's mean before any data."""
+        mean = self.problem.prior.mean
+        return self.batches[-1].estimate if self.batches else FrozenMapping({name: mean[name] for name in self.problem.estimated})
+
+    @property
+    def standard_errors(self) -> Mapping[str, float]:
+        """The standard errors so far, SI units: the prior's standard deviations before any data."""
+        std = self.problem.prior.std
+        errors = self.batches[-1].standard_errors if self.batches else {name: std[name] for name in self.problem.estimated}
+        return FrozenMapping(dict(errors))
+
+    @property
+    def rse(self) -> tuple[Mapping[str, float], ...]:
+        """Relative standard errors before any data, and after each batch."""
+        prior = self.problem.prior
+        before = relative({name: prior.std[name] for name in self.problem.estimated}, prior.mean)
+        return (before, *(batch.rse for batch in self.batches))

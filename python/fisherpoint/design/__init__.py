@@ -1,0 +1,1 @@
+"""The exchange algorithm, and the designs that it finds."""

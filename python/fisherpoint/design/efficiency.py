@@ -1,0 +1,144 @@
+"""What a design is worth beside others: the best under the sensor noise, random ones, and the bound of the pooled form.
+
+The criterion's own value says little. To first order (7), (16) and (17) without noise give tr(Sigma_theta F) = 2 n_y for
+every design, so that log det(Sigma_theta F) <= p log(2 n_y / p), whatever the points are; what counts is the information under
+the sensor noise. Here Sigma_theta is the covariance that the rule's nodes have, which is not quite the prior's.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..basics.values import Array
+from ..engine import _core
+from ..information.candidates import LARGEST_BATCH, CandidateSource
+from ..information.output_covariance import Criterion, criterion
+from ..information.point_information import PointInformation
+from ..information.problem import DesignProblem
+
+MEDIAN_ERROR = 0.02
+"""Standard error of the D-efficiency against the median random design, as a share, down to which random designs are drawn."""
+
+MOST_RANDOM_POINTS = 20_000
+"""Points of all random designs together, after which there are enough in any case: the search draws several times as many."""
+
+LEAST_RANDOM_DESIGNS = 25
+
+
+@dataclass(frozen=True)
+class Efficiency:
+    """Log dets (standardised, (7)'s scaling) and D-efficiencies (det ratio)^(1/p); None where something does not exist.
+
+    Attributes
+    ----------
+    under_noise : float or None
+        log det F of the design with D = R.
+    noise_optimum : float or None
+        The largest found with D = R: by a search for it with another seed, or by the design itself.
+    random_median : float or None
+        Median over random designs of as many points, D = R, see `random_designs`; None where about half of them are singular.
+    vs_optimum, vs_random : float or None
+        D-efficiencies of the design against the two.
+    below_random : bool
+        Whether the design is worse than the median random design.
+    bound, vs_bound : float or None
+        The closed bound where D is "pooled" without noise and every estimated parameter varies over the nodes, and the
+        D-efficiency against it; to first order in the spread of the outputs, so that a design can exceed it a little.
+    """
+
+    under_noise: float | None
+    noise_optimum: float | None
+    random_median: float | None
+    vs_optimum: float | None
+    vs_random: float | None
+    below_random: bool
+    bound: float | None
+    vs_bound: float | None
+
+
+def d_efficiency(log_det: float | None, reference: float | None, parameters: int) -> float | None:
+    """(det ratio)^(1/p); None where a log det is missing or infinite, or the ratio overflows."""
+    if log_det is None or reference is None or not np.isfinite(reference):
+        return None
+    with np.errstate(over="ignore"):
+        ratio = float(np.exp((log_det - reference) / parameters))
+    return ratio if np.isfinite(ratio) else None
+
+
+def efficiency_of(
+    problem: DesignProblem,
+    d: Criterion,
+    log_det: float,
+    under_noise: float | None,
+    noise_optimum: float | None,
+    random_median: float | None,
+) -> Efficiency:
+    """Collect the comparison of a design whose log dets under its criterion and under the noise are given."""
+    p, n_y = len(problem.estimated), int(d.used.sum())
+    bound = None
+    if d.kind == "pooled" and problem.noise_std is None:
+        rows = [problem.prior.names.index(name) for name in problem.estimated]
+        log_det_nodes = _core.log_det(problem.rule.second_moments(problem.prior, problem.estimated)[np.ix_(rows, rows)])
+        if np.isfinite(log_det_nodes):
+            bound = float(p * np.log(2 * n_y / p) - log_det_nodes)
+    if under_noise is not None and noise_optimum is not None:
+        noise_optimum = max(noise_optimum, under_noise)
+    vs_random = d_efficiency(under_noise, random_median, p)
+    return Efficiency(
+        under_noise=under_noise,
+        noise_optimum=noise_optimum,
+        random_median=random_median,
+        vs_optimum=d_efficiency(under_noise, noise_optimum, p),
+        vs_random=vs_random,
+        below_random=vs_random is not None and vs_random < 1,
+        bound=bound,
+        vs_bound=d_efficiency(log_det, bound, p),
+    )
+
+
+def random_designs(
+    problem: DesignProblem,
+    n_experiments: int,
+    seed: int,
+    threads: int,
+    previous: PointInformation | None = None,
+    time_limit: float | None = None,
+) -> Array:
+    """Log dets (n,) under the sensor noise of random designs that share no point, each beside the previous points.
+
+    Their points are valid at the prior mean: on all nodes of the rule a design's own have to be, at many times the cost. As many
+    are drawn as tell the median to `MEDIAN_ERROR`, up to the time limit in seconds or `MOST_RANDOM_POINTS`, but 25 at least.
+    """
+    started, source = time.perf_counter(), CandidateSource(problem, np.random.default_rng([seed, 1]), threads)
+    most = max(LEAST_RANDOM_DESIGNS, MOST_RANDOM_POINTS // n_experiments)
+    group = int(np.clip(LARGEST_BATCH // n_experiments, 1, 4 * LEAST_RANDOM_DESIGNS))  # of designs that are drawn at once
+    found: list[float] = []
+    d = known = None
+    while len(found) < most and (time_limit is None or time.perf_counter() - started < time_limit or not found):
+        drawn = source.draw(group * n_experiments)
+        if d is None:
+            d = criterion(problem, drawn if previous is None else PointInformation.join([previous, drawn]), threads, "noise")
+            known = None if previous is None else d.prepare(previous)
+        prepared = d.prepare(drawn)
+        for k in range(group):
+            design = prepared[k * n_experiments : (k + 1) * n_experiments]
+            design = design if known is None else PointInformation.join([known, design])
+            found.append(_core.log_det(d.accumulate(design).fisher(d.given)))
+        if len(found) >= LEAST_RANDOM_DESIGNS and _median_error(np.array(found)) <= MEDIAN_ERROR * len(problem.estimated):
+            break
+    return np.array(found)
+
+
+def median_of(log_dets: Array) -> float | None:
+    """Their median; None where it is not known whether that is finite."""
+    return float(np.median(log_dets)) if np.isfinite(_median_error(log_dets)) else None
+
+
+def _median_error(values: Array) -> float:
+    """Standard error of the median: a quarter of what lies between the order statistics two standard deviations from it."""
+    places = len(values) / 2 + np.sqrt(len(values)) * np.array([-1.0, 1.0])
+    low, high = np.sort(values)[np.clip(places.round().astype(int), 0, len(values) - 1)]
+    return 0.0 if low == high else float(high - low) / 4  # of -inf, where most are singular, there is no doubt

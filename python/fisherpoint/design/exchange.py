@@ -1,0 +1,127 @@
+"""The exchange algorithm, Algorithm 1.
+
+Lines 11 and 13 print "arg min"; the reading is that the candidate with the largest Phi enters, and the point whose removal
+leaves the largest Phi leaves. That may be the candidate itself, so Phi never falls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ..basics.checks import check_type
+from ..information.evaluation import Evaluation
+from ..information.previous import Previous, previous_information
+from ..information.problem import DesignProblem
+from ..points.trajectories import resolve_threads
+from .efficiency import Efficiency, efficiency_of, median_of, random_designs
+from .found import ExchangeSettings
+from .result import Design
+from .search import ExchangeSearch, Progress
+
+
+def exchange(
+    problem: DesignProblem,
+    n_experiments: int = 12,
+    n_candidates: int = 50,
+    max_iterations: int = 200,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    *,
+    patience: int | None = None,
+    time_limit: float | None = None,
+    max_redraws: int = 1,
+    references: bool = True,
+    screen: bool = True,
+    local: float = 0.5,
+    previous: Previous | None = None,
+) -> Design:
+    """Find the design with the largest det F by exchanging points for random candidates, Algorithm 1.
+
+    Parameters
+    ----------
+    problem : DesignProblem
+        With a region.
+    n_experiments, n_candidates : int
+        L points, M candidates per draw; a million of each at most.
+    max_iterations : int
+    seed : int
+        The same seed gives the same design, for any number of threads.
+    threads : int, optional
+        Default: every core.
+    progress : callable, optional
+        Called with a `Progress` once per iteration.
+    patience : int, optional
+        Stop after so many iterations in a row without an exchange.
+    time_limit : float, optional
+        Stop after so many seconds.
+    max_redraws : int
+        How often candidates are drawn again where none improves Phi (lines 6 to 12); then the best of them is tried all the same.
+    references : bool
+        Also find what the design is compared with (`Efficiency`).
+    screen : bool
+        Where the output covariance is "pooled" or "pointwise": order candidates by their linearized covariances and take the rule
+        for the best few only. False takes it for all, as Algorithm 1 is written.
+    local : float
+        Candidates near the points of the design that are drawn beside the n_candidates, as a share of these over all iterations:
+        they come every fourth time, at least one for each point. 0 for none: Algorithm 1 alone.
+    previous : Measurements, Experiments, Design, or a sequence of these, optional
+        Points whose information is already collected. They are added to every design and never leave: F is that of all L points,
+        previous and new, and so are the design's evaluations and what it is compared with. The standard errors are then those of
+        an estimate from all data together; they do not take in the prior, also where this is the posterior of the previous data.
+
+    Returns
+    -------
+    Design
+        Ctrl-C during the search returns the best design so far, with stop_reason "interrupted".
+
+    Raises
+    ------
+    ValueError
+        For misuse, a region in which hardly a point survives, or a singular output covariance.
+    """
+    check_type(problem, DesignProblem, "problem")
+    settings = ExchangeSettings(
+        n_experiments, n_candidates, max_iterations, seed, patience, time_limit, max_redraws, references, screen, local
+    )
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
+    threads = resolve_threads(threads)
+    known, left_out = previous_information(problem, previous, threads)
+    search = ExchangeSearch(problem, settings, threads, known)
+    stop_reason = search.run(progress)
+    efficiency = None
+    under_noise = search.under_noise()
+    if settings.references and stop_reason != "interrupted":
+        try:
+            efficiency = _references(search, under_noise)
+        except KeyboardInterrupt:
+            stop_reason = "interrupted"
+    return Design(**vars(search.found(stop_reason, under_noise, efficiency, left_out)))
+
+
+def _references(search: ExchangeSearch, under_noise: Evaluation | None) -> Efficiency:
+    """Find the noise-only optimum with the same settings and another seed, and the median random design."""
+    if under_noise is None:
+        return efficiency_of(search.problem, search.criterion, search.best.log_det, None, None, None)
+    problem = search.problem.replace(output_covariance="noise")
+    settings = search.settings
+    other = ExchangeSettings(
+        settings.n_experiments,
+        settings.n_candidates,
+        settings.max_iterations,
+        settings.seed + 1,
+        settings.patience,
+        settings.time_limit,
+        0,
+        False,
+        False,
+        settings.local,
+    )
+    reference = ExchangeSearch(problem, other, search.threads, search.previous)
+    if reference.run(None) == "interrupted":
+        raise KeyboardInterrupt
+    random = random_designs(problem, settings.n_experiments, settings.seed, search.threads, search.previous, settings.time_limit)
+    return efficiency_of(
+        search.problem, search.criterion, search.best.log_det, under_noise.log_det, reference.best.log_det, median_of(random)
+    )

@@ -1,0 +1,116 @@
+"""A design as a directory of files, from which it can be repeated."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..basics.checks import check_positive_int
+from ..basics.csv_table import CsvTable
+from ..basics.messages import shown
+from ..basics.quantity import names_of
+from ..basics.values import FrozenMapping
+from ..engine.versions import versions
+from ..information.files import (
+    evaluation_from_json,
+    evaluation_to_json,
+    log_det_from_json,
+    number_to_json,
+    problem_from_json,
+    problem_to_json,
+)
+from ..points.files import points_from_json, points_to_json
+from .efficiency import Efficiency
+from .found import STOP_REASONS, ExchangeSettings, FoundDesign, TraceRecord
+
+FORMAT = "fisherpoint design"
+FORMAT_VERSION = 2  # 1 had no checksum
+PICTURES = ("criterion.png", "points.png", "standard_errors.png", "correlation.png", "trajectories.png")
+"""What the command line draws of a design; of points that are evaluated, all but the first."""
+
+
+def design_to_json(design: FoundDesign) -> dict[str, Any]:
+    efficiency = design.efficiency and {
+        name: str(value) if isinstance(value, float) and not np.isfinite(value) else value  # "-inf" of a singular design
+        for name, value in asdict(design.efficiency).items()
+    }
+    return {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        "versions": versions(),
+        "problem": problem_to_json(design.problem),
+        "settings": asdict(design.settings),
+        "points": points_to_json(design.points),
+        "evaluation": evaluation_to_json(design.evaluation),
+        "under_noise": evaluation_to_json(design.under_noise),
+        "efficiency": efficiency,
+        "trace": [{**asdict(record), "log_det": number_to_json(record.log_det)} for record in design.trace],
+        "rejected": dict(design.rejected),
+        "drawn": design.drawn,
+        "accepted": design.accepted,
+        "stop_reason": design.stop_reason,
+        "seconds": design.seconds,
+        "n_previous": design.n_previous,
+        "previous_left_out": dict(design.previous_left_out),
+    }
+
+
+def design_from_json(data: dict[str, Any]) -> dict[str, Any]:
+    """The fields of a design."""
+    points = data["points"]
+    evaluation = evaluation_from_json(data["evaluation"])
+    if evaluation is None:
+        raise KeyError("evaluation")
+    settings, rejected = ExchangeSettings(**data["settings"]), dict(data["rejected"])
+    if len(points["dt"]) != settings.n_experiments:
+        raise ValueError(f"points: expected n_experiments = {settings.n_experiments} points, given {len(points['dt'])}")
+    for name, count in (("drawn", data["drawn"]), ("accepted", data["accepted"]), *rejected.items()):
+        check_positive_int(count, name, 0)
+    if data["drawn"] != data["accepted"] + sum(rejected.values()):
+        raise ValueError(f"drawn: expected accepted and rejected to add up to it, given {data['drawn']}")
+    if data["stop_reason"] not in STOP_REASONS:
+        raise ValueError(f"stop_reason: expected one of {', '.join(STOP_REASONS)}; given {shown(data['stop_reason'])}")
+    return dict(
+        problem=problem_from_json(data["problem"]),
+        settings=settings,
+        points=points_from_json(points),
+        evaluation=evaluation,
+        under_noise=evaluation_from_json(data["under_noise"]),
+        efficiency=_efficiency_from_json(data["efficiency"]),
+        trace=tuple(TraceRecord(**{**record, "log_det": log_det_from_json(record["log_det"])}) for record in data["trace"]),
+        rejected=FrozenMapping(rejected),
+        drawn=data["drawn"],
+        accepted=data["accepted"],
+        stop_reason=data["stop_reason"],
+        seconds=data["seconds"],
+        n_previous=check_positive_int(data.get("n_previous", 0), "n_previous", 0),  # older files have neither
+        previous_left_out=FrozenMapping(
+            {
+                reason: check_positive_int(count, "previous_left_out", 0)
+                for reason, count in data.get("previous_left_out", {}).items()
+            }
+        ),
+    )
+
+
+def _efficiency_from_json(data: dict[str, Any] | None) -> Efficiency | None:
+    if data is None:
+        return None
+    values: dict[str, Any] = {name: float(value) if isinstance(value, str) else value for name, value in data.items()}
+    return Efficiency(**values)
+
+
+def has_points_of(design: FoundDesign, path: Path) -> bool:
+    """Whether a table has a design's points, whatever columns were filled in and to as many digits as spreadsheets keep."""
+    axes = design.problem.model.axes
+    try:
+        table = CsvTable(path)
+        table.read_decimal_commas(names_of(axes))
+        points = np.column_stack([table.complete(quantity) for quantity in axes])
+    except (OSError, ValueError, KeyError):
+        return False
+    own = design.points.table[:, : len(axes)]
+    return points.shape == own.shape and np.allclose(points, own, rtol=1e-12, atol=0.0)

@@ -1,0 +1,91 @@
+"""The picture of a design in a single variable: the outputs along it, and where they are sampled."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
+
+from ..basics.quantity import Quantity
+from ..information.problem import DesignProblem
+from ..points.experiments import Experiments
+from ..points.trajectories import Status, simulate
+from ..show.style import NOISE, STYLE, TEXT, scale
+from .evaluated import Evaluated
+
+Floats = NDArray[np.float64]
+
+CURVE = 401
+"""Places at which a curve is computed."""
+
+
+def free_axis(design: Evaluated) -> Quantity | None:
+    """The coordinate of a point that the region leaves free, where it is the only one."""
+    region = design.problem.region
+    if region is None:
+        return None
+    free = [axis for axis in design.problem.model.axes if region.bounds[axis.name][0] < region.bounds[axis.name][1]]
+    return free[0] if len(free) == 1 else None
+
+
+def plot_responses(design: Evaluated) -> Figure:
+    """Every output at the prior mean over the only free coordinate, with the points and one std of the noise.
+
+    Raises
+    ------
+    ValueError
+        Where more than one coordinate is free.
+    """
+    axis, problem, points = free_axis(design), design.problem, design.points
+    if axis is None or problem.region is None:
+        raise ValueError("design: expected a region that leaves a single coordinate free, given another")
+    model, column = problem.model, [quantity.name for quantity in problem.model.axes].index(axis.name)
+    lower, upper = problem.region.bounds[axis.name]
+    curve = np.repeat(points.table[:1], CURVE, axis=0)
+    curve[:, column] = np.linspace(lower, upper, CURVE)
+    along, sampled = curve[:, column], points.table[:, column]
+    expected, at_points = _outputs(problem, curve), _outputs(problem, points.table)
+    factor, unit = scale(axis, (lower, upper))
+
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(7.0, 0.6 + 2.9 * len(model.outputs)), layout="constrained")
+        grid = figure.subplots(len(model.outputs), 1, squeeze=False, sharex=True)[:, 0]
+        for j, (axes, output) in enumerate(zip(grid, model.outputs, strict=True)):
+            factor_y, unit_y = scale(output, expected[:, j])
+            axes.plot(factor * along, factor_y * expected[:, j], color=NOISE, linewidth=1.3)
+            noise = None if problem.noise_std is None else factor_y * problem.noise_std[output.name]
+            axes.errorbar(
+                factor * sampled, factor_y * at_points[:, j], noise, fmt="o", color=NOISE, ecolor=TEXT, markersize=6,
+                markeredgecolor=TEXT, markeredgewidth=0.7, capsize=2, linewidth=1, zorder=3,
+            )  # fmt: skip
+            for place, numbers in _places(sampled, (upper - lower) / 60):
+                k = numbers[0]
+                text = ", ".join(str(number + 1) for number in numbers)
+                where = (factor * place, factor_y * at_points[k, j])
+                label = axes.annotate(text, where, (0, 11), textcoords="offset points", ha="center", zorder=4)
+                label.set_path_effects([withStroke(linewidth=2, foreground="white")])
+            axes.set_ylabel(f"{output.name} [{unit_y}]")
+            axes.margins(x=0.05, y=0.18)
+        grid[-1].set_xlabel(f"{axis.name} [{unit}]")
+        bars = "" if problem.noise_std is None else "; bars: std of the noise"
+        figure.suptitle(f"Experiment points (numbered), outputs at the prior mean{bars}", x=0.01, ha="left")
+    return figure
+
+
+def _outputs(problem: DesignProblem, table: Floats) -> Floats:
+    """Outputs (K, n_y) at the prior mean of points given as rows; NaN where a trajectory is not ok."""
+    n_x, n_u = len(problem.model.states), len(problem.model.inputs)
+    points = Experiments(table[:, :n_x], table[:, n_x : n_x + n_u], table[:, n_x + n_u] if n_x else None)
+    done = simulate(problem.model, points, problem.theta)
+    return np.where((np.asarray(done.status) == Status.ok)[:, None], done.y, np.nan)
+
+
+def _places(values: Floats, width: float) -> Sequence[tuple[float, list[int]]]:
+    """Where values within `width` of each other lie, and which they are."""
+    order = np.argsort(values, kind="stable")
+    groups = np.split(order, np.flatnonzero(np.diff(values[order]) > width) + 1)
+    return [(float(values[group].mean()), sorted(map(int, group))) for group in groups]

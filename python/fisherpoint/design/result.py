@@ -1,0 +1,53 @@
+"""A design as the search returns it."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..basics.checks import as_path
+from ..basics.files import built_from, parse_json, read_bytes, sealed_json, write_together
+from ..basics.messages import printable
+from ..points.experiments import points_csv
+from .files import FORMAT, FORMAT_VERSION, PICTURES, design_from_json, design_to_json, has_points_of
+from .found import FoundDesign
+
+
+@dataclass(frozen=True, eq=False)
+class Design(FoundDesign):
+    """The points that `exchange` found, with everything needed to judge and to repeat them; `FoundDesign` has its attributes."""
+
+    def save(self, directory: str | Path) -> None:
+        """Write design.csv and design.json into `directory`, which is made where needed.
+
+        Each appears whole or not at all, and design.json last: where it stands, what is beside it belongs to it. Of a design that
+        was there before, the command line's report and pictures go.
+        """
+        directory = as_path(directory, "directory")
+        contents = {"design.csv": points_csv(self.points, self.problem.model), "design.json": sealed_json(design_to_json(self))}
+        directory.mkdir(parents=True, exist_ok=True)
+        write_together(directory, contents, stale=("report.txt", *PICTURES))
+
+    @classmethod
+    def load(cls, directory: str | Path) -> Design:
+        """Read a design that `save` wrote, of which design.json counts; warn where design.csv beside it has other points.
+
+        Raises
+        ------
+        OSError
+            Where design.json cannot be read.
+        ValueError
+            Where it is truncated, was changed, or is not a design of this format.
+        """
+        path = as_path(directory, "directory") / "design.json"
+        data = parse_json(path, read_bytes(path), FORMAT, FORMAT_VERSION, sealed_since=2)
+        design = Design(**built_from(path, "design", data, design_from_json))
+        table = path.with_name("design.csv")
+        if table.exists() and not has_points_of(design, table):
+            warnings.warn(
+                f"{printable(table)}: expected the points of design.json, given others: it was changed since or is of another run; "
+                "the points of design.json count",
+                stacklevel=2,
+            )
+        return design

@@ -1,0 +1,1 @@
+"""The compiled core, and the choice of its kernels for this machine."""

@@ -1,0 +1,102 @@
+"""Chooses the compiled kernels for this machine, once, at import.
+
+The kernels exist once per instruction-set level, each a module of its own (``_kernels_v2``, ``_kernels_v3``, ``_kernels_v4`` on
+x86-64, ``_kernels_generic`` elsewhere). The best level that the machine has is taken; the environment variable ``FISHERPOINT_ISA``
+overrides the choice.
+"""
+
+from __future__ import annotations
+
+import os
+from importlib import import_module
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any, Protocol
+
+from ..basics.messages import shown
+from . import _core
+
+if TYPE_CHECKING:
+    from . import _kernels as kernels  # the stub that all levels share
+
+
+class Kernels(Protocol):
+    """What runs models: the compiled kernels do, and what stands in for them where a model is not made of operations."""
+
+    def simulate(
+        self, model: Any, x0: Any, u: Any, dt: Any, theta: Any, rtol: float, cross_kinks: bool, method: str, threads: int
+    ) -> tuple[Any, ...]:
+        """x, y, status."""
+
+    def sensitivities(
+        self,
+        model: Any,
+        x0: Any,
+        u: Any,
+        dt: Any,
+        theta: Any,
+        rtol: float,
+        cross_kinks: bool,
+        method: str,
+        threads: int,
+        whole_first: bool = False,
+    ) -> tuple[Any, ...]:
+        """x, y, dx_dtheta, dy_dtheta, status; with `whole_first` dt is the first step that is tried."""
+
+    def chain(
+        self, model: Any, x0: Any, u: Any, dt: Any, theta: Any, rtol: float, cross_kinks: bool, method: str, threads: int
+    ) -> tuple[Any, ...]:
+        """x, status, reached of records; u and dt are of their pieces."""
+
+    def predictive_covariance(
+        self,
+        model: Any,
+        x0: Any,
+        u: Any,
+        dt: Any,
+        theta: Any,
+        nodes: _core.PriorNodes,
+        rtol: float,
+        cross_kinks: bool,
+        method: str,
+        threads: int,
+        max_lost: float = 0.0,
+    ) -> tuple[Any, ...]:
+        """covariance, status, nodes that were redone, outputs where kept, lost weight."""
+
+
+LEVELS = ("v2", "v3", "v4", "generic")
+
+
+def _module(level: str) -> str:
+    return f"{__package__}._kernels_{level}"
+
+
+def available_isas() -> tuple[str, ...]:
+    """Return the instruction-set levels that this machine has and that are installed, the best last."""
+    return tuple(level for level in _core.supported_isas() if find_spec(_module(level)))
+
+
+def _choose() -> str:
+    available = available_isas()
+    if not available:
+        raise ImportError(f"expected kernels for one of {_core.supported_isas()}, given none: install fisherpoint anew")
+    wanted = os.environ.get("FISHERPOINT_ISA")
+    if wanted is None:
+        return available[-1]
+    if wanted not in available:
+        why = ", which is not installed" if wanted in _core.supported_isas() else ""
+        why = why or (", which this machine does not have" if wanted in LEVELS else "")
+        raise ImportError(f"FISHERPOINT_ISA: expected one of {', '.join(available)}, given {shown(wanted)}{why}")
+    return wanted
+
+
+__all__ = ["Kernels", "available_isas", "isa", "kernels"]
+
+_ISA = _choose()
+if not TYPE_CHECKING:
+    kernels = import_module(_module(_ISA))
+
+
+def isa() -> str:
+    """Return the instruction-set level in use."""
+    return _ISA

@@ -1,0 +1,288 @@
+"""Pictures of a fit. Every ``plot_...`` returns a :class:`matplotlib.figure.Figure` that belongs to no window."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from ..basics.quantity import Quantity
+from ..data import Measurements
+from ..show.correlation import draw_correlation
+from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, save_figure, scale
+from .profile_curve import OPEN, ProfileCurve
+from .statistics import FitStatistics
+
+__all__ = [
+    "ellipse",
+    "plot_correlation",
+    "plot_ellipses",
+    "plot_parity",
+    "plot_profiles",
+    "plot_residuals",
+    "plot_time",
+    "save_all",
+]
+
+MANY = 150
+"""Samples from which on they are drawn as small dots."""
+
+MOST_PAIRS = 6
+"""Pairs of unknowns of which ellipses are shown."""
+
+
+def plot_parity(fit: FitStatistics) -> Figure:
+    """Measured against predicted outputs: on the diagonal where the model is right. A panel per measured output."""
+    measured = fit.predicted + fit.residuals
+    with mpl.rc_context(STYLE):
+        figure, panels = _grid(len(fit.tests), 3.4, 3.2)
+        figure.suptitle("Measured against predicted outputs", x=0.01, ha="left")
+        for axes, (i, quantity) in zip(panels, _measured_outputs(fit), strict=True):
+            told = np.isfinite(fit.residuals[:, i])
+            factor, unit = scale(quantity, measured[told, i])
+            x, y = factor * fit.predicted[told, i], factor * measured[told, i]
+            ends = (min(x.min(), y.min()), max(x.max(), y.max()))
+            margin = 0.06 * (ends[1] - ends[0]) or 0.5 * abs(ends[0]) or 1.0
+            limits = (ends[0] - margin, ends[1] + margin)
+            axes.plot(limits, limits, color=PRIOR, linewidth=1.2)
+            std = factor * np.sqrt(fit.noise_covariance[i, i])
+            if len(x) <= MANY and std > 0.01 * (limits[1] - limits[0]):
+                axes.errorbar(x, y, yerr=2 * std, fmt="none", ecolor=NOISE, elinewidth=1.0, alpha=0.45)
+            axes.plot(x, y, "o", color=NOISE, markersize=2 if len(x) > MANY else 5, alpha=0.5 if len(x) > MANY else 0.9)
+            axes.set_xlim(limits)
+            axes.set_ylim(limits)
+            axes.set_aspect("equal")
+            axes.xaxis.set_major_locator(MaxNLocator(4))
+            axes.yaxis.set_major_locator(MaxNLocator(4))
+            axes.set_xlabel(f"predicted {quantity.name} [{unit}]")
+            axes.set_ylabel(f"measured [{unit}]")
+    return figure
+
+
+def plot_residuals(fit: FitStatistics) -> Figure:
+    """Residuals in units of the noise's standard deviation over the samples, with the band of two of them."""
+    residuals, parts = fit.standardised, np.cumsum([len(part) for part in fit.data])[:-1]
+    noise = "given" if fit.noise_known else "estimated"
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(7.2, 0.9 + 1.35 * len(fit.tests)), layout="constrained")
+        panels = figure.subplots(len(fit.tests), 1, sharex=True, squeeze=False)[:, 0]
+        figure.suptitle(f"Residuals (measured - predicted) in units of the {noise} noise; the band is +-2", x=0.01, ha="left")
+        for axes, (i, quantity) in zip(panels, _measured_outputs(fit), strict=True):
+            number, r = np.arange(1, len(residuals) + 1), residuals[:, i]
+            outside = np.abs(r) > 2
+            axes.axhspan(-2, 2, color=NOISE, alpha=0.10, linewidth=0)
+            axes.axhline(0, color=PRIOR, linewidth=0.8)
+            size = 1.5 if len(r) > MANY else 4.5
+            if len(r) <= MANY:
+                axes.vlines(number, 0, r, color=PRIOR, linewidth=0.8)
+            axes.plot(number[~outside], r[~outside], "o", color=NOISE, markersize=size)
+            axes.plot(number[outside], r[outside], "o", color=CRITERION, markersize=size)
+            reach = max(3.0, 1.1 * float(np.nanmax(np.abs(r))))
+            axes.set_ylim(-reach, reach)
+            axes.set_ylabel(quantity.name)
+            axes.yaxis.set_major_locator(MaxNLocator(5, integer=True))
+            for edge in parts:
+                axes.axvline(edge + 0.5, color=TEXT, linewidth=0.8, linestyle=":")
+            axes.grid(axis="x", visible=False)
+        panels[-1].set_xlabel("sample" + ("; dotted: the next set of data" if len(parts) else ""))
+        panels[-1].xaxis.set_major_locator(MaxNLocator(integer=True))
+        panels[-1].set_xlim(0.5 - 0.01 * len(residuals), len(residuals) + 0.5 + 0.01 * len(residuals))
+    return figure
+
+
+def plot_correlation(fit: FitStatistics) -> Figure:
+    """Correlation of the estimates; empty rows are unknowns that the data do not determine."""
+    names, count = fit.parameters, len(fit.parameters)
+    correlation = np.where(np.outer(fit.precision.determined, fit.precision.determined), fit.correlation, np.nan)
+    with mpl.rc_context({**STYLE, "axes.grid": False}):
+        figure = Figure(figsize=(2.6 + 0.52 * count, 1.6 + 0.5 * count), layout="constrained")
+        axes = figure.subplots()
+        axes.set_title("Correlation of the estimates")
+        draw_correlation(axes, correlation, names)
+    return figure
+
+
+def ellipse(covariance: NDArray[Any], quantile: float, count: int = 181) -> NDArray[np.float64]:
+    """Points (count, 2) of the ellipse d^T C^-1 d = quantile about zero; its half-axes are sqrt(quantile * eigenvalues of C)."""
+    std = np.sqrt(np.diag(covariance))
+    values, vectors = np.linalg.eigh(covariance / np.outer(std, std))  # the same ellipse; units do not count for the rounding
+    angle = np.linspace(0.0, 2 * np.pi, count)
+    half_axes = np.sqrt(np.maximum(values, 0.0) * quantile)
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1) * half_axes
+    return np.asarray(circle @ vectors.T * std)
+
+
+def plot_ellipses(fit: FitStatistics, level: float = 0.95) -> Figure:
+    """Joint confidence ellipses of pairs of unknowns: of all pairs up to four unknowns, else of the most correlated ones.
+
+    The quantile is that of chi-square with two degrees of freedom; where the noise was estimated, twice that of F.
+    """
+    names, unknowns, told = fit.parameters, fit.problem.unknowns, fit.precision.determined
+    pairs = [pair for pair in combinations(range(len(names)), 2) if told[list(pair)].all()]
+    pairs = sorted(sorted(pairs, key=lambda pair: -abs(fit.correlation[pair]))[:MOST_PAIRS])
+    degrees = np.array(list(fit.quantile_degrees_of_freedom.values()))
+    intervals = list(fit.intervals(level).values())
+    covariance = fit.precision.covariance
+    with mpl.rc_context(STYLE):
+        if not pairs:
+            return _nothing("Confidence ellipses: no two unknowns are determined")
+        figure, panels = _grid(len(pairs), 3.3, 3.0)
+        title = f"Joint {100 * level:g} % regions; bars: of each alone"
+        if len(pairs) < len(names) * (len(names) - 1) // 2:
+            title = f"{title}; the {len(pairs)} most correlated pairs"
+        figure.suptitle(title, x=0.01, ha="left")
+        for axes, (i, j) in zip(panels, pairs, strict=True):
+            z = np.tile(fit.z, (181, 1))
+            z[:, [i, j]] += ellipse(covariance[np.ix_([i, j], [i, j])], _joint_quantile(level, min(degrees[i], degrees[j])))
+            curve = unknowns.values(z)[:, [i, j]]
+            labels, factors = [], []
+            for column, k in enumerate((i, j)):
+                factor, unit = _unit(fit, names[k], curve[:, column])
+                factors.append(factor)
+                labels.append(f"{names[k]} [{unit}]" if unit != "1" else names[k])
+            x, y = (factors[c] * fit.values[k] for c, k in enumerate((i, j)))
+            axes.fill(*(curve * factors).T, color=NOISE, alpha=0.15, linewidth=0)
+            axes.plot(*(curve * factors).T, color=NOISE, linewidth=1.4)
+            axes.plot(x, y, "+", color=TEXT, markersize=8)
+            low, high = (np.array([intervals[k][side] * factors[c] for c, k in enumerate((i, j))]) for side in (0, 1))
+            axes.plot([low[0], high[0]], [y, y], color=PRIOR, linewidth=1.0, marker="|", markersize=6, zorder=1)
+            axes.plot([x, x], [low[1], high[1]], color=PRIOR, linewidth=1.0, marker="_", markersize=6, zorder=1)
+            axes.set_title(f"correlation {fit.correlation[i, j]:.2f}", fontsize=9)
+            axes.set_xlabel(labels[0])
+            axes.set_ylabel(labels[1])
+            axes.xaxis.set_major_locator(MaxNLocator(4))
+            axes.yaxis.set_major_locator(MaxNLocator(4))
+    return figure
+
+
+def plot_profiles(profiles: Sequence[ProfileCurve]) -> Figure:
+    """Deviance of each unknown with all others estimated anew, its interval, and the parabola of the standard error."""
+    with mpl.rc_context(STYLE):
+        figure, panels = _grid(len(profiles), 3.6, 2.9)
+        figure.suptitle(f"Profile likelihood and its {100 * profiles[0].level:g} % interval", x=0.01, ha="left")
+        for axes, profile in zip(panels, profiles, strict=True):
+            _profile_panel(axes, profile)
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return figure
+
+
+def plot_time(fit: FitStatistics) -> Figure:
+    """Measured and simulated outputs over time: a column per record, a row per measured output."""
+    records, first = [], 0
+    for part in fit.data:
+        if not isinstance(part, Measurements):
+            records.append((part, slice(first, first + len(part))))
+        first += len(part)
+    outputs = list(_measured_outputs(fit))
+    with mpl.rc_context(STYLE):
+        if not records:
+            return _nothing("Over time: there is no record among the data")
+        figure = Figure(figsize=(max(7.2, 4.6 * len(records)), 0.9 + 2.2 * len(outputs)), layout="constrained")
+        grid = figure.subplots(len(outputs), len(records), sharex="col", squeeze=False)
+        figure.suptitle("Measured and simulated over time", x=0.01, ha="left")
+        for column, (record, rows) in enumerate(records):
+            time_factor, time_unit = scale(Quantity("t", "s", "time"), record.t)
+            for axes, (i, quantity) in zip(grid[:, column], outputs, strict=True):
+                told = np.isfinite(record.y[:, i])
+                factor, unit = scale(quantity, np.append(record.y[told, i], fit.predicted[rows, i]))
+                label = "simulated"
+                axes.plot(
+                    time_factor * record.t[told], factor * record.y[told, i], ".", color=PRIOR, markersize=3, label="measured"
+                )
+                axes.plot(time_factor * record.t, factor * fit.predicted[rows, i], color=NOISE, linewidth=1.3, label=label)
+                rms = np.sqrt(np.mean(np.square(fit.residuals[rows, i][told]))) if told.any() else np.nan
+                axes.set_title(f"root mean square of the residuals {factor * rms:.3g} {unit}", fontsize=9, loc="right")
+                axes.set_ylabel(f"{quantity.name} [{unit}]")
+            grid[-1, column].set_xlabel(f"time [{time_unit}]")
+        grid[0, 0].legend(loc="best", frameon=True, framealpha=0.9, edgecolor="none", ncols=2)
+    return figure
+
+
+def save_all(fit: FitStatistics, directory: str | Path, profiles: Sequence[ProfileCurve] = ()) -> list[Path]:
+    """Write every picture that the fit has something to show in, as PNG, into an existing directory; return the files."""
+    plots: dict[str, Callable[[], Figure]] = {
+        "parity": lambda: plot_parity(fit),
+        "residuals": lambda: plot_residuals(fit),
+    }
+    if any(not isinstance(part, Measurements) for part in fit.data):
+        plots["time"] = lambda: plot_time(fit)
+    if len(fit.parameters) > 1:
+        plots["correlation"] = lambda: plot_correlation(fit)
+        plots["ellipses"] = lambda: plot_ellipses(fit)
+    if profiles:
+        plots["profiles"] = lambda: plot_profiles(profiles)
+    paths = []
+    for name, plot in plots.items():
+        paths.append(Path(directory) / f"{name}.png")
+        save_figure(plot(), paths[-1])
+    return paths
+
+
+def _grid(count: int, width: float, height: float) -> tuple[Figure, list[Axes]]:
+    columns = min(3, count) if count != 4 else 2
+    rows = -(-count // columns)
+    figure = Figure(figsize=(max(width * columns, 4.4), height * rows + 0.3), layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes in grid[count:]:
+        axes.remove()
+    return figure, list(grid[:count])
+
+
+def _nothing(text: str) -> Figure:
+    figure = Figure(figsize=(6.0, 1.2))
+    figure.text(0.02, 0.5, text, va="center")
+    return figure
+
+
+def _measured_outputs(fit: FitStatistics) -> Iterator[tuple[int, Quantity]]:
+    return ((i, quantity) for i, quantity in enumerate(fit.model.outputs) if quantity.name in fit.tests)
+
+
+def _unit(fit: FitStatistics, name: str, values: Any) -> tuple[float, str]:
+    return scale(Quantity(name, fit.units[name], ""), values)
+
+
+def _joint_quantile(level: float, degrees: float) -> float:
+    from scipy.stats import chi2, f
+
+    return float(2 * f.ppf(level, 2, degrees) if np.isfinite(degrees) else chi2.ppf(level, 2))
+
+
+def _profile_panel(axes: Axes, profile: ProfileCurve) -> None:
+    from scipy.interpolate import PchipInterpolator
+
+    linear, estimate = profile.linear_interval, profile.estimate
+    ends = [value for value in (*profile.interval, *linear) if np.isfinite(value)]
+    half = (linear[1] - linear[0]) / 2 if np.isfinite(linear).all() else float(np.ptp(profile.values))
+    ends += [estimate + side * 3 * half for side, how in zip((-1, 1), profile.ends, strict=True) if how == OPEN]
+    margin = 0.12 * (max(ends) - min(ends))
+    limits = min(ends) - margin, max(ends) + margin
+    inside = (profile.values >= limits[0]) & (profile.values <= limits[1])
+    at = np.union1d(np.linspace(*limits, 400), profile.values[inside])
+    factor, unit = scale(Quantity(profile.name, profile.unit, ""), at)
+    values, first = np.unique(profile.values, return_index=True)
+    root = PchipInterpolator(values, profile.signed_root[first], extrapolate=False)
+    axes.axhline(profile.threshold, color=PRIOR, linestyle="--", linewidth=1.0, label="threshold")
+    low, high = (end if np.isfinite(end) else limit for end, limit in zip(profile.interval, limits, strict=True))
+    axes.axvspan(factor * low, factor * high, color=NOISE, alpha=0.10, linewidth=0)
+    if np.isfinite(linear).all():
+        curve = profile.threshold * np.square((at - estimate) / half)
+        axes.plot(factor * at, curve, color=CRITERION, linewidth=1.1, linestyle=":", label="from the standard error")
+    axes.plot(factor * at, np.square(root(at)), color=NOISE, linewidth=1.6, label="profile")
+    axes.plot(factor * profile.values[inside], profile.deviance[inside], "o", color=NOISE, markersize=2.5)
+    for side, how in zip((0, 1), profile.ends, strict=True):
+        if how == OPEN:
+            x, align = (0.02, "left") if side == 0 else (0.98, "right")
+            axes.text(x, 0.03, "not bounded", transform=axes.transAxes, ha=align, va="bottom", color=CRITERION, fontsize=8)
+    axes.set_ylim(-0.04 * profile.threshold, 1.5 * profile.threshold)
+    axes.set_xlabel(f"{profile.name} [{unit}]" if unit != "1" else profile.name)
+    axes.set_ylabel("deviance")
+    axes.xaxis.set_major_locator(MaxNLocator(5))

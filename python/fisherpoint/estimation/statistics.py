@@ -1,0 +1,295 @@
+"""The statistics of a fit: covariance, intervals, degrees of freedom, tests of the residuals, and directions that stay open."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..basics.checks import as_probability
+from ..basics.quantity import names_of
+from ..basics.values import Array, FrozenMapping
+from ..models import Model
+from ..prior.gaussian import GaussianPrior
+from .apriori import apriori_covariance
+from .precision import Precision, in_words, quantile
+from .small_samples import Inflated, inflated, output_degrees_of_freedom
+from .unknown_noise import correlations_can_be_told, residual_covariance
+from .weighting import WeightedResiduals, whiten
+
+FEWEST_DEGREES = 0.5
+"""Of freedom of an output, below which its residuals do not tell its noise."""
+
+
+@dataclass(frozen=True, eq=False)
+class OutputTest:
+    """Chi-square of one output's residuals: their number, degrees of freedom, and the probability of more by chance.
+
+    Where the noise is estimated, chi-square equals the degrees of freedom by construction, and `p_value` is None.
+    """
+
+    count: int
+    chi_square: float
+    degrees_of_freedom: float
+    p_value: float | None
+
+    @property
+    def per_degree_of_freedom(self) -> float:
+        """Chi-square per degree of freedom: 1 where the model and the noise are right; inf where nothing is left to judge by."""
+        return self.chi_square / self.degrees_of_freedom if self.degrees_of_freedom > 1e-9 else np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class FitStatistics:
+    """An estimate, and what its residuals and their derivatives say about it.
+
+    Attributes
+    ----------
+    model : Model
+    data : tuple of Measurements or Record
+    prior : GaussianPrior or None
+        That took part in the estimate.
+    theta : ndarray, (p,)
+        All parameters of the model: the estimated ones, and those that were known.
+    values : ndarray, (P,)
+        The unknowns in the order of `parameters`: estimated parameters, and starts of records.
+    predicted, residuals : ndarray, (N, n_y)
+        Of all samples in a row, SI units; measured - predicted, NaN where not measured.
+    noise_known : bool
+    noise_covariance : ndarray, (n_y, n_y)
+        R: of the given noise, or the estimated one, with each variance divided by its degrees of freedom instead of the samples.
+    converged : bool
+        Whether the gradient is zero: no step lowers the residuals, or rounding hides what it would. Nothing else counts.
+    message : str
+        Why the search stopped.
+    evaluations : int
+    starts, reached : int
+        Starts of the search, and how many of them came to this minimum.
+    """
+
+    model: Model
+    data: tuple[Any, ...]
+    prior: GaussianPrior | None
+    theta: Array
+    values: Array
+    predicted: Array
+    residuals: Array
+    noise_known: bool
+    noise_covariance: Array
+    converged: bool
+    message: str
+    evaluations: int
+    starts: int
+    reached: int
+    problem: WeightedResiduals
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the unknowns: the estimated parameters, then starts of records that were not known, such as "x0_h1"."""
+        return self.problem.unknowns.names
+
+    @property
+    def estimate(self) -> Mapping[str, float]:
+        """The unknowns by name, SI units."""
+        return self._by_name(self.values)
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Of the unknowns, by name."""
+        of_states = {q.name: q.unit for q in self.model.states}
+        units = {q.name: q.unit for q in self.model.parameters}
+        units |= {name: of_states[state] for name, (state, _) in self.problem.observed.starts.items()}
+        return FrozenMapping({name: units[name] for name in self.parameters})
+
+    @cached_property
+    def precision(self) -> Precision:
+        """The a-posteriori information, standardised; where the noise was estimated, the covariance has its share."""
+        precision = self._precision
+        return precision if self.noise_known else replace(precision, covariance=self._inflated.covariance[0])
+
+    @property
+    def information(self) -> Array:
+        """A-posteriori Fisher information (P, P) in its sum form, with the prior's where it took part; standardised."""
+        return self.precision.information
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (P, P) of the unknowns in SI units; inf for those that the data do not determine, or that a bound holds."""
+        covariance: Array = self.precision.covariance * np.outer(self.slopes, self.slopes)
+        covariance[~self.precision.determined] = np.inf
+        covariance[:, ~self.precision.determined] = np.inf
+        return covariance
+
+    @property
+    def standard_errors(self) -> Mapping[str, float]:
+        """By name, SI units; inf for what the data do not determine, or a bound holds; of the others, with that one there."""
+        return self._by_name(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def rse(self) -> Mapping[str, float]:
+        """Relative standard errors, shares of |estimate|, of the unknowns that are not zero."""
+        return FrozenMapping({name: self.standard_errors[name] / abs(v) for name, v in self.estimate.items() if v})
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation (P, P) of the unknowns that are determined; the rows of others are those of the identity."""
+        covariance = self.precision.covariance
+        std = np.sqrt(np.diag(covariance))
+        std = np.where(std > 0, std, 1.0)
+        correlation: Array = covariance / np.outer(std, std)
+        open_ = ~self.precision.determined
+        correlation[open_], correlation[:, open_] = 0.0, 0.0
+        np.fill_diagonal(correlation, 1.0)
+        return correlation
+
+    @property
+    def null_directions(self) -> tuple[str, ...]:
+        """Changes of the unknowns that no measured output notices, in words."""
+        return in_words(self.precision.null, self.slopes, self.values, self.parameters)
+
+    @property
+    def weak_directions(self) -> tuple[str, ...]:
+        """Changes of the unknowns that hardly show in the outputs, in words."""
+        return in_words(self.precision.weak, self.slopes, self.values, self.parameters)
+
+    @property
+    def at_bounds(self) -> tuple[str, ...]:
+        """Unknowns that a bound holds: they are not free, take up no degree of freedom, and have no standard error."""
+        return self.problem.unknowns.at_bounds(self.z)
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """Which of the unknowns are `at_bounds`, (P,)."""
+        return self.problem.unknowns.held(self.z)
+
+    @property
+    def expected_std(self) -> Array:
+        """Root mean square (n_y,) of how measurements scatter: the noise, with the share of what is assumed and not exact."""
+        variances = self.problem.variances
+        return np.asarray(np.sqrt(variances.reshape(-1, variances.shape[-1]).mean(axis=0)))
+
+    @property
+    def residual_covariance(self) -> Array:
+        """(10): mean of residual times residual transposed, (n_y, n_y), zero for outputs that were never measured together."""
+        covariance: Array = residual_covariance(self.residuals[None])[0]
+        return covariance
+
+    @cached_property
+    def apriori_covariance(self) -> Array | None:
+        """D of (17) for the measured points, beside which (10) shows what the data told: the noise's covariance plus the mean
+        predictive covariance over the prior, (n_y, n_y); None without a prior of all parameters, or for records."""
+        return apriori_covariance(self.model, self.data, self.prior, self.parameters, self.noise_covariance)
+
+    @cached_property
+    def output_degrees_of_freedom(self) -> Array:
+        """Number of measured values of each output less what the unknowns take up of it, (n_y,)."""
+        counts = np.isfinite(self.residuals).sum(axis=0)
+        degrees: Array = output_degrees_of_freedom(self._data_jacobian, self._precision.covariance[None], counts)[0]
+        return degrees
+
+    @property
+    def chi_square(self) -> float:
+        """Sum of squares of the data's residuals in units of the noise."""
+        return float(np.square(self.whitened).sum())
+
+    @property
+    def degrees_of_freedom(self) -> float:
+        """Number of measured values less what the unknowns take up; with a prior, not a whole number."""
+        return float(self.output_degrees_of_freedom.sum())
+
+    @property
+    def tests(self) -> Mapping[str, OutputTest]:
+        """Chi-square of every measured output: far above its degrees of freedom where the model or the noise is wrong."""
+        from scipy.stats import chi2
+
+        counts, squares = np.isfinite(self.residuals).sum(axis=0), np.square(self.whitened).sum(axis=0)
+        tests = {}
+        for i, name in enumerate(names_of(self.model.outputs)):
+            if counts[i]:
+                degrees = float(self.output_degrees_of_freedom[i])
+                p_value = float(chi2.sf(squares[i], degrees)) if self.noise_known and degrees > 1e-9 else None
+                tests[name] = OutputTest(int(counts[i]), float(squares[i]), degrees, p_value)
+        return FrozenMapping(tests)
+
+    @property
+    def noise_not_told(self) -> tuple[str, ...]:
+        """Outputs of which the noise was to be estimated, and which the unknowns fit whatever that is: it comes out as nothing."""
+        if self.noise_known:
+            return ()
+        names, measured = names_of(self.model.outputs), np.isfinite(self.residuals).any(axis=0)
+        return tuple(names[i] for i in np.flatnonzero(measured & (self.output_degrees_of_freedom < FEWEST_DEGREES)))
+
+    @property
+    def quantile_degrees_of_freedom(self) -> Mapping[str, float]:
+        """Degrees of freedom of Student's t for each unknown: inf where the noise is known.
+
+        An unknown's variance is a sum of shares of the outputs' estimated variances; Satterthwaite's formula says how many degrees
+        of freedom such a sum has. See `fisherpoint.estimation.small_samples`.
+        """
+        if self.noise_known:
+            return self._by_name(np.full(len(self.values), np.inf))
+        return self._by_name(self._inflated.degrees_of_freedom[0])
+
+    def intervals(self, level: float = 0.95) -> Mapping[str, tuple[float, float]]:
+        """Confidence intervals by name: estimate -+ quantile times standard error, of the logarithm where the prior is log-normal.
+
+        The quantile is the normal one where the noise is known, and Student's t where it was estimated.
+        """
+        level = as_probability(level, "level")
+        unknowns, spread = self.problem.unknowns, np.sqrt(np.diag(self.precision.covariance))
+        quantiles = quantile(level, np.array(list(self.quantile_degrees_of_freedom.values())))
+        reach = np.where(self.precision.determined, quantiles * spread, np.inf)
+        low, high = (unknowns.values(self.z + side * reach) for side in (-1, 1))
+        return FrozenMapping({name: (float(a), float(b)) for name, a, b in zip(self.parameters, low, high, strict=True)})
+
+    @cached_property
+    def z(self) -> Array:
+        """The unknowns in standardised coordinates, (P,)."""
+        z: Array = self.problem.unknowns.coordinates(self.values[None])[0]
+        return z
+
+    @cached_property
+    def slopes(self) -> Array:
+        """d values / dz, (P,)."""
+        slopes: Array = self.problem.unknowns.slopes(self.values[None])[0]
+        return slopes
+
+    @cached_property
+    def jacobian(self) -> Array:
+        """Of the whitened residuals, with the prior's rows last: (M, P)."""
+        jacobian: Array = self.problem(self.z[None], np.zeros(1, dtype=np.intp))[1][0]
+        return jacobian
+
+    @cached_property
+    def _precision(self) -> Precision:
+        """As if the weights were known."""
+        return Precision.of(self.jacobian, self.held)
+
+    @cached_property
+    def _inflated(self) -> Inflated:
+        measured = np.isfinite(self.residuals)
+        full = correlations_can_be_told(measured, len(self.values))
+        return inflated(self._data_jacobian, self._precision.covariance[None], measured.sum(axis=0), full)
+
+    @property
+    def _data_jacobian(self) -> Array:
+        """The rows of `jacobian` that belong to the data, (1, N, n_y, P)."""
+        return self.jacobian[: self.residuals.size].reshape(1, *self.residuals.shape, len(self.values))
+
+    @cached_property
+    def whitened(self) -> Array:
+        """Residuals in units of the noise, (N, n_y), zero where not measured."""
+        whitened: Array = whiten(self.problem.covariance, np.isfinite(self.residuals), self.residuals[None])[0][0]
+        return whitened
+
+    @property
+    def standardised(self) -> Array:
+        """Residuals over the standard deviation of their noise, (N, n_y), NaN where not measured."""
+        return np.asarray(self.residuals / np.sqrt(self.problem.variances))
+
+    def _by_name(self, values: Array) -> Mapping[str, float]:
+        return FrozenMapping(dict(zip(self.parameters, values.tolist(), strict=True)))

@@ -1,0 +1,204 @@
+"""What is assumed and not exact: constants, parameters that are not estimated, and start states.
+
+Their errors move the outputs by G times the error, to first order, with G = dy/d(what is assumed). The outputs so scatter about
+their prediction by R + G P G^T, with P the squares of the standard deviations, and not by R, the sensor noise, alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..basics.checks import as_std, check_known, check_mapping
+from ..basics.quantity import names_of
+from ..basics.values import Array, FrozenMapping, IntArray
+from ..models import Model
+from ..points.experiments import Experiments
+from ..points.predictive import PredictiveCovariance, covariance_over_nodes, nodes_of
+from ..points.trajectories import Settings, Status, check_type, checked_arguments, checked_sensitivities, only_finite
+from ..prior.gaussian import GaussianPrior
+from ..prior.rules import Linearized, Rule
+
+MARGIN = 3.0
+"""Standard deviations of a surface's value, under those of the start, that a point keeps from a jump or limit."""
+
+
+class AssumedCovariance(NamedTuple):
+    """covariance (K, n_y, n_y) in squared output units, zero where the status (K,) is not ok."""
+
+    covariance: Array
+    status: IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class Assumed:
+    """A model in which what is assumed are parameters.
+
+    Attributes
+    ----------
+    model : Model
+        The model, with assumed constants and then deviations of start states behind its own parameters.
+    further : ndarray
+        Values of these: the constants', and zeros.
+    columns : list of int
+        Places among `model.parameters` of all that is assumed.
+    std : ndarray
+        Its standard deviations, SI units.
+    """
+
+    model: Model
+    further: Array
+    columns: list[int]
+    std: Array
+
+    def theta(self, theta: Array) -> Array:
+        """Parameters of the extended model, for parameters (p,) or (K, p) of the model."""
+        return np.concatenate([theta, np.broadcast_to(self.further, (*theta.shape[:-1], len(self.further)))], axis=-1)
+
+    def prior(self, theta: Array) -> GaussianPrior:
+        """A prior for the extended model; of its standard deviations only those of what is assumed mean something."""
+        names, std = names_of(self.model.parameters), np.ones(len(self.model.parameters))
+        std[self.columns] = self.std
+        return GaussianPrior(
+            dict(zip(names, self.theta(theta).tolist(), strict=True)), std=dict(zip(names, std.tolist(), strict=True))
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters of the extended model that stand for what is assumed."""
+        names = names_of(self.model.parameters)
+        return tuple(names[j] for j in sorted(self.columns))
+
+    def covariance(self, dy_dtheta: Array) -> Array:
+        """G P G^T, (K, n_y, n_y), from sensitivities (K, n_y, p) of the extended model; not finite where that overflows."""
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
+            spread = dy_dtheta[:, :, self.columns] * self.std
+            product: Array = spread @ spread.transpose(0, 2, 1)
+            return (product + product.transpose(0, 2, 1)) / 2
+
+    def predictive(self, points: Experiments, theta: Array, rule: Rule, settings: Settings) -> PredictiveCovariance:
+        """The predictive covariance (16) over what is assumed, at parameters (p,) of the model."""
+        nodes = nodes_of(rule, self.prior(theta), names_of(self.model.parameters), self.names)
+        return covariance_over_nodes(self.model, points, self.theta(theta), nodes, rule, settings)
+
+
+def assumed_of(model: Model, uncertain: Mapping[str, float] | None, initial_state_std: Mapping[str, float] | None) -> Assumed:
+    """Extend a model; the same arguments give the same object.
+
+    Raises
+    ------
+    TypeError
+        Where a constant of a model without equations is uncertain.
+    ValueError
+        For an unknown name, or a standard deviation that is negative.
+    """
+    constants, parameters, states = map(names_of, (model.constant_quantities, model.parameters, model.states))
+    known = checked_stds(uncertain, (*constants, *parameters), "uncertain")
+    starts = checked_stds(initial_state_std, states, "initial_state_std")
+    return _extended(model, known, starts)
+
+
+@lru_cache(maxsize=16)
+def _extended(model: Model, uncertain: FrozenMapping[float], starts: FrozenMapping[float]) -> Assumed:
+    constants = [name for name in names_of(model.constant_quantities) if name in uncertain]
+    try:
+        extended = model.estimate(*constants) if constants else model
+    except TypeError as error:
+        given = type(model).__name__
+        raise TypeError(f"uncertain: expected a model with equations where constants are uncertain, given a {given}") from error
+    extended = extended.free_start(*starts) if starts else extended
+    own, p = names_of(model.parameters), len(model.parameters)
+    among = [name for name in own if name in uncertain]
+    std = [uncertain[name] for name in (*among, *constants)] + list(starts.values())
+    further = np.array([model.constants[name] for name in constants] + [0.0] * len(starts))
+    return Assumed(extended, further, [*map(own.index, among), *range(p, p + len(further))], np.array(std))
+
+
+def checked_stds(given: Mapping[str, float] | None, known: Iterable[str], label: str) -> FrozenMapping[float]:
+    """Standard deviations by name in the known order, none of them negative; empty for None."""
+    given, known = {} if given is None else check_mapping(given, label), tuple(known)
+    check_known(given, known, label)
+    return FrozenMapping({name: as_std(given[name], f"{label}[{name!r}]", zero=True) for name in known if name in given})
+
+
+def assumed_covariance(
+    model: Model,
+    points: Experiments,
+    theta: Mapping[str, float] | ArrayLike,
+    uncertain: Mapping[str, float] | None = None,
+    initial_state_std: Mapping[str, float] | None = None,
+    rtol: float = 1e-6,
+    threads: int | None = None,
+    kinks: str = "cross",
+    rule: Rule | None = None,
+) -> AssumedCovariance:
+    """Share of the output covariance that comes from what is assumed: G P G^T, with the exact tangents G, or (16).
+
+    Parameters
+    ----------
+    model, points, theta, rtol, threads, kinks
+        As in `simulate`.
+    uncertain : mapping of name to float, optional
+        Standard deviations, SI units, of constants and of parameters that are not estimated.
+    initial_state_std : mapping of state name to float, optional
+        Standard deviations, SI units, of the deviations of the starts from x0.
+    rule : Rule, optional
+        Takes the predictive covariance (16) over what is assumed in the place of tangents; theta is (p,) then.
+
+    Returns
+    -------
+    AssumedCovariance
+        A point whose trajectory or tangents fail has the status of that, and zeros.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `simulate`; for an unknown name or a negative standard deviation; and for an uncertain constant of a model without
+        equations, whose tangents nothing gives.
+    """
+    check_type(model, Model, "model")
+    values = model.theta(theta)
+    assumed = assumed_of(model, uncertain, initial_state_std)
+    settings = checked_arguments(model, points, values, rtol, threads, kinks, None)
+    if rule is not None and not isinstance(rule, Linearized):
+        check_type(rule, Rule, "rule")
+        return AssumedCovariance(*assumed.predictive(points, values, rule, settings))
+    result = checked_sensitivities(assumed.model, points, assumed.theta(values), settings)
+    covariance = assumed.covariance(result.dy_dtheta)
+    status = only_finite(result.status, covariance)
+    covariance[status != Status.ok] = 0.0
+    return AssumedCovariance(covariance, status)
+
+
+def starts_near(
+    model: Model, points: Experiments, theta: Array, initial_state_std: Mapping[str, float], kinks: bool
+) -> dict[str, NDArray[np.intp]]:
+    """Return for each jump and limit, and each kink on request, the indices of the points that a start may put past it.
+
+    Those are the points nearer to it than `MARGIN` standard deviations of its value, to first order in the starts' deviations.
+    """
+    if not len(points):
+        return {}
+    std = np.array([initial_state_std.get(name, 0.0) for name in names_of(model.states)])
+    steps = np.diag(std)[std > 0]
+    moves = np.concatenate([np.zeros((1, len(std))), steps, -steps])[:, None]
+    x = (points.x0 + moves).reshape(-1, len(std))
+    u, parameters = np.tile(points.u, (len(moves), 1)), np.tile(theta, (len(x), 1))
+    shape = (len(moves), len(points))
+    crossed = len(model.jumps) + (len(model.kinks) if kinks else 0)
+    surfaces = np.asarray(model.core.switching(x, u, parameters)).reshape(*shape, len(model.jumps) + len(model.kinks))
+    limits = np.asarray(model.core.limits(x, u, parameters)).reshape(*shape, len(model.domain))
+    values = np.concatenate([surfaces[:, :, :crossed], limits], axis=2)
+    up, down = np.split(values[1:], 2)
+    distance = np.abs(values[0])
+    inside = values[0] > 0  # what is past a limit has left the domain
+    inside[:, : crossed + len(model.poles)] = True
+    # Not finite where a deviation already leaves what the model takes: that is near.
+    near = inside & ~(distance >= MARGIN * np.linalg.norm((up - down) / 2, axis=0))
+    names = (*model.jumps, *model.kinks)[:crossed] + model.domain
+    return {name: np.flatnonzero(near[:, m]) for m, name in enumerate(names) if near[:, m].any()}

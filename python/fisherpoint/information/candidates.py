@@ -1,0 +1,147 @@
+"""Candidates: drawn in the region's box or near given points, then filtered by constraints and by how their trajectories end."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..basics.values import IntArray
+from ..points.experiments import Experiments
+from ..points.trajectories import Status, on_surface
+from .assumed import starts_near
+from .point_information import PointInformation, point_sensitivities, with_covariance, with_linearized_covariance
+from .problem import DesignProblem
+
+MAX_DRAWN_PER_CANDIDATE = 2000
+"""Draws after which a region counts as one in which nothing survives."""
+
+SMALLEST_BATCH, LARGEST_BATCH = 64, 1024
+"""Draws at once; what is left over serves the next request."""
+
+
+class CandidateSource:
+    """Draws valid candidates and counts what was rejected and why.
+
+    Parameters
+    ----------
+    problem : DesignProblem
+        With a region.
+    rng : numpy.random.Generator
+    threads : int or None
+
+    Raises
+    ------
+    ValueError
+        Where the problem has no region.
+    """
+
+    def __init__(self, problem: DesignProblem, rng: np.random.Generator, threads: int | None) -> None:
+        if problem.region is None:
+            raise ValueError("region: expected an ExperimentRegion to draw candidates from, given None")
+        self._problem, self._region, self._rng, self._threads = problem, problem.region, rng, threads
+        self._spare: PointInformation | None = None
+        self.drawn = 0
+        self.rejected: Counter[str] = Counter()
+
+    @property
+    def accepted(self) -> int:
+        return self.drawn - self.rejected.total()
+
+    def draw(self, count: int) -> PointInformation:
+        """Return `count` candidates that are valid at the prior mean, without predictive covariances.
+
+        Raises
+        ------
+        ValueError
+            Where hardly any point of the region survives; the reasons are listed.
+        """
+        found = [] if self._spare is None else [self._spare]
+        have, tried, before = sum(map(len, found)), 0, self.rejected.copy()
+        while have < count:
+            if tried >= max(MAX_DRAWN_PER_CANDIDATE, MAX_DRAWN_PER_CANDIDATE // 20 * count):
+                raise ValueError(
+                    f"region: expected points that survive, given {have} of {tried} drawn ({self._since(before)}): "
+                    "widen or move the region"
+                )
+            share = max(self.accepted / self.drawn, 0.05) if self.drawn else 0.7
+            batch = round(np.clip(4 * count / share, SMALLEST_BATCH, LARGEST_BATCH))
+            tried += batch
+            survivors, _ = self._survivors(self._region.draw(self._problem.model, batch, self._rng))
+            found.append(survivors)
+            have += len(survivors)
+        joined = PointInformation.join(found) if len(found) > 1 else found[0]
+        self._spare = joined[count:] if have > count else None
+        return joined[:count]
+
+    def draw_near(self, points: Experiments, each: int) -> tuple[PointInformation, IntArray]:
+        """Return what is valid at the prior mean of `each` candidates near every point, and the point of each."""
+        near = np.repeat(np.arange(len(points), dtype=np.int32), each)
+        survivors, kept = self._survivors(self._region.draw_near(self._problem.model, points[near], self._rng))
+        return survivors, near[kept]
+
+    def confirm(self, chosen: PointInformation) -> PointInformation:
+        """Return those that are valid on all nodes of the rule, with their covariances; count the others as rejected."""
+        information, valid = self.confirmed(chosen)
+        return information if valid.all() else information[valid]
+
+    def confirmed(self, chosen: PointInformation) -> tuple[PointInformation, NDArray[np.bool_]]:
+        """Return all with their covariances, and which are valid on all nodes of the rule; count the others as rejected."""
+        return self._counted(*with_covariance(self._problem, chosen, self._threads))
+
+    def linearized(self, candidates: PointInformation) -> tuple[PointInformation, NDArray[np.bool_]]:
+        """Return all with their linearized covariances, and which of these are finite; count the others as rejected."""
+        return self._counted(*with_linearized_covariance(self._problem, candidates))
+
+    def _counted(self, information: PointInformation, status: IntArray) -> tuple[PointInformation, NDArray[np.bool_]]:
+        if status.any():
+            self.rejected.update(_reasons(status))
+        return information, status == Status.ok
+
+    def draw_confirmed(self, count: int) -> PointInformation:
+        """Return `count` candidates that are valid on all nodes of the rule, with their predictive covariances."""
+        found: list[PointInformation] = []
+        tried, before = 0, self.rejected.copy()
+        while (have := sum(map(len, found))) < count:
+            if tried >= MAX_DRAWN_PER_CANDIDATE + 20 * count:
+                raise ValueError(
+                    f"region: expected points that survive on the prior grid, given {have} of {tried} tried "
+                    f"({self._since(before)}): widen or move it"
+                )
+            batch = self.draw(count - have)
+            tried += len(batch)
+            found.append(self.confirm(batch))
+        return PointInformation.join(found)
+
+    def _since(self, before: Counter[str]) -> str:
+        return ", ".join(f"{reason} {n}" for reason, n in (self.rejected - before).most_common())
+
+    def _survivors(self, points: Experiments) -> tuple[PointInformation, NDArray[np.intp]]:
+        """Those that are valid at the prior mean, and their places; the others are counted."""
+        problem, rejected = self._problem, Counter[str]()
+        keep = np.ones(len(points), dtype=bool)
+        if self._region.constraints:
+            keep = self._region.satisfied(problem.model, points)
+            rejected["constraint"] += int((~keep).sum())
+        inside = np.flatnonzero(keep)
+        for surface, rows in on_surface(problem.model, points[inside], problem.theta).items():
+            rejected[f"starts on {surface} = 0"] += int(keep[inside[rows]].sum())
+            keep[inside[rows]] = False
+        if problem.initial_state_std:
+            near = starts_near(problem.model, points, problem.theta, problem.initial_state_std, problem.kinks == "exclude")
+            for surface, rows in near.items():
+                rejected[f"starts near {surface} = 0"] += int(keep[rows].sum())
+                keep[rows] = False
+        tried = np.flatnonzero(keep)
+        information, status = point_sensitivities(problem, points[tried], self._threads)
+        rejected.update(_reasons(status))
+        self.drawn += len(points)  # with the reasons, so that the counts add up after an interrupt too
+        self.rejected.update(+rejected)
+        survive = status == Status.ok
+        return information[survive], tried[survive]
+
+
+def _reasons(status: IntArray) -> Counter[str]:
+    counts = np.bincount(status, minlength=len(Status))
+    return Counter({Status(value).name: int(n) for value, n in enumerate(counts) if n and value != Status.ok})

@@ -1,0 +1,211 @@
+"""What a design is worth: Fisher matrix (7), its determinant, and the standard errors that follow."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..basics.checks import check_type
+from ..basics.quantity import names_of
+from ..basics.values import Array, FrozenMapping
+from ..engine import _core
+from ..points.experiments import Experiments
+from .null_space import column_scaled_svd, unscaled
+from .output_covariance import Criterion, cholesky_factor, criterion, needs_covariances
+from .point_information import PointInformation, point_information
+from .previous import Previous, previous_information
+from .problem import DesignProblem
+
+RANK_TOLERANCE = 1e-9
+"""Singular values of the whitened, column-scaled sensitivities below this share of the largest count as zero."""
+
+ACCURATE = 1e-6
+"""Below this share of the largest, the squares in F have lost digits: log det is taken from the singular values then."""
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """The information in a design.
+
+    Attributes
+    ----------
+    parameters : tuple of str
+        Estimated parameters, in the order of every array below.
+    log_det : float
+        log det of `fisher`, by Cholesky, or from singular values where that would lose digits; -inf where it is singular.
+    fisher : ndarray, (p, p)
+        (7) with its factor 2/L, for parameters divided by their prior standard deviations.
+    output_covariance_kind : str
+    output_covariance : ndarray, (n, n), or (K, n, n) where each point has its own
+        D over `outputs`, in squared output units: one for each point, previous ones first, for "pointwise" and where constants or
+        starts are uncertain.
+    outputs, outputs_left_out : tuple of str
+        Outputs that take part; those that carry neither variance nor sensitivity do not.
+    covariance : ndarray, (p, p), or None
+        Cramer-Rao bound (sum_k S_k^T D^-1 S_k)^-1 in SI units; None where F is singular.
+    standard_errors, rse : mapping of parameter name to float, or None
+        Square roots of its diagonal, SI units, and their shares of the |prior mean|. Only where D is R are they those of an
+        estimate: see `evaluate_under_noise`.
+    correlation : ndarray, (p, p), or None
+    rank : int
+    null_directions : tuple of mappings of parameter name to float
+        Combinations of standardised parameters that the design says nothing about.
+    prior_std : mapping of parameter name to float
+    """
+
+    parameters: tuple[str, ...]
+    log_det: float
+    fisher: Array
+    output_covariance_kind: str
+    output_covariance: Array
+    outputs: tuple[str, ...]
+    outputs_left_out: tuple[str, ...]
+    covariance: Array | None
+    standard_errors: Mapping[str, float] | None
+    rse: Mapping[str, float] | None
+    correlation: Array | None
+    rank: int
+    null_directions: tuple[Mapping[str, float], ...]
+    prior_std: Mapping[str, float]
+
+    @property
+    def weak_parameters(self) -> tuple[str, ...]:
+        """Parameters whose standard error stays above half their prior standard deviation."""
+        if self.standard_errors is None:
+            return self.parameters
+        return tuple(name for name in self.parameters if self.standard_errors[name] > 0.5 * self.prior_std[name])
+
+
+def evaluate_design(
+    problem: DesignProblem, points: Experiments, threads: int | None = None, previous: Previous | None = None
+) -> Evaluation:
+    """Evaluate any design, also one with fewer points than parameters.
+
+    Parameters
+    ----------
+    problem : DesignProblem
+        Its region may be None.
+    points : Experiments
+        At least one point. The rule is run over the prior where D needs it ("pooled" and "pointwise").
+    threads : int, optional
+    previous : Measurements, Experiments, Design, or a sequence of these, optional
+        Points whose information is already collected, as for `exchange`: the evaluation is of all points together.
+
+    Returns
+    -------
+    Evaluation
+        Where F is singular: its rank and null directions, and no standard errors.
+
+    Raises
+    ------
+    ValueError
+        Where a point is none (its trajectory is not ok, or it starts on a switching surface), or D is singular.
+    """
+    check_type(problem, DesignProblem, "problem")
+    check_type(points, Experiments, "points")
+    if not len(points):
+        raise ValueError("points: expected at least one point, given none")
+    information = point_information(problem, points, needs_covariances(str(problem.output_covariance)), threads)
+    known, left_out = previous_information(problem, previous, threads)
+    if left_out:
+        reasons = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
+        warnings.warn(f"previous: expected experiment points at the prior mean, left out {reasons}", stacklevel=2)
+    if known is not None:
+        information = PointInformation.join([known, information])
+    return evaluate_information(problem, information, criterion(problem, information, threads))
+
+
+def evaluate_under_noise(
+    problem: DesignProblem, points: Experiments, threads: int | None = None, previous: Previous | None = None
+) -> Evaluation | None:
+    """Evaluate a design with D = R, or R_k, whatever the problem's D is; None where the sensor noise is not known."""
+    check_type(problem, DesignProblem, "problem")
+    check_type(points, Experiments, "points")
+    if problem.noise_std is None:
+        return None
+    return evaluate_design(problem.replace(output_covariance="noise"), points, threads, previous)
+
+
+def evaluate_information(problem: DesignProblem, information: PointInformation, d: Criterion) -> Evaluation:
+    """Evaluate points whose information is known."""
+    names, std = problem.estimated, problem.std
+    prepared = d.prepare(information)
+    accumulator = d.accumulate(prepared)
+    covariance_of_outputs = accumulator.output_covariance(d.given, d.pooled)
+    factor = cholesky_factor(covariance_of_outputs, d.names, d.kind)
+    fisher = finite_fisher(accumulator.fisher(covariance_of_outputs))
+    log_det = _core.log_det(fisher)
+
+    white = np.asarray(np.linalg.solve(factor, prepared.sensitivity), dtype=np.float64).reshape(-1, len(names))
+    singular_values, directions, length = column_scaled_svd(white)
+    share = singular_values / max(singular_values.max(), 1e-300)
+    rank = int((share > RANK_TOLERANCE).sum())
+    if rank == len(names) and share[-1] < ACCURATE and (np.diag(fisher) > 0).all():
+        log_det = len(names) * np.log(2 / len(prepared)) + 2 * float(np.log(singular_values * length).sum())
+    if not np.isfinite(log_det):
+        rank = min(rank, len(names) - 1)  # so small that squares are zero
+    null = tuple(_null_direction(v, length, names) for v in directions[rank:])
+
+    covariance = correlation = standard_errors = rse = None
+    if rank == len(names) and np.isfinite(log_det):
+        # (sum S^T D^-1 S)^-1 = V s^-2 V^T of the column-scaled sensitivities, without forming or inverting their square.
+        half = directions.T / singular_values / length[:, None]
+        errors = np.linalg.norm(half, axis=1)
+        unit = half / errors[:, None]
+        correlation = unit @ unit.T
+        with np.errstate(over="ignore", invalid="ignore"):
+            covariance = (half * std[:, None]) @ (half * std[:, None]).T
+        if not np.isfinite(covariance).all():
+            name = names[int(np.argmax(~np.isfinite(covariance).all(axis=0)))]
+            raise ValueError(
+                f"covariance: expected standard errors whose squares are numbers, given one of {name!r} that overflows: "
+                "check noise_std"
+            )
+        standard_errors = FrozenMapping(dict(zip(names, (errors * std).tolist(), strict=True)))
+        rse = FrozenMapping(
+            {name: standard_errors[name] / abs(problem.prior.mean[name]) for name in names if problem.prior.mean[name]}
+        )
+    else:
+        log_det = -np.inf
+
+    if d.own:
+        covariance_of_outputs = d.own_covariances(information.of_outputs(d.used))
+    outputs = names_of(problem.model.outputs)
+    return Evaluation(
+        parameters=names,
+        log_det=float(log_det),
+        fisher=fisher,
+        output_covariance_kind=d.kind,
+        output_covariance=covariance_of_outputs,
+        outputs=tuple(name for name, taken in zip(outputs, d.used, strict=True) if taken),
+        outputs_left_out=tuple(name for name, taken in zip(outputs, d.used, strict=True) if not taken),
+        covariance=covariance,
+        standard_errors=standard_errors,
+        rse=rse,
+        correlation=correlation,
+        rank=rank,
+        null_directions=null,
+        prior_std=FrozenMapping(dict(zip(names, std.tolist(), strict=True))),
+    )
+
+
+def finite_fisher(fisher: Array) -> Array:
+    """The Fisher matrix, which must be finite."""
+    if not np.isfinite(fisher).all():
+        raise ValueError(
+            "fisher: expected sensitivities and noise whose squares are numbers, given a Fisher matrix that overflows: "
+            "check noise_std and the prior's standard deviations"
+        )
+    return fisher
+
+
+def _null_direction(v: Array, length: Array, names: tuple[str, ...]) -> Mapping[str, float]:
+    direction = unscaled(v, length)
+    direction = direction / np.abs(direction).max()
+    direction *= np.sign(direction[np.argmax(np.abs(direction))])
+    # What is small counts all the same where the outputs feel it.
+    counts = (np.abs(direction) > 1e-6) | ((np.abs(v) > 1e-6) & (length > 0))
+    return FrozenMapping({name: float(c) for name, c, kept in zip(names, direction, counts, strict=True) if kept})

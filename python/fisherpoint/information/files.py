@@ -1,0 +1,107 @@
+"""A design problem, and what points are worth for it, as what JSON can hold, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..basics.checks import names_among
+from ..basics.values import Array, FrozenMapping
+from ..models.files import model_from_json, model_to_json
+from ..points.region import ExperimentRegion
+from ..prior.files import prior_from_json, prior_to_json, rule_from_json, rule_to_json
+from .evaluation import Evaluation
+from .problem import DERIVED, DesignProblem
+
+
+def problem_to_json(problem: DesignProblem) -> dict[str, Any]:
+    """A problem as JSON has it; functions among the constraints are not kept."""
+    region = problem.region
+    region_data = region and {
+        "bounds": {name: list(pair) for name, pair in region.bounds.items()},
+        "constraints": [constraint if isinstance(constraint, str) else None for constraint in region.constraints],
+    }
+    return {
+        "model": model_to_json(problem.model),
+        "prior": prior_to_json(problem.prior),
+        "region": region_data,
+        "noise_std": None if problem.noise_std is None else dict(problem.noise_std),
+        "rule": rule_to_json(problem.rule),
+        "output_covariance": problem.output_covariance,
+        "parameters": list(problem.estimated),
+        "kinks": problem.kinks,
+        "rtol": problem.rtol,
+        "uncertain": None if problem.uncertain is None else dict(problem.uncertain),
+        "initial_state_std": None if problem.initial_state_std is None else dict(problem.initial_state_std),
+        "assumed_covariance": problem.assumed_covariance,
+        "derived": list(problem.derived),
+    }
+
+
+def problem_from_json(data: dict[str, Any]) -> DesignProblem:
+    """The problem of which this is the JSON, to the last bit."""
+    region = data["region"]
+    problem = DesignProblem(
+        model_from_json(data["model"]),
+        prior_from_json(data["prior"]),
+        region and ExperimentRegion(region["bounds"], [_constraint_not_saved if c is None else c for c in region["constraints"]]),
+        noise_std=data["noise_std"],
+        rule=rule_from_json(data["rule"]),
+        output_covariance=data["output_covariance"],
+        parameters=data["parameters"],
+        kinks=data["kinks"],
+        rtol=data["rtol"],
+        uncertain=data.get("uncertain"),  # older files have none of these
+        initial_state_std=data.get("initial_state_std"),
+        assumed_covariance=data.get("assumed_covariance", "tangents"),
+    )
+    # Not derived anew here: a later version might do so in another way.
+    object.__setattr__(problem, "derived", names_among(data.get("derived", ()), DERIVED, "derived"))
+    return problem
+
+
+def _constraint_not_saved(columns: Mapping[str, Array]) -> NDArray[np.bool_]:
+    raise ValueError("constraint: expected the function that this design was made with, given none: functions are not saved")
+
+
+def evaluation_to_json(evaluation: Evaluation | None) -> dict[str, Any] | None:
+    if evaluation is None:
+        return None
+    data: dict[str, Any] = {}
+    for field in fields(evaluation):
+        value = getattr(evaluation, field.name)
+        if isinstance(value, np.ndarray):
+            value = value.tolist()
+        elif isinstance(value, Mapping):
+            value = dict(value)
+        elif field.name == "null_directions":
+            value = [dict(direction) for direction in value]
+        data[field.name] = number_to_json(value) if field.name == "log_det" else value
+    return data
+
+
+def evaluation_from_json(data: dict[str, Any] | None) -> Evaluation | None:
+    if data is None:
+        return None
+    values = {field.name: data[field.name] for field in fields(Evaluation)}
+    for name in ("parameters", "outputs", "outputs_left_out"):
+        values[name] = tuple(values[name])
+    for name in ("fisher", "output_covariance", "covariance", "correlation"):
+        values[name] = None if values[name] is None else np.array(values[name], dtype=np.float64)
+    for name in ("standard_errors", "rse", "prior_std"):
+        values[name] = None if values[name] is None else FrozenMapping(dict(values[name]))
+    values["null_directions"] = tuple(FrozenMapping(dict(direction)) for direction in values["null_directions"])
+    values["log_det"] = log_det_from_json(values["log_det"])
+    return Evaluation(**values)
+
+
+def number_to_json(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def log_det_from_json(value: float | None) -> float:
+    return -np.inf if value is None else float(value)

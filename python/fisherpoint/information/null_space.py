@@ -1,0 +1,44 @@
+"""Singular values and null directions of sensitivities, with columns scaled to unit length so that no unit counts."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..basics.values import Array
+
+
+def column_scaled_svd(matrix: Array, length: Array | None = None) -> tuple[Array, Array, Array]:
+    """Singular values, largest first (p,), right singular vectors as rows (p, p), and the columns' lengths (p,), of (m, p).
+
+    Other lengths than the columns' own may be given to divide by.
+    """
+    rows, p = matrix.shape
+    length = np.linalg.norm(matrix, axis=0) if length is None else length
+    _, found, directions = np.linalg.svd(matrix / np.where(length > 0, length, 1.0), full_matrices=rows < p)
+    singular_values = np.zeros(p)
+    singular_values[: len(found)] = found
+    return singular_values, directions, length
+
+
+def unscaled(v: Array, length: Array) -> Array:
+    """The direction (p,) of the matrix' own columns that is v in those of unit length."""
+    if (length == 0).any() and np.abs(v[length == 0]).max() > 1e-6:
+        return np.where(length == 0, v, 0.0)  # a parameter without any influence is a direction of its own
+    direction: Array = v / np.where(length > 0, length, 1.0)
+    return direction
+
+
+def pivots(directions: Array) -> list[int]:
+    """Columns, one for each of d independent rows (d, p), by which the space of these rows is best told."""
+    from scipy.linalg import qr  # slow to import, and seldom needed
+
+    chosen: list[int] = qr(directions, mode="r", pivoting=True)[1][: len(directions)].tolist()
+    return chosen
+
+
+def reduced_basis(directions: Array, columns: list[int]) -> Array:
+    """The basis (d, p) of the same space in which each row has a one in its own of the given d columns and zeros in the others.
+
+    A direction along a few axes is found as such, whatever mixture of directions was given.
+    """
+    return np.asarray(np.linalg.solve(directions[:, columns], directions), dtype=np.float64)

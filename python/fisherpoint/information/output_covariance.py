@@ -1,0 +1,167 @@
+"""The output covariance D of (7): which of its four forms, which outputs take part, and what makes it singular."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..basics.messages import listed
+from ..basics.quantity import names_of
+from ..basics.values import Array
+from ..engine import _core
+from .candidates import CandidateSource
+from .point_information import PointInformation
+from .problem import DesignProblem
+
+REGION_SAMPLE = 64
+"""Points of the region over which "region" takes the mean predictive covariance."""
+
+SINGULAR = 1e-9
+"""Smallest eigenvalue of D, scaled to unit diagonal, below which it counts as singular."""
+
+_region_means: WeakKeyDictionary[DesignProblem, Array] = WeakKeyDictionary()
+
+
+@dataclass(frozen=True, eq=False)
+class Criterion:
+    """log det F as a function of points, for one form of D.
+
+    D = `base`, plus the mean predictive covariance of the points where `pooled`. Where each point has its `own` D_k, it is whitened
+    with that when it is prepared, and `given`, the D of what is accumulated, is the identity.
+    """
+
+    kind: str
+    used: NDArray[np.bool_]  # outputs that take part
+    names: tuple[str, ...]  # theirs
+    base: Array  # R, and for "region" the mean over the region, of the outputs that take part
+    own: bool
+
+    @property
+    def pooled(self) -> bool:
+        return self.kind == "pooled"
+
+    @cached_property
+    def given(self) -> Array:
+        return np.eye(len(self.names)) if self.own else self.base
+
+    def prepare(self, information: PointInformation) -> PointInformation:
+        """The points as `accumulate` takes them; an output that is not measured says nothing."""
+        reduced = information.of_outputs(self.used)
+        sensitivity, measured = reduced.sensitivity, reduced.measured
+        if measured is not None:
+            sensitivity = np.where(measured[:, :, None], sensitivity, 0.0)
+        if self.own:
+            d = self.own_covariances(reduced)
+            if not self.base.any():
+                check_regular(d, self.names, self.kind)
+            if measured is not None:  # D_k of the measured outputs alone, with ones in the places of the others
+                d = np.where(measured[:, :, None] & measured[:, None, :], d, np.eye(len(self.names)))
+            whitened = np.asarray(np.linalg.solve(cholesky_factor(d, self.names, self.kind), sensitivity), dtype=np.float64)
+            return PointInformation(reduced.points, whitened, np.zeros_like(reduced.covariance))
+        if reduced.assumed is None and measured is None:
+            return reduced
+        covariance = reduced.covariance if reduced.assumed is None else reduced.covariance + reduced.assumed
+        return PointInformation(reduced.points, sensitivity, covariance)
+
+    def own_covariances(self, reduced: PointInformation) -> Array:
+        """D_k (K, n, n) of points of which only the outputs that take part are left."""
+        d = self.base + (reduced.covariance if self.kind == "pointwise" else 0.0)
+        if reduced.assumed is not None:
+            d = d + reduced.assumed
+        return d if d.ndim == 3 else np.broadcast_to(d, reduced.covariance.shape).copy()
+
+    def accumulate(self, prepared: PointInformation) -> _core.FisherAccumulator:
+        _, n_y, p = prepared.sensitivity.shape
+        accumulator = _core.FisherAccumulator(n_y, p)
+        accumulator.add(prepared.sensitivity, prepared.covariance)
+        return accumulator
+
+    def output_covariance(self, prepared: PointInformation) -> Array:
+        """D (n, n) of the accumulator; the identity where each point has its own."""
+        d: Array = self.accumulate(prepared).output_covariance(self.given, self.pooled)
+        return d
+
+
+def needs_covariances(kind: str) -> bool:
+    """Whether D needs the predictive covariance of every point."""
+    return kind in ("pooled", "pointwise")
+
+
+def criterion(problem: DesignProblem, sample: PointInformation, threads: int | None, kind: str | None = None) -> Criterion:
+    """Choose D for a problem.
+
+    Parameters
+    ----------
+    problem : DesignProblem
+    sample : PointInformation
+        Points from which is seen, where no noise is known, which outputs neither vary nor depend on a parameter.
+    threads : int or None
+    kind : str, optional
+        Another form than the problem's.
+
+    Raises
+    ------
+    ValueError
+        Where D is singular for another reason than outputs that carry nothing; the outputs are named. And where "pooled" meets
+        outputs that are not measured: one D for all points has no value for them.
+    """
+    kind = kind or str(problem.output_covariance)
+    noise = problem.noise_covariance
+    base = noise + (region_mean(problem, threads) if kind == "region" else 0.0)
+    varies = (sample.sensitivity != 0).any(axis=(0, 2)) | (np.diagonal(sample.covariance, axis1=1, axis2=2) > 0).any(axis=0)
+    used = (np.diag(noise) > 0) | varies
+    if not used.any():
+        raise ValueError("output_covariance: expected an output that depends on a parameter, given none")
+    base = base[np.ix_(used, used)]
+    names = tuple(name for name, taken in zip(names_of(problem.model.outputs), used, strict=True) if taken)
+    partly = sample.measured is not None
+    if kind == "pooled" and partly:
+        raise ValueError("previous: expected all outputs measured for output_covariance 'pooled', given some that are not")
+    # R alone is diagonal: what is not measured drops out of it without a D of the point's own.
+    own = kind == "pointwise" or (kind != "pooled" and sample.assumed is not None) or (kind == "region" and partly)
+    d = Criterion(kind, used, names, base, own)
+    if kind == "pooled":
+        check_regular(base + d.prepare(sample).covariance.mean(axis=0), names, kind)
+    else:
+        check_regular(d.own_covariances(sample.of_outputs(used)) if kind == "pointwise" else base, names, kind)
+    return d
+
+
+def check_regular(d: Array, names: tuple[str, ...], kind: str) -> None:
+    """Raise where D (n, n), or one of a stack of them, is not positive definite to working precision, naming the outputs."""
+    if not np.isfinite(d).all():
+        raise ValueError(f"output_covariance {kind!r}: expected a finite D, given one that overflows: check standard deviations")
+    stack = d.reshape(-1, len(names), len(names))
+    scale = np.sqrt(np.maximum(np.diagonal(stack, axis1=1, axis2=2), 0))
+    flat = [name for name, s in zip(names, scale.min(axis=0), strict=True) if not s > 0]
+    if flat:
+        raise ValueError(f"output_covariance {kind!r}: expected a regular D, given no variance of {listed(flat)}: give noise_std")
+    values, vectors = np.linalg.eigh(stack / (scale[:, :, None] * scale[:, None, :]))
+    worst = int(np.argmin(values[:, 0]))
+    if not values[worst, 0] > SINGULAR:
+        involved = [name for name, v in zip(names, vectors[worst, :, 0], strict=True) if abs(v) > 0.1]
+        raise ValueError(
+            f"output_covariance {kind!r}: expected a regular D, given one that is singular in {listed(involved)}: "
+            "give noise_std, or more points or levels"
+        )
+
+
+def cholesky_factor(d: Array, names: tuple[str, ...], kind: str) -> Array:
+    """L of D = L L^T (..., n, n); raise as `check_regular` where there is none."""
+    try:
+        return np.asarray(np.linalg.cholesky(d), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        check_regular(d, names, kind)
+        raise ValueError(f"output_covariance {kind!r}: expected a regular D, given one that is not: give noise_std") from None
+
+
+def region_mean(problem: DesignProblem, threads: int | None) -> Array:
+    """Mean predictive covariance (n_y, n_y) over a fixed sample of the region, the same for every design of the problem."""
+    if problem not in _region_means:
+        source = CandidateSource(problem, np.random.default_rng(0), threads)
+        _region_means[problem] = source.draw_confirmed(REGION_SAMPLE).covariance.mean(axis=0)
+    return _region_means[problem]

@@ -1,0 +1,153 @@
+"""Points as the Fisher matrix takes them: standardised sensitivities, and what makes up their output covariances."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..basics.quantity import names_of
+from ..basics.values import Array, IntArray
+from ..points.experiments import Experiments
+from ..points.predictive import covariance_over_nodes, linearized, nodes_of
+from ..points.trajectories import (
+    Settings,
+    Status,
+    check_kinks,
+    checked_arguments,
+    checked_sensitivities,
+    only_finite,
+    resolve_threads,
+)
+from ..prior.gaussian import GaussianPrior
+from ..prior.rules import Linearized, Rule
+from .problem import DesignProblem
+
+
+@dataclass(frozen=True, eq=False)
+class PointInformation:
+    """K points as the Fisher matrix takes them.
+
+    Attributes
+    ----------
+    points : Experiments
+    sensitivity : ndarray, (K, n_y, p)
+        dy/dtheta times the prior std.
+    covariance : ndarray, (K, n_y, n_y)
+        Predictive covariances over the prior of the estimated parameters.
+    assumed : ndarray, (K, n_y, n_y), or None
+        What uncertain constants and starts add to R; None where nothing is uncertain.
+    measured : ndarray of bool, (K, n_y), or None
+        Which outputs are measured; None for all.
+    """
+
+    points: Experiments
+    sensitivity: Array
+    covariance: Array
+    assumed: Array | None = None
+    measured: NDArray[np.bool_] | None = None
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __getitem__(self, rows: slice | Sequence[int] | NDArray[np.bool_] | NDArray[np.intp]) -> PointInformation:
+        assumed = None if self.assumed is None else self.assumed[rows]
+        measured = None if self.measured is None else self.measured[rows]
+        return PointInformation(self.points[rows], self.sensitivity[rows], self.covariance[rows], assumed, measured)
+
+    def of_outputs(self, used: NDArray[np.bool_]) -> PointInformation:
+        if used.all():
+            return self
+        covariance = self.covariance[:, used][:, :, used]
+        assumed = None if self.assumed is None else self.assumed[:, used][:, :, used]
+        measured = None if self.measured is None else self.measured[:, used]
+        return PointInformation(self.points, self.sensitivity[:, used], covariance, assumed, measured)
+
+    @staticmethod
+    def join(parts: Sequence[PointInformation]) -> PointInformation:
+        """The points of all parts, which are of one problem, one after the other."""
+        points = Experiments.join([part.points for part in parts])
+        sensitivity = np.concatenate([part.sensitivity for part in parts])
+        covariance = np.concatenate([part.covariance for part in parts])
+        assumed = [part.assumed for part in parts if part.assumed is not None]
+        measured = None
+        if any(part.measured is not None for part in parts):
+            all_of = (np.ones(part.sensitivity.shape[:2], dtype=bool) if part.measured is None else part.measured for part in parts)
+            measured = np.concatenate(list(all_of))
+        return PointInformation(points, sensitivity, covariance, np.concatenate(assumed) if assumed else None, measured)
+
+
+def point_sensitivities(problem: DesignProblem, points: Experiments, threads: int | None) -> tuple[PointInformation, IntArray]:
+    """Standardised sensitivities at the prior mean, what is assumed, and statuses; the predictive covariances are left at zero.
+
+    The points must be the problem's model's and off its switching surfaces: a search asks hundreds of times.
+    """
+    settings, assumed = _settings(problem, threads), problem.assumed
+    if assumed is None:
+        result = checked_sensitivities(problem.model, points, problem.theta, settings)
+    else:  # one run of the extended model has the tangents by the parameters too
+        result = checked_sensitivities(assumed.model, points, assumed.theta(problem.theta), settings)
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
+        scaled = np.ascontiguousarray(result.dy_dtheta[:, :, problem.estimated_columns] * problem.std)
+    scaled[~(np.abs(scaled) <= problem.largest_sensitivity)] = np.inf
+    n_y, status, share = scaled.shape[1], only_finite(result.status, scaled), None
+    if assumed is not None:
+        share = assumed.covariance(result.dy_dtheta)
+        status = only_finite(status, share)
+        if problem.assumed_covariance == "predictive" and not isinstance(problem.rule, Linearized):
+            share, over_nodes = assumed.predictive(points, problem.theta, problem.rule, settings)
+            status = np.where(status != Status.ok, status, over_nodes)
+    return PointInformation(points, scaled, np.zeros((len(points), n_y, n_y)), share), status
+
+
+def _settings(problem: DesignProblem, threads: int | None) -> Settings:
+    return float(problem.rtol), check_kinks(problem.kinks), "fastest", resolve_threads(threads)
+
+
+def with_covariance(problem: DesignProblem, given: PointInformation, threads: int | None) -> tuple[PointInformation, IntArray]:
+    """The same points with their predictive covariances, and the statuses over all nodes of the rule."""
+    if isinstance(problem.rule, Linearized):
+        return with_linearized_covariance(problem, given)
+    nodes = nodes_of(problem.rule, problem.prior, names_of(problem.model.parameters), problem.estimated)
+    settings = _settings(problem, threads)
+    result = covariance_over_nodes(problem.model, given.points, problem.theta, nodes, problem.rule, settings)
+    return replace(given, covariance=result.covariance), result.status
+
+
+def with_linearized_covariance(problem: DesignProblem, given: PointInformation) -> tuple[PointInformation, IntArray]:
+    """The same points with S Sigma S^T, and statuses; S is what they have, Sigma what the rule makes of the prior's covariance."""
+    moments = _second_moments(problem.rule, problem.prior, names_of(problem.model.parameters), problem.estimated)
+    columns = problem.estimated_columns
+    ok = np.zeros(len(given), dtype=np.int32)
+    result = linearized(given.sensitivity, moments[np.ix_(columns, columns)], ok)
+    return replace(given, covariance=result.covariance), result.status
+
+
+@lru_cache(maxsize=4)  # a search asks for the same hundreds of times
+def _second_moments(rule: Rule, prior: GaussianPrior, names: tuple[str, ...], varied: tuple[str, ...]) -> Array:
+    return rule.second_moments(prior.marginal(names), varied)  # priors are equal in whatever order: the names tell it
+
+
+def point_information(problem: DesignProblem, points: Experiments, grid: bool, threads: int | None) -> PointInformation:
+    """Information of given points; every one must be an experiment point.
+
+    Raises
+    ------
+    ValueError
+        Where a trajectory, nominal or (with `grid`) over the prior, is not ok; the message names the points and reasons.
+    """
+    checked_arguments(problem.model, points, problem.theta, problem.rtol, threads, problem.kinks, None)
+    information, status = point_sensitivities(problem, points, threads)
+    if grid and not status.any():
+        information, status = with_covariance(problem, information, threads)
+    bad = np.flatnonzero(status)
+    if len(bad):
+        first = Status(status[bad[0]])
+        listed = ", ".join(f"points[{k}] ({Status(status[k]).name})" for k in bad[:5])
+        raise ValueError(
+            f"points: expected trajectories that are ok, given {listed}{' ...' if len(bad) > 5 else ''}. {first.advice}"
+        )
+    return information

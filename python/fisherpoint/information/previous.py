@@ -1,0 +1,96 @@
+"""Information that is already collected: points that were measured, or are planned, before those that are designed now."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+
+from ..basics.values import FrozenMapping
+from ..points.experiments import Experiments
+from ..points.trajectories import Status, on_surface
+from .output_covariance import needs_covariances
+from .point_information import PointInformation, point_sensitivities, with_covariance
+from .problem import DesignProblem
+
+
+class HasPoints(Protocol):
+    """A design; measurements have outputs `y` (K, n_y) too, NaN where nothing was measured."""
+
+    @property
+    def points(self) -> Experiments: ...
+
+
+Previous: TypeAlias = Experiments | HasPoints | Sequence[Experiments | HasPoints]
+
+
+def previous_information(
+    problem: DesignProblem, previous: Previous | None, threads: int | None
+) -> tuple[PointInformation | None, Mapping[str, int]]:
+    """Information of points that stay whatever is designed, and how many say nothing, by reason.
+
+    What is not experiment point at the problem's prior mean says nothing: measured starts and a mean that has moved since may
+    bring a trajectory to a jump that it was planned to miss.
+
+    Parameters
+    ----------
+    problem : DesignProblem
+    previous : Measurements, Experiments, Design, a sequence of these, or None
+        An output that was not measured (NaN) says nothing. A design counts as its points, without those that were previous to it.
+    threads : int or None
+
+    Raises
+    ------
+    TypeError, ValueError
+        For something else, and for points or outputs that are not those of the problem's model.
+    """
+    parts = [_of_part(problem, part, threads) for part in _parts(previous)]
+    left_out = sum((lost for _, lost in parts), Counter[str]())
+    found = [information for information, _ in parts if len(information)]
+    return PointInformation.join(found) if found else None, FrozenMapping(dict(left_out))
+
+
+def _parts(previous: Any) -> list[Any]:
+    """Single parts: experiment points, or something that has `points`, and maybe outputs `y`."""
+    if previous is None:
+        return []
+    parts = list(previous) if isinstance(previous, list | tuple) else [previous]
+    for part in parts:
+        if not isinstance(_points(part), Experiments):
+            given = type(part).__name__
+            raise TypeError(f"previous: expected Measurements, Experiments, a Design or a sequence of these, given {given}")
+    return parts
+
+
+def _points(part: Any) -> Any:
+    return part if isinstance(part, Experiments) else getattr(part, "points", None)
+
+
+def _of_part(problem: DesignProblem, part: Any, threads: int | None) -> tuple[PointInformation, Counter[str]]:
+    model, points, y = problem.model, _points(part), getattr(part, "y", None)
+    given, expected = (points.x0.shape[1], points.u.shape[1]), (len(model.states), len(model.inputs))
+    if given != expected:
+        raise ValueError(
+            f"previous: expected points of {expected[0]} states and {expected[1]} inputs, given {given[0]} and {given[1]}"
+        )
+    lost: Counter[str] = Counter()
+    keep = np.ones(len(points), dtype=bool)
+    for surface, rows in on_surface(model, points, problem.theta).items():
+        lost[f"starts on {surface} = 0"] += int(keep[rows].sum())
+        keep[rows] = False
+    kept = np.flatnonzero(keep)
+    information, status = point_sensitivities(problem, points[kept], threads)
+    if needs_covariances(str(problem.output_covariance)):
+        information, over_nodes = with_covariance(problem, information, threads)
+        status = np.where(status != Status.ok, status, over_nodes)
+    lost.update(Status(value).name for value in status.tolist() if value != Status.ok)
+    measured = None
+    if y is not None:
+        if y.shape[1] != len(model.outputs):
+            raise ValueError(f"previous: expected measurements of {len(model.outputs)} outputs, given {y.shape[1]}")
+        there = np.isfinite(y[kept])
+        measured = None if there.all() else there
+    return replace(information, measured=measured)[status == Status.ok], lost

@@ -1,0 +1,203 @@
+"""A design problem: the model, what is known beforehand, where points may lie, and how the outputs are weighed."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..basics.checks import as_std, check_choice, check_names, in_order, some_names_among
+from ..basics.messages import shown
+from ..basics.quantity import names_of
+from ..basics.values import Array, FrozenMapping
+from ..models import Model
+from ..points.natural_sizes import warn_of_small_states
+from ..points.region import ExperimentRegion
+from ..points.trajectories import check_kinks, check_rtol
+from ..prior.gaussian import GaussianPrior
+from ..prior.rules import DEFAULT_RULE, Rule
+from .assumed import Assumed, assumed_of, checked_stds
+
+OUTPUT_COVARIANCES = ("noise", "region", "pooled", "pointwise")
+ASSUMED_COVARIANCES = ("tangents", "predictive")
+DERIVED = ("output_covariance", "parameters")
+
+LARGEST_SENSITIVITY = 1e140
+"""Largest change of an output by a prior standard deviation, in its unit and in noise standard deviations; squares are summed."""
+
+
+@dataclass(frozen=True, eq=False)
+class DesignProblem:
+    """Everything that a design depends on, but for the search's settings.
+
+    Parameters
+    ----------
+    model : Model
+    prior : GaussianPrior
+        One mean and standard deviation for every parameter of the model; kept in the model's order.
+    region : ExperimentRegion or None
+        None is enough to evaluate given points.
+    noise_std : mapping of output name to float, optional
+        Standard deviations of the sensor noise, SI units; R of (17) is their squares.
+    rule : TensorGrid, GaussHermite, SparseGaussHermite, Sobol, Unscented or Linearized
+        How expectations over the prior are taken. Default: `SparseGaussHermite(2)`; the paper's cells are `TensorGrid()`.
+    output_covariance : {"noise", "region", "pooled", "pointwise"}, optional
+        D of (7): R alone; R plus the mean predictive covariance over a fixed sample of the region; R plus that over the
+        design's points, (17); or R plus each point's own. Default: "noise" where `noise_std` is given, else "region".
+    parameters : sequence of str, optional
+        Names of the parameters to estimate; the others are known to be at their mean. Default: all.
+    kinks : {"cross", "exclude"}
+        Whether points that cross a kink are allowed; "exclude" is the strict reading of (21).
+    rtol : float
+        Tolerance of the trajectories.
+    uncertain : mapping of name to float, optional
+        Standard deviations, SI units, of constants, and of parameters that are not estimated, which are else known exactly. What
+        they make of the outputs is added to R for each point: R_k = R + G_k P G_k^T, as if they were another error in each.
+    initial_state_std : mapping of state name to float, optional
+        Standard deviations, SI units, by which starts deviate from x0; they add to R_k in the same way. A candidate must then
+        start three of them away from jumps and limits.
+    assumed_covariance : {"tangents", "predictive"}
+        Whether the two shares of R_k are G_k P G_k^T with the exact tangents at the mean, or (16) over the distribution of what is
+        uncertain, by `rule`.
+
+    Attributes
+    ----------
+    derived : tuple of str
+        Options that were not told: `output_covariance` and `parameters` follow from the others then.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For anything that does not fit together, naming the quantity.
+    """
+
+    model: Model
+    prior: GaussianPrior
+    region: ExperimentRegion | None
+    noise_std: Mapping[str, float] | None = None
+    rule: Rule = DEFAULT_RULE
+    output_covariance: str | None = None
+    parameters: Sequence[str] | None = None
+    kinks: str = "cross"
+    rtol: float = 1e-6
+    uncertain: Mapping[str, float] | None = None
+    initial_state_std: Mapping[str, float] | None = None
+    assumed_covariance: str = "tangents"
+    derived: tuple[str, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "derived", tuple(name for name in DERIVED if getattr(self, name) is None))
+        for name, kind in (("model", Model), ("prior", GaussianPrior), ("rule", Rule)):
+            if not isinstance(getattr(self, name), kind):
+                raise TypeError(f"{name}: expected a {kind.__name__}, given {type(getattr(self, name)).__name__}")
+        if self.region is not None and not isinstance(self.region, ExperimentRegion):
+            raise TypeError(f"region: expected an ExperimentRegion or None, given {type(self.region).__name__}")
+        everything = names_of(self.model.parameters)
+        check_names(self.prior.names, everything, "prior")
+        if self.prior.names != everything:
+            object.__setattr__(self, "prior", self.prior.marginal(everything))
+        self.model.theta(self.prior.mean)
+        self.rule.check(self.prior)
+        check_kinks(self.kinks)
+        set_field = object.__setattr__
+        set_field(self, "rtol", check_rtol(self.rtol))
+        if self.region is not None:
+            self.region.check(self.model)
+            bounds = [self.region.bounds[quantity.name] for quantity in self.model.states]
+            warn_of_small_states(self.model, "the region keeps", np.array(bounds).reshape(-1, 2).T, stacklevel=4)
+        if self.noise_std is not None:
+            outputs = names_of(self.model.outputs)
+            stds = in_order(self.noise_std, outputs, "noise_std").tolist()
+            stds = {name: as_std(value, f"noise_std[{name!r}]") for name, value in zip(outputs, stds, strict=True)}
+            set_field(self, "noise_std", FrozenMapping(stds))
+        given = everything if self.parameters is None else self.parameters
+        set_field(self, "parameters", some_names_among(given, everything, "parameters"))
+        self._check_assumed(everything)
+        default = "noise" if self.noise_std is not None else "region"
+        given_kind = default if self.output_covariance is None else self.output_covariance
+        set_field(self, "output_covariance", check_choice(given_kind, OUTPUT_COVARIANCES, "output_covariance"))
+        if self.output_covariance == "noise" and self.noise_std is None:
+            raise ValueError("noise_std: expected the sensor noise for output_covariance='noise', given none")
+        if self.output_covariance == "region" and self.region is None:
+            raise ValueError("region: expected a region for output_covariance='region', given None")
+
+    def _check_assumed(self, everything: tuple[str, ...]) -> None:
+        known = (*names_of(self.model.constant_quantities), *everything)
+        for label, names in (("uncertain", known), ("initial_state_std", names_of(self.model.states))):
+            stds = checked_stds(getattr(self, label), names, label)
+            for name, value in stds.items():
+                as_std(value, f"{label}[{name!r}]")
+            object.__setattr__(self, label, stds or None)
+        for name in (name for name in self.uncertain or () if name in self.estimated):
+            raise ValueError(f"uncertain: expected constants or parameters that are not estimated, given {name!r}, which is")
+        check_choice(self.assumed_covariance, ASSUMED_COVARIANCES, "assumed_covariance")
+        if self.assumed is not None and self.assumed_covariance == "predictive":
+            try:
+                self.rule.check(self.assumed.prior(self.theta))
+            except ValueError as error:
+                raise ValueError(
+                    f"rule: expected one without names of parameters for assumed_covariance='predictive': {error}"
+                ) from error
+
+    def replace(self, **changes: Any) -> DesignProblem:
+        """Return a copy with some arguments changed; options that were not told follow from the others anew."""
+        known = [one.name for one in dataclasses.fields(self) if one.init]
+        for unknown in (name for name in changes if name not in known):
+            raise TypeError(f"replace: expected names of {', '.join(known)}; given unknown {shown(unknown)}")
+        arguments: dict[str, Any] = dict.fromkeys(self.derived) | changes
+        return dataclasses.replace(self, **arguments)
+
+    @property
+    def estimated(self) -> tuple[str, ...]:
+        """Names of the parameters to estimate, in the model's order."""
+        return tuple(self.parameters or ())
+
+    @cached_property
+    def theta(self) -> Array:
+        """Prior mean in the model's order, (p,)."""
+        return _read_only(np.array([self.prior.mean[name] for name in names_of(self.model.parameters)]))
+
+    @cached_property
+    def std(self) -> Array:
+        """Prior standard deviations of the estimated parameters, (p,)."""
+        return _read_only(np.array([self.prior.std[name] for name in self.estimated]))
+
+    @cached_property
+    def estimated_columns(self) -> list[int]:
+        """Places of the estimated parameters among the model's."""
+        return [names_of(self.model.parameters).index(name) for name in self.estimated]
+
+    @cached_property
+    def assumed(self) -> Assumed | None:
+        """The model with what is uncertain among its parameters; None where nothing is."""
+        if not self.uncertain and not self.initial_state_std:
+            return None
+        return assumed_of(self.model, self.uncertain, self.initial_state_std)
+
+    @property
+    def assumed_rule(self) -> Rule | None:
+        """The rule by which what is assumed spreads over the outputs, (16); None where that is by tangents."""
+        return self.rule if self.assumed_covariance == "predictive" else None
+
+    @cached_property
+    def largest_sensitivity(self) -> Array:
+        """Of each output (n_y, 1), standardised: a point with a larger one is none, as its information would overflow."""
+        noise = [1.0] * len(self.model.outputs) if self.noise_std is None else [min(1.0, std) for std in self.noise_std.values()]
+        return _read_only(LARGEST_SENSITIVITY * np.array(noise)[:, None])
+
+    @cached_property
+    def noise_covariance(self) -> Array:
+        """R of (17), (n_y, n_y); zero where the noise is not known."""
+        if self.noise_std is None:
+            return _read_only(np.zeros((len(self.model.outputs), len(self.model.outputs))))
+        return _read_only(np.diag(np.square(list(self.noise_std.values()))))
+
+
+def _read_only(array: Array) -> Array:
+    array = array.copy()
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,225 @@
+"""Sensitivities at random points of a region, stacked: what identifiability is told by."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..basics.checks import check_names
+from ..basics.quantity import names_of
+from ..basics.values import Array
+from ..models import Model
+from ..points.experiments import Experiments
+from ..points.region import ExperimentRegion
+from ..points.trajectories import Status, on_surface, only_finite, sensitivities
+from ..prior.gaussian import GaussianPrior
+
+TIGHT, LOOSE = 1e-10, 1e-8
+"""Tolerances of the sensitivities, and of others that show how far off these may be."""
+
+AGREEMENT = 1e-5
+"""What the two may differ by, as a share of the largest at any point."""
+
+RECORD = 8
+"""Samples of a record, where starts are not known."""
+
+TINY = 1e-290
+"""An output that changes by less has no influence of any parameter: what is smaller loses digits."""
+
+MAX_ROUNDS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Stack:
+    """Sensitivities at one theta.
+
+    Attributes
+    ----------
+    names, starts : tuple of str
+        The p parameters, and the q states of which the start is not known.
+    theta, size : ndarray, (p,)
+        Parameters, and by what their sensitivities are multiplied: |theta|, or 1 where that is zero.
+    x0 : ndarray, (K, q)
+        Starts that are not known.
+    tight, loose : ndarray, (K, m, p + q)
+        For K points all samples of all outputs, scaled, by parameters and by starts; at the two tolerances.
+    """
+
+    names: tuple[str, ...]
+    starts: tuple[str, ...]
+    theta: Array
+    size: Array
+    x0: Array
+    tight: Array
+    loose: Array
+
+    def projected(self, sensitivity: Array) -> Array:
+        """Rows (K m, p) without what the sensitivities to the point's own starts explain."""
+        by_theta, by_start = np.split(sensitivity, [len(self.names)], axis=2)
+        if self.starts:
+            length = np.linalg.norm(by_start, axis=1, keepdims=True)
+            u, s, _ = np.linalg.svd(by_start / np.where(length > 0, length, 1.0), full_matrices=False)
+            u = u * (s > 1e-7)[:, None, :]  # directions of the start that no sample sees explain nothing
+            by_theta = by_theta - u @ (u.transpose(0, 2, 1) @ by_theta)
+        return by_theta.reshape(-1, len(self.names)).copy()
+
+    def start_changes(self, direction: Array) -> Array:
+        """Relative changes (K, q) of the starts that undo what a change of theta (p,) does; absolute ones of starts at zero."""
+        by_theta, by_start = np.split(self.tight, [len(self.names)], axis=2)
+        undone = -by_theta @ (direction / self.size)
+        moves = [np.linalg.lstsq(n, y, rcond=1e-7)[0] for n, y in zip(by_start, undone, strict=True)]
+        changes: Array = np.array(moves).reshape(self.x0.shape) / np.where(self.x0 != 0, self.x0, 1.0)
+        return changes
+
+
+class Sampler:
+    """Draws points of a region that are valid at a theta, and counts in `left_out` those that are not, by reason."""
+
+    def __init__(
+        self,
+        model: Model,
+        region: ExperimentRegion,
+        names: tuple[str, ...],
+        starts: tuple[str, ...],
+        rng: np.random.Generator,
+        threads: int | None,
+    ) -> None:
+        self._model, self._region, self._rng, self._threads = model, region, rng, threads
+        self._freed = model.free_start(*starts) if starts else model
+        self._names, self._starts = names, starts
+        everything, n = names_of(model.parameters), len(model.parameters)
+        self._columns = [everything.index(name) for name in names]
+        self._all_columns = [*self._columns, *range(n, n + len(starts))]
+        self._started = [names_of(model.states).index(name) for name in starts]
+        self.left_out: Counter[str] = Counter()
+
+    def stack(self, theta: Array, count: int) -> Stack:
+        """Return the sensitivities at `count` points.
+
+        Raises
+        ------
+        ValueError
+            Where hardly any point survives.
+        """
+        parts: list[tuple[Array, Array, Array]] = []
+        while sum(len(x0) for x0, _, _ in parts) < count:
+            if len(parts) == MAX_ROUNDS:
+                found = sum(len(x0) for x0, _, _ in parts)
+                reasons = ", ".join(f"{reason} {n}" for reason, n in self.left_out.most_common())
+                raise ValueError(f"region: expected points that survive, given {found} of {MAX_ROUNDS * count} drawn ({reasons})")
+            parts.append(self._draw(theta, count))
+        x0, near, far = (np.concatenate(of)[:count] for of in zip(*parts, strict=True))
+        scale = self._scale(theta)
+        size = scale[: len(self._names)]
+        output = np.abs(near[..., : len(size)]).max(axis=(0, 1, 3), initial=0.0)
+        weight = np.where(output > TINY, output, 1.0)[:, None]
+        near, far = ((given / weight).reshape(count, -1, len(scale)) for given in (near, far))
+        return Stack(self._names, self._starts, theta[self._columns], size, x0[:, self._started], near, far)
+
+    def _scale(self, theta: Array) -> Array:
+        """What sensitivities are multiplied by: |theta|, or 1 where that is zero, and 1 for starts."""
+        chosen = theta[self._columns]
+        return np.concatenate([np.where(chosen != 0, np.abs(chosen), 1.0), np.ones(len(self._starts))])
+
+    def _draw(self, theta: Array, count: int) -> tuple[Array, Array, Array]:
+        """Starts (n, n_x) of at most `count` points, with scaled samples at both tolerances, (n, samples, n_y, p + q) each."""
+        points = self._region.draw(self._model, count, self._rng, decades=True)
+        keep = self._region.satisfied(self._model, points)
+        self.left_out.update(constraint=int((~keep).sum()))
+        for rows in on_surface(self._model, points, theta).values():
+            self.left_out.update({"starts on a surface": int(keep[rows].sum())})
+            keep[rows] = False
+        points = points[keep]
+        samples = RECORD if self._starts else 1
+        shares = np.arange(1, samples + 1) / samples
+        records = Experiments(
+            np.repeat(points.x0, samples, axis=0), np.repeat(points.u, samples, axis=0), np.outer(points.dt, shares).ravel()
+        )
+        full = np.append(theta, np.zeros(len(self._starts)))
+        results = [sensitivities(self._freed, records, full, rtol, self._threads) for rtol in (TIGHT, LOOSE)]
+        status = np.max([result.status.reshape(-1, samples) for result in results], axis=(0, 2), initial=0)
+        shape = (len(points), samples, len(self._model.outputs), len(self._all_columns))
+        near, far = (result.dy_dtheta[:, :, self._all_columns].reshape(shape) for result in results)
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is left out
+            near, far = near * self._scale(theta), far * self._scale(theta)
+        status = only_finite(status, near, far)
+        self.left_out.update(Status(value).name for value in status.tolist() if value)
+        ok = status == Status.ok
+        accurate = _agree(near, far, ok)
+        self.left_out.update({"inaccurate": int((ok & ~accurate).sum())})
+        self.left_out = +self.left_out  # without those that did not occur
+        return points.x0[accurate], near[accurate], far[accurate]
+
+
+def _agree(near: Array, far: Array, ok: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which of the ok points have sensitivities (K, samples, n_y, columns) that do not hang on the tolerance.
+
+    One that grazes a kink may; it would hide small singular values.
+    """
+    size = np.abs(near[ok]).max(axis=(0, 1), initial=0.0)
+    agreed: NDArray[np.bool_] = ok & (np.abs(near - far) <= AGREEMENT * size).all(axis=(1, 2, 3))
+    return agreed
+
+
+def draw_theta(model: Model, prior: GaussianPrior | None, count: int, rng: np.random.Generator) -> Array:
+    """Parameters (count, p): the mean, and others within one standard deviation of it; of nominal values, within 40 %.
+
+    Raises
+    ------
+    ValueError
+        Where there is neither prior nor nominal value, or hardly any draw makes sense to the model.
+    """
+    names = names_of(model.parameters)
+    if prior is not None:
+        check_names(prior.names, names, "prior")
+        mean, std = (np.array([values[name] for name in names]) for values in (prior.mean, prior.std))
+        log = np.array([name in prior.log for name in names])
+    else:
+        for name in names:
+            if name not in model.nominal:
+                raise ValueError(f"prior: expected a GaussianPrior, or nominal values of all parameters; given none of {name}")
+        mean = np.array([model.nominal[name] for name in names])
+        std, log = np.where(mean != 0, 0.4 * np.abs(mean), 1.0), np.zeros(len(names), dtype=bool)
+    found = [model.theta(mean)]
+    for _ in range(100 * count):
+        if len(found) == count:
+            return np.array(found)
+        step = rng.uniform(-1, 1, len(names)) * std
+        row = np.where(log, mean * np.exp(step / np.where(mean != 0, mean, 1.0)), mean + step)
+        try:
+            found.append(model.theta(row))
+        except ValueError:
+            continue  # outside what the model takes
+    if len(found) == count:
+        return np.array(found)
+    raise ValueError(f"prior: expected parameters near the mean that {model.name} takes, given {len(found)} of {100 * count} drawn")
+
+
+def default_region(model: Model, theta: Array) -> ExperimentRegion:
+    """A box in natural sizes: states and inputs of either sign where the model takes that, and durations to match.
+
+    In its durations states change by about their natural size.
+    """
+    size = {q.name: q.scale or 1.0 for q in (*model.states, *model.inputs)}
+    bounds = {name: (0.1 * one, one) for name, one in size.items()}
+    both = [name for name, (low, high) in bounds.items() if len(_rates(model, bounds | {name: (-high, -low)}, theta))]
+    bounds |= {name: (-size[name], size[name]) for name in both}
+    if not model.states:
+        return ExperimentRegion(bounds)
+    fastest = np.abs(_rates(model, bounds, theta) / [size[q.name] for q in model.states]).max(axis=1)
+    duration = 1 / float(np.median(fastest[fastest > 0])) if fastest.any() else 1.0
+    return ExperimentRegion(bounds | {"dt": (0.1 * duration, duration)})
+
+
+def _rates(model: Model, bounds: Mapping[str, tuple[float, float]], theta: Array) -> Array:
+    """f (n, n_x) at those of 200 random points at which the model has a value."""
+    dt = {"dt": (1.0, 1.0)} if model.states else {}
+    sample = ExperimentRegion({**bounds, **dt}).draw(model, 200, np.random.default_rng(0))
+    arguments = (sample.x0, sample.u, np.tile(theta, (len(sample), 1)))
+    rates, output, limits = (function(*arguments) for function in (model.core.rhs, model.core.output, model.core.limits))
+    inside = np.isfinite(rates).all(axis=1) & np.isfinite(output).all(axis=1) & (limits[:, len(model.poles) :] > 0).all(axis=1)
+    return np.asarray(rates[inside], dtype=np.float64)

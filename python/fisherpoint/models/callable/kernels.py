@@ -1,0 +1,185 @@
+"""Trajectories, sensitivities and predictive covariances of models that are Python functions."""
+
+from __future__ import annotations
+
+import warnings
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...basics.values import Array, IntArray
+from ...engine import _core
+from .core import CallableCore
+from .integration import NOT_FINITE, OK, integrate, static_status
+from .tangents import tangents
+
+Settings = tuple[float, bool, str]
+
+
+def simulate(
+    model: CallableCore, x0: Array, u: Array, dt: Array, theta: Array, rtol: float, cross_kinks: bool, method: str, threads: int
+) -> tuple[Array, Array, IntArray]:
+    """x, y, status."""
+    rows = _rows(theta, len(dt))
+    x, status = np.array(x0), np.zeros(len(dt), dtype=np.int32)
+    for k in range(len(dt)):
+        x[k], status[k] = _end(model, x0[k], u[k], dt[k], rows[k], (rtol, cross_kinks, method))
+    return x, *_outputs(model, x, u, rows, status)
+
+
+def sensitivities(
+    model: CallableCore,
+    x0: Array,
+    u: Array,
+    dt: Array,
+    theta: Array,
+    rtol: float,
+    cross_kinks: bool,
+    method: str,
+    threads: int,
+    whole_first: bool = False,
+) -> tuple[Array, Array, Array, Array, IntArray]:
+    """x, y, dx_dtheta, dy_dtheta, status; SciPy chooses the first step."""
+    count, n_x, p = len(dt), model.n_x, theta.shape[-1]
+    rows = _rows(theta, count)
+    by_complex_step = model.takes_complex(x0, u, rows)
+    x, status = np.array(x0), np.zeros(count, dtype=np.int32)
+    dx, dy = np.zeros((count, n_x, p)), np.zeros((count, model.n_y, p))
+    start = perf_counter()
+    for k in range(count):
+        size = np.where(rows[k] != 0, np.abs(rows[k]), 1.0)  # one step along a parameter is relative
+
+        def derivative(z: Array, k: int = k, size: Array = size) -> Array:
+            state, s = z[:n_x], z[n_x:].reshape(n_x, p)
+            rates, along = tangents(model.rhs, state, s, u[k], rows[k], size, model.scale, by_complex_step)
+            return np.concatenate([rates, along.ravel()])
+
+        if n_x:
+            z0 = np.concatenate([x0[k], np.zeros(n_x * p)])
+            z, status[k] = integrate(model, derivative, z0, u[k], dt[k], rows[k], rtol, cross_kinks, method)
+        else:
+            z, status[k] = np.empty(0), static_status(model, x0[k], u[k], rows[k])
+        x[k], s = z[:n_x], z[n_x:].reshape(n_x, p)
+        if status[k] == OK:
+            _, along = tangents(model.output, x[k], s, u[k], rows[k], size, model.scale, by_complex_step)
+            dx[k], dy[k] = s / size, along / size
+            if not (np.isfinite(dx[k]).all() and np.isfinite(dy[k]).all()):
+                status[k] = NOT_FINITE
+    y, status = _outputs(model, x, u, rows, status)
+    dx[status != OK], dy[status != OK] = 0.0, 0.0
+    if count:
+        kind = "complex step" if by_complex_step else "central differences (the functions do not take complex numbers)"
+        what = (
+            f"1 integration of {n_x * (p + 1)} states per point, with {(p if by_complex_step else 2 * p) + 1} rows per evaluation"
+        )
+        _warn(model, f"sensitivities by {kind}", what, (perf_counter() - start) / count)
+    return x, y, dx, dy, status
+
+
+def chain(
+    model: CallableCore, x0: Array, u: Array, dt: Array, theta: Array, rtol: float, cross_kinks: bool, method: str, threads: int
+) -> tuple[Array, IntArray, NDArray[np.int64]]:
+    """x (B, pieces + 1, n_x), status, pieces that were completed."""
+    count, pieces = len(x0), len(dt)
+    rows = _rows(theta, count)
+    x, status = np.repeat(x0[:, None], pieces + 1, axis=1), np.zeros(count, dtype=np.int32)
+    reached = np.zeros(count, dtype=np.int64)
+    for b in range(count):
+        for n in range(pieces):
+            end, status[b] = _end(model, x[b, n], u[n], dt[n], rows[b], (rtol, cross_kinks, method))
+            x[b, n + 1 :] = end
+            if status[b] != OK:
+                break
+            reached[b] += 1
+    return x, status, reached
+
+
+def predictive_covariance(
+    model: CallableCore,
+    x0: Array,
+    u: Array,
+    dt: Array,
+    theta: Array,
+    nodes: _core.PriorNodes,
+    rtol: float,
+    cross_kinks: bool,
+    method: str,
+    threads: int,
+    max_lost: float = 0.0,
+) -> tuple[Array, IntArray, NDArray[np.int64], Array, Array]:
+    """covariance (K, n_y, n_y), status, nodes that were redone, no outputs, lost weight; as the compiled kernels have them."""
+    count, n_y = len(dt), model.n_y
+    _, nominal_y, status = simulate(model, x0, u, dt, theta, rtol, cross_kinks, method, threads)
+    at, weights = nodes.nodes()
+    covariance, lost = np.zeros((count, n_y, n_y)), np.ones(count)
+    start = perf_counter()
+    for k in np.flatnonzero(status == OK):
+        y, ended = _over_nodes(model, x0[k], u[k], dt[k], at, (rtol, cross_kinks, method), stop=max_lost == 0)
+        bad = ended != OK
+        first = int(ended[np.argmax(bad)]) if bad.any() else OK
+        if max_lost == 0 and bad.any():
+            status[k] = first
+            continue
+        lost[k] = np.abs(weights[bad]).sum() / np.abs(weights).sum()
+        total = weights[~bad].sum()
+        if lost[k] > max_lost or not total > 0:
+            status[k] = first or NOT_FINITE
+            continue
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
+            deviation = y[~bad] - nominal_y[k]
+            spread = (weights[~bad, None] * deviation).T @ deviation / total
+        if np.isfinite(spread).all():
+            covariance[k] = spread
+        else:
+            status[k] = NOT_FINITE
+    if count:
+        _warn(model, "predictive covariances", f"{len(at)} integrations per point", (perf_counter() - start) / count)
+    return covariance, status, np.zeros(count, dtype=np.int64), np.empty((0, 0, n_y)), lost
+
+
+def _over_nodes(
+    model: CallableCore, x0: Array, u: Array, dt: float, theta: Array, settings: Settings, stop: bool
+) -> tuple[Array, IntArray]:
+    """Outputs (R, n_y) and statuses (R,) of one point; with `stop` only up to the first that is not ok."""
+    y, status = np.zeros((len(theta), model.n_y)), np.zeros(len(theta), dtype=np.int32)
+    for r, row in enumerate(theta):
+        x, status[r] = _end(model, x0, u, dt, row, settings)
+        y[r : r + 1], status[r : r + 1] = _outputs(model, x[None], u[None], row[None], status[r : r + 1])
+        if stop and status[r] != OK:
+            break
+    return y, status
+
+
+def _end(model: CallableCore, x0: Array, u: Array, dt: float, theta: Array, settings: Settings) -> tuple[Array, int]:
+    if not model.n_x:
+        return x0, static_status(model, x0, u, theta)
+
+    def rates(x: Array) -> Array:
+        return np.asarray(model.rhs(x[None], u[None], theta[None])[0], dtype=np.float64)
+
+    x, status = integrate(model, rates, x0, u, dt, theta, *settings)
+    return x, status if np.isfinite(x).all() else status or NOT_FINITE
+
+
+def _outputs(model: CallableCore, x: Array, u: Array, theta: Array, status: IntArray) -> tuple[Array, IntArray]:
+    """Outputs and statuses: where an output is not finite it is zero, and the status says so."""
+    y = np.asarray(model.output(x, u, theta), dtype=np.float64)
+    bad = np.any(~np.isfinite(y), axis=1)
+    return np.where(bad.reshape(-1, 1), 0.0, y), np.where(bad & (status == OK), NOT_FINITE, status).astype(np.int32)
+
+
+def _rows(theta: Array, count: int) -> Array:
+    return np.broadcast_to(theta, (count, theta.shape[-1]))
+
+
+def _warn(model: CallableCore, what: str, cost: str, seconds: float) -> None:
+    """Say once for each kind of result what it costs."""
+    kind = what.split(" by ")[0]
+    if kind in model.warned:
+        return
+    model.warned.add(kind)
+    advice = "a SymbolicModel is a thousand times faster"
+    warnings.warn(
+        f"CallableModel {model.name!r}: {what}: {cost}, {1e3 * seconds:.3g} ms per point; {advice}", UserWarning, stacklevel=5
+    )

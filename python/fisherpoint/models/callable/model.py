@@ -1,0 +1,176 @@
+"""Models given by NumPy functions: the slow path for what cannot be written as equations."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ...basics.checks import as_float, check_known, check_mapping, check_name
+from ...basics.messages import shown
+from ...basics.quantity import names_of
+from ...basics.values import Array, FrozenMapping
+from ...engine.levels import Kernels
+from ..base import Model
+from ..quantities import Described, check_distinct, checked_name, constants_of, quantities_of, start_offsets
+from . import kernels
+from .core import CallableCore, Columns, Function
+
+
+class CallableModel(Model):
+    """A model x' = f(x, u, theta), y = g(x, u, theta) given by Python functions.
+
+    The functions are called with x (K, n_x), u (K, n_u) and p (K, p), of which columns can be read by name, ``p.k1 * x.h1``; known
+    constants are attributes of p. They return an array (K, n), or a list of n entries each a number or (K,).
+
+    Trajectories are integrated one by one with `scipy.integrate.solve_ivp`, on one core, whatever `threads` says. Sensitivities
+    come from the equations of variation with derivatives of f and g along their directions: by complex step where the functions
+    take complex numbers and do not lose them, which is tried once, else by central differences. A `UserWarning` at the first use
+    says which, and what it costs. Equations (`SymbolicModel`) are a thousand times faster and more.
+
+    Parameters
+    ----------
+    f : callable or None
+        Rates of the states, SI units; None for a model without states.
+    g : callable
+        Outputs.
+    states, inputs, parameters, outputs, constants, name, nominal
+        As for `SymbolicModel`.
+    jumps, kinks : mapping of name to callable, optional
+        What is zero where f jumps, and where it has a corner: functions of x, u, p that return (K,). What is not declared here is
+        not seen.
+    domain : mapping of name to callable, optional
+        What must stay positive.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a function that fails, or that returns another shape; the message names it.
+    """
+
+    def __init__(
+        self,
+        f: Function | None,
+        g: Function,
+        states: Described | None,
+        inputs: Described | None,
+        parameters: Described,
+        outputs: Described | None = None,
+        constants: Mapping[str, Any] | None = None,
+        domain: Mapping[str, Function] | None = None,
+        jumps: Mapping[str, Function] | None = None,
+        kinks: Mapping[str, Function] | None = None,
+        name: str = "model",
+        nominal: Mapping[str, float] | None = None,
+    ) -> None:
+        self.name = checked_name(name)
+        self.states, self.inputs = quantities_of(states, "states"), quantities_of(inputs, "inputs")
+        self.parameters = quantities_of(parameters, "parameters")
+        self.outputs = quantities_of({"y": "1"} if outputs is None else outputs, "outputs")
+        self.constant_quantities, values = constants_of(constants)
+        self._constants = FrozenMapping(values)
+        kinds = {"states": self.states, "inputs": self.inputs, "parameters": self.parameters, "constants": self.constant_quantities}
+        check_distinct((q.name, kind) for kind, of in kinds.items() for q in of)
+        for kind in ("parameters", "outputs"):
+            if not getattr(self, kind):
+                raise ValueError(f"{kind}: expected at least one, given none")
+        own = names_of(self.parameters)
+        usual = {} if nominal is None else check_mapping(nominal, "nominal")
+        check_known(usual, own, "nominal", "the names")
+        self.nominal = FrozenMapping({key: as_float(value, f"nominal[{key!r}]") for key, value in usual.items()})
+        if (f is None) != (not self.states):
+            raise TypeError(f"f: expected {'a function' if self.states else 'None for a model without states'}, given {shown(f)}")
+        self.f, self.g = f, g
+        named = {"jumps": jumps, "kinks": kinks, "domain": domain}
+        self._given = tuple(_functions_of(given, kind) for kind, given in named.items())
+        self.jumps, self.kinks, self.domain = (tuple(of) for of in self._given)
+        self.core.check()
+
+    @property
+    def constants(self) -> Mapping[str, float]:
+        """The known constants by name, SI units."""
+        return self._constants
+
+    @cached_property
+    def core(self) -> CallableCore:
+        """The functions, with arrays in and arrays out."""
+        return CallableCore(self, self.f, self.g, *self._given)
+
+    @property
+    def kernels(self) -> Kernels:
+        """Integration by `solve_ivp`."""
+        return kernels
+
+    def free_start(self, *names: str) -> CallableModel:
+        """Return the model in which these states start off their x0 by a further parameter each: they come last, nominally 0."""
+        offsets = start_offsets(self, names)
+        places = tuple(names_of(self.states).index(name) for name in names)
+
+        def shifted(function: Function) -> Function:
+            return _Shifted(function, places, names_of(self.states), names_of(self.parameters), self.constants)
+
+        jumps, kinks, domain = ({name: shifted(function) for name, function in of.items()} for of in self._given)
+        return CallableModel(
+            None if self.f is None else shifted(self.f),
+            shifted(self.g),
+            self.states,
+            self.inputs,
+            (*self.parameters, *offsets),
+            self.outputs,
+            {q.name: (self.constants[q.name], q) for q in self.constant_quantities},
+            domain,
+            jumps,
+            kinks,
+            self.name,
+            {**self.nominal, **dict.fromkeys(names_of(offsets), 0.0)},
+        )
+
+    def to_toml(self) -> str:
+        """Refused: functions cannot be written into a file."""
+        raise TypeError(f"{self.name}: expected a model with equations, given CallableModel")
+
+    def _check_theta(self, rows: Array) -> None:
+        """Nothing is known about parameters."""
+
+    def _identity(self) -> Hashable:
+        described = (self.states, self.inputs, self.parameters, self.outputs, self.constant_quantities)
+        given = (tuple(of.items()) for of in self._given)  # their order is that of the surfaces
+        return (self.name, self.f, self.g, *given, *described, self._constants, self.nominal)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        jumps, kinks, domain = map(dict, self._given)
+        constants = {q.name: (self.constants[q.name], q) for q in self.constant_quantities}
+        quantities = (self.states, self.inputs, self.parameters, self.outputs, constants)
+        return (CallableModel, (self.f, self.g, *quantities, domain, jumps, kinks, self.name, dict(self.nominal)))
+
+    def __repr__(self) -> str:
+        kinds = {"state": self.states, "input": self.inputs, "parameter": self.parameters, "output": self.outputs}
+        return (
+            f"CallableModel({self.name!r}, {', '.join(f'{len(of)} {kind}' + 's' * (len(of) != 1) for kind, of in kinds.items())})"
+        )
+
+
+def _functions_of(given: Mapping[str, Function] | None, kind: str) -> FrozenMapping[Function]:
+    functions = {} if given is None else check_mapping(given, kind, "functions")
+    for name, function in functions.items():
+        if not callable(function):
+            raise TypeError(f"{kind}[{shown(name)}]: expected a function of x, u, p, given {shown(function)}")
+    return FrozenMapping({check_name(name, kind): function for name, function in functions.items()})
+
+
+class _Shifted:
+    """A function of a model, with further parameters added to states."""
+
+    def __init__(
+        self, function: Function, places: tuple[int, ...], states: tuple[str, ...], parameters: tuple[str, ...], constants: Any
+    ) -> None:
+        self._function, self._places, self._states = function, places, states
+        self._parameters, self._constants = parameters, constants
+
+    def __call__(self, x: Any, u: Any, p: Any) -> Any:
+        theta, n = np.asarray(p), len(self._parameters)
+        moved = np.asarray(x).astype(np.result_type(x, theta))
+        moved[:, list(self._places)] += theta[:, n:]
+        return self._function(Columns(moved, self._states), u, Columns(theta[:, :n], self._parameters, self._constants))

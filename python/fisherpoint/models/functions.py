@@ -1,0 +1,86 @@
+"""The functions that the equations of a model may use, on SymPy expressions.
+
+They are reached as ``fp.sqrt``, ``fp.where`` and so on. SymPy is imported when the first of them is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import reduce
+from typing import Any
+
+import numpy as np
+import sympy
+from sympy.logic.boolalg import Boolean, BooleanAtom
+
+from ..basics.checks import as_float
+from ..basics.messages import shown
+from .tape.parts import cases, check_size
+
+__all__ = ["ARGUMENTS", "FUNCTIONS", "NAMES", "heaviside", "sign", "sqrt", "tanh", "where"]
+
+heaviside, sign, sqrt, tanh = sympy.Heaviside, sympy.sign, sympy.sqrt, sympy.tanh
+
+
+def where(condition: Any, a: Any, b: Any) -> Any:
+    """a where the condition, a comparison or several joined by & and |, holds, else b."""
+    a, b = _term(a, "where"), _term(b, "where")
+    if isinstance(condition, bool | BooleanAtom):
+        return a if condition else b
+    if not isinstance(condition, Boolean) or condition.is_Symbol:
+        raise TypeError(f"where: expected a condition such as x.h > 0, given {shown(condition)}")
+    value = cases(a, condition, b)
+    check_size(value, "where")
+    return value
+
+
+def _term(given: Any, name: str) -> Any:
+    """An argument: a term of equations, or a number."""
+    if isinstance(given, sympy.Expr):
+        return given
+    as_float(given, name)
+    return sympy.sympify(given.item() if isinstance(given, np.ndarray | np.generic) else given)
+
+
+def _of_terms(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function of SymPy that takes nothing but terms, and as many as it should."""
+
+    def of_terms(*arguments: Any) -> Any:
+        least, most = ARGUMENTS[name]
+        if not least <= len(arguments) <= most:
+            expected = least if least == most else f"{least} to {most}"
+            raise TypeError(f"{name}: expected {expected} arguments, given {len(arguments)}")
+        return function(*(_term(argument, name) for argument in arguments))
+
+    of_terms.__name__, of_terms.__doc__ = name, function.__doc__
+    return of_terms
+
+
+def _extreme(kind: Any, number: Callable[..., Any]) -> Callable[..., Any]:
+    def extreme(*given: Any) -> Any:
+        if all(argument.is_Number for argument in given):
+            return number(given)
+        distinct = list(dict.fromkeys(given))
+        for argument in distinct:
+            check_size(argument, kind.__name__.lower())
+        # Unevaluated: SymPy would try at length to decide which is larger.
+        return kind(*distinct, evaluate=False) if len(distinct) > 1 else distinct[0]
+
+    extreme.__doc__ = f"The {'larger' if kind is sympy.Max else 'smaller'} of the arguments."
+    return extreme
+
+
+_OF_TERMS: dict[str, Callable[..., Any]] = {
+    **{name: getattr(sympy, name) for name in ("sqrt", "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "atan2")},
+    **{name: getattr(sympy, name) for name in ("sinh", "cosh", "tanh", "sign")},
+    "abs": sympy.Abs,
+    "heaviside": heaviside,
+    "min": _extreme(sympy.Min, lambda given: reduce(lambda a, b: a if a <= b else b, given)),
+    "max": _extreme(sympy.Max, lambda given: reduce(lambda a, b: a if a >= b else b, given)),
+}
+FUNCTIONS: dict[str, Callable[..., Any]] = {**{name: _of_terms(name, one) for name, one in _OF_TERMS.items()}, "where": where}
+"""By the name that equations use."""
+
+NAMES = tuple(FUNCTIONS)
+ARGUMENTS = {name: (1, 1) for name in NAMES} | {"atan2": (2, 2), "min": (2, 32), "max": (2, 32), "where": (3, 3)}
+"""The least and the largest number of arguments of each."""

@@ -1,0 +1,1 @@
+"""Where the equations of a model jump, have a corner or no value."""

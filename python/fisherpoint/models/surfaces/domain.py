@@ -1,0 +1,161 @@
+"""Where f and g have a value: what must stay positive, and divisors, which may have either sign but must not reach zero."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import sympy
+
+from ..tape.branch import Select
+from ..tape.parts import parts, reads, replaced
+from .branches import Surface
+from .printing import to_text
+from .zeros import normal_form, reduced
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What must stay positive, or other than zero for a pole. In a branch that is not taken its expression is 1."""
+
+    name: str
+    expression: Any
+    pole: bool
+
+
+MOST = 256
+"""The most limits that are looked at; fewer are left, as some keep others."""
+
+Guards = tuple[tuple[Any, bool], ...]
+
+
+class Domain:
+    """Collects the limits of expressions without nested branches on anything but `Select`.
+
+    Parameters
+    ----------
+    constants : mapping of sympy.Symbol to float
+        What helps to see that an expression is positive.
+    surfaces : sequence of Surface
+        The switching surfaces whose sides the expressions read. What vanishes on one of them and has a value only on one of its
+        sides, as sqrt(x) where x > 0, has no derivative there: it becomes a pole, so that points may start on either side.
+    """
+
+    def __init__(self, constants: Mapping[Any, float], surfaces: Sequence[Surface]) -> None:
+        self._switching = {normal_form(surface.expression)[0]: surface.side for surface in surfaces}
+        self._constants = {symbol: sympy.Float(value) for symbol, value in constants.items()}
+        self._with_constants: dict[Any, Any] = {}
+        self._limits: dict[tuple[Any, int | None, Guards], Limit] = {}
+        self._visited: set[Any] = set()
+        self._limited: dict[Any, bool] = {}
+
+    @property
+    def limits(self) -> list[Limit]:
+        """All limits, poles first; a divisor that a limit keeps from zero is none."""
+        kept = {(form, guards) for form, sign, guards in self._limits if sign is not None}
+        everywhere = {(form, sign) for form, sign, guards in self._limits if not guards}
+        positive = {
+            limit.expression: sympy.Dummy(positive=True)
+            for (_, sign, guards), limit in self._limits.items()
+            if sign == 1 and not guards and limit.expression.is_Symbol
+        }
+        poles, others = [], []
+        for (form, sign, guards), limit in self._limits.items():
+            if guards and (form, sign) in everywhere:
+                continue
+            read = limit.expression not in positive and reads(limit.expression, positive)
+            if read and replaced(limit.expression, positive).is_positive:
+                continue
+            if not limit.pole:
+                others.append(limit)
+            elif (form, guards) not in kept and (form, ()) not in kept:
+                poles.append(limit)
+        return poles + others
+
+    def declare(self, expression: Any, written: Any) -> None:
+        """Add a condition of the user's: the expression must stay positive."""
+        self._add(expression, written, (), pole=False)
+
+    def read(self, expression: Any, origin: Mapping[Any, Any]) -> None:
+        """Add the limits of an expression; `origin` tells how its parts were written."""
+        for part in parts(expression, self._limited):
+            self._limited[part] = bool(_limits_of(part, {})) or any(self._limited[argument] for argument in part.args)
+        stack: list[tuple[Any, Guards]] = [(expression, ())]
+        while stack:
+            part, guards = stack.pop()
+            if not self._limited[part] or (part, guards) in self._visited:
+                continue
+            self._visited.add((part, guards))
+            if isinstance(part, Select):
+                condition, a, b = part.args
+                branches = [(b, (*guards, *_guards(condition, False))), (a, (*guards, *_guards(condition, True)))]
+                stack += [*branches, (condition, guards)]
+                continue
+            for argument, written, pole in _limits_of(part, origin):
+                self._add(argument, written, guards, pole)
+            stack += [(argument, guards) for argument in reversed(part.args)]
+
+    def _add(self, expression: Any, written: Any, guards: Guards, pole: bool) -> None:
+        for shown in (written, expression):
+            known = replaced(shown, self._constants, self._with_constants)
+            if known.is_positive or (pole and known.is_nonzero):
+                return
+        smooth = sympy.Mul(*(factor for factor in sympy.Mul.make_args(expression) if not isinstance(factor, sympy.Dummy)))
+        if pole and smooth == 1:
+            return
+        if any(taken and condition == expression for condition, taken in guards):
+            return  # the branch is taken where this is positive
+        form, sign = normal_form(smooth)
+        side = self._switching.get(form)
+        if side is not None and (smooth != expression or any(condition == side for condition, _ in guards)):
+            guards = tuple(guard for guard in guards if guard[0] != side)
+            expression, written, pole = smooth, written if smooth == expression else smooth, True
+        else:
+            form, sign = normal_form(expression)
+        shown, turned = reduced(written) if not expression.is_number else (written, 1)
+        if turned < 0 and not pole:
+            shown = -shown
+        for condition, taken in reversed(guards):
+            expression = Select(condition, *((expression, sympy.S.One) if taken else (sympy.S.One, expression)))
+        if len(self._limits) == MOST:
+            raise ValueError(f"f: expected at most {MOST} roots, logarithms, divisors and conditions of the domain, given more")
+        self._limits.setdefault((form, None if pole else sign, guards), Limit(to_text(shown), expression, pole))
+
+
+def _guards(condition: Any, holds: bool) -> Guards:
+    """What holds, or does not, where a condition does or does not: of "a and b" that holds, a and b."""
+    if isinstance(condition, Select):
+        first, *branches = condition.args
+        for taken, other in ((True, branches[1]), (False, branches[0])):
+            if other.is_number and (other > 0) != holds:  # so the first went the other way
+                rest = branches[0] if taken else branches[1]
+                return (*_guards(first, taken), *(() if rest.is_number else _guards(rest, holds)))
+    return ((condition, holds),)
+
+
+def _limits_of(part: Any, origin: Mapping[Any, Any]) -> Sequence[tuple[Any, Any, bool]]:
+    """What must be positive, or other than zero, for this part to have a value: (expression, as it was written, pole)."""
+    if not part.args:
+        return ()
+    argument = part.args[0]
+    written = origin.get(argument, argument)
+    if isinstance(part, sympy.Pow):
+        if part.exp.is_Integer:
+            return [(argument, written, True)] if part.exp < 0 else ()
+        if isinstance(argument, sympy.Abs) and part.exp.is_Number and part.exp > 1:
+            return ()
+        return [(argument, written, False)]
+    if isinstance(part, sympy.log):
+        return [(argument, written, False)]
+    if isinstance(part, sympy.asin | sympy.acos):
+        return [(1 - argument, 1 - written, False), (1 + argument, 1 + written, False)]
+    if isinstance(part, sympy.tan):
+        return [(sympy.cos(argument), sympy.cos(written), True)]
+    if isinstance(part, sympy.atan2):
+        # Off the negative x axis, where it jumps, and off the origin.
+        pairs = zip(part.args, (origin.get(other, other) for other in part.args), strict=True)
+        (y, y_written), (x, x_written) = pairs
+        ahead = [x + (1 - 1e-6) * sympy.sqrt(x * x + y * y) for y, x in ((y, x), (y_written, x_written))]
+        return [(ahead[0], ahead[1], False)]
+    return ()

@@ -1,0 +1,61 @@
+"""Powers of what is zero on one side of an edge, as sqrt(max(h - c, 0)): they are zero there, with all derivatives.
+
+Written as a power of a branch they would have neither value nor derivative there, by the rule for a power. As a branch of powers
+they have both. Where the exponent is above 1, the power has its derivative on the edge too; it is continued evenly past the edge,
+|h - c|**1.5, so that a step of the integrator may look beyond before it is cut off at the edge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import sympy
+
+from ..tape.branch import Select
+from ..tape.parts import rebuilt
+from .branches import Surface
+from .zeros import normal_form
+
+
+class Powers:
+    """Rewrites expressions that have sides of the given surfaces, or branches on values."""
+
+    def __init__(self, surfaces: Sequence[Surface]) -> None:
+        self._forms = {surface.side: normal_form(surface.expression) for surface in surfaces}
+        self._known: dict[Any, Any] = {}
+
+    def rewrite(self, expression: Any) -> Any:
+        return rebuilt(expression, self._change, self._known)
+
+    def _change(self, _: Any, now: Any) -> Any:
+        fraction = isinstance(now, sympy.Pow) and now.exp.is_Number and now.exp > 0 and not now.exp.is_Integer
+        return self._power(now.base, now.exp) if fraction else now
+
+    def _power(self, base: Any, exponent: Any) -> Any:
+        factors = sympy.Mul.make_args(base)
+        for place, factor in enumerate(factors):
+            rest = sympy.Mul(*factors[:place], *factors[place + 1 :])
+            if isinstance(factor, sympy.Max) and sympy.S.Zero in factor.args:
+                others = [argument for argument in factor.args if argument != 0]
+                larger = others[0] if len(others) == 1 else sympy.Max(*others, evaluate=False)
+                return Select(larger, self._power(rest, exponent) * self._power(larger, exponent), 0)
+            if isinstance(factor, Select) and any(branch == 0 for branch in factor.args[1:]):
+                condition, a, b = factor.args
+                value, edge = (a, condition) if b == 0 else (b, -condition)
+                if self._is_positive_past(value, edge):
+                    past = self._power(rest, exponent) * (sympy.Abs(value) if exponent > 1 else value) ** exponent
+                else:
+                    past = self._power(rest * value, exponent)
+                return Select(condition, *((past, 0) if b == 0 else (0, past)))
+            if exponent > 1 and self._is_positive_past(rest, factor):  # side * x is |x|
+                return sympy.Abs(rest) ** exponent
+        return base**exponent
+
+    def _is_positive_past(self, value: Any, edge: Any) -> bool:
+        """Whether the value is zero on the surface of a side, or of what is minus one, and positive where that is."""
+        sign = -1 if edge.could_extract_minus_sign() else 1
+        if sign * edge not in self._forms:
+            return False
+        form, orientation = self._forms[sign * edge]
+        return normal_form(value) == (form, sign * orientation)

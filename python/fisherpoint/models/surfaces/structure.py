@@ -1,0 +1,99 @@
+"""What the equations of a model imply: where f switches, where f and g have a value, and the programs that the core runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ...basics.values import Array
+from ..tape.parts import reads
+from ..tape.programs import Programs, build_programs
+from .branches import Branches
+from .domain import Domain, Limit
+from .evaluate import evaluate
+from .jumps import classified
+from .powers import Powers
+
+
+@dataclass(frozen=True)
+class Equations:
+    """f, g and the conditions that must stay positive, in symbols."""
+
+    rates: tuple[Any, ...]
+    output: tuple[Any, ...]
+    conditions: tuple[Any, ...]
+    states: tuple[Any, ...]
+    inputs: tuple[Any, ...]
+    parameters: tuple[Any, ...]
+    constants: Mapping[Any, float]
+
+
+class Structure:
+    """Attributes: rates and output without branches on what is not known, surfaces (jumps first), limits (poles first)."""
+
+    def __init__(self, equations: Equations) -> None:
+        self.equations = equations
+        by_side, by_value = Branches(equations.states, by_side=True), Branches(equations.states, by_side=False)
+        rates = [by_side.rewrite(expression) for expression in equations.rates]
+        told = classified(rates, by_side, equations.states, equations.constants, equations.conditions)
+        merged = [replace(surface, expression=by_side.merged(surface.expression)) for surface in told]
+        powers = Powers(merged)
+        self.rates = [powers.rewrite(by_side.merged(rate)) for rate in rates]
+        self.surfaces = [replace(surface, expression=powers.rewrite(surface.expression)) for surface in merged]
+        self.output = [powers.rewrite(by_value.rewrite(expression)) for expression in equations.output]
+
+        domain = Domain(equations.constants, self.surfaces)
+        for condition in equations.conditions:
+            domain.declare(by_value.rewrite(condition), condition)
+        for rewritten, branches in ((self.rates, by_side), (self.output, by_value)):
+            for expression in rewritten:
+                domain.read(expression, branches.origin)
+        for surface in self.surfaces:
+            domain.read(surface.expression, by_side.origin)
+        moving = {*equations.states, *equations.inputs, *(surface.side for surface in self.surfaces)}
+        limits = domain.limits
+        self.limits = [limit for limit in limits if reads(limit.expression, moving)]
+        self.of_parameters = [limit for limit in limits if not reads(limit.expression, moving)]
+        self._check_constants()
+
+    def _check_constants(self) -> None:
+        parameters = set(self.equations.parameters)
+        fixed = [limit for limit in self.of_parameters if not reads(limit.expression, parameters)]
+        self.of_parameters = [limit for limit in self.of_parameters if limit not in fixed]
+        self._refuse(fixed, {}, "constants.")
+
+    def check_theta(self, rows: Array) -> None:
+        """Raise where one of the rows (K, p) breaks a limit that neither state nor input enters."""
+        self._refuse(self.of_parameters, dict(zip(self.equations.parameters, rows.T, strict=True)), "")
+
+    def _refuse(self, limits: Sequence[Limit], values: Mapping[Any, Any], place: str) -> None:
+        numbers = evaluate([limit.expression for limit in limits], {**self.equations.constants, **values})
+        for limit, given in zip(limits, map(np.atleast_1d, numbers), strict=True):
+            holds = given != 0 if limit.pole else given > 0
+            if not holds.all():
+                expected = "a number other than 0" if limit.pole else "a positive number"
+                raise ValueError(f"{place}{limit.name}: expected {expected}, given {given[~holds][0]:g}")
+
+    @property
+    def poles(self) -> int:
+        return sum(limit.pole for limit in self.limits)
+
+    @cached_property
+    def programs(self) -> Programs:
+        """All programs of the model."""
+        equations = self.equations
+        return build_programs(
+            self.rates,
+            self.output,
+            [*(surface.expression for surface in self.surfaces), *(limit.expression for limit in self.limits)],
+            equations.states,
+            equations.inputs,
+            equations.parameters,
+            [surface.side for surface in self.surfaces],
+            equations.constants,
+            self.poles,
+        )

@@ -1,0 +1,1 @@
+"""Experiment points, the region they are chosen from, and what the engine computes of them."""

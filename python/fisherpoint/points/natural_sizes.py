@@ -1,0 +1,36 @@
+"""Natural sizes of states: where none is told and a state keeps far below 1, tolerances mean little for it, which is said."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+
+from ..basics.values import Array
+from ..models import Model
+
+SMALL = 0.01
+"""A state that keeps below this has too few digits where its natural size is taken as 1."""
+
+ROUNDING = 1e-13
+"""Of the largest state: what keeps below this may well be zero but for rounding."""
+
+
+def warn_of_small_states(model: Model, where: str, *states: Array, stacklevel: int = 3) -> None:
+    """Warn of states without a told natural size (`Quantity.scale`) of which all values (..., n_x) are small and some not zero.
+
+    `where` completes "as ... it below 1e-3 mol": "the region keeps" or "the trajectories keep".
+    """
+    untold = [i for i, quantity in enumerate(model.states) if quantity.scale is None]
+    if not untold or not any(values.size for values in states):
+        return
+    largest = np.max([np.abs(values).reshape(-1, len(model.states)).max(axis=0, initial=0.0) for values in states], axis=0)
+    for i in untold:
+        quantity = model.states[i]
+        if ROUNDING * largest.max() < largest[i] < SMALL:
+            warnings.warn(
+                f"{quantity.name}: expected its natural size, as {where} it below {largest[i]:.3g} {quantity.unit} and rtol refers"
+                f" to 1 {quantity.unit} where none is told; in states, write ({quantity.unit!r}, {largest[i]:.1g})",
+                RuntimeWarning,
+                stacklevel=stacklevel + 1,
+            )

@@ -1,0 +1,159 @@
+"""Predictive covariances of experiment points: the spread of their outputs over the prior, by any rule."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from ..basics.checks import check_names, some_names_among
+from ..basics.quantity import names_of
+from ..basics.values import Array, IntArray
+from ..engine import _core
+from ..models import Model
+from ..prior.gaussian import GaussianPrior
+from ..prior.rules import Linearized, Rule
+from .experiments import Experiments
+from .natural_sizes import warn_of_small_states
+from .trajectories import Settings, Status, check_type, checked_arguments, only_finite, sensitivities
+
+
+class _CovarianceAndStatus(NamedTuple):
+    covariance: Array
+    status: IntArray
+
+
+class PredictiveCovariance(_CovarianceAndStatus):
+    """Predictive covariances, and how much of the rule they are; unpacks to `covariance, status`.
+
+    Attributes
+    ----------
+    covariance : ndarray, (K, n_y, n_y)
+        In squared output units; zero where the status is not ok.
+    status : ndarray, (K,)
+        `Status` values.
+    projection : ndarray, (K,)
+        Where a rule with negative weights gives a matrix that is not positive semidefinite, `covariance` is the nearest one that
+        is; this is their distance as a share of the matrix (Frobenius norms, outputs scaled to unit variance). 0 elsewhere.
+    lost_weight : ndarray, (K,)
+        Share of the sum of |weights| of nodes whose trajectory is not ok; 1 where work ended at the first one.
+    """
+
+    projection: Array
+    lost_weight: Array
+
+    def __new__(cls, covariance: Array, status: IntArray, projection: Array, lost_weight: Array) -> PredictiveCovariance:
+        self = super().__new__(cls, covariance, status)
+        self.projection, self.lost_weight = projection, lost_weight
+        return self
+
+    def __getnewargs__(self) -> tuple[Array, IntArray, Array, Array]:
+        return (self.covariance, self.status, self.projection, self.lost_weight)
+
+
+def predictive_covariance(
+    model: Model,
+    points: Experiments,
+    prior: GaussianPrior,
+    rule: Rule,
+    rtol: float = 1e-6,
+    threads: int | None = None,
+    kinks: str = "cross",
+    parameters: tuple[str, ...] | None = None,
+    method: str | None = None,
+) -> PredictiveCovariance:
+    """Spread of the outputs over the prior, (14)-(16), around the output at the prior mean.
+
+    The nodes of a tensor rule are worked through without storing them: memory does not grow with their number.
+
+    Parameters
+    ----------
+    model, points, rtol, threads, kinks, method
+        As in `simulate`.
+    prior : GaussianPrior
+    rule : TensorGrid, GaussHermite, SparseGaussHermite, Sobol, Unscented or Linearized
+    parameters : tuple of str, optional
+        Parameters that vary; the others stay at their mean. Default: all.
+
+    Returns
+    -------
+    PredictiveCovariance
+        A point whose trajectory at the mean is not ok carries its status. Under `TensorGrid` a point of which any node is not ok
+        carries the status of the first such node; under another rule only where these nodes have more than
+        `rule.max_lost_weight` of the absolute weight. Up to that they are left out of the sum.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `simulate`; and where the rule does not fit the prior.
+    """
+    check_type(model, Model, "model")
+    check_type(prior, GaussianPrior, "prior")
+    if not isinstance(rule, Rule):
+        raise TypeError(f"rule: expected a rule such as fisherpoint.SparseGaussHermite(2), given {type(rule).__name__}")
+    names = names_of(model.parameters)
+    check_names(prior.names, names, "prior")
+    varied = some_names_among(names if parameters is None else parameters, names, "parameters")
+    theta = model.theta({name: prior.mean[name] for name in names})
+    if isinstance(rule, Linearized):
+        result = sensitivities(model, points, theta, rtol, threads, kinks, method)
+        ordered = prior.marginal(names)
+        with np.errstate(over="ignore"):  # what overflows is given a status
+            scaled = result.dy_dtheta * np.array(list(ordered.std.values()))
+        return linearized(scaled, rule.second_moments(ordered, varied), result.status)
+    nodes = nodes_of(rule, prior, names, varied)
+    settings = checked_arguments(model, points, theta, rtol, threads, kinks, method)
+    warn_of_small_states(model, "the starts keep", points.x0)
+    return covariance_over_nodes(model, points, theta, nodes, rule, settings)
+
+
+def covariance_over_nodes(
+    model: Model, points: Experiments, theta: Array, nodes: _core.PriorNodes, rule: Rule, settings: Settings
+) -> PredictiveCovariance:
+    """As `predictive_covariance`, of arguments that are known to be good."""
+    covariance, status, *_, lost_weight = model.kernels.predictive_covariance(
+        model.core, points.x0, points.u, points.dt, theta, nodes, *settings, max_lost=rule.max_lost_weight
+    )
+    status, projection = only_finite(status, covariance), np.zeros(len(points))
+    if rule.signed:
+        covariance, projection = nearest_semidefinite(covariance)
+    return PredictiveCovariance(covariance, status, projection, lost_weight)
+
+
+@lru_cache(maxsize=4)  # a search asks for the same nodes hundreds of times
+def nodes_of(rule: Rule, prior: GaussianPrior, names: tuple[str, ...], varied: tuple[str, ...]) -> _core.PriorNodes:
+    return rule.core_nodes(prior.marginal(names), varied)  # priors are equal in whatever order: the names tell it
+
+
+def linearized(sensitivity: Array, correlation: Array, status: IntArray) -> PredictiveCovariance:
+    """S Sigma S^T of sensitivities (K, n_y, p) times the prior std, with the correlation (p, p) of the parameters."""
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
+        covariance = sensitivity @ correlation @ sensitivity.transpose(0, 2, 1)
+        covariance = (covariance + covariance.transpose(0, 2, 1)) / 2
+    status = only_finite(status, covariance)
+    failed = status != Status.ok
+    covariance[failed] = 0.0
+    return PredictiveCovariance(covariance, status, np.zeros(len(status)), failed.astype(np.float64))
+
+
+def nearest_semidefinite(covariance: Array) -> tuple[Array, Array]:
+    """Return the nearest positive semidefinite matrices, and how far they are from the given (K, n, n).
+
+    Distances are Frobenius norms where the outputs are scaled to unit diagonal, as shares of the given matrix' norm. Matrices whose
+    negative eigenvalues are rounding are returned as they are.
+    """
+    diagonal = np.abs(np.diagonal(covariance, axis1=1, axis2=2))
+    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    scales = scale[:, :, None] * scale[:, None, :]
+    values, vectors = np.linalg.eigh(covariance / scales)
+    rounding = 16 * np.finfo(np.float64).eps * covariance.shape[1]
+    rows = np.flatnonzero(values.min(axis=1, initial=0.0) < -rounding * np.abs(values).max(axis=1, initial=0.0))
+    projected, size = covariance.copy(), np.zeros(len(covariance))
+    if len(rows):
+        clipped, v = np.maximum(values[rows], 0.0), vectors[rows]
+        nearest = (v * clipped[:, None, :]) @ v.transpose(0, 2, 1)
+        nearest *= (diagonal[rows] > 0)[:, :, None] & (diagonal[rows] > 0)[:, None, :]  # an output without spread keeps none
+        projected[rows] = (nearest + nearest.transpose(0, 2, 1)) / 2 * scales[rows]
+        size[rows] = np.linalg.norm(np.minimum(values[rows], 0.0), axis=1) / np.linalg.norm(values[rows], axis=1)
+    return projected, size

@@ -1,0 +1,146 @@
+"""Where experiment points may lie."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..basics.checks import as_float, as_floats, as_sequence, check_mapping, check_name, check_names, check_positive_int, check_type
+from ..basics.messages import shown
+from ..basics.quantity import names_of
+from ..basics.values import Array, FrozenMapping
+from ..models import Model
+from .constraints import Constraint, parse_constraint
+from .experiments import Experiments
+
+MOST_DRAWN = 10**7
+"""Points of one call of `ExperimentRegion.draw`."""
+
+NEAREST = 1e4
+"""The width of the region over the shortest typical step of `ExperimentRegion.draw_near`."""
+
+
+class ExperimentRegion:
+    """A box in start state, input and duration, cut by constraints.
+
+    Parameters
+    ----------
+    bounds : mapping of name to (lower, upper)
+        One pair for every state, every input and ``"dt"``, SI units; equal bounds fix the value. A model without state has no dt.
+    constraints : sequence of str or callable
+        Each a comparison such as ``"p_A + p_B < 2.5e7"``, or a function that takes a mapping of name to array (K,) and returns a
+        boolean array (K,). A point must satisfy all.
+
+    Raises
+    ------
+    ValueError
+        Where bounds are not finite or upside down, or a duration may be zero or less.
+    """
+
+    def __init__(self, bounds: Mapping[str, Sequence[float]], constraints: Iterable[Constraint] = ()) -> None:
+        check_mapping(bounds, "region", "(lower, upper)")
+        checked: dict[str, tuple[float, float]] = {}
+        for name, pair in bounds.items():
+            check_name(name, "region")
+            array = as_floats(pair, f"region[{shown(name)}]")
+            if array.shape != (2,):
+                raise ValueError(f"region[{shown(name)}]: expected a pair (lower, upper), given {shown(pair)}")
+            lower, upper = (as_float(bound, f"region[{shown(name)}]") for bound in pair)
+            if lower > upper:
+                raise ValueError(f"region[{name!r}]: expected lower <= upper, given ({lower:g}, {upper:g})")
+            if not np.isfinite(upper - lower):
+                raise ValueError(f"region[{name!r}]: expected a finite width, given ({lower:g}, {upper:g})")
+            checked[name] = (lower, upper)
+        if "dt" in checked and not checked["dt"][0] > 0:
+            raise ValueError(f"region['dt']: expected positive durations in s, given the lower bound {checked['dt'][0]:g}")
+        if isinstance(constraints, str) or callable(constraints):
+            constraints = (constraints,)
+        self.bounds: Mapping[str, tuple[float, float]] = FrozenMapping(checked)
+        self.constraints: tuple[Constraint, ...] = as_sequence(constraints, "constraints", "texts and functions")
+        for constraint in self.constraints:
+            if not isinstance(constraint, str) and not callable(constraint):
+                raise TypeError(f"constraints: expected texts and functions, given {shown(constraint)}")
+        self._holds: list[Callable[[Mapping[str, Array]], NDArray[np.bool_]]] = [
+            parse_constraint(c, checked) if isinstance(c, str) else c for c in self.constraints
+        ]
+
+    def check(self, model: Model) -> None:
+        """Raise unless the region bounds exactly what a point of `model` consists of, and some point may be one."""
+        check_type(model, Model, "model")
+        check_names(self.bounds, names_of(model.axes), "region")
+        for kind, zeros in (("switching surface", (*model.jumps, *model.kinks)), ("pole", model.poles)):
+            for zero in zeros:
+                if self.bounds.get(zero) == (0.0, 0.0):
+                    raise ValueError(f"region[{zero!r}]: expected bounds off the {kind} {zero} = 0, given (0, 0)")
+
+    def draw(self, model: Model, count: int, rng: np.random.Generator, decades: bool = False) -> Experiments:
+        """Draw `count` points uniformly from the box; the constraints are not looked at.
+
+        With `decades`, durations that span more than one are drawn logarithmically, so that none of these is left out.
+        """
+        check_type(model, Model, "model")
+        check_names(self.bounds, names_of(model.axes), "region")
+        count = check_positive_int(count, "count", 0, MOST_DRAWN)
+        check_type(rng, np.random.Generator, "rng")
+        order, n_x, n_u = names_of(model.axes), len(model.states), len(model.inputs)
+        lower, upper = np.array([self.bounds[name] for name in order]).T
+        share = rng.random((count, len(order)))
+        table = lower + (upper - lower) * share
+        if decades and n_x and upper[-1] > 10.001 * lower[-1]:
+            table[:, -1] = lower[-1] * (upper[-1] / lower[-1]) ** share[:, -1]
+        table = np.clip(table, lower, upper)
+        dt = table[:, -1] if n_x else None
+        return Experiments(table[:, :n_x], table[:, n_x : n_x + n_u], dt, order[: n_x + n_u])
+
+    def draw_near(self, model: Model, points: Experiments, rng: np.random.Generator) -> Experiments:
+        """Draw a point near each given one: some coordinates are moved, and those that would leave the box stay on its bounds.
+
+        How far is drawn too, from the width of the box to a `NEAREST`-th of it, every order of magnitude alike: a search that draws
+        often comes as close to an optimum as it can use, without a schedule of steps.
+        """
+        n_x, n_u = len(model.states), len(model.inputs)
+        lower, upper = np.array([self.bounds[name] for name in names_of(model.axes)]).T
+        table = points.table[:, : len(lower)].copy()
+        free = np.flatnonzero(upper > lower)
+        if len(table) and len(free):
+            reach = NEAREST ** -rng.random((len(table), 1))
+            moved = rng.random((len(table), len(free))) < 0.5
+            moved[np.arange(len(table)), rng.integers(len(free), size=len(table))] = True
+            step = reach * (upper - lower)[free] * rng.standard_normal(moved.shape)
+            table[:, free] = np.clip(table[:, free] + np.where(moved, step, 0.0), lower[free], upper[free])
+        dt = table[:, -1] if n_x else None
+        return Experiments(table[:, :n_x], table[:, n_x : n_x + n_u], dt, points.columns)
+
+    def satisfied(self, model: Model, points: Experiments) -> NDArray[np.bool_]:
+        """Return which points satisfy all constraints, (K,)."""
+        check_type(model, Model, "model")
+        check_type(points, Experiments, "points")
+        names = names_of(model.axes)
+        columns = dict(zip(names, points.table.T[: len(names)], strict=True))
+        result = np.ones(len(points), dtype=bool)
+        for constraint, holds in zip(self.constraints, self._holds, strict=True):
+            given = holds(FrozenMapping(columns))
+            try:
+                mask = np.asarray(given)
+            except (TypeError, ValueError, RuntimeError):
+                mask = np.array(None)
+            if mask.shape != result.shape or mask.dtype != np.bool_:
+                raise ValueError(
+                    f"constraint {shown(constraint)}: expected a boolean array of shape {result.shape}, given {shown(given)}"
+                )
+            result &= mask
+        return result
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ExperimentRegion) and (self.bounds, self.constraints) == (other.bounds, other.constraints)
+
+    def __hash__(self) -> int:
+        return hash((self.bounds, self.constraints))
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (ExperimentRegion, (dict(self.bounds), self.constraints))
+
+    def __repr__(self) -> str:
+        return f"ExperimentRegion({dict(self.bounds)!r}, constraints={list(self.constraints)!r})"

@@ -1,0 +1,61 @@
+"""Quasi-Monte Carlo: many nodes of equal weight, whatever the dimension."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy.special import ndtri
+
+from ...basics.checks import check_positive_int, check_type
+from ...basics.values import Array
+from ...engine import _core
+from ..gaussian import GaussianPrior
+from .base import Rule, node_table
+
+MAX_NODES = 2**20
+
+
+@dataclass(frozen=True)
+class Sobol(Rule):
+    """Scrambled Sobol points through the inverse normal distribution function, in the coordinates of the Cholesky factor.
+
+    Parameters
+    ----------
+    n : int
+        Number of nodes, a power of two of at most 2^20.
+    seed : int
+        Of the scrambling: the same seed gives the same nodes.
+    """
+
+    n: int = 1024
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        n = check_positive_int(self.n, "n")
+        if n & (n - 1) or n > MAX_NODES:
+            raise ValueError(f"n: expected a power of two of at most {MAX_NODES}, given {n}")
+        object.__setattr__(self, "n", n)
+        object.__setattr__(self, "seed", check_positive_int(self.seed, "seed", 0))
+
+    def size(self, prior: GaussianPrior) -> int:
+        """Return the number of nodes R."""
+        check_type(prior, GaussianPrior, "prior")
+        return self.n
+
+    def core_nodes(self, prior: GaussianPrior, varied: Sequence[str] | None = None) -> _core.NodeTable:
+        p = len(prior.names if varied is None else tuple(varied))
+        return node_table(prior, varied, _points(p, self.n, self.seed), np.full(self.n, 1 / self.n))
+
+
+@lru_cache(maxsize=4)
+def _points(p: int, n: int, seed: int) -> Array:
+    from scipy.stats.qmc import Sobol as Points  # slow to import, and seldom needed
+
+    bits = 30
+    uniform = Points(p, scramble=True, bits=bits, seed=np.random.default_rng(seed)).random_base2(n.bit_length() - 1)
+    z: Array = ndtri(uniform + 0.5 ** (bits + 1))  # the middle of the interval that the digits leave open, which is never 0
+    z.flags.writeable = False
+    return z

@@ -1,0 +1,1 @@
+"""How results are shown: numbers as text, sections of tables, and the look of pictures."""

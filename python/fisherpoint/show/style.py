@@ -1,0 +1,63 @@
+"""How all pictures look: colours, fonts, and units that are easy to read."""
+
+from __future__ import annotations
+
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+from ..basics.checks import as_path
+from ..basics.files import write_whole
+from ..basics.messages import shown
+from ..basics.quantity import Quantity
+
+PRIOR, CRITERION, NOISE, TEXT = "#8c8c8c", "#d55e00", "#0072b2", "#333333"
+STYLE: dict[Any, Any] = {
+    "font.size": 9.0,
+    "axes.titlesize": 10.0,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": TEXT,
+    "axes.labelcolor": TEXT,
+    "xtick.color": TEXT,
+    "ytick.color": TEXT,
+    "text.color": TEXT,
+    "axes.grid": True,
+    "grid.color": "#e6e6e6",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+}
+
+
+def scale(quantity: Quantity, values: ArrayLike) -> tuple[float, str]:
+    """Factor and unit that make the values easy to read: MPa for 2e7 Pa, ms for 0.01 s, h for 2e5 s."""
+    largest = float(np.nanmax(np.abs(np.asarray(values)), initial=0.0))
+    if quantity.unit == "s":
+        for seconds, unit in ((3600.0, "h"), (60.0, "min")):
+            if largest >= 5 * seconds:
+                return 1 / seconds, unit
+    for factor, prefix in ((1e-6, "M"), (1e-3, "k"), (1.0, ""), (1e3, "m"), (1e6, "µ")):
+        if quantity.unit == "s" and factor < 1:
+            continue  # nobody reads kiloseconds
+        if quantity.unit in ("m", "s", "Pa", "N", "V", "A", "W") and largest * factor >= 0.1:
+            return factor, prefix + quantity.unit
+    return 1.0, quantity.unit
+
+
+def save_figure(figure: Figure, path: str | Path) -> None:
+    """Write a picture, whole or not at all; the ending says the format, PNG where there is none."""
+    path = as_path(path, "path")
+    if not path.suffix:
+        path = path.with_name(f"{path.name}.png")
+    kind, known = path.suffix[1:].lower(), figure.canvas.get_supported_filetypes()
+    if kind not in known:
+        raise ValueError(f"path: expected the ending of a picture, one of {', '.join(sorted(known))}; given {shown(path.suffix)}")
+    picture = BytesIO()
+    figure.savefig(picture, format=kind, dpi=150)
+    write_whole(path, picture.getvalue())

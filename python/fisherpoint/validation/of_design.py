@@ -1,0 +1,42 @@
+"""What the virtual experiments of one design gave."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..points.experiments import Experiments
+from .figures import ParameterFigures
+from .fits import Runs
+
+
+@dataclass(frozen=True, eq=False)
+class DesignValidation:
+    """What the runs of one design gave.
+
+    Attributes
+    ----------
+    points : Experiments
+    parameters : mapping of parameter name to ParameterFigures
+    fits : int
+        That did not fail: all figures are of these.
+    failures : mapping of reason to int
+    null_directions : tuple of str
+        Changes of the parameters that the points do not notice at the prior mean.
+    runs : Runs or None
+        Truths, estimates and standard errors of every run; None where the points determine no parameter, and nothing was fitted.
+    """
+
+    points: Experiments
+    parameters: Mapping[str, ParameterFigures]
+    fits: int
+    failures: Mapping[str, int]
+    null_directions: tuple[str, ...]
+    runs: Runs | None
+
+    @property
+    def rmse(self) -> float:
+        """Geometric mean over the parameters of the root mean square error over the prior std; NaN where one has none."""
+        return float(np.exp(np.mean(np.log([figures.rmse.value for figures in self.parameters.values()]))))

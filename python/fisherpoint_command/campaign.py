@@ -1,0 +1,108 @@
+"""``fisherpoint campaign``: the next batch to measure, and what the measured ones tell."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import fisherpoint as fp
+from fisherpoint.basics.extras import needed_for
+from fisherpoint.basics.files import write_whole
+from fisherpoint.basics.messages import printable
+from fisherpoint.information.files import problem_to_json
+
+from .config import Config, ConfigError, load_config
+from .terminal import make_directory, read_data
+
+INTERRUPTED = 130
+
+
+def campaign(
+    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Model, prior, sensor noise, region and [campaign].")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Where the campaign is, or is to be.")],
+    data: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MEASURED.csv",
+            help="The measured batch: the columns of batch_<k>.csv, and y_<output> for each measured output.",
+        ),
+    ] = None,
+    threads: Annotated[int | None, typer.Option(min=1, metavar="N", help="Threads; the result is the same.")] = None,
+    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no picture.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No report on the terminal.")] = False,
+) -> int:
+    """Design, measure and estimate in batches, until the relative standard errors are at their targets.
+
+    Starts a campaign or goes on with the one in DIR, takes the measured batch, and writes the next batch to measure. Everything is
+    saved at once: after a kill the same command goes on.
+    """
+    config = load_config(file)
+    if not no_plots:
+        with needed_for("pictures"):
+            from fisherpoint.campaign import pictures as plots_campaign  # noqa: F401  what can fail for a trivial reason fails before the work
+    make_directory(output)
+    try:
+        run = _opened(config, output, threads)
+        lines = [] if data is None else _taken(run, data)
+        if not run.done or run.planned is not None:
+            run.next()
+    except RuntimeError as error:  # another process
+        raise ConfigError(str(error)) from error
+    except KeyboardInterrupt:
+        print("fisherpoint: interrupted before there was a batch; the same command goes on", file=sys.stderr)
+        return INTERRUPTED
+    if run.history:
+        write_whole(output / "report.txt", run.report() + "\n")
+        lines += ["", run.report()]
+        if not no_plots:
+            run.plot(output / "campaign.png")
+    if run.planned is not None:
+        lines += ["", *_to_do(run, file, output)]
+    if not quiet:
+        print("\n".join(map(printable, "\n".join(lines).strip("\n").split("\n"))))
+    return 0
+
+
+def _opened(config: Config, directory: Path, threads: int | None) -> fp.Campaign:
+    """The campaign in the directory, which must be the file's but for the targets; or a new one."""
+    if config.region is None:
+        raise config.error("region", "missing; expected a table with bounds of every state, every input and dt")
+    settings, table = config.exchange_settings(), config.campaign
+    if "time_limit" in settings:
+        raise config.error("design.time_limit", "expected none with a campaign, of which each run has to come to the same points")
+    settings.pop("n_experiments", None)
+    if table.batch is not None:
+        settings["batch"] = table.batch
+    if not fp.Campaign.is_in(directory):
+        return fp.Campaign(config.problem(), targets=table.rse, directory=directory, threads=threads, **settings)
+    given = fp.Campaign(config.problem(), targets=table.rse, **settings)
+    found = fp.Campaign.load(directory, threads)
+    here, there = problem_to_json(given.problem), problem_to_json(found.problem)
+    other = [name for name in here if name != "derived" and here[name] != there[name]]
+    other += [name for name in ("batch", "settings") if getattr(given, name) != getattr(found, name)]
+    if other:
+        raise config.error(other[0], f"expected what the campaign in {directory} was started with; another needs another directory")
+    if found.targets != given.targets:
+        found.targets = given.targets
+    return found
+
+
+def _taken(run: fp.Campaign, path: Path) -> list[str]:
+    """Take the measured batch, but not twice: a command that was killed is given again."""
+    data = read_data(path, "measurements", fp.Measurements.from_csv, run.problem.model)
+    before = run.told(data)
+    if before is not None:
+        return [f"{path}: these are the data of batch {before}, which were taken before"]
+    run.tell(data)
+    return [f"{path}: taken as batch {len(run.history)}"]
+
+
+def _to_do(run: fp.Campaign, file: Path, output: Path) -> list[str]:
+    outputs = ", ".join(f"y_{quantity.name}" for quantity in run.problem.model.outputs)
+    return [
+        f"Measure the points of {output / f'batch_{len(run.history) + 1}.csv'}, in a file with these columns and {outputs}, then:",
+        f"  fisherpoint campaign {file} -o {output} --data MEASURED.csv",
+    ]

@@ -1,0 +1,129 @@
+"""The tables of the command line's TOML file, each with what may stand in it."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from fisherpoint.basics.messages import listed
+from fisherpoint.basics.toml_messages import fail, toml
+from fisherpoint.basics.toml_tables import Constant, Count, Number, Positive, Table
+from fisherpoint.design.found import MOST
+from fisherpoint.prior.rules import DEFAULT_RULE, RULES, Rule
+
+Correlation = Annotated[float, Field(gt=-1, lt=1)]
+
+
+class Std(Constant):
+    """Standard deviation of a sensor, a constant or a start: a bare number or ``{value, unit}``."""
+
+    value: Positive
+
+
+class PriorEntry(Table):
+    """Mean and standard deviation of one parameter before any experiment."""
+
+    mean: Number
+    std: Positive | None = None
+    relative_std: Positive | None = None
+    unit: str | None = None
+    log: bool = False
+
+    @model_validator(mode="after")
+    def _exactly_one_std(self) -> PriorEntry:
+        if (self.std is None) == (self.relative_std is None):
+            raise PydanticCustomError("expected", "exactly one of std and relative_std")
+        return self
+
+
+class Bounds(Table):
+    """Range of one state, input or of dt: a bare pair or ``{bounds, unit}``; equal bounds fix the value."""
+
+    bounds: list[Number]
+    unit: str | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bare_pair(cls, given: Any) -> Any:
+        if isinstance(given, list):
+            return {"bounds": given}
+        if not isinstance(given, dict):
+            raise PydanticCustomError("expected", 'a pair [lower, upper] or {bounds = [lower, upper], unit = "..."}')
+        return given
+
+
+class RegionTable(Table):
+    """Bounds of every state, every input and dt, by name, and constraints between them."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, Bounds] = Field(init=False)
+    constraints: list[str] = Field(default_factory=list)
+
+    @property
+    def bounds(self) -> dict[str, Bounds]:
+        return self.__pydantic_extra__
+
+
+class RuleTable(Table):
+    """How expectations over the prior are taken; without a kind, levels, span and edges are those of the paper's grid."""
+
+    kind: Literal["tensor_grid", "gauss_hermite", "sparse_gauss_hermite", "sobol", "unscented", "linearized"] | None = None
+    levels: Count | dict[str, Count] | None = None
+    span: Positive | None = None
+    edges: list[Number] | dict[str, list[Number]] | None = None
+    level: Count | None = None
+    n: Count | None = None
+    seed: Annotated[int, Field(ge=0)] | None = None
+
+    @model_validator(mode="after")
+    def _keys_of_the_kind(self) -> RuleTable:
+        given = self.model_dump(exclude={"kind"}, exclude_none=True)
+        if given and self.rule_class is None:
+            fail(f"rule.kind: missing; expected one of {listed(RULES)}")
+        for key in given:
+            kinds = [f'"{kind}"' for kind, rule in RULES.items() if key in _arguments(rule)]
+            if self.rule_class is not None and key not in _arguments(self.rule_class):
+                fail(f"rule.{key}: expected only with kind = {' or '.join(kinds)}, given {toml(self.kind)}")
+        return self
+
+    @property
+    def rule_class(self) -> type[Rule] | None:
+        """None for the library's default."""
+        if self.kind is None and (self.levels, self.span, self.edges) != (None, None, None):
+            return RULES["tensor_grid"]
+        return None if self.kind is None else RULES[self.kind]
+
+    def build(self) -> Rule:
+        """The rule."""
+        arguments = self.model_dump(exclude={"kind"}, exclude_none=True)
+        return DEFAULT_RULE if self.rule_class is None else self.rule_class(**arguments)
+
+
+def _arguments(rule: type[Rule]) -> list[str]:
+    return [field.name for field in fields(rule)]
+
+
+class DesignTable(Table):
+    """What is optimised and for how long; what is left out takes the library's default."""
+
+    n_experiments: Annotated[int, Field(ge=1, le=MOST["n_experiments"])] | None = None
+    n_candidates: Annotated[int, Field(ge=1, le=MOST["n_candidates"])] | None = None
+    max_iterations: Annotated[int, Field(ge=1, le=MOST["max_iterations"])] | None = None
+    seed: Annotated[int, Field(ge=0)] | None = None
+    patience: Annotated[int, Field(ge=1, le=MOST["patience"])] | None = None
+    time_limit: Positive | None = None
+    local: Annotated[float, Field(ge=0, le=1)] | None = None
+    output_covariance: Literal["noise", "region", "pooled", "pointwise"] | None = None
+    parameters: Annotated[list[str], Field(min_length=1)] | None = None
+    kinks: Literal["cross", "exclude"] | None = None
+    assumed_covariance: Literal["tangents", "predictive"] | None = None
+
+
+class CampaignTable(Table):
+    """A campaign: how many points a batch has, and the relative standard errors to reach, one for all or by parameter."""
+
+    batch: Annotated[int, Field(ge=1, le=MOST["n_experiments"])] | None = None
+    rse: Positive | dict[str, Positive] | None = None

@@ -1,0 +1,109 @@
+"""``fisherpoint estimate``: parameters from measured data, with report, tables and pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+import fisherpoint as fp
+from fisherpoint.basics.csv_table import CsvTable
+from fisherpoint.basics.extras import needed_for
+from fisherpoint.basics.files import write_whole
+from fisherpoint.design.report import to_text
+from fisherpoint.estimation.report import fit_report
+
+from .config import ConfigError, load_config
+from .terminal import make_directory, read_data, say, show
+
+
+class Noise(StrEnum):
+    """Whether the file's [noise_std] counts, or the residuals tell the noise."""
+
+    known = "known"
+    estimated = "estimated"
+
+
+def estimate(
+    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Model, prior and sensor noise.")],
+    data: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="DATA.csv...",
+            help="Measurements: the columns of a design.csv, and y_<output> for each measured output; with a column t, a record.",
+        ),
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Where estimate, report and pictures go.")],
+    noise: Annotated[
+        Noise | None, typer.Option(help="Known: [noise_std]; estimated: from the residuals. Default: known where the file has it.")
+    ] = None,
+    no_prior: Annotated[
+        bool, typer.Option("--no-prior", help="The prior gives starts and known parameters, but no information.")
+    ] = False,
+    profiles: Annotated[
+        bool, typer.Option("--profiles", help="Confidence intervals by profile likelihood too, of every unknown.")
+    ] = False,
+    threads: Annotated[int | None, typer.Option(min=1, metavar="N", help="Threads; the result is the same.")] = None,
+    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no pictures.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No report on the terminal.")] = False,
+) -> int:
+    """Estimate the parameters from measured data, and tell how good the fit is.
+
+    Writes estimate.csv, residuals.csv, fit.json, report.txt and pictures.
+    """
+    config = load_config(file)
+    problem = config.problem()
+    if noise is Noise.known and problem.noise_std is None:
+        raise config.error("noise_std", "missing; expected the noise of every measured output with --noise known")
+    known = problem.noise_std is not None and noise is not Noise.estimated
+    for path in (path for k, path in enumerate(data) if path.resolve() in [other.resolve() for other in data[:k]]):
+        raise ConfigError(f"DATA.csv: expected each file once, given {path} twice")
+    parts = [read_data(path, "measurements", _read, problem.model) for path in data]
+    if not no_plots:
+        with needed_for("pictures"):
+            from fisherpoint.estimation.pictures import save_all  # what can fail for a trivial reason fails before the work
+    make_directory(output)
+    fit = fp.estimate(
+        problem.model,
+        parts,
+        None if no_prior else problem.prior,
+        problem.prior if no_prior else None,
+        problem.parameters,
+        _measured_noise(problem, parts) if known else None,
+        # Noise that is estimated has what is assumed in it.
+        uncertain=problem.uncertain if known else None,
+        initial_state_std=problem.initial_state_std if known else None,
+        assumed_rule=problem.assumed_rule,
+        threads=threads,
+    )
+    found = [fit.profile(name) for name in fit.parameters] if profiles else []
+    report = fit_report(fit, found)
+    written = [path.name for path in fit.save(output)]
+    write_whole(output / "report.txt", to_text(report))
+    written.append("report.txt")
+    if not no_plots:
+        written += [path.name for path in save_all(fit, output, found)]
+    if not quiet:
+        show(report)
+        print()
+        say(f"Written to {output}: {', '.join(written)}")
+    return 0
+
+
+def _read(path: Path, model: fp.Model) -> fp.Measurements | fp.Record:
+    """Measurements of points, or a record where the file has a column t that is not the model's."""
+    axes = {quantity.name for quantity in (*model.axes, *model.outputs)}
+    if "t" in CsvTable(path).names and "t" not in axes:
+        return fp.Record.from_csv(path, model)
+    return fp.Measurements.from_csv(path, model)
+
+
+def _measured_noise(problem: fp.DesignProblem, parts: Sequence[Any]) -> Mapping[str, float]:
+    """The noise of the outputs that were measured."""
+    measured = np.any([np.isfinite(part.y).any(axis=0) for part in parts], axis=0)
+    names = [quantity.name for quantity in problem.model.outputs]
+    return {name: (problem.noise_std or {})[name] for name, told in zip(names, measured, strict=True) if told}

@@ -1,0 +1,70 @@
+"""What all commands share: printing reports, and the directory that their files go to."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+from rich.console import Console, RenderableType
+from rich.text import Text
+
+import fisherpoint as fp
+from fisherpoint.basics.files import check_writable
+from fisherpoint.basics.messages import printable
+from fisherpoint.design.report import to_text
+
+from .config import ConfigError
+
+Read = TypeVar("Read")
+
+
+def show(report: RenderableType) -> None:
+    """Print on standard output: in the terminal's width and colours, or as plain text where it is piped."""
+    if sys.stdout.isatty():
+        Console(highlight=False).print(report)
+    else:
+        print(to_text(report), end="", flush=True)
+
+
+def say(line: str) -> None:
+    """Print a line that names files, of which some may have control characters in their names."""
+    show(Text(printable(line)))
+
+
+def make_directory(path: Path) -> None:
+    """Make a directory for the files of a command, with those above it, and make sure that files can be made in it.
+
+    What cannot be written is to be told before the work, not after it.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        check_writable(path)
+    except (FileExistsError, NotADirectoryError):
+        raise ConfigError(f"--output: expected a directory, given {path}, which is or lies under a file") from None
+    except OSError as error:
+        raise ConfigError(f"--output: expected a directory to write to, given {path}: {error.strerror}") from None
+
+
+def check_file(path: Path) -> None:
+    """Make sure, as `make_directory` does, that a command can write its file."""
+    try:
+        if path.is_dir():
+            raise ConfigError(f"--output: expected a file, given the directory {path}")
+        if path.is_file() or not path.exists():  # a terminal or a pipe is written as it is
+            check_writable(Path(os.path.realpath(path)).parent)
+    except OSError as error:
+        raise ConfigError(f"--output: expected a file in a directory to write to, given {path}: {error.strerror}") from None
+
+
+def read_data(path: Path, what: str, read: Callable[[Path, fp.Model], Read], model: fp.Model) -> Read:
+    """What `read` finds in a file, with errors that name the file."""
+    try:
+        return read(path, model)
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: expected a CSV file of {what}, found no such file") from None
+    except (ValueError, TypeError) as error:
+        message = str(error)
+        raise ConfigError(message if printable(path) in message else f"{path}: {message}") from error

@@ -1,0 +1,81 @@
+"""``fisherpoint validate``: whether designs keep what they promise, by virtual experiments."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import fisherpoint as fp
+from fisherpoint.basics.extras import needed_for
+from fisherpoint.basics.files import write_together
+from fisherpoint.basics.messages import listed, printable
+
+from .config import ConfigError, load_config
+from .terminal import make_directory, read_data, say
+
+
+class Truth(StrEnum):
+    """Where the true parameters come from."""
+
+    prior = "prior"
+    mean = "mean"
+
+
+class Noise(StrEnum):
+    """Whether the fits know the noise."""
+
+    known = "known"
+    estimated = "estimated"
+
+
+def validate(
+    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Model, prior and sensor noise.")],
+    designs: Annotated[list[Path], typer.Argument(metavar="DESIGN.csv...", help="Points, with the columns of a design.csv.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Where table, report and picture go.")],
+    runs: Annotated[int, typer.Option("-n", "--runs", min=1, metavar="N", help="Virtual experiments with each design.")] = 1000,
+    theta: Annotated[Truth, typer.Option(help="True parameters: drawn from the prior for each run, or its mean.")] = Truth.prior,
+    noise: Annotated[Noise, typer.Option(help="Whether the fits know [noise_std] or estimate it.")] = Noise.known,
+    use_prior: Annotated[bool, typer.Option("--use-prior", help="Let the prior take part in the fits and the promise.")] = False,
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="The same seed gives the same figures.")] = 0,
+    threads: Annotated[int | None, typer.Option(min=1, metavar="N", help="Threads; the result is the same.")] = None,
+    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no picture.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No report on the terminal.")] = False,
+) -> int:
+    """Measure designs virtually many times, fit each time, and compare with what the designs promise.
+
+    Writes validation.csv, report.txt and validation.png.
+    """
+    config = load_config(file)
+    problem = config.problem()
+    if problem.noise_std is None:
+        raise config.error("noise_std", "missing; expected the noise of every output, without which there is no promise")
+    points = {name: read_data(path, "points", fp.Experiments.from_csv, problem.model) for name, path in _named(designs).items()}
+    if not no_plots:
+        with needed_for("pictures"):
+            from fisherpoint.validation import pictures as plots_validation  # noqa: F401  what can fail for a trivial reason fails before the work
+    make_directory(output)
+    found = fp.validate(
+        points, problem, n=runs, theta=theta.value, seed=seed, noise=noise.value, use_prior=use_prior, threads=threads
+    )
+    contents = {"validation.csv": found.frame().to_csv(), "report.txt": f"{found}\n"}
+    written = [path.name for path in write_together(output, contents, stale=["validation.png"])]
+    if not no_plots:
+        found.plot(output / "validation.png")
+        written.append("validation.png")
+    if not quiet:
+        print(found)
+        print()
+        say(f"Written to {output}: {', '.join(written)}")
+    return 0
+
+
+def _named(paths: list[Path]) -> dict[str, Path]:
+    """Paths by the shortest names that tell them apart: file names, or with the directories."""
+    for name in (lambda path: path.stem, lambda path: f"{path.parent.name}/{path.stem}", str):
+        named = {printable(name(path)): path for path in paths}
+        if len(named) == len(paths):
+            return named
+    raise ConfigError(f"DESIGN.csv: expected different files, given {listed(paths)}")
