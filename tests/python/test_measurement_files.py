@@ -339,7 +339,7 @@ def test_noise_around_zero_is_no_change_of_unit(tmp_path: Path) -> None:
 
 
 def test_the_documented_file_is_read(tmp_path: Path) -> None:
-    page = Path(__file__).parents[2] / "docs" / "measurements.md"
+    page = Path(__file__).parents[2] / "docs" / "how_to" / "measurements.md"
     if not page.exists():
         pytest.skip("the documentation is not beside the tests")
     (tmp_path / "data.csv").write_text(page.read_text().split("```")[3].lstrip("\n"))
