@@ -5,7 +5,7 @@ A page is Markdown. A block is fenced and names its language:
 - ``python`` is executed. The blocks of a page share their names and run in order.
 - ``sh``: lines that begin with ``fisherpoint`` are run as commands, other lines are not.
 - ``toml`` is loaded: as a model where it has equations and nothing else, otherwise laid over ``examples/cylinder.toml``.
-- ``csv`` and ``text`` are shown only.
+- ``text`` directly after ``python`` is what that prints; other ``text``, and ``csv``, is shown only.
 
 Comments of HTML, which no reader sees, prepare a block or keep it from being run::
 
@@ -36,11 +36,13 @@ _BLOCK = re.compile(
 
 
 class Block(NamedTuple):
-    """A block, or a setup as a block of Python, with the number of the line before its first one."""
+    """A block, or a setup as a block of Python: the number of the line before its first one, and whether only blank lines part it
+    from the block before."""
 
     language: str
     code: str
     line: int
+    follows: bool
 
 
 def pages() -> list[Path]:
@@ -51,12 +53,13 @@ def pages() -> list[Path]:
 
 def blocks(path: Path) -> Iterator[Block]:
     """The blocks of a page that are to be run or loaded, in order."""
-    text = path.read_text()
+    text, end = path.read_text(), 0
     for match in _BLOCK.finditer(text):
         if match["reason"] is not None:
             continue
         kind, group = ("python", "setup") if match["setup"] is not None else (match["language"], "code")
-        yield Block(kind, match[group], text.count("\n", 0, match.start(group)))
+        yield Block(kind, match[group], text.count("\n", 0, match.start(group)), not text[end : match.start()].strip())
+        end = match.end()
 
 
 def commands(code: str) -> Iterator[list[str]]:

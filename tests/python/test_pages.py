@@ -39,7 +39,12 @@ def beside_examples(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.parametrize("path", PAGES, ids=name_of)
 def test_the_blocks_of_a_page_run(path: Path, beside_examples: Path, capsys: pytest.CaptureFixture[str]) -> None:
     names: dict[str, Any] = {"__name__": "page"}
+    before = ""
     for block in blocks(path):
+        printed = capsys.readouterr().out if before == "python" else ""
+        if block.language == "text" and block.follows and before == "python":
+            assert lines(block.code) == lines(printed)
+        before = block.language
         match block.language:
             case "python":
                 exec(compile("\n" * block.line + block.code, name_of(path), "exec"), names)
@@ -50,6 +55,10 @@ def test_the_blocks_of_a_page_run(path: Path, beside_examples: Path, capsys: pyt
                     assert ended.value.code == 0, (arguments, capsys.readouterr().err)
             case "toml":
                 load(block.code, beside_examples)
+
+
+def lines(text: str) -> list[str]:
+    return [line.rstrip() for line in text.strip("\n").splitlines()]
 
 
 def load(code: str, directory: Path) -> None:
