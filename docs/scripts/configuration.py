@@ -133,7 +133,7 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
         {
             "bounds": "Lower and upper bound; equal bounds fix the value.",
             "unit": "The unit.",
-            "constraints": "Relations that every point has to satisfy, beside the entries by name.",
+            "constraints": "Relations that every point has to satisfy.",
         },
     ),
     "rule": (

@@ -75,6 +75,12 @@ def test_every_block_names_its_language(path: Path) -> None:
     assert {block.language for block in blocks(path)} <= set(LANGUAGES)
 
 
+def test_links_from_outside_the_documentation_lead_somewhere() -> None:
+    for path in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CODE_OF_CONDUCT.md", ROOT / "CHANGELOG.md"):
+        for link in re.findall(r"\]\(([^)#:]+)[^)]*\)", path.read_text()):
+            assert (ROOT / link).exists(), (path.name, link)
+
+
 # --- what is listed -----------------------------------------------------------------------------------------------------
 
 
