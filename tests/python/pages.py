@@ -7,7 +7,8 @@ A page is Markdown. A block is fenced and names its language:
 - ``toml`` is loaded: as a model where it has equations and nothing else, otherwise laid over ``examples/cylinder.toml``.
 - ``text`` directly after ``python`` is what that prints; other ``text``, and ``csv``, is shown only.
 
-Comments of HTML, which no reader sees, prepare a block or keep it from being run::
+Comments of HTML, which no reader sees, prepare a block or keep it from being run; ``example("cylinder")`` is the problem of that
+example there::
 
     <!-- setup
     data = ...

@@ -13,7 +13,7 @@ import pytest
 
 import fisherpoint as fp
 from fisherpoint import cli
-from fisherpoint.config import Config
+from fisherpoint.config import Config, load_config
 from pages import LANGUAGES, ROOT, blocks, commands, is_whole_model, laid_over, pages
 
 DOCS = ROOT / "docs"
@@ -38,7 +38,7 @@ def beside_examples(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize("path", PAGES, ids=name_of)
 def test_the_blocks_of_a_page_run(path: Path, beside_examples: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    names: dict[str, Any] = {"__name__": "page"}
+    names: dict[str, Any] = {"__name__": "page", "example": example}
     before = ""
     for block in blocks(path):
         printed = capsys.readouterr().out if before == "python" else ""
@@ -55,6 +55,11 @@ def test_the_blocks_of_a_page_run(path: Path, beside_examples: Path, capsys: pyt
                     assert ended.value.code == 0, (arguments, capsys.readouterr().err)
             case "toml":
                 load(block.code, beside_examples)
+
+
+def example(name: str) -> fp.DesignProblem:
+    """The problem of an example, for what prepares a page's blocks."""
+    return load_config(f"examples/{name}.toml").problem()
 
 
 def lines(text: str) -> list[str]:
