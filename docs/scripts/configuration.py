@@ -29,10 +29,11 @@ A TOML file describes the model, the prior, the sensors, the region and the sett
 `examples/cylinder.toml` is a commented file to copy. An unknown key, a wrong type or a missing entry is reported in one line that
 names the key.
 
-All values are in SI units. A `unit` is compared with the model's unit and never converted; it may be left out.
+All values are in SI units. A `unit` is compared with the model's unit and never converted. Outside `[model]` it may be left out.
 
-Tables marked *by name* have one entry for each quantity. A single number may then be written in place of a table: `x_v = 1e-3` is
-short for `x_v = { value = 1e-3 }`.
+Tables marked *by name* have one entry for each quantity. An entry that only has a value can be written without braces: `x_v = 1e-3`
+is short for `x_v = { value = 1e-3 }`, as is `u = [-1, 1]` in `[region]` for its bounds, and `u = "V"` in `[model.inputs]` for its
+unit.
 """
 
 # Table by table, in the order of the page: the table's introduction, an example, and the meaning of its keys.
