@@ -119,6 +119,9 @@ def test_every_status_is_explained() -> None:
     assert re.findall(r"^\| `(\w+)` \| (\d) \|", page, re.MULTILINE) == [(status.name, str(status.value)) for status in fp.Status]
 
 
+REPORTING = ("warnings", "_warnings", "_beside_numerical_error")
+"""The functions that put warnings into reports."""
+
 SOURCES = [ast.parse(path.read_text()) for path in sorted((ROOT / "python" / "fisherpoint").rglob("*.py"))]
 
 
@@ -138,6 +141,20 @@ def quoted_warnings() -> list[str]:
 @pytest.mark.parametrize("part", quoted_warnings() if DOCS.exists() else [])
 def test_a_warning_that_is_explained_exists(part: str) -> None:
     assert any(part in text for source in SOURCES for text in fixed_texts(source))
+
+
+def test_every_warning_of_a_report_is_explained() -> None:
+    functions = [
+        node for source in SOURCES for node in ast.walk(source) if isinstance(node, ast.FunctionDef) and node.name in REPORTING
+    ]
+    assert {node.name for node in functions} == set(REPORTING)
+    quotes = quoted_warnings()
+    for node in (node for function in functions for node in ast.walk(function)):
+        text = node.value if isinstance(node, ast.Yield) else None
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "texts.append":
+            text = node.args[0]
+        if isinstance(text, ast.JoinedStr | ast.Constant):
+            assert any(part in fixed for part in quotes for fixed in fixed_texts(text)), ast.unparse(text)
 
 
 def test_every_python_warning_is_explained() -> None:
