@@ -11,7 +11,7 @@ PARALLEL := -n auto --dist loadfile
 PACKAGES := g++ cmake ninja-build make python3-dev python3-venv libeigen3-dev doctest-dev
 SOURCES := CMakeLists.txt pyproject.toml $(shell find cpp python -name '*.[ch]pp' -o -name '*.py' -o -name '*.pyi' -o -name '*.map')
 
-.PHONY: design test test-cpp test-python test-levels bench cost sanitize lint format stubs clean
+.PHONY: design test test-cpp test-python test-levels bench cost sanitize lint format stubs docs docs-pages clean
 .DELETE_ON_ERROR:
 
 design: $(VENV)/.installed
@@ -49,6 +49,7 @@ lint: $(VENV)/.installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/mypy docs/scripts
 	$(BIN)/python cpp/bindings/generate_stubs.py --check
 
 format: $(VENV)/.installed
@@ -58,6 +59,15 @@ format: $(VENV)/.installed
 
 stubs: $(VENV)/.installed
 	$(BIN)/python cpp/bindings/generate_stubs.py
+
+# The site, in build/site, with warnings as errors.
+docs: $(VENV)/.installed
+	$(BIN)/python docs/scripts/configuration.py --check
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict  # --quiet would hide the warnings from --strict
+
+# The page that is made from the program.
+docs-pages: $(VENV)/.installed
+	$(BIN)/python docs/scripts/configuration.py
 
 # What is missing is found by use, not by package name: a compiler or Python from elsewhere serves as well.
 $(VENV)/.system:

@@ -1,10 +1,10 @@
 """What is checked of one random case, and by which route.
 
-What is promised (docs/integration.md): end states are exact to `rtol` in units of the states' sizes for 99 % of the points, and
-every column of sensitivities in units of its own size. Local errors are what is controlled, so where a model magnifies deviations
-the end may be further off by the magnification. So an error counts as wrong where it is above ALLOWED = 100 times rtol, in these
-units, and above 100 times what a deviation of rtol grows to on the way, which is measured. A hundred is what separates the rare
-point whose step saw too little from one whose result is wrong: the worst of 30,000 points of the paper's cylinder is 10 rtol off.
+What is promised (docs/explanation/integration.md): end states are exact to `rtol` in units of the states' sizes for 99 % of the
+points, and every column of sensitivities in units of its own size. Local errors are what is controlled, so where a model magnifies
+deviations the end may be further off by the magnification. So an error counts as wrong where it is above ALLOWED = 100 times rtol,
+in these units, and above 100 times what a deviation of rtol grows to on the way, which is measured. A hundred is what separates the
+rare point whose step saw too little from one that is wrong: the worst of 30,000 points of the paper's cylinder is 10 rtol off.
 """
 
 from __future__ import annotations

@@ -171,7 +171,7 @@ def test_what_is_uncertain_makes_no_point_better() -> None:
 
 
 def test_a_design_that_knows_what_is_uncertain_hangs_on_it_less() -> None:
-    """What docs/assumptions.md states of T_1, with a shorter search."""
+    """What docs/how_to/assumptions.md states of T_1, with a shorter search."""
     exact, stated = (problem(uncertain=of, rule=fp.SparseGaussHermite(2)) for of in (None, {"T_1": 2.2e-4}))
     blind, aware = (fp.exchange(of, 12, 50, 80, references=False).points for of in (exact, stated))
     log_dets = {

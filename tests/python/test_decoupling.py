@@ -118,7 +118,7 @@ def test_nothing_but_D_makes_the_blocks_differ(group: str, kind: str) -> None:
         np.testing.assert_allclose(fisher(d) / np.outer(size, size), expected / np.outer(size, size), rtol=0, atol=1e-9)
 
 
-# What docs/output_covariance.md states: the D-efficiency of the whole's block against the sub-problem's own Fisher matrix.
+# What docs/explanation/output_covariance.md states: the D-efficiency of the whole's block against the sub-problem's Fisher matrix.
 MEASURED = {
     ("pooled", "mechanical"): (0.02, 0.20),
     ("region", "mechanical"): (0.03, 0.10),

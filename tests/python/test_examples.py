@@ -140,7 +140,7 @@ def test_a_script_runs(script: str, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_what_is_written_on_models_runs(tmp_path: Path) -> None:
-    text = (EXAMPLES.parent / "docs" / "models.md").read_text()
+    text = (EXAMPLES.parent / "docs" / "how_to" / "models.md").read_text()
     python, toml = (re.findall(rf"```{kind}\n(.*?)```", text, re.DOTALL) for kind in ("python", "toml"))
     names: dict[str, Any] = {}
     for code in python:
@@ -153,7 +153,7 @@ def test_what_is_written_on_models_runs(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", NEW)
 def test_an_example_has_its_page_and_its_picture(name: str) -> None:
-    page = (EXAMPLES.parent / "docs" / "examples.md").read_text()
+    page = (EXAMPLES.parent / "docs" / "how_to" / "examples.md").read_text()
     assert f"images/examples/{name}.png" in page
     assert (EXAMPLES.parent / "docs" / "images" / "examples" / f"{name}.png").exists()
 

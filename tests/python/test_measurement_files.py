@@ -14,6 +14,7 @@ import pytest
 import fisherpoint as fp
 from conftest import random_points
 from defaults import MODEL, NOISE, same_bits, valid_points
+from pages import blocks
 
 HEADER = "q,v,p_A,p_B,x_v,u,dt,y_q,y_p_A,y_p_B,y_x_v"
 ROWS = (
@@ -339,10 +340,10 @@ def test_noise_around_zero_is_no_change_of_unit(tmp_path: Path) -> None:
 
 
 def test_the_documented_file_is_read(tmp_path: Path) -> None:
-    page = Path(__file__).parents[2] / "docs" / "measurements.md"
+    page = Path(__file__).parents[2] / "docs" / "how_to" / "measurements.md"
     if not page.exists():
         pytest.skip("the documentation is not beside the tests")
-    (tmp_path / "data.csv").write_text(page.read_text().split("```")[3].lstrip("\n"))
+    (tmp_path / "data.csv").write_text(next(block.code for block in blocks(page) if block.language == "csv"))
     data = fp.Measurements.from_csv(tmp_path / "data.csv", MODEL)
     assert data.points.x0[:, 0].tolist() == [0.1503, 0.1498, 0.1]
     np.testing.assert_allclose(data.y[:, :2], [[0.1505, 8.103e6], [0.1501, 8.076e6], [0.1002, np.nan]], rtol=1e-15)

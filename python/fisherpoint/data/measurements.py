@@ -81,7 +81,7 @@ class Measurements:
         """Read measurements of `model`: the design's CSV with a column ``y_<output>`` for each measured output.
 
         Outputs may be missing or empty; ``x0_<state>`` is a measured start; headers may have units, as ``p_A [bar]``. See
-        docs/measurements.md for the format, and for what is refused.
+        docs/how_to/measurements.md for the format, and for what is refused.
 
         Raises
         ------

@@ -17,7 +17,7 @@ RULES: dict[str, type[Rule]] = {
 """The rules by the names that files call them."""
 
 DEFAULT_RULE = SparseGaussHermite(2)
-"""The cheapest rule whose error is about 1 % at the 90th percentile of the points that we measured: docs/quadrature.md."""
+"""The cheapest rule whose error is about 1 % at the 90th percentile of the points measured: docs/explanation/quadrature.md."""
 
 __all__ = [
     "DEFAULT_RULE",

@@ -1,0 +1,318 @@
+"""Writes the reference of the TOML file, docs/reference/configuration.md, from the models by which the program checks it.
+
+Keys, types, limits and defaults come from the program; the descriptions stand below. A key without a description is an error, as is
+a description without its key. With ``--check`` nothing is written, and the exit code says whether the page is up to date.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import fisherpoint as fp
+from fisherpoint.config import Config
+
+PAGE = Path(__file__).resolve().parents[1] / "reference" / "configuration.md"
+
+RULES = (fp.TensorGrid, fp.GaussHermite, fp.SparseGaussHermite, fp.Sobol, fp.Unscented, fp.Linearized)
+
+INTRODUCTION = """\
+# The TOML file
+
+<!-- Written by docs/scripts/configuration.py: change the descriptions there, then run `make docs-pages`. -->
+
+A TOML file describes the model, the prior, the sensors, the region and the settings of the command line.
+`examples/cylinder.toml` is a commented file to copy. An unknown key, a wrong type or a missing entry is reported in one line that
+names the key.
+
+All values are in SI units. A `unit` is compared with the model's unit and never converted. Outside `[model]` it may be left out.
+
+Tables marked *by name* have one entry for each quantity. An entry that only has a value can be written without braces: `x_v = 1e-3`
+is short for `x_v = { value = 1e-3 }`, as is `u = [-1, 1]` in `[region]` for its bounds, and `u = "V"` in `[model.inputs]` for its
+unit.
+"""
+
+# Table by table, in the order of the page: the table's introduction, an example, and the meaning of its keys.
+TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
+    "model": (
+        "The model: a built-in one by its name, or equations of your own. With equations, `[model.states]`, `[model.inputs]`,"
+        " `[model.parameters]` and `[model.outputs]` list the quantities. [Writing a model](../how_to/models.md#as-text) gives the"
+        " rules for equations.",
+        '[model]\nname = "tank"\n\n[model.states]\nh = { unit = "m", scale = 0.1, description = "level" }\n\n'
+        '[model.inputs]\nu = "m3/s"\n\n[model.parameters]\nk = { unit = "sqrt(m)/s", nominal = 0.05 }\n\n'
+        '[model.constants]\narea = { value = 0.02, unit = "m2" }\n\n[model.outputs]\nh = "m"\n\n'
+        '[model.equations]\nh = "u/area - k*sqrt(h)"\n',
+        {
+            "name": "`hydraulic_cylinder`, or with equations any name.",
+            "smooth": "Only for the built-in cylinder: widths of the smooth transitions at `v = 0` and `x_v = 0`, by name.",
+            "states": "The states, by name.",
+            "inputs": "The inputs, by name.",
+            "parameters": "The parameters, by name.",
+            "constants": "Known constants, by name. Of a built-in model: those that differ from their default.",
+            "outputs": "The outputs, by name. An output with the name of a state and no equation is that state.",
+            "equations": "By name: the rate of each state, and each output that is not simply a state.",
+            "domain": "Expressions that have to stay positive.",
+        },
+    ),
+    "model.states": (
+        "By name, as are `[model.inputs]`. A text alone is the unit.",
+        "",
+        {
+            "unit": 'The SI unit, `"1"` or `""` for a quantity without dimension.',
+            "scale": "Natural size, to which tolerances refer; 1 where it is not given.",
+            "description": "A description for reports and plots.",
+        },
+    ),
+    "model.parameters": (
+        "By name.",
+        "",
+        {
+            "unit": "As for states.",
+            "scale": "Natural size.",
+            "description": "As for states.",
+            "nominal": "A usual value, which `model.nominal` returns.",
+        },
+    ),
+    "model.constants": (
+        "By name. A number alone is the value.",
+        "",
+        {"value": "The value.", "unit": "Its unit; none means no dimension.", "description": "A description for reports."},
+    ),
+    "model.outputs": (
+        "By name.",
+        "",
+        {
+            "unit": "As for states.",
+            "scale": "Natural size; measured values above 1000 times this size are refused.",
+            "description": "As for states.",
+            "equation": "Its equation, where it has the name of a state but is something else.",
+        },
+    ),
+    "prior": (
+        "What is known of each parameter before the experiments, by name. Every parameter of the model needs an entry, with either"
+        " `std` or `relative_std`.",
+        '[prior]\nc_L = { mean = 2.5e-9, relative_std = 0.30, log = true, unit = "m3/(s sqrt(Pa))" }\n',
+        {
+            "mean": "The mean.",
+            "std": "The standard deviation.",
+            "relative_std": "The standard deviation as a share of the mean.",
+            "unit": "The unit.",
+            "log": "Whether the logarithm is normally distributed; the parameter is then positive.",
+        },
+    ),
+    "prior_correlation": (
+        'Correlations of pairs of parameters, between -1 and 1; the key is `"first, second"`. Pairs that are not listed are'
+        " uncorrelated.",
+        '[prior_correlation]\n"V_0A, V_0B" = 0.5\n',
+        {},
+    ),
+    "noise_std": (
+        "Standard deviation of the sensor noise, by name of the output. With this table every output needs an entry; without the"
+        " table no standard errors are computed.",
+        '[noise_std]\nq = { value = 5e-6, unit = "m" }\np_A = 2e4\np_B = 2e4\nx_v = 1e-3\n',
+        {"value": "The standard deviation.", "unit": "The unit."},
+    ),
+    "uncertain": (
+        "Standard deviations of constants, and of parameters that are not estimated, by name."
+        " [Uncertain constants and starts](../how_to/assumptions.md) explains their effect.",
+        '[uncertain]\nT_1 = { value = 2.2e-4, unit = "s" }\n',
+        {"value": "The standard deviation.", "unit": "The unit."},
+    ),
+    "initial_state_std": (
+        "Standard deviations by which the true start of a point differs from the planned one, by name of the state.",
+        '[initial_state_std]\nv = { value = 2e-3, unit = "m/s" }\n',
+        {"value": "The standard deviation.", "unit": "The unit."},
+    ),
+    "region": (
+        "Which experiments are possible: bounds of every state, every input and, for models with states, `dt`, by name. A pair of"
+        " numbers alone gives the bounds. `fisherpoint design` and `fisherpoint campaign` need this table.",
+        '[region]\nq = { bounds = [0.03, 0.27], unit = "m" }\nx_v = [-1.0, 1.0]\nconstraints = ["p_A + p_B < 30e6"]\n',
+        {
+            "bounds": "Lower and upper bound; equal bounds fix the value.",
+            "unit": "The unit.",
+            "constraints": "Relations that every point has to satisfy.",
+        },
+    ),
+    "rule": (
+        "How expectations over the prior are computed; [quadrature](../explanation/quadrature.md) says which kind to take. A file"
+        " that gives `levels`, `span` or `edges` without a kind means `tensor_grid`.",
+        '[rule]\nkind = "sparse_gauss_hermite"\nlevel = 2\n',
+        {
+            "kind": "The kind of rule.",
+            "levels": "Number of nodes per parameter, one for all or by name.",
+            "span": "Half width of the grid in standard deviations.",
+            "edges": "Edges of the cells in standard deviations from the mean, one list for all or by name; in place of `levels`"
+            " and `span`.",
+            "level": "Level of the sparse grid.",
+            "n": "Number of points.",
+            "seed": "Seed of the scrambling.",
+        },
+    ),
+    "design": (
+        "What is optimized and how long the search may take.",
+        '[design]\nn_experiments = 12\nmax_iterations = 200\nparameters = ["a_tau", "b_tau", "m_q"]\n',
+        {
+            "n_experiments": "Number of points of the design.",
+            "n_candidates": "Random candidates per iteration.",
+            "max_iterations": "Largest number of iterations.",
+            "seed": "Seed of the search; the same seed gives the same design, whatever the number of threads.",
+            "patience": "Stop after this many iterations without an exchange.",
+            "time_limit": "Stop after this many seconds. Not allowed in a campaign.",
+            "local": "Number of candidates close to points of the design, as a share of the random ones; 0 for none.",
+            "output_covariance": "The [form of D](../explanation/output_covariance.md).",
+            "parameters": "The parameters to estimate; the others are taken as known.",
+            "kinks": 'Whether trajectories may cross kinks; `"exclude"` leaves out points that do.',
+            "assumed_covariance": "How the effect of `[uncertain]` and `[initial_state_std]` is computed: by tangents at the mean,"
+            " or by the rule.",
+        },
+    ),
+    "campaign": (
+        "Settings of `fisherpoint campaign`; the search is that of `[design]`.",
+        "[campaign]\nbatch = 6\nrse = { c_L = 0.02, m_q = 0.01 }\n",
+        {
+            "batch": "Points per batch.",
+            "rse": "Relative standard errors to reach, one for all parameters or by name. Without them it never ends.",
+        },
+    ),
+}
+
+SAID: dict[str, str] = {
+    "design.output_covariance": '`"noise"` with `[noise_std]`, else `"region"`',
+    "design.parameters": "all",
+    "rule.kind": '`"sparse_gauss_hermite"`',
+    "campaign.rse": "none",
+    "model.states.scale": "1",
+    "model.parameters.scale": "none",
+    "model.outputs.scale": "none",
+}
+"""Defaults that are not the default of an argument."""
+
+
+def page() -> str:
+    """The whole page."""
+    schema = Config.model_json_schema()
+    top = _tables(schema)
+    listed = {name.split(".")[0] for name in TABLES}
+    if set(top) != listed:
+        raise SystemExit(f"configuration.py: expected the tables {sorted(top)}, given {sorted(listed)}")
+    parts = [INTRODUCTION, "| table | needed |", "|---|---|"]
+    parts += [f"| [`[{name}]`](#{name}) | {'yes' if name in schema['required'] else 'no'} |" for name in TABLES if name in top]
+    for name, (text, example, meanings) in TABLES.items():
+        parts += ["", f"## {name}", "", text]
+        if example:
+            parts += ["", "```toml", example.rstrip("\n"), "```"]
+        rows = list(_rows(schema, name, meanings))
+        if rows:
+            parts += ["", "| key | value | default | meaning |", "|---|---|---|---|", *rows]
+    return "\n".join(parts) + "\n"
+
+
+def _tables(schema: Mapping[str, Any]) -> dict[str, Any]:
+    return dict(schema["properties"])
+
+
+def _rows(schema: Mapping[str, Any], table: str, meanings: Mapping[str, str]) -> Iterator[str]:
+    found = _keys(schema, table)
+    if set(found) != set(meanings):
+        raise SystemExit(f"configuration.py: {table}: expected descriptions of {sorted(found)}, given {sorted(meanings)}")
+    for key, meaning in meanings.items():
+        kind, needed = found[key]
+        default = "needed" if needed else _default(table, key, kind)
+        yield f"| `{key}` | {_kind(schema, kind)} | {default} | {meaning} |"
+
+
+def _keys(schema: Mapping[str, Any], table: str) -> dict[str, tuple[Mapping[str, Any], bool]]:
+    """The keys of a table, or of an entry of a table by name: their schemas, and whether they are needed."""
+    node: Any = schema
+    for name in table.split("."):
+        node = _resolved(schema, node["properties"][name])
+    keys = {key: (kind, key in node.get("required", ())) for key, kind in node.get("properties", {}).items()}
+    entry = node.get("additionalProperties")
+    if isinstance(entry, dict):
+        inner = _resolved(schema, entry)
+        keys |= {key: (kind, key in inner.get("required", ())) for key, kind in inner.get("properties", {}).items()}
+    return keys
+
+
+def _resolved(schema: Mapping[str, Any], node: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The object that a node refers to, without the possibility that it is left out."""
+    for choice in node.get("anyOf", ()):
+        if choice.get("type") != "null":
+            return _resolved(schema, choice)
+    if "$ref" in node:
+        found: Mapping[str, Any] = schema["$defs"][node["$ref"].rpartition("/")[2]]
+        return found
+    return node
+
+
+def _kind(schema: Mapping[str, Any], node: Mapping[str, Any]) -> str:
+    """A type in words, with its limits."""
+    if "anyOf" in node:
+        return " or ".join(_kind(schema, choice) for choice in node["anyOf"] if choice.get("type") != "null")
+    if "enum" in node:
+        return " or ".join(f'`"{value}"`' for value in node["enum"])
+    kind = node.get("type")
+    if kind == "array":
+        return f"list of {_kind(schema, node['items'])}s"
+    if kind == "object":
+        inner = node.get("additionalProperties")
+        return f"by name: {_kind(schema, inner)}" if isinstance(inner, dict) and "$ref" not in inner else "table by name"
+    words = {"integer": "integer", "number": "number", "string": "text", "boolean": "`true` or `false`"}
+    return words.get(str(kind), "table") + _limits(node)
+
+
+def _limits(node: Mapping[str, Any]) -> str:
+    signs = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
+    told = [f"{sign} {node[key]:,}".replace(",", " ") for key, sign in signs.items() if key in node]
+    return f" {', '.join(told)}" if told else ""
+
+
+def _default(table: str, key: str, node: Mapping[str, Any]) -> str:
+    if f"{table}.{key}" in SAID:
+        return SAID[f"{table}.{key}"]
+    if table == "rule":
+        return _of_rules(key)
+    functions = {"design": (fp.exchange, fp.DesignProblem), "campaign": (fp.Campaign,)}.get(table, ())
+    values = [inspect.signature(function).parameters[key].default for function in functions if key in _arguments(function)]
+    value = values[0] if values else node.get("default")
+    return "none" if value in (None, "", [], {}) else f"`{str(value).lower() if isinstance(value, bool) else _toml(value)}`"
+
+
+def _arguments(function: Any) -> list[str]:
+    return list(inspect.signature(function).parameters)
+
+
+def _of_rules(key: str) -> str:
+    """The default of an argument of a rule, for each rule that takes it."""
+    told = []
+    for rule in RULES:
+        if key in _arguments(rule):
+            value = getattr(rule(), key)
+            kind = re.sub(r"(?<!^)(?=[A-Z])", "_", rule.__name__).lower()
+            told.append(f"{'none' if value is None else f'`{value:g}`'} (`{kind}`)")
+    return ", ".join(told)
+
+
+def _toml(value: object) -> str:
+    return f'"{value}"' if isinstance(value, str) else str(value)
+
+
+def main(arguments: list[str]) -> int:
+    """Write the page, or compare it."""
+    if arguments not in ([], ["--check"]):
+        raise SystemExit("usage: configuration.py [--check]")
+    written = page()
+    if arguments and (not PAGE.exists() or PAGE.read_text() != written):
+        print(f"{PAGE}: expected what docs/scripts/configuration.py writes, given other text: run make docs-pages")
+        return 1
+    if not arguments:
+        PAGE.write_text(written)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

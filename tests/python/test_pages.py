@@ -1,0 +1,172 @@
+"""What README and documentation show runs, and what they list is all there is."""
+
+from __future__ import annotations
+
+import ast
+import re
+import shutil
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import fisherpoint as fp
+from fisherpoint import cli
+from fisherpoint.config import Config, load_config
+from pages import LANGUAGES, ROOT, blocks, commands, is_whole_model, laid_over, pages
+
+DOCS = ROOT / "docs"
+PAGES = [path for path in pages() if any(block.language in ("python", "sh", "toml") for block in blocks(path))]
+
+pytestmark = pytest.mark.skipif(not DOCS.exists(), reason="the documentation is not beside the tests")
+
+
+def name_of(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+@pytest.fixture
+def beside_examples(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A directory to run in that has the examples, with short searches."""
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    for path in (tmp_path / "examples").glob("*.toml"):
+        path.write_text(re.sub(r"^max_iterations = \d+", "max_iterations = 20", path.read_text(), flags=re.MULTILINE))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("path", PAGES, ids=name_of)
+def test_the_blocks_of_a_page_run(path: Path, beside_examples: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names: dict[str, Any] = {"__name__": "page", "example": example}
+    before = ""
+    for block in blocks(path):
+        printed = capsys.readouterr().out if before == "python" else ""
+        if block.language == "text" and block.follows and before == "python":
+            assert lines(block.code) == lines(printed)
+        before = block.language
+        match block.language:
+            case "python":
+                exec(compile("\n" * block.line + block.code, name_of(path), "exec"), names)
+            case "sh":
+                for arguments in commands(block.code):
+                    with pytest.raises(SystemExit) as ended:
+                        cli.main(arguments)
+                    assert ended.value.code == 0, (arguments, capsys.readouterr().err)
+            case "toml":
+                load(block.code, beside_examples)
+
+
+def example(name: str) -> fp.DesignProblem:
+    """The problem of an example, for what prepares a page's blocks."""
+    return load_config(f"examples/{name}.toml").problem()
+
+
+def lines(text: str) -> list[str]:
+    return [line.rstrip() for line in text.strip("\n").splitlines()]
+
+
+def load(code: str, directory: Path) -> None:
+    if is_whole_model(code):
+        (directory / "model.toml").write_text(code)
+        fp.load_model(directory / "model.toml")
+    else:
+        base = tomllib.loads((directory / "examples" / "cylinder.toml").read_text())
+        Config.model_validate(laid_over(base, tomllib.loads(code))).problem()
+
+
+@pytest.mark.parametrize("path", pages(), ids=name_of)
+def test_every_block_names_its_language(path: Path) -> None:
+    assert {block.language for block in blocks(path)} <= set(LANGUAGES)
+
+
+def test_links_from_outside_the_documentation_lead_somewhere() -> None:
+    for path in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CODE_OF_CONDUCT.md", ROOT / "CHANGELOG.md"):
+        for link in re.findall(r"\]\(([^)#:]+)[^)]*\)", path.read_text()):
+            assert (ROOT / link).exists(), (path.name, link)
+
+
+# --- what is listed -----------------------------------------------------------------------------------------------------
+
+
+def test_every_public_name_has_one_place_in_the_reference() -> None:
+    text = "\n".join(path.read_text() for path in (DOCS / "reference" / "api").glob("*.md"))
+    listed = re.findall(r"^::: fisherpoint\.(\w+)$", text, re.MULTILINE)
+    assert sorted(listed) == sorted([*fp.__all__, "CallableModel", "SymbolicModel", "load_model", "model"])
+
+
+def test_every_function_of_equations_is_in_the_reference() -> None:
+    listed = re.findall(r"`fp\.(\w+)`[,.]", (DOCS / "reference" / "api" / "models.md").read_text())
+    assert all(callable(getattr(fp, name)) for name in listed) and {"sqrt", "where", "atan2"} <= set(listed)
+
+
+@pytest.mark.parametrize("command", ["design", "evaluate", "simulate", "estimate", "validate", "campaign", "info"])
+def test_the_options_of_a_command_are_those_it_takes(
+    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "300")
+    with pytest.raises(SystemExit):
+        cli.main([command, "--help"])
+    shown = set(re.findall(r"^\W*(--[a-z-]+)", capsys.readouterr().out, re.MULTILINE)) - {"--help"}
+    page = (DOCS / "reference" / "command_line.md").read_text()
+    section = page.split(f"\n## {command}\n")[1].split("\n## ")[0]
+    table = "\n".join(line.split(" | ")[0] for line in section.splitlines() if line.startswith("| `"))
+    assert set(re.findall(r"--[a-z-]+", table)) == shown
+
+
+def test_every_status_is_explained() -> None:
+    page = (DOCS / "reference" / "statuses.md").read_text()
+    assert re.findall(r"^\| `(\w+)` \| (\d) \|", page, re.MULTILINE) == [(status.name, str(status.value)) for status in fp.Status]
+
+
+REPORTING = ("warnings", "_warnings", "_beside_numerical_error")
+"""The functions that put warnings into reports."""
+
+SOURCES = [ast.parse(path.read_text()) for path in sorted((ROOT / "python" / "fisherpoint").rglob("*.py"))]
+
+
+def fixed_texts(node: ast.AST) -> list[str]:
+    """The constant parts of the texts below a node."""
+    return [part.value for part in ast.walk(node) if isinstance(part, ast.Constant) and isinstance(part.value, str)]
+
+
+def quoted_warnings() -> list[str]:
+    """The fixed parts of the warnings that the page quotes."""
+    page = (DOCS / "reference" / "warnings.md").read_text()
+    quotes = re.findall(r"^\| `([^`]+)` \|", page, re.MULTILINE)
+    assert len(quotes) > 20
+    return [part.strip(" ,.:;") for quote in quotes for part in quote.split("…") if part.strip(" ,.:;")]
+
+
+@pytest.mark.parametrize("part", quoted_warnings() if DOCS.exists() else [])
+def test_a_warning_that_is_explained_exists(part: str) -> None:
+    assert any(part in text for source in SOURCES for text in fixed_texts(source))
+
+
+def test_every_warning_of_a_report_is_explained() -> None:
+    functions = [
+        node for source in SOURCES for node in ast.walk(source) if isinstance(node, ast.FunctionDef) and node.name in REPORTING
+    ]
+    assert {node.name for node in functions} == set(REPORTING)
+    quotes = quoted_warnings()
+    for node in (node for function in functions for node in ast.walk(function)):
+        text = node.value if isinstance(node, ast.Yield) else None
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "texts.append":
+            text = node.args[0]
+        if isinstance(text, ast.JoinedStr | ast.Constant):
+            assert any(part in fixed for part in quotes for fixed in fixed_texts(text)), ast.unparse(text)
+
+
+def test_every_python_warning_is_explained() -> None:
+    calls = [
+        node
+        for source in SOURCES
+        for node in ast.walk(source)
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "warnings.warn"
+    ]
+    assert calls
+    quotes = quoted_warnings()
+    for call in calls:
+        texts = fixed_texts(call.args[0])
+        # A remark that comes from elsewhere is quoted there.
+        assert texts in ([], ["compile: "]) or any(part in text for part in quotes for text in texts), ast.unparse(call)
