@@ -58,9 +58,10 @@ def to_markdown(report: Report) -> str:
     lines = [f"**{_marked_down(report.headline)}**"]
     for section in report.sections:
         lines += ["", *([f"**{_marked_down(section.title)}**", ""] if section.title else [])]
-        head = section.columns or ("", "")
-        align = [":--" if section.is_left(i) else "--:" for i in range(len(head))]
-        lines += [f"| {' | '.join(map(_marked_down, row))} |" for row in (head, align, *section.rows)]
+        if section.rows or section.columns:
+            head = section.columns or ("", "")
+            align = [":--" if section.is_left(i) else "--:" for i in range(len(head))]
+            lines += [f"| {' | '.join(map(_marked_down, row))} |" for row in (head, align, *section.rows)]
         lines += [f"\n{_marked_down(note)}" for note in section.notes]
     lines += [f"\n**Warning:** {_marked_down(warning)}" for warning in report.warnings]
     return "\n".join(printable(line) if line.isprintable() else line for line in lines) + "\n"
@@ -79,6 +80,7 @@ def to_html(report: Report) -> str:
         for row in section.rows:
             cells = "".join(f"<td{side}>{escape(cell)}</td>" for cell, side in zip(row[1:], align[1:], strict=True))
             rows.append(f"<tr><th{align[0]}>{escape(row[0])}</th>{cells}</tr>")
-        parts.append(f"<table><caption>{escape(section.title)}</caption>{''.join(rows)}</table>")
+        title = escape(section.title)
+        parts.append(f"<table><caption>{title}</caption>{''.join(rows)}</table>" if rows else f"<p>{title}</p>")
         parts += [f"<p>{escape(note)}</p>" for note in section.notes]
     return "".join(parts + [f"<p><b>Warning:</b> {escape(warning)}</p>" for warning in report.warnings])
