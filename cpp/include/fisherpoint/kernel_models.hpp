@@ -2,7 +2,9 @@
 #pragma once
 
 #include "hydraulic_cylinder.hpp"
+#include "integrate.hpp"
 #include "pack.hpp"
+#include "state_equation.hpp"
 #include "tape_equation.hpp"
 
 namespace fisherpoint {
@@ -12,5 +14,12 @@ inline constexpr int lanes_for = native_lanes;
 // Enough for the arithmetic to outweigh the decoding of an operation, few enough for the registers to stay in the cache.
 template <>
 inline constexpr int lanes_for<TapeModel> = native_lanes < 8 ? 8 * native_lanes : 32;
+
+#if defined(FISHERPOINT_MODEL)
+// Compiled once, in cpp/src/integrator.cpp: they are most of what a kernel takes to compile.
+using KernelEquation = StateEquation<FISHERPOINT_MODEL, Pack<lanes_for<FISHERPOINT_MODEL>>>;
+extern template class Integrator<KernelEquation, DormandPrince>;
+extern template class Integrator<KernelEquation, DormandPrince853>;
+#endif
 
 }  // namespace fisherpoint
