@@ -11,10 +11,10 @@
 #include <vector>
 
 #include "backing.hpp"
-#include "fisherpoint/hydraulic_cylinder.hpp"
-#include "fisherpoint/predictive_covariance.hpp"
-#include "fisherpoint/prior_grid.hpp"
-#include "fisherpoint/replay.hpp"
+#include "fisherpoint/integration/replay.hpp"
+#include "fisherpoint/kernels/predictive_covariance.hpp"
+#include "fisherpoint/models/hydraulic_cylinder.hpp"
+#include "fisherpoint/prior/prior_grid.hpp"
 
 using namespace fisherpoint;
 using M = HydraulicCylinder;

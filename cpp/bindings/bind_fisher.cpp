@@ -1,6 +1,6 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
-#include "fisherpoint/fisher.hpp"
+#include "fisherpoint/kernels/fisher_accumulator.hpp"
 
 namespace fisherpoint::bindings {
 namespace {

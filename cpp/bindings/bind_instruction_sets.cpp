@@ -1,7 +1,7 @@
 #include <pybind11/stl.h>
 
 #include "bindings.hpp"
-#include "fisherpoint/supported_levels.hpp"
+#include "fisherpoint/kernels/supported_levels.hpp"
 
 namespace fisherpoint::bindings {
 

@@ -2,8 +2,8 @@
 
 #include "arrays.hpp"
 #include "bindings.hpp"
-#include "fisherpoint/prior_grid.hpp"
-#include "fisherpoint/prior_nodes.hpp"
+#include "fisherpoint/prior/prior_grid.hpp"
+#include "fisherpoint/prior/prior_nodes.hpp"
 
 namespace fisherpoint::bindings {
 namespace {

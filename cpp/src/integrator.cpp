@@ -1,4 +1,4 @@
-#include "fisherpoint/kernel_models.hpp"
+#include "fisherpoint/kernels/kernel_models.hpp"
 
 namespace fisherpoint {
 

@@ -1,7 +1,7 @@
 // Prints the best level that this machine has, for which CMake then compiles; fails where it has none.
 #include <cstdio>
 
-#include "fisherpoint/supported_levels.hpp"
+#include "fisherpoint/kernels/supported_levels.hpp"
 
 int main() {
   const auto levels = fisherpoint::supported_levels();

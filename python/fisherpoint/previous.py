@@ -16,7 +16,7 @@ from .problem import DesignProblem
 from .quantity import FrozenMapping
 from .trajectories import Status, on_surface
 
-if TYPE_CHECKING:  # both stand later in the chain; what they have is all that counts here
+if TYPE_CHECKING:  # both stand in modules that come later; what they have is all that counts here
     from .data.measurements import Measurements
     from .design import Design
 

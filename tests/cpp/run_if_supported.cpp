@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "fisherpoint/supported_levels.hpp"
+#include "fisherpoint/kernels/supported_levels.hpp"
 
 int main(int argc, char** argv) {
   if (argc < 3) return std::puts("expected a level and a program"), 1;

@@ -2,8 +2,8 @@
 
 #include <vector>
 
-#include "fisherpoint/predictive_covariance.hpp"
-#include "fisherpoint/prior_grid.hpp"
+#include "fisherpoint/kernels/predictive_covariance.hpp"
+#include "fisherpoint/prior/prior_grid.hpp"
 #include "models.hpp"
 
 using namespace fisherpoint;

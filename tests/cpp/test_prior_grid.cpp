@@ -5,8 +5,8 @@
 #include <cmath>
 #include <vector>
 
-#include "fisherpoint/prior_grid.hpp"
-#include "fisherpoint/prior_nodes.hpp"
+#include "fisherpoint/prior/prior_grid.hpp"
+#include "fisherpoint/prior/prior_nodes.hpp"
 
 using namespace fisherpoint;
 

@@ -27,7 +27,7 @@ from fisherpoint.models import library_cache
 COMPILER = building.find_compiler()
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C++ compiler")
 
-FUNCTIONS = ("simulate", "sensitivities", "chain", "predictive_covariance")
+FUNCTIONS = ("simulate", "sensitivities", "simulate_records", "predictive_covariance")
 MODEL = """
 import fisherpoint as fp
 decay = fp.SymbolicModel(["-k*c"], ["c"], {"c": "mol/L"}, {}, {"k": "1/s"}, {"c": "mol/L"})

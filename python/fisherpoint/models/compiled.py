@@ -34,8 +34,8 @@ _SOURCES = {
     " {{ return simulate_request<{name}>(r, x, y, status); }}",
     "sensitivities": "FisherpointOutcome fisherpoint_sensitivities(const FisherpointRequest* r, double* x, double* y, double* dx,"
     " double* dy, std::int32_t* status) {{ return sensitivities_request<{name}>(r, x, y, dx, dy, status); }}",
-    "chain": "FisherpointOutcome fisherpoint_chain(const FisherpointRequest* r, std::int64_t pieces, double* x,"
-    " std::int32_t* status, std::int64_t* reached) {{ return chain_request<{name}>(r, pieces, x, status, reached); }}",
+    "simulate_records": "FisherpointOutcome fisherpoint_simulate_records(const FisherpointRequest* r, std::int64_t pieces, double* x,"
+    " std::int32_t* status, std::int64_t* reached) {{ return records_request<{name}>(r, pieces, x, status, reached); }}",
     "predictive_covariance": "FisherpointOutcome fisherpoint_predictive_covariance(const FisherpointRequest* r,"
     " const fisherpoint::PriorNodes* nodes, double max_lost, double* covariance, std::int32_t* status, std::int64_t* redone,"
     " double* lost, double* y) {{ return predictive_covariance_request<{name}>(r, nodes, max_lost, covariance, status, redone,"
@@ -62,7 +62,7 @@ def compiled_model(model: SymbolicModel, tape: Any) -> Any | None:
     flags = [*_FLAGS, *([] if isa() == "generic" else [f"-march=x86-64-{isa()}"]), f"-I{include}"]
     sources = {_MODEL: cpp_model(model, model.structure.programs, _NAME)}
     for kernel, function in _SOURCES.items():
-        includes = f'#include "{_MODEL}"\n#include "fisherpoint/c_kernels.hpp"\n\nusing namespace fisherpoint;\n\n'
+        includes = f'#include "{_MODEL}"\n#include "fisherpoint/compiled/c_kernels.hpp"\n\nusing namespace fisherpoint;\n\n'
         visible = 'extern "C" __attribute__((visibility("default")))\n'
         sources[f"{kernel}.cpp"] = includes + visible + function.format(name=_NAME) + "\n"
 
@@ -105,7 +105,7 @@ def find_compiler() -> str | None:
 def _include_directory() -> Path | None:
     package = Path(__file__).resolve().parents[1]
     for directory in (package / "include", package.parents[1] / "cpp" / "include"):  # installed, or in a source tree
-        if (directory / "fisherpoint" / "c_kernels.hpp").exists():
+        if (directory / "fisherpoint" / "compiled" / "c_kernels.hpp").exists():
             return directory
     return None
 
