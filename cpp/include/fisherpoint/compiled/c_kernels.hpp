@@ -1,9 +1,11 @@
-// What a shared object for one model consists of: the kernels behind the functions of c_interface.hpp.
+// What a shared object for one model consists of: the kernels behind the functions of c_interface.hpp. Explicit instantiations
+// (`template FisherpointSimulate simulate_request<M>;`) say in which file each is compiled.
 #pragma once
 
 #include <cstdio>
 #include <exception>
 #include <new>
+#include <stdexcept>
 
 #include "fisherpoint/compiled/c_interface.hpp"
 #include "fisherpoint/kernels/predictive_covariance.hpp"
@@ -48,13 +50,38 @@ inline FisherpointOutcome outcome_of(const FisherpointRequest& request, auto&& w
   }
 }
 
+// Nodes that the core holds.
+class CoreNodes final : public PriorNodes {
+ public:
+  explicit CoreNodes(const FisherpointNodes& nodes) : nodes_(nodes) {}
+
+  std::size_t size() const override { return static_cast<std::size_t>(nodes_.size); }
+  int parameters() const override { return nodes_.parameters; }
+  std::vector<double> pilots() const override {
+    return {nodes_.pilots, nodes_.pilots + nodes_.pilot_count * nodes_.parameters};
+  }
+  void read(std::size_t first, std::size_t count, double* theta, double* weight) const override {
+    const auto outcome =
+        nodes_.read(nodes_.nodes, static_cast<std::int64_t>(first), static_cast<std::int64_t>(count), theta, weight);
+    if (outcome == fisherpoint_out_of_memory) throw std::bad_alloc();
+    if (outcome != fisherpoint_done) throw std::runtime_error("the nodes of the prior could not be read");
+  }
+
+ private:
+  const FisherpointNodes& nodes_;
+};
+
+inline Status* statuses(std::int32_t* status) { return reinterpret_cast<Status*>(status); }
+
+template <class M>
+using CompiledEquation = StateEquation<M, Pack<native_lanes>>;
+
 template <class M>
 FisherpointOutcome simulate_request(const FisherpointRequest* request, double* x, double* y, std::int32_t* status) {
   return outcome_of(*request, [&] {
     const Request r(*request);
     with_method(r.tolerance.method, [&]<class Method>(Method) {
-      simulate_packs<Pack<native_lanes>, Method>(M{}, r.points, r.parameters, r.tolerance, r.workers,
-                                                 {x, y, reinterpret_cast<Status*>(status)});
+      simulate_packs<Pack<native_lanes>, Method>(M{}, r.points, r.parameters, r.tolerance, r.workers, {x, y, statuses(status)});
     });
   });
 }
@@ -66,35 +93,39 @@ FisherpointOutcome sensitivities_request(const FisherpointRequest* request, doub
     const Request r(*request);
     with_method(r.tolerance.method, [&]<class Method>(Method) {
       sensitivity_packs<Pack<native_lanes>, Method>(M{}, r.points, r.parameters, r.tolerance, r.workers,
-                                                    {x, y, dx_dtheta, dy_dtheta, reinterpret_cast<Status*>(status)});
+                                                    {x, y, dx_dtheta, dy_dtheta, statuses(status)});
     });
   });
 }
 
 template <class M>
-FisherpointOutcome records_request(const FisherpointRequest* request, std::int64_t pieces, double* x, std::int32_t* status,
-                                   std::int64_t* reached) {
+FisherpointOutcome simulate_records_request(const FisherpointRequest* request, std::int64_t pieces, double* x,
+                                            std::int32_t* status, std::int64_t* reached) {
   return outcome_of(*request, [&] {
     const Request r(*request);
     with_method(r.tolerance.method, [&]<class Method>(Method) {
       record_packs<Pack<native_lanes>, Method>(M{}, r.points, static_cast<std::size_t>(pieces), r.parameters, r.tolerance,
-                                               r.workers, {x, reinterpret_cast<Status*>(status), reached});
+                                               r.workers, {x, statuses(status), reached});
     });
   });
 }
 
 template <class M>
-FisherpointOutcome predictive_covariance_request(const FisherpointRequest* request, const PriorNodes* nodes, double max_lost,
-                                                 double* covariance, std::int32_t* status, std::int64_t* redone, double* lost,
-                                                 double* y) {
+FisherpointOutcome predictive_covariance_request(const FisherpointRequest* request, const FisherpointNodes* nodes,
+                                                 double max_lost, double* covariance, std::int32_t* status,
+                                                 std::int64_t* redone, double* lost, double* y) {
   return outcome_of(*request, [&] {
     const Request r(*request);
     with_method(r.tolerance.method, [&]<class Method>(Method) {
-      predictive_covariance_packs<Pack<native_lanes>, Method>(M{}, r.points, request->theta, *nodes, max_lost, r.tolerance,
-                                                              r.workers,
-                                                              {covariance, reinterpret_cast<Status*>(status), redone, lost, y});
+      predictive_covariance_packs<Pack<native_lanes>, Method>(M{}, r.points, request->theta, CoreNodes(*nodes), max_lost,
+                                                              r.tolerance, r.workers,
+                                                              {covariance, statuses(status), redone, lost, y});
     });
   });
 }
+
+template <class M>
+inline constexpr FisherpointKernels kernels_of{fisherpoint_interface_version, simulate_request<M>, sensitivities_request<M>,
+                                               simulate_records_request<M>, predictive_covariance_request<M>};
 
 }  // namespace fisherpoint

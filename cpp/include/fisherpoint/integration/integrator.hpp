@@ -81,20 +81,7 @@ class Integrator {
   // Integrates y over `duration`; a lane of duration 0 rests. On return y is the end state or, where the status is not ok, the
   // last state that was reached. Where `first_step` is 0 the integrator chooses it. The steps that are taken are added to
   // `steps`.
-  Outcome<P> run(State& y, const P& duration, const P& first_step, Steps<Equation>* steps = nullptr) {
-    steps_ = steps;
-    begin(y, duration, first_step);
-    while (any(running_)) {
-      if (++outcome_.attempts > tolerance_.max_attempts) {
-        stop(running_, Status::step_limit);
-        break;
-      }
-      attempt(y, duration);
-      control(y, duration);
-    }
-    outcome_.next_step = step_size_;
-    return outcome_;
-  }
+  Outcome<P> run(State& y, const P& duration, const P& first_step, Steps<Equation>* steps = nullptr);
 
  private:
   FISHERPOINT_HOT void begin(const State& y, const P& duration, const P& first_step) {
@@ -377,5 +364,22 @@ class Integrator {
   Retyped<Surfaces, Quartic<P>> along_;
   Retyped<Side, Mask> landed_;
 };
+
+// Not inline: where an explicit instantiation is declared, nothing of the integrator is compiled.
+template <class Equation, class Method>
+auto Integrator<Equation, Method>::run(State& y, const P& duration, const P& first_step, Steps<Equation>* steps) -> Outcome<P> {
+  steps_ = steps;
+  begin(y, duration, first_step);
+  while (any(running_)) {
+    if (++outcome_.attempts > tolerance_.max_attempts) {
+      stop(running_, Status::step_limit);
+      break;
+    }
+    attempt(y, duration);
+    control(y, duration);
+  }
+  outcome_.next_step = step_size_;
+  return outcome_;
+}
 
 }  // namespace fisherpoint

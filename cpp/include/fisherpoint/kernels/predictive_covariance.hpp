@@ -14,9 +14,9 @@
 #include "fisherpoint/integration/integrator.hpp"
 #include "fisherpoint/integration/plan.hpp"
 #include "fisherpoint/integration/replay.hpp"
+#include "fisherpoint/kernels/node_packs.hpp"
 #include "fisherpoint/kernels/points.hpp"
 #include "fisherpoint/kernels/workers.hpp"
-#include "fisherpoint/prior/prior_nodes.hpp"
 
 namespace fisherpoint {
 
@@ -120,16 +120,13 @@ auto sum_over_nodes(const M& model, const PointOverPrior<M>& point, const PriorN
   Chunk<N> chunk(n_y);
   DeviationSum<P, N> sum(n_y);
   P absolute_weight(0.0);
-  const auto node = nodes.cursor(begin);
+  NodePacks<P> packs(nodes, begin, end);
   for (std::size_t first = begin; first < end; first += width) {
-    P weight(0.0), duration(0.0), counts(0.0);  // positive in the lanes of nodes that are not lost
-    for (int lane = 0; lane < width; ++lane) {
-      set_lane(theta, lane, node->theta());
-      if (first + lane >= end) continue;  // the lanes behind the last node rest with weight zero
+    P weight, duration(0.0), counts(0.0);  // positive in the lanes of nodes that are not lost
+    const int used = packs.next(theta, weight);
+    for (int lane = 0; lane < used; ++lane) {  // the lanes behind the last node rest
       lanes_of<P>::set(counts, lane, 1.0);
-      lanes_of<P>::set(weight, lane, node->weight());
       lanes_of<P>::set(duration, lane, point.dt);
-      if (first + lane + 1 < end) node->advance();
     }
     const Equation equation(model, theta, input);
     x = start;
@@ -158,7 +155,7 @@ auto sum_over_nodes(const M& model, const PointOverPrior<M>& point, const PriorN
       lanes_of<P>::set(counts, lane, 0.0);
     }
     if (y)
-      for (int lane = 0; lane < width && first + lane < end; ++lane) get_lane(deviation, lane, y + (first + lane) * n_y);
+      for (int lane = 0; lane < used; ++lane) get_lane(deviation, lane, y + (first + lane) * n_y);
     for_each_index(n_y, [&](auto i) {
       if (equation.dependence.output_depends(i))
         deviation[i] -= P(point.nominal_y[i]);

@@ -7,12 +7,12 @@
 #include <bit>
 #include <cmath>
 #include <cstddef>
-#include <memory>
 #include <numbers>
 #include <optional>
 #include <span>
 #include <vector>
 
+#include "fisherpoint/numbers/shelves.hpp"
 #include "fisherpoint/prior/prior_nodes.hpp"
 
 namespace fisherpoint {
@@ -71,8 +71,13 @@ class PriorGrid final : public PriorNodes {
 
   std::size_t size() const override { return size_; }
   int parameters() const override { return static_cast<int>(axes_.size()); }
-  std::unique_ptr<PriorNodes::Cursor> cursor(std::size_t node) const override {
-    return std::make_unique<Odometer>(*this, node);
+  void read(std::size_t first, std::size_t count, double* theta, double* weight) const override {
+    Odometer node(*this, digits(first));
+    for (std::size_t r = 0; r < count; ++r) {
+      if (r > 0) node.advance();
+      for (std::size_t j = 0; j < axes_.size(); ++j) theta[j * count + r] = node.theta()[j];
+      weight[r] = node.weight();
+    }
   }
 
   // A two-level fractional factorial over the outermost values of the axes: every combination of three axes' ends appears as
@@ -80,7 +85,7 @@ class PriorGrid final : public PriorNodes {
   std::vector<double> pilots() const override {
     std::vector<double> theta;
     for (std::size_t k = 1; k <= most_pilots; ++k) {
-      std::vector<std::size_t> digit;
+      ShelfVector<std::size_t> digit;
       for (std::size_t j = 0; j < axes_.size(); ++j) digit.push_back(high(k, j) ? axes_[j].values.size() - 1 : 0);
       const Odometer corner(*this, std::move(digit));
       theta.insert(theta.end(), corner.theta(), corner.theta() + axes_.size());
@@ -97,24 +102,23 @@ class PriorGrid final : public PriorNodes {
 
  private:
   // A step costs what the digits that turn cost.
-  class Odometer final : public PriorNodes::Cursor {
+  class Odometer {
    public:
-    Odometer(const PriorGrid& grid, std::size_t node) : Odometer(grid, digits(grid.axes_, node)) {}
-    Odometer(const PriorGrid& grid, std::vector<std::size_t> digit)
+    Odometer(const PriorGrid& grid, ShelfVector<std::size_t> digit)
         : axes_(grid.axes_),
           coordinates_(grid.coordinates_ ? &*grid.coordinates_ : nullptr),
           digit_(std::move(digit)),
           parameter_(axes_.size()),
           product_(axes_.size() + 1, 1.0) {
-      theta_ = parameter_.data();
       if (coordinates_) {
         partial_.resize((axes_.size() + 1) * axes_.size());
         std::copy(coordinates_->center.begin(), coordinates_->center.end(), partial_.begin());
       }
       refresh(0);
     }
-    Odometer(const Odometer&) = delete;
-    void advance() override {
+    const double* theta() const { return parameter_.data(); }
+    double weight() const { return product_.back(); }
+    void advance() {
       std::size_t j = axes_.size();
       while (j-- > 0) {
         if (++digit_[j] < axes_[j].values.size()) break;
@@ -124,20 +128,11 @@ class PriorGrid final : public PriorNodes {
     }
 
    private:
-    static std::vector<std::size_t> digits(std::span<const Axis> axes, std::size_t node) {
-      std::vector<std::size_t> digit(axes.size());
-      for (std::size_t j = axes.size(); j-- > 0;) {
-        digit[j] = node % axes[j].values.size();
-        node /= axes[j].values.size();
-      }
-      return digit;
-    }
     void refresh(std::size_t from) {
       for (std::size_t j = from; j < axes_.size(); ++j) {
         parameter_[j] = axes_[j].values[digit_[j]];
         product_[j + 1] = product_[j] * axes_[j].probabilities[digit_[j]];
       }
-      weight_ = product_.back();
       if (!coordinates_) return;
       for (std::size_t j = from; j < axes_.size(); ++j) add_column(j, axes_[j].values[digit_[j]]);
       for (std::size_t i = 0; i < axes_.size(); ++i) {
@@ -153,9 +148,18 @@ class PriorGrid final : public PriorNodes {
 
     std::span<const Axis> axes_;
     const Coordinates* coordinates_;
-    std::vector<std::size_t> digit_;
-    std::vector<double> parameter_, product_, partial_;
+    ShelfVector<std::size_t> digit_;
+    ShelfVector<double> parameter_, product_, partial_;
   };
+
+  ShelfVector<std::size_t> digits(std::size_t node) const {
+    ShelfVector<std::size_t> digit(axes_.size());
+    for (std::size_t j = axes_.size(); j-- > 0;) {
+      digit[j] = node % axes_[j].values.size();
+      node /= axes_[j].values.size();
+    }
+    return digit;
+  }
 
   std::vector<Axis> axes_;
   std::optional<Coordinates> coordinates_;
