@@ -6,6 +6,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
+#include <algorithm>
 #include <cstddef>
 #include <limits>
 #include <stdexcept>
@@ -15,20 +16,31 @@ namespace fisherpoint {
 using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 using MatrixView = Eigen::Map<const Matrix>;
 
-// log det of a symmetric matrix by Cholesky after scaling its diagonal to one; minus infinity where it is not positive definite
-// to working precision.
-inline double log_det(const Matrix& a) {
-  constexpr double singular = -std::numeric_limits<double>::infinity();
-  const Eigen::VectorXd diagonal = a.diagonal();
-  if (!(diagonal.array() > 0).all() || !a.allFinite()) return singular;
-  const Eigen::VectorXd scale = diagonal.array().rsqrt();
-  const Eigen::LLT<Matrix> cholesky(scale.asDiagonal() * a * scale.asDiagonal());
-  if (cholesky.info() != Eigen::Success) return singular;
-  const auto pivots = cholesky.matrixLLT().diagonal().array();
-  const double rounding = std::numeric_limits<double>::epsilon() * static_cast<double>(a.rows());
-  if (!(pivots.square() > 4 * rounding).all()) return singular;
-  return 2 * pivots.log().sum() + diagonal.array().log().sum();
-}
+// log det of symmetric matrices of one size by Cholesky after scaling their diagonal to one; minus infinity where one is not
+// positive definite to working precision. Memory is taken once.
+class LogDet {
+ public:
+  explicit LogDet(Eigen::Index size) : diagonal_(size), scale_(size), cholesky_(size) {}
+
+  double operator()(const Matrix& a) {
+    constexpr double singular = -std::numeric_limits<double>::infinity();
+    diagonal_ = a.diagonal();
+    if (!(diagonal_.array() > 0).all() || !a.allFinite()) return singular;
+    scale_ = diagonal_.array().rsqrt();
+    cholesky_.compute(scale_.asDiagonal() * a * scale_.asDiagonal());
+    if (cholesky_.info() != Eigen::Success) return singular;
+    const auto pivots = cholesky_.matrixLLT().diagonal().array();
+    const double rounding = std::numeric_limits<double>::epsilon() * static_cast<double>(a.rows());
+    if (!(pivots.square() > 4 * rounding).all()) return singular;
+    return 2 * pivots.log().sum() + diagonal_.array().log().sum();
+  }
+
+ private:
+  Eigen::VectorXd diagonal_, scale_;
+  Eigen::LLT<Matrix> cholesky_;
+};
+
+inline double log_det(const Matrix& a) { return LogDet(a.rows())(a); }
 
 // Cholesky factor of an output covariance. Throws std::domain_error where it is not positive definite.
 inline Eigen::LLT<Matrix> factor(const Matrix& d) {
@@ -68,7 +80,8 @@ class FisherAccumulator {
   // F for a given D, with the 2/L of (7).
   Matrix fisher(const Matrix& d) const {
     if (count_ == 0) return Matrix::Zero(p_, p_);
-    return 2.0 / static_cast<double>(count_) * information(factor(d));
+    Room room(*this);
+    return 2.0 / static_cast<double>(count_) * information(factor(d), room);
   }
   Matrix fisher(const OutputCovariance& d) const { return fisher(output_covariance(d)); }
 
@@ -77,30 +90,25 @@ class FisherAccumulator {
   void log_det_changed(int sign, std::size_t n, const double* s, const double* c, const OutputCovariance& d, double ridge,
                        double* out) const {
     const double count = static_cast<double>(count_) + sign;
-    Eigen::LLT<Matrix> whitening;
-    Matrix before;
-    if (!d.pooled) {
-      whitening = factor(d.given);
-      before = information(whitening);
-    }
+    Eigen::LLT<Matrix> whitening(n_y_);
+    Matrix before, white(n_y_, p_), own(p_, p_), fisher(p_, p_);
+    Room room(*this);
+    LogDet log_det_of(p_);
+    if (!d.pooled) before = information(whitening = factor(d.given), room);
+    std::fill_n(out, n, -std::numeric_limits<double>::infinity());
+    if (count <= 0) return;
     for (std::size_t m = 0; m < n; ++m) {
-      const MatrixView sensitivity(s + m * n_y_ * p_, n_y_, p_), predictive(c + m * n_y_ * n_y_, n_y_, n_y_);
-      if (count <= 0) {
-        out[m] = -std::numeric_limits<double>::infinity();
-        continue;
-      }
       if (d.pooled) {
-        whitening.compute(Matrix(d.given + (predictive_ + sign * predictive) / count));
-        if (whitening.info() != Eigen::Success) {
-          out[m] = -std::numeric_limits<double>::infinity();
-          continue;
-        }
-        before = information(whitening);
+        whitening.compute(d.given + (predictive_ + sign * MatrixView(c + m * n_y_ * n_y_, n_y_, n_y_)) / count);
+        if (whitening.info() != Eigen::Success) continue;
+        before = information(whitening, room);
       }
-      const Matrix white = whitening.matrixL().solve(sensitivity);
-      Matrix fisher = 2.0 / count * (before + sign * (white.transpose() * white));
+      white = MatrixView(s + m * n_y_ * p_, n_y_, p_);
+      whitening.matrixL().solveInPlace(white);
+      own.noalias() = white.transpose() * white;
+      fisher = 2.0 / count * (before + sign * own);
       fisher.diagonal().array() += ridge;
-      out[m] = log_det(fisher);
+      out[m] = log_det_of(fisher);
     }
   }
 
@@ -112,18 +120,26 @@ class FisherAccumulator {
     count_ += sign;
   }
 
+  // What the contraction below works on; taken once for many of them.
+  struct Room {
+    explicit Room(const FisherAccumulator& f)
+        : half(f.n_y_, f.p_ * f.n_y_ * f.p_), block(f.n_y_, f.p_), sum(f.p_, f.p_), symmetric(f.p_, f.p_) {}
+    Matrix half, block, sum, symmetric;
+  };
+
   // sum_k S_k^T D^-1 S_k: with D = L L^T, both output indices of T are whitened by L^-1 and then traced over.
-  Matrix information(const Eigen::LLT<Matrix>& d) const {
-    Matrix half = Eigen::Map<const Matrix>(products_.data(), n_y_, p_ * n_y_ * p_);
-    d.matrixL().solveInPlace(half);
-    Matrix sum = Matrix::Zero(p_, p_), block(n_y_, p_);
+  const Matrix& information(const Eigen::LLT<Matrix>& d, Room& room) const {
+    room.half = Eigen::Map<const Matrix>(products_.data(), n_y_, p_ * n_y_ * p_);
+    d.matrixL().solveInPlace(room.half);
+    room.sum.setZero();
     for (int i = 0; i < n_y_; ++i)
       for (int a = 0; a < p_; ++a) {
-        block = Eigen::Map<const Matrix>(half.data() + (i * p_ + a) * n_y_ * p_, n_y_, p_);
-        d.matrixL().solveInPlace(block);
-        sum.row(a) += block.row(i);
+        room.block = Eigen::Map<const Matrix>(room.half.data() + (i * p_ + a) * n_y_ * p_, n_y_, p_);
+        d.matrixL().solveInPlace(room.block);
+        room.sum.row(a) += room.block.row(i);
       }
-    return 0.5 * (sum + sum.transpose());
+    room.symmetric = 0.5 * (room.sum + room.sum.transpose());
+    return room.symmetric;
   }
 
   int n_y_, p_;
