@@ -8,8 +8,8 @@ namespace fisherpoint {
 
 enum class MethodName { fastest, RK45, DOP853 };
 
-// f(the method). DOP853 is the faster one at every tolerance that we tried (docs/studies/performance.md): an embedded pair of order
-// eight gains so much from ending its steps on the kinks.
+// f(the method). DOP853 is the faster one at every tolerance that we tried (docs/studies/performance.md): an embedded pair of
+// order eight gains so much from ending its steps on the kinks.
 auto with_method(MethodName name, auto&& f) {
   if (name == MethodName::RK45) return f(DormandPrince{});
   return f(DormandPrince853{});
