@@ -21,7 +21,7 @@ from typing import Any
 import pytest
 
 import fisherpoint as fp
-from fisherpoint import _core
+from fisherpoint.engine import _core
 from fisherpoint.models import compiled as building
 from fisherpoint.models import library_cache
 
