@@ -200,7 +200,7 @@ def _tree(text: str) -> ast.expr:
 
 
 class _Undone(ast.NodeTransformer):
-    """sin(asin(a)) and sqrt(a)**2 are a, and no limit of a's: so SymPy reads them too."""
+    """sin(asin(a)) and sqrt(a)**2 are a, (a**1.5)**(-2) is a**-3, and none has a limit of a's: so SymPy reads them too."""
 
     PAIRS = (("sin", "asin"), ("cos", "acos"), ("tan", "atan"), ("exp", "log"))
 
@@ -216,6 +216,11 @@ class _Undone(ast.NodeTransformer):
         of_root = isinstance(node.left, ast.Call) and ast.unparse(node.left.func) == "sqrt"
         if isinstance(node.op, ast.Pow) and isinstance(node.left, ast.Call) and of_root and _exponent(node) % 2 == 0:
             return ast.BinOp(node.left.args[0], ast.Pow(), ast.Constant(int(_exponent(node)) // 2))
+        of_power = isinstance(node.left, ast.BinOp) and isinstance(node.left.op, ast.Pow)
+        if isinstance(node.op, ast.Pow) and isinstance(node.left, ast.BinOp) and of_power and _exponent(node) % 1 == 0:
+            both = _exponent(node.left) * _exponent(node)
+            if both % 1 == 0:
+                return ast.BinOp(node.left.left, ast.Pow(), ast.Constant(int(both)))
         return node
 
 

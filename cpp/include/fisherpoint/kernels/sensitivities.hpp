@@ -74,6 +74,29 @@ PointPath<M> refined(const PointPath<M>& path, double factor) {
   return finer;
 }
 
+// Steps that are refined by more than this lie beside a kink, behind which f_x may rise like a root: t^1.25 has the slope
+// t^0.25.
+inline constexpr double graded_from = 2.0;
+
+// The same path with the steps beside its kinks divided by halves towards them.
+template <class M>
+PointPath<M> graded(const PointPath<M>& path) {
+  PointPath<M> finer;
+  std::size_t first = 0;
+  for (std::size_t r = 0; r < path.runs.size(); ++r) {
+    const auto& run = path.runs[r];
+    for (std::size_t n = first; n < run.end; ++n) {
+      const bool behind = n == first && r > 0, before = n + 1 == run.end && r + 1 < path.runs.size() && !behind;
+      constexpr std::array<double, 4> shares = {1.0 / 8, 1.0 / 8, 1.0 / 4, 1.0 / 2};
+      if (!behind && !before) finer.push_back(path.sizes[n], run.side);
+      for (std::size_t part = 0; (behind || before) && part < shares.size(); ++part)
+        finer.push_back(path.sizes[n] * shares[behind ? part : shares.size() - 1 - part], run.side);
+    }
+    first = run.end;
+  }
+  return finer;
+}
+
 // Into the paths of points[rows[0]], points[rows[1]], ...: as many as the pack has lanes.
 template <class P, class Method, class M>
 void find_paths(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
@@ -166,6 +189,7 @@ void follow_paths(const M& model, const Points& points, const Parameters& parame
     const double factor = known ? std::clamp(1.1 * std::pow(excess, 1.0 / Method::order), 1.1, 4.0) : 2.0;
     if (factor * paths[k].size() <= tolerance.max_attempts) {
       paths[k] = refined<M>(paths[k], factor);
+      if (factor > graded_from) paths[k] = graded<M>(paths[k]);
     } else {
       paths[k] = PointPath<M>();
       out.status[k] = known ? Status::step_limit : Status::not_finite;
