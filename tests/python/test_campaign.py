@@ -328,7 +328,7 @@ def test_the_report_says_what_is_met_and_what_comes_next(saved: Path) -> None:
     assert lines[0] == "Campaign on hydraulic_cylinder: 2 batches, 8 points measured"
     assert lines[3].split() == ["parameter", "unit", "estimate", "prior", "batch", "1", "batch", "2", "target", "met"]
     rows = {line.split()[0]: " ".join(line.split()) for line in lines[4:13]}
-    assert rows["c_L"].endswith(" 50 % yes") and rows["E_oil"].endswith(" 1e-7 % no") and " 5 % " in rows["m_q"]
+    assert rows["c_L"].endswith(" 50 % yes") and rows["E_oil"].endswith(" 1e-7 % no") and " 5.00 % " in rows["m_q"]
     assert lines[-2].strip().startswith("Chi-square ")
     assert lines[-1].strip() == "Batch 3 is to be measured: 4 points; above target: E_oil"
 

@@ -123,7 +123,7 @@ def test_under_the_noise_there_is_one_table(design: fp.Design) -> None:
     evaluated = evaluate_points(problem(NOISE_STD), design.points)
     assert evaluated.under_noise is evaluated.evaluation
     text = to_text(report.evaluation_report(evaluated))
-    assert text.count("prior std   standard error") == 1
+    assert text.count("prior std  standard error") == 1
     assert "No standard errors" not in text and "log det F under the noise" not in text
 
 
