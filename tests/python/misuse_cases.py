@@ -400,10 +400,10 @@ SWAPPED: dict[str, Callable[[], Any]] = {
     "evaluate_design": lambda: fp.evaluate_design(points(), problem()),  # type: ignore[arg-type]
     "estimate": lambda: fp.estimate(data(), model()),  # type: ignore[arg-type]
     "estimate, prior second": lambda: fp.estimate(model(), prior(), data()),  # type: ignore[arg-type]
-    "validate": lambda: fp.validate(problem(), {"one": points()}),  # type: ignore[arg-type]
+    "validate": lambda: fp.validate({"one": points()}, problem()),  # type: ignore[arg-type]
     "Measurements": lambda: fp.Measurements([0.1, 0.2, 0.3], points()),  # type: ignore[arg-type]
     "Experiments": lambda: fp.Experiments([0.1, 0.2], [[1.0], [2.0]], [0.1, 0.2]),
-    "simulate_record": lambda: fp.simulate_record(THETA, model(), [0.0, 1.0], [0.1, 0.1], {"h": 1.0}),  # type: ignore[arg-type]
+    "simulate_record": lambda: fp.simulate_record(THETA, [0.0, 1.0], [0.1, 0.1], model(), {"h": 1.0}),  # type: ignore[arg-type]
     "to_csv": lambda: data().to_csv(model(), files() / "x.csv"),  # type: ignore[arg-type]
     "from_csv": lambda: fp.Experiments.from_csv(model(), files() / "points.csv"),  # type: ignore[arg-type]
     "VirtualRig": lambda: fp.VirtualRig(THETA, model(), NOISE),  # type: ignore[arg-type]

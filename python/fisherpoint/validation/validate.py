@@ -30,8 +30,8 @@ MOST_RUNS = 10**6
 
 
 def validate(
-    designs: Mapping[str, Experiments],
     problem: DesignProblem,
+    designs: Mapping[str, Experiments],
     noise_std: Mapping[str, float] | None = None,
     n: int = 1000,
     theta: str | Mapping[str, float] = "prior",
@@ -50,11 +50,11 @@ def validate(
 
     Parameters
     ----------
-    designs : mapping of name to Experiments or Design
-        They share the true parameters and the random numbers.
     problem : DesignProblem
         With `uncertain`, the constants of every run deviate, and with `initial_state_std` the start of every point does; the fits
         take the covariance that this adds to the outputs at the prior mean.
+    designs : mapping of name to Experiments or Design
+        They share the true parameters and the random numbers.
     noise_std : mapping of output name to float, optional
         Standard deviations of the sensor noise, SI units. Outputs that are left out are not measured. Default: the problem's.
     n : int
