@@ -79,7 +79,7 @@ def _opened(config: Config, directory: Path, threads: int | None) -> fp.Campaign
     if not fp.Campaign.is_in(directory):
         return fp.Campaign(config.problem(), targets=table.rse, directory=directory, threads=threads, **settings)
     given = fp.Campaign(config.problem(), targets=table.rse, **settings)
-    found = fp.Campaign.load(directory, threads)
+    found = fp.Campaign.load(directory, threads=threads)
     here, there = problem_to_json(given.problem), problem_to_json(found.problem)
     other = [name for name in here if name != "derived" and here[name] != there[name]]
     other += [name for name in ("batch", "settings") if getattr(given, name) != getattr(found, name)]

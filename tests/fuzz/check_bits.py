@@ -29,7 +29,7 @@ def numbers(model: Any, case: Case, points: fp.Experiments, theta: Floats, threa
     found = {"x": done.x, "y": done.y, "status": done.status, "dx": sensitive.dx_dtheta, "dy": sensitive.dy_dtheta}
     found["sensitive status"] = sensitive.status
     try:
-        spread = fp.predictive_covariance(model, points[:3], case.prior(), case.rule_of(), RTOL, threads=threads)
+        spread = fp.predictive_covariance(model, points[:3], case.prior(), case.rule_of(), rtol=RTOL, threads=threads)
     except ValueError:
         return found
     found |= {"covariance": spread.covariance, "lost weight": spread.lost_weight}
@@ -73,7 +73,7 @@ def check_bits(bench: Bench) -> None:
                     "bits change: another order", 1.0, 0, "model", f"{name} of {len(points)} points (see the seed) changes"
                 )
     if "covariance" in expected and len(points):
-        one = fp.predictive_covariance(bench.model, points[0], case.prior(), case.rule_of(), RTOL, threads=1)
+        one = fp.predictive_covariance(bench.model, points[0], case.prior(), case.rule_of(), rtol=RTOL, threads=1)
         if not same_bits(one.covariance, expected["covariance"][:1]):
             bench.report(
                 "bits change: other points beside", 1.0, 0, "fp.predictive_covariance(model, points, prior, rule)", "", theta=False

@@ -329,7 +329,7 @@ def cases() -> dict[str, Case]:
             lambda bound: fp.estimate(model(), data(), noise_std=NOISE, bounds={"k": bound}), bound=((0.0, 1.0), ARRAY)
         ),
         "Fit.intervals": _case(lambda level: fit().intervals(level), level=(0.9, NUMBER)),
-        "Fit.profile": _case(lambda name, level: fit().profile(name, level), name=("k", TEXT), level=(0.9, NUMBER)),
+        "Fit.profile": _case(lambda name, level: fit().profile(name, level=level), name=("k", TEXT), level=(0.9, NUMBER)),
         "Fit.save": _case(
             lambda directory: fit().save(_within(directory)),
             directory=("fit", TEXT, PATH),
@@ -369,7 +369,7 @@ def cases() -> dict[str, Case]:
         "Campaign.told": _case(lambda data: campaign().told(data), data=(data(),)),
         "RuleComparison.cheapest": _case(lambda within: comparison().cheapest(within), within=(0.01, NUMBER)),
         "Campaign.tell": _case(lambda data: campaign().tell(data), data=(data(),)),
-        "Campaign.next": _case(lambda progress: campaign().next(progress), progress=(None, NONE, FUNCTION)),
+        "Campaign.next": _case(lambda progress: campaign().next(progress=progress), progress=(None, NONE, FUNCTION)),
         "Campaign.targets": _case(lambda targets: setattr(campaign(), "targets", targets), targets=({"k": 0.1}, MAP, NONE, NUMBER)),
         **{
             f"{name}()": _case(lambda x, name=name: getattr(fp, name)(x), x=(0.5, NUMBER, TERM))

@@ -21,7 +21,7 @@ RATES, OUTPUT = ["-d*k*sqrt(h) + a*u"], ["h"]
 
 @cache
 def model() -> fp.SymbolicModel:
-    return fp.SymbolicModel(RATES, OUTPUT, STATES, INPUTS, PARAMETERS, OUTPUTS, CONSTANTS, nominal=THETA, name="tank")
+    return fp.SymbolicModel(RATES, OUTPUT, STATES, INPUTS, PARAMETERS, OUTPUTS, constants=CONSTANTS, nominal=THETA, name="tank")
 
 
 @cache
@@ -51,7 +51,7 @@ def data() -> fp.Measurements:
 
 @cache
 def record() -> fp.Record:
-    return fp.Record([0.0, 0.5, 1.0, 1.5], [0.5, 0.1, 0.2, 0.3], [1.0, 0.95, 0.9, 0.85], {"h": 1.0})
+    return fp.Record([0.0, 0.5, 1.0, 1.5], [0.5, 0.1, 0.2, 0.3], [1.0, 0.95, 0.9, 0.85], x0={"h": 1.0})
 
 
 @cache

@@ -297,7 +297,7 @@ def test_short_and_long_forms_mean_the_same(tmp_path: Path) -> None:
         ('[rule]\nkind = "gauss_hermite"\nlevels = 2', fp.GaussHermite(2)),
         ('[rule]\nkind = "sparse_gauss_hermite"', fp.SparseGaussHermite(2)),
         ('[rule]\nkind = "sparse_gauss_hermite"\nlevel = 3', fp.SparseGaussHermite(3)),
-        ('[rule]\nkind = "sobol"\nn = 512\nseed = 4', fp.Sobol(512, 4)),
+        ('[rule]\nkind = "sobol"\nn = 512\nseed = 4', fp.Sobol(512, seed=4)),
         ('[rule]\nkind = "unscented"', fp.Unscented()),
         ('[rule]\nkind = "linearized"', fp.Linearized()),
     ],

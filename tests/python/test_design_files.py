@@ -60,7 +60,7 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "settings": ({}, {"patience": 3, "time_limit": 100.5, "max_redraws": 3, "seed": 2**70}),
     "constants": ({"model": fp.HydraulicCylinder(k_u=1.0, T_1=3.3e-3, p_s=2.05e7)}, {}),
     "constraints": ({"region": fp.ExperimentRegion(REGION, ["v > 0.01", "p_A + p_B < 2.5e7"])}, {}),
-    "one level": ({"rule": fp.TensorGrid(1, 1.25)}, {}),
+    "one level": ({"rule": fp.TensorGrid(1, span=1.25)}, {}),
     "strict": ({"kinks": "exclude", "rtol": 1e-5}, {}),
 }
 

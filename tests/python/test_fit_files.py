@@ -45,7 +45,7 @@ def tanks_fit() -> fp.Fit:
     y = fp.simulate_record(model, t, u, dict(model.nominal), {"h1": 5.0, "h2": 4.0}).y
     y = y + np.random.default_rng(1).normal(0, 0.05, y.shape)
     y[7] = np.nan
-    return fp.estimate(model, fp.Record(t, u, y, {"h1": 5.0}), parameters=["k1", "k3"])
+    return fp.estimate(model, fp.Record(t, u, y, x0={"h1": 5.0}), parameters=["k1", "k3"])
 
 
 def assert_same(again: fp.Fit, fit: fp.Fit) -> None:

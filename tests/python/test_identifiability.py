@@ -23,7 +23,7 @@ def tanks(f: list[str], parameters: str, g: str = "h2", **constants: float) -> f
     names = parameters.split()
     nominal = {name: NOMINAL[name] for name in names}
     states = {"h1": "m", "h2": "m"}
-    return fp.SymbolicModel(f, [g], states, {"u": "V"}, dict.fromkeys(names, "1"), {"y": "m"}, constants, nominal=nominal)
+    return fp.SymbolicModel(f, [g], states, {"u": "V"}, dict.fromkeys(names, "1"), {"y": "m"}, constants=constants, nominal=nominal)
 
 
 def static(*g: str, **nominal: float) -> fp.SymbolicModel:

@@ -112,7 +112,7 @@ def test_a_measured_start_alone_serves(read: Read) -> None:
 
 def test_a_plain_name_serves_where_it_is_no_state(tmp_path: Path) -> None:
     tank = fp.SymbolicModel(
-        ["-k*h"], ["c*h"], {"h": "m"}, {}, {"k": "1/s"}, {"level": "V"}, {"c": (2.0, "V/m")}, nominal={"k": 1.0}
+        ["-k*h"], ["c*h"], {"h": "m"}, {}, {"k": "1/s"}, {"level": "V"}, constants={"c": (2.0, "V/m")}, nominal={"k": 1.0}
     )
     (tmp_path / "data.csv").write_text("h,dt,level\n1,0.5,1.2\n")
     data = fp.Measurements.from_csv(tmp_path / "data.csv", tank)
@@ -153,7 +153,7 @@ def test_rows_that_failed_have_no_outputs(read: Read) -> None:
 
 def test_a_virtual_rigs_file_comes_back(tmp_path: Path) -> None:
     points = valid_points(12)
-    data = fp.VirtualRig(MODEL, MODEL.nominal, NOISE, {"q": 1e-5}, seed=4).measure(points, repeats=3)
+    data = fp.VirtualRig(MODEL, MODEL.nominal, NOISE, initial_state_std={"q": 1e-5}, seed=4).measure(points, repeats=3)
     data.to_csv(tmp_path / "data.csv", MODEL)
     assert fp.Measurements.from_csv(tmp_path / "data.csv", MODEL) == data
 

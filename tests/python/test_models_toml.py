@@ -73,7 +73,7 @@ def write(path: Path, text: str) -> Path:
 def test_text_in_the_same_text_out(tmp_path: Path) -> None:
     model = fp.load_model(write(tmp_path / "tanks.toml", TEXT))
     assert model.to_toml() == TEXT
-    assert model.states[1] == fp.Quantity("h2", "m", "level of the lower tank", 0.1)
+    assert model.states[1] == fp.Quantity("h2", "m", "level of the lower tank", scale=0.1)
     assert dict(model.nominal) == {"k1": 0.05} and dict(model.constants) == {"k4": 0.03, "h_max": 1.0}
     assert model.domain == ("h_max - h1", "h1", "h2")
     assert model.output([0.2, 0.3], 0.0, [1.0, 1.0, 1.0]).tolist() == [0.3, 0.4]

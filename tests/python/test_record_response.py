@@ -17,7 +17,7 @@ MOTOR = np.array([2.0, 0.05, 0.01, 0.002, 0.5])
 
 
 def record(model: fp.Model, t: Floats = T, u: Floats = U, **known: float) -> fp.Record:
-    return fp.Record(t, u, np.ones((len(t), len(model.outputs))), known)
+    return fp.Record(t, u, np.ones((len(t), len(model.outputs))), x0=known)
 
 
 def differences(response: RecordResponse, theta: Floats, x0: Floats) -> Floats:

@@ -106,7 +106,7 @@ def test_a_tank_of_which_the_level_at_the_start_is_not_known_is_told_to_have_no_
     names = ["k1", "k2", "k3", "k4"]
     fit = fp.estimate(
         model,
-        fp.Record(t, u, y, {"h2": 4.0}),
+        fp.Record(t, u, y, x0={"h2": 4.0}),
         start={"k1": 0.05, "x0_h1": 5.3},
         parameters=names,
         noise_std={"level": 0.05},
@@ -120,7 +120,7 @@ def test_a_tank_of_which_the_level_at_the_start_is_not_known_is_told_to_have_no_
     )
     known = fp.estimate(
         model,
-        fp.Record(t, u, y, {"h1": 5.0, "h2": 4.0}),
+        fp.Record(t, u, y, x0={"h1": 5.0, "h2": 4.0}),
         start={"k1": 0.05},
         parameters=names,
         noise_std={"level": 0.05},

@@ -359,7 +359,7 @@ def test_draws_on_a_surface_are_counted_by_its_name(monkeypatch: pytest.MonkeyPa
         x0 = points.x0.copy()
         x0[0, 1], x0[1, 4] = 0.0, 0.0
         x0[2, [1, 4]] = 0.0  # on both: counted once
-        return fp.Experiments(x0, points.u, points.dt, points.columns)
+        return fp.Experiments(x0, points.u, points.dt, columns=points.columns)
 
     monkeypatch.setattr(fp.ExperimentRegion, "draw", some_on_surfaces)
     design = fp.exchange(problem(output_covariance="pooled"), n_experiments=3, n_candidates=4, max_iterations=2, references=False)

@@ -186,7 +186,7 @@ def test_what_is_determined_is_shown_beside_what_is_not() -> None:
         [], ["a", "b*c*u"], {}, {"u": "1"}, {"a": "1", "b": "1", "c": "1"}, {"y": "1", "w": "1"}, nominal={"a": 1, "b": 1, "c": 1}
     )
     prior = fp.GaussianPrior({"a": 1, "b": 1, "c": 1}, relative_std={"a": 0.2, "b": 0.2, "c": 0.2})
-    found = fp.validate(fp.DesignProblem(model, prior, None, {"y": 0.1, "w": 0.1}), {"d": SPREAD}, n=800).designs["d"]
+    found = fp.validate(fp.DesignProblem(model, prior, None, noise_std={"y": 0.1, "w": 0.1}), {"d": SPREAD}, n=800).designs["d"]
     assert sigmas(found.parameters["a"].ratio, 1) < 4
     assert np.isnan(found.parameters["b"].ratio.value) and np.isnan(found.parameters["c"].promised)
 
@@ -194,7 +194,7 @@ def test_what_is_determined_is_shown_beside_what_is_not() -> None:
 def test_outputs_without_noise_are_not_measured(cylinder: tuple[fp.DesignProblem, fp.Experiments]) -> None:
     given, points = cylinder
     pressures = {name: NOISE[name] for name in ("p_A", "p_B")}
-    some, all_of = (fp.validate(given, {"d": points}, std, n=60, theta="mean").designs["d"] for std in (pressures, NOISE))
+    some, all_of = (fp.validate(given, {"d": points}, noise_std=std, n=60, theta="mean").designs["d"] for std in (pressures, NOISE))
     assert some.parameters["m_q"].promised > all_of.parameters["m_q"].promised
     assert some.fits == 60
 
@@ -268,7 +268,7 @@ def test_truths_whose_trajectories_fail_are_counted_by_status() -> None:
     )
     prior = fp.GaussianPrior({"k": 0.5}, std={"k": 0.25})
     points = fp.Experiments([[1.0], [0.8]], np.empty((2, 0)), [2.0, 1.0])
-    found = fp.validate(fp.DesignProblem(tank, prior, None, {"h_m": 0.01}), {"d": points}, n=200).designs["d"]
+    found = fp.validate(fp.DesignProblem(tank, prior, None, noise_std={"h_m": 0.01}), {"d": points}, n=200).designs["d"]
     assert found.failures["the true trajectory: left_domain"] > 5
     assert found.fits + sum(found.failures.values()) == 200
     assert abs(found.parameters["k"].coverage.value - 0.95) < 0.05

@@ -68,6 +68,7 @@ class Campaign:
         self,
         problem: DesignProblem,
         batch: int = 6,
+        *,
         targets: Mapping[str, float] | float | None = None,
         seed: int = 0,
         directory: str | Path | None = None,
@@ -95,7 +96,7 @@ class Campaign:
         return CampaignFiles.path_in(directory).exists()
 
     @classmethod
-    def load(cls, directory: str | Path, threads: int | None = None) -> Campaign:
+    def load(cls, directory: str | Path, *, threads: int | None = None) -> Campaign:
         """Go on with a campaign that was saved in `directory`, at any moment: with the same points, to the same result.
 
         Raises
@@ -193,7 +194,7 @@ class Campaign:
             self._fit = self._estimated(self.history[:-1], self.history[-1].data)
         return self._fit
 
-    def next(self, progress: Callable[[Progress], None] | None = None) -> Experiments:
+    def next(self, *, progress: Callable[[Progress], None] | None = None) -> Experiments:
         """Return the next points to measure: those that are planned, or else newly designed ones.
 
         Parameters

@@ -54,6 +54,7 @@ class VirtualRig:
         model: Model,
         theta_true: Mapping[str, float] | ArrayLike,
         noise_std: Mapping[str, float],
+        *,
         initial_state_std: Mapping[str, float] | None = None,
         seed: int = 0,
         rtol: float = 1e-10,
@@ -77,7 +78,7 @@ class VirtualRig:
     def failures(self) -> Mapping[str, int]:
         return FrozenMapping(self._failures)
 
-    def measure(self, points: Experiments, repeats: int = 1) -> Measurements:
+    def measure(self, points: Experiments, *, repeats: int = 1) -> Measurements:
         """Carry out all points, one after the other, and that `repeats` times.
 
         Returns
@@ -97,7 +98,7 @@ class VirtualRig:
         noise = self._noise_std * self._noise.standard_normal((len(planned), len(self.model.outputs)))
         if planned.x0.shape[1] != len(self.model.states):
             raise ValueError(f"x0: expected shape (K, {len(self.model.states)}), given {planned.x0.shape}")
-        true = Experiments(planned.x0 + deviation, planned.u, planned.dt, planned.columns)
+        true = Experiments(planned.x0 + deviation, planned.u, planned.dt, columns=planned.columns)
         done = simulate(self.model, true, self.theta_true, rtol=self.rtol)
         failed = done.status != Status.ok
         counts = Counter(Status(int(code)).name for code in done.status[failed])

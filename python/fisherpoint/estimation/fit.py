@@ -18,7 +18,7 @@ from .summary import html, text
 class Fit(FitStatistics):
     """What `estimate` found; see `FitStatistics` for its attributes."""
 
-    def profile(self, name: str, level: float = 0.95) -> Profile:
+    def profile(self, name: str, *, level: float = 0.95) -> Profile:
         """The profile likelihood of one unknown, and the confidence interval by it; it is right where `intervals` are too linear.
 
         All other unknowns are estimated anew at each value of this one, on values outward from the estimate until the deviance

@@ -97,7 +97,7 @@ def _data_from_json(data: dict[str, Any]) -> Measurements | Record:
     y = np.array([[np.nan if value is None else value for value in row] for row in data["y"]], dtype=np.float64)
     u = _numbers(data["u"]).reshape(len(y), -1)
     if "t" in data:
-        return Record(_numbers(data["t"]), u, y, data["x0"])
+        return Record(_numbers(data["t"]), u, y, x0=data["x0"])
     return Measurements(points_from_json(data), y)
 
 

@@ -106,7 +106,7 @@ class RuleComparison:
 
 
 def compare_rules(
-    problem: DesignProblem, points: Experiments, rules: Sequence[Rule] | None = None, threads: int | None = None
+    problem: DesignProblem, points: Experiments, rules: Sequence[Rule] | None = None, *, threads: int | None = None
 ) -> RuleComparison:
     """Compare rules on a problem's points: error against a converged rule, and cost. Takes about a second for five points.
 
@@ -137,8 +137,16 @@ def compare_rules(
             raise TypeError(f"rules: expected rules such as fisherpoint.SparseGaussHermite(2), given {type(rule).__name__}")
 
     def run(rule: Rule) -> PredictiveCovariance:
-        names, settings = problem.estimated, (problem.rtol, threads, problem.kinks)
-        return predictive_covariance(problem.model, points, problem.prior, rule, *settings, names)
+        return predictive_covariance(
+            problem.model,
+            points,
+            problem.prior,
+            rule,
+            rtol=problem.rtol,
+            threads=threads,
+            kinks=problem.kinks,
+            parameters=problem.estimated,
+        )
 
     converged, seconds = _timed(lambda: run(CONVERGED))
     if not (converged.status == 0).any():

@@ -80,7 +80,7 @@ class Evaluation:
 
 
 def evaluate_design(
-    problem: DesignProblem, points: Experiments, threads: int | None = None, previous: Previous | None = None
+    problem: DesignProblem, points: Experiments, *, threads: int | None = None, previous: Previous | None = None
 ) -> Evaluation:
     """Evaluate any design, also one with fewer points than parameters.
 
@@ -119,14 +119,14 @@ def evaluate_design(
 
 
 def evaluate_under_noise(
-    problem: DesignProblem, points: Experiments, threads: int | None = None, previous: Previous | None = None
+    problem: DesignProblem, points: Experiments, *, threads: int | None = None, previous: Previous | None = None
 ) -> Evaluation | None:
     """Evaluate a design with D = R, or R_k, whatever the problem's D is; None where the sensor noise is not known."""
     check_type(problem, DesignProblem, "problem")
     check_type(points, Experiments, "points")
     if problem.noise_std is None:
         return None
-    return evaluate_design(problem.replace(output_covariance="noise"), points, threads, previous)
+    return evaluate_design(problem.replace(output_covariance="noise"), points, threads=threads, previous=previous)
 
 
 def evaluate_information(problem: DesignProblem, information: PointInformation, d: Criterion) -> Evaluation:

@@ -123,6 +123,7 @@ def identifiability(
     model: Model,
     prior: GaussianPrior | None = None,
     region: ExperimentRegion | None = None,
+    *,
     n_points: int | None = None,
     n_theta: int = 5,
     seed: int = 0,

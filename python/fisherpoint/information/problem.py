@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -78,6 +78,7 @@ class DesignProblem:
     model: Model
     prior: GaussianPrior
     region: ExperimentRegion | None
+    _: KW_ONLY
     noise_std: Mapping[str, float] | None = None
     rule: Rule = DEFAULT_RULE
     output_covariance: str | None = None

@@ -140,7 +140,7 @@ class Sampler:
             np.repeat(points.x0, samples, axis=0), np.repeat(points.u, samples, axis=0), np.outer(points.dt, shares).ravel()
         )
         full = np.append(theta, np.zeros(len(self._starts)))
-        results = [sensitivities(self._freed, records, full, rtol, self._threads) for rtol in (TIGHT, LOOSE)]
+        results = [sensitivities(self._freed, records, full, rtol=rtol, threads=self._threads) for rtol in (TIGHT, LOOSE)]
         status = np.max([result.status.reshape(-1, samples) for result in results], axis=(0, 2), initial=0)
         shape = (len(points), samples, len(self._model.outputs), len(self._all_columns))
         near, far = (result.dy_dtheta[:, :, self._all_columns].reshape(shape) for result in results)

@@ -79,7 +79,18 @@ def model(
             Namespace("p", [*names["parameters"], *(q.name for q in known)]),
         )
         f, g, domain = _returned(function, spaces, own_name)
-        return SymbolicModel(f, g, states or {}, inputs or {}, parameters, outputs, constants, domain, own_name, nominal)
+        return SymbolicModel(
+            f,
+            g,
+            states or {},
+            inputs or {},
+            parameters,
+            outputs,
+            constants=constants,
+            domain=domain,
+            name=own_name,
+            nominal=nominal,
+        )
 
     return make
 

@@ -117,4 +117,4 @@ def _quantity(name: str, entry: Any, place: str) -> Quantity:
     check_unit(unit, place)
     if scale is not None:
         scale = as_positive(scale, f"{place}.scale")
-    return Quantity(name, unit, description, scale)
+    return Quantity(name, unit, description, scale=scale)

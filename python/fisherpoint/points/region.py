@@ -92,7 +92,7 @@ class ExperimentRegion:
             table[:, -1] = lower[-1] * (upper[-1] / lower[-1]) ** share[:, -1]
         table = np.clip(table, lower, upper)
         dt = table[:, -1] if n_x else None
-        return Experiments(table[:, :n_x], table[:, n_x : n_x + n_u], dt, order[: n_x + n_u])
+        return Experiments(table[:, :n_x], table[:, n_x : n_x + n_u], dt, columns=order[: n_x + n_u])
 
     def draw_near(self, model: Model, points: Experiments, rng: np.random.Generator) -> Experiments:
         """Draw a point near each given one: some coordinates are moved, and those that would leave the box stay on its bounds.
@@ -111,7 +111,7 @@ class ExperimentRegion:
             step = reach * (upper - lower)[free] * rng.standard_normal(moved.shape)
             table[:, free] = np.clip(table[:, free] + np.where(moved, step, 0.0), lower[free], upper[free])
         dt = table[:, -1] if n_x else None
-        return Experiments(table[:, :n_x], table[:, n_x : n_x + n_u], dt, points.columns)
+        return Experiments(table[:, :n_x], table[:, n_x : n_x + n_u], dt, columns=points.columns)
 
     def satisfied(self, model: Model, points: Experiments) -> NDArray[np.bool_]:
         """Return which points satisfy all constraints, (K,)."""

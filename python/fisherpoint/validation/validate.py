@@ -32,11 +32,11 @@ MOST_RUNS = 10**6
 def validate(
     problem: DesignProblem,
     designs: Mapping[str, Experiments],
+    *,
     noise_std: Mapping[str, float] | None = None,
     n: int = 1000,
     theta: str | Mapping[str, float] = "prior",
     seed: int = 0,
-    *,
     truth: Model | None = None,
     noise: str = "known",
     use_prior: bool = False,

@@ -58,6 +58,7 @@ class CallableModel(Model):
         inputs: Described | None,
         parameters: Described,
         outputs: Described | None = None,
+        *,
         constants: Mapping[str, Any] | None = None,
         domain: Mapping[str, Function] | None = None,
         jumps: Mapping[str, Function] | None = None,
@@ -119,12 +120,12 @@ class CallableModel(Model):
             self.inputs,
             (*self.parameters, *offsets),
             self.outputs,
-            {q.name: (self.constants[q.name], q) for q in self.constant_quantities},
-            domain,
-            jumps,
-            kinks,
-            self.name,
-            {**self.nominal, **dict.fromkeys(names_of(offsets), 0.0)},
+            constants={q.name: (self.constants[q.name], q) for q in self.constant_quantities},
+            domain=domain,
+            jumps=jumps,
+            kinks=kinks,
+            name=self.name,
+            nominal={**self.nominal, **dict.fromkeys(names_of(offsets), 0.0)},
         )
 
     def to_toml(self) -> str:

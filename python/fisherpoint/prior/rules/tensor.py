@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import lru_cache
 from math import prod
 from typing import ClassVar
@@ -56,6 +56,7 @@ class TensorGrid(Rule):
     """
 
     levels: int | Mapping[str, int] | None = None
+    _: KW_ONLY
     span: float | None = None
     edges: Sequence[float] | Mapping[str, Sequence[float]] | None = None
 
