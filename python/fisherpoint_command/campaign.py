@@ -77,8 +77,8 @@ def _opened(config: Config, directory: Path, threads: int | None) -> fp.Campaign
     if table.batch is not None:
         settings["batch"] = table.batch
     if not fp.Campaign.is_in(directory):
-        return fp.Campaign(config.problem(), targets=table.rse, directory=directory, threads=threads, **settings)
-    given = fp.Campaign(config.problem(), targets=table.rse, **settings)
+        return fp.Campaign(config.problem(), targets=table.targets, directory=directory, threads=threads, **settings)
+    given = fp.Campaign(config.problem(), targets=table.targets, **settings)
     found = fp.Campaign.load(directory, threads=threads)
     here, there = problem_to_json(given.problem), problem_to_json(found.problem)
     other = [name for name in here if name != "derived" and here[name] != there[name]]

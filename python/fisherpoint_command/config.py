@@ -69,8 +69,8 @@ class Config(ModelFile):
                 for name in parameters:
                     if name not in given:
                         fail(f"rule.{key}.{name}: missing; expected {expected}")
-        if isinstance(self.campaign.rse, dict):
-            check_names("campaign.rse", self.campaign.rse, self.design.parameters or parameters)
+        if isinstance(self.campaign.targets, dict):
+            check_names("campaign.targets", self.campaign.targets, self.design.parameters or parameters)
         for name in self.design.parameters or ():
             if name not in parameters:
                 fail(f"design.parameters: expected names out of {choices(parameters, name)}, given {toml(name)}")

@@ -126,4 +126,11 @@ class CampaignTable(Table):
     """A campaign: how many points a batch has, and the relative standard errors to reach, one for all or by parameter."""
 
     batch: Annotated[int, Field(ge=1, le=MOST["n_experiments"])] | None = None
-    rse: Positive | dict[str, Positive] | None = None
+    targets: Positive | dict[str, Positive] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _old_name(cls, given: Any) -> Any:
+        if isinstance(given, dict) and "rse" in given:
+            fail("campaign.rse: expected campaign.targets, which is the name of this key now")
+        return given

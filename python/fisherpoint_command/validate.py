@@ -58,7 +58,7 @@ def validate(
             from fisherpoint.validation import pictures as plots_validation  # noqa: F401  what can fail for a trivial reason fails before the work
     make_directory(output)
     found = fp.validate(
-        problem, points, n=runs, theta=theta.value, seed=seed, noise=noise.value, use_prior=use_prior, threads=threads
+        problem, points, runs=runs, theta=theta.value, seed=seed, noise=noise.value, use_prior=use_prior, threads=threads
     )
     contents = {"validation.csv": found.frame().to_csv(), "report.txt": f"{found}\n"}
     written = [path.name for path in write_together(output, contents, stale=["validation.png"])]

@@ -147,7 +147,7 @@ def cases() -> dict[str, Case]:
         "VirtualRig": _case(
             fp.VirtualRig,
             model=of_model,
-            theta_true=theta,
+            theta=theta,
             noise_std=(NOISE,),
             initial_state_std=({"h": 0.01}, MAP, NONE),
             seed=(0, INT),
@@ -339,7 +339,7 @@ def cases() -> dict[str, Case]:
             designs=({"one": points()},),
             problem=(problem(),),
             noise_std=(NOISE, NONE),
-            n=(2, INT),
+            runs=(2, INT),
             theta=("mean", MAP),
             seed=(0, INT),
             truth=(None, NONE, MODEL),

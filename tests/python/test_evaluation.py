@@ -85,7 +85,8 @@ def test_an_evaluation_is_the_papers_equations(kind: str, noise: bool) -> None:
 def test_standard_errors_come_from_the_sum_form(kind: str) -> None:
     points = valid_points(12, seed=2)
     evaluation = fp.evaluate_design(problem(output_covariance=kind), points)
-    total = evaluation.fisher * len(points) / 2  # (7)'s 2/L taken off
+    total = evaluation.information
+    np.testing.assert_allclose(total, evaluation.fisher * len(points) / 2, rtol=1e-12)  # (7)'s 2/L taken off
     scale = np.sqrt(np.diag(total))
     covariance = np.linalg.inv(total / np.outer(scale, scale)) / np.outer(scale, scale) * np.outer(STD, STD)
     assert evaluation.covariance is not None and evaluation.standard_errors is not None and evaluation.rse is not None

@@ -22,13 +22,13 @@ MAX_POINTS = 10**8
 
 
 class VirtualRig:
-    """A rig that is a simulation: y = g(x(dt), u, theta_true) + v, v normal with standard deviations `noise_std`, (4).
+    """A rig that is a simulation: y = g(x(dt), u, theta) + v, v normal with standard deviations `noise_std`, (4).
 
     Parameters
     ----------
     model : Model
-    theta_true : mapping by name, or array_like (p,)
-        The truth, SI units.
+    theta : mapping by name, or array_like (p,)
+        The true parameters, SI units.
     noise_std : mapping of output name to float
         Standard deviations of the sensor noise, SI units; 0 for a sensor without noise. Outputs left out are not measured.
     initial_state_std : mapping of state name to float, optional
@@ -52,7 +52,7 @@ class VirtualRig:
     def __init__(
         self,
         model: Model,
-        theta_true: Mapping[str, float] | ArrayLike,
+        theta: Mapping[str, float] | ArrayLike,
         noise_std: Mapping[str, float],
         *,
         initial_state_std: Mapping[str, float] | None = None,
@@ -61,9 +61,9 @@ class VirtualRig:
     ) -> None:
         check_type(model, Model, "model")
         self.model, self.rtol = model, check_rtol(rtol)
-        self.theta_true = model.theta(theta_true)
-        if self.theta_true.ndim != 1:
-            raise ValueError(f"theta_true: expected shape ({len(model.parameters)},), given {self.theta_true.shape}")
+        self.theta = model.theta(theta)
+        if self.theta.ndim != 1:
+            raise ValueError(f"theta: expected shape ({len(model.parameters)},), given {self.theta.shape}")
         self._noise_std = _stds(noise_std, names_of(model.outputs), "noise_std", left_out=np.nan)
         if np.isnan(self._noise_std).all():
             raise ValueError("noise_std: expected at least one output that is measured, given none")
@@ -99,7 +99,7 @@ class VirtualRig:
         if planned.x0.shape[1] != len(self.model.states):
             raise ValueError(f"x0: expected shape (K, {len(self.model.states)}), given {planned.x0.shape}")
         true = Experiments(planned.x0 + deviation, planned.u, planned.dt, columns=planned.columns)
-        done = simulate(self.model, true, self.theta_true, rtol=self.rtol)
+        done = simulate(self.model, true, self.theta, rtol=self.rtol)
         failed = done.status != Status.ok
         counts = Counter(Status(int(code)).name for code in done.status[failed])
         self._failures += counts

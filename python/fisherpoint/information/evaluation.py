@@ -37,7 +37,7 @@ class Evaluation:
     log_det : float
         log det of `fisher`, by Cholesky, or from singular values where that would lose digits; -inf where it is singular.
     fisher : ndarray, (p, p)
-        (7) with its factor 2/L, for parameters divided by their prior standard deviations.
+        (7) with its factor 2/L, for parameters divided by their prior standard deviations; `information` is without the factor.
     output_covariance_kind : str
     output_covariance : ndarray, (n, n), or (K, n, n) where each point has its own
         D over `outputs`, in squared output units: one for each point, previous ones first, for "pointwise" and where constants or
@@ -54,6 +54,8 @@ class Evaluation:
     null_directions : tuple of mappings of parameter name to float
         Combinations of standardised parameters that the design says nothing about.
     prior_std : mapping of parameter name to float
+    n_points : int
+        L of (7): the points that were evaluated, previous ones with them.
     """
 
     parameters: tuple[str, ...]
@@ -70,6 +72,15 @@ class Evaluation:
     rank: int
     null_directions: tuple[Mapping[str, float], ...]
     prior_std: Mapping[str, float]
+    n_points: int
+
+    @property
+    def information(self) -> Array:
+        """Fisher information (p, p) in its sum form, sum_k S_k^T D^-1 S_k, in the units of `fisher`, as `Fit.information` has it.
+
+        It adds up over points and grows with their number, while `fisher` is a mean over them.
+        """
+        return self.fisher * (self.n_points / 2)
 
     @property
     def weak_parameters(self) -> tuple[str, ...]:
@@ -189,6 +200,7 @@ def evaluate_information(problem: DesignProblem, information: PointInformation, 
         rank=rank,
         null_directions=null,
         prior_std=FrozenMapping(dict(zip(names, std.tolist(), strict=True))),
+        n_points=len(prepared),
     )
 
 

@@ -29,7 +29,7 @@ def plot_validation(designs: Mapping[str, DesignValidation]) -> Figure:
             _errors(errors, design)
             _coverage(coverage, design)
             failed = sum(design.failures.values())
-            fits = f"{design.fits} fits, {failed} failed" if design.runs is not None else "nothing determined, nothing fitted"
+            fits = f"{design.fits} fits, {failed} failed" if design.per_run is not None else "nothing determined, nothing fitted"
             errors.set_title(f"{name}: {len(design.points)} points, {fits}")
         left, right = panels[-1]
         left.set_xscale("log")

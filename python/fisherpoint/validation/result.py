@@ -36,8 +36,8 @@ class Validation:
     designs : mapping of name to DesignValidation
     noise_std : mapping of output name to float
         Of the outputs that were measured.
-    n : int
-        Runs of each design.
+    runs : int
+        Virtual experiments with each design.
     theta : "prior", "mean" or mapping of parameter name to float
     seed : int
     redrawn : int
@@ -52,7 +52,7 @@ class Validation:
     problem: DesignProblem
     designs: Mapping[str, DesignValidation]
     noise_std: Mapping[str, float]
-    n: int
+    runs: int
     theta: str | Mapping[str, float]
     seed: int
     redrawn: int
@@ -94,7 +94,7 @@ def text(validation: Validation) -> str:
     """One table per design, headed by what was done."""
     lines = [headline(validation)]
     for name, design in validation.designs.items():
-        lines += ["", *_design(name, design, validation.n)]
+        lines += ["", *_design(name, design, validation.runs)]
     return "\n".join([*lines, "", LEGEND])
 
 
@@ -104,7 +104,7 @@ def headline(validation: Validation) -> str:
     truth = {"prior": "true parameters from the prior", "mean": "true parameters at the prior mean"}
     said = truth[theta] if isinstance(theta, str) else "true parameters as given"
     kind = "maximum a posteriori" if validation.use_prior else "weighted least squares"
-    parts = [f"{validation.n} virtual experiments each, {said}, noise {validation.noise}, {kind}, seed {validation.seed}"]
+    parts = [f"{validation.runs} virtual experiments each, {said}, noise {validation.noise}, {kind}, seed {validation.seed}"]
     if validation.truth is not None:
         parts.append(f"data made by another model ({validation.truth.name})")
     if validation.problem.uncertain and validation.truth is None:
@@ -123,7 +123,7 @@ def _design(name: str, design: DesignValidation, n: int) -> Iterator[str]:
         yield f"  {count} of {n}: {reason}"
     for direction in design.null_directions:
         yield f"  not determined: {direction}"
-    if design.runs is None:
+    if design.per_run is None:
         yield "  nothing was fitted: the points determine no parameter"
         return
     if design.fits < FEWEST:
