@@ -15,7 +15,7 @@ from fisherpoint.basics.messages import printable
 from fisherpoint.information.files import problem_to_json
 
 from .config import Config, ConfigError, load_config
-from .terminal import make_directory, read_data
+from .terminal import as_file, make_directory, read_data
 
 INTERRUPTED = 130
 
@@ -55,8 +55,8 @@ def campaign(
         print("fisherpoint: interrupted before there was a batch; the same command goes on", file=sys.stderr)
         return INTERRUPTED
     if run.history:
-        write_whole(output / "report.txt", run.report() + "\n")
-        lines += ["", run.report()]
+        write_whole(output / "report.txt", as_file(run.report()))
+        lines += ["", str(run)]
         if not no_plots:
             run.plot(output / "campaign.png")
     if run.planned is not None:

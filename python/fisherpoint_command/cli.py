@@ -31,14 +31,15 @@ try:
     )
 
     from fisherpoint.basics.files import write_together, write_whole
-    from fisherpoint.design.evaluated import Evaluated, evaluate_points, parameter_frame, simulation_frame
+    from fisherpoint.design.evaluated import Evaluated, evaluate_points
     from fisherpoint.design.files import PICTURES
-    from fisherpoint.design.report import design_report, evaluation_report, simulation_report, to_text
+    from fisherpoint.design.frames import parameter_frame, simulation_frame
+    from fisherpoint.design.report import evaluation_report, simulation_report
 
     from .campaign import campaign
     from .config import ConfigError, load_config
     from .estimate import estimate
-    from .terminal import check_file, make_directory, read_data, say, show
+    from .terminal import as_file, check_file, make_directory, read_data, say, show
     from .validate import validate
 except ModuleNotFoundError as missing:
     if (missing.name or "").startswith("fisherpoint"):
@@ -104,8 +105,8 @@ def design(
         _complain("interrupted before there was a design; nothing is saved")
         return INTERRUPTED
     found.save(output)
-    report = design_report(found)
-    write_whole(output / "report.txt", to_text(report))
+    report = found.report()
+    write_whole(output / "report.txt", as_file(report))
     if not quiet:
         show(report)
     written = ["design.csv", "design.json", "report.txt"]
@@ -140,7 +141,7 @@ def evaluate(
     show(report)
     if output and save_pictures:
         table = parameter_frame(problem, evaluated.under_noise).to_csv()
-        write_together(output, {"parameters.csv": table, "report.txt": to_text(report)}, stale=PICTURES[1:])
+        write_together(output, {"parameters.csv": table, "report.txt": as_file(report)}, stale=PICTURES[1:])
         save_pictures(evaluated)
     return 0
 

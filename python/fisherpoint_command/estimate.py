@@ -14,11 +14,9 @@ import fisherpoint as fp
 from fisherpoint.basics.csv_table import CsvTable
 from fisherpoint.basics.extras import needed_for
 from fisherpoint.basics.files import write_whole
-from fisherpoint.design.report import to_text
-from fisherpoint.estimation.report import fit_report
 
 from .config import ConfigError, load_config
-from .terminal import make_directory, read_data, say, show
+from .terminal import as_file, make_directory, read_data, say, show
 
 
 class Noise(StrEnum):
@@ -81,9 +79,9 @@ def estimate(
         threads=threads,
     )
     found = [fit.profile(name) for name in fit.parameters] if profiles else []
-    report = fit_report(fit, found)
+    report = fit.report(profiles=found)
     written = [path.name for path in fit.save(output)]
-    write_whole(output / "report.txt", to_text(report))
+    write_whole(output / "report.txt", as_file(report))
     written.append("report.txt")
     if not no_plots:
         written += [path.name for path in save_all(fit, output, found)]

@@ -8,30 +8,40 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from rich.console import Console, RenderableType
-from rich.text import Text
+from rich.console import Console
 
 import fisherpoint as fp
 from fisherpoint.basics.files import check_writable
 from fisherpoint.basics.messages import printable
-from fisherpoint.design.report import to_text
+from fisherpoint.show.console import to_rich
+from fisherpoint.show.section import Report
+from fisherpoint.show.text import to_text
 
 from .config import ConfigError
 
 Read = TypeVar("Read")
 
 
-def show(report: RenderableType) -> None:
+WIDTH = 100
+"""Characters of a line of ``report.txt`` and of a report that is piped."""
+
+
+def as_file(report: Report) -> str:
+    """A report as the text of a file."""
+    return to_text(report, WIDTH) + "\n"
+
+
+def show(report: Report) -> None:
     """Print on standard output: in the terminal's width and colours, or as plain text where it is piped."""
     if sys.stdout.isatty():
-        Console(highlight=False).print(report)
+        Console(highlight=False).print(to_rich(report))
     else:
-        print(to_text(report), end="", flush=True)
+        print(as_file(report), end="", flush=True)
 
 
 def say(line: str) -> None:
     """Print a line that names files, of which some may have control characters in their names."""
-    show(Text(printable(line)))
+    print(printable(line), flush=True)
 
 
 def make_directory(path: Path) -> None:

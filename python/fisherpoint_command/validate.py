@@ -14,7 +14,7 @@ from fisherpoint.basics.files import write_together
 from fisherpoint.basics.messages import listed, printable
 
 from .config import ConfigError, load_config
-from .terminal import make_directory, read_data, say
+from .terminal import as_file, make_directory, read_data, say, show
 
 
 class Truth(StrEnum):
@@ -60,13 +60,13 @@ def validate(
     found = fp.validate(
         problem, points, runs=runs, theta=theta.value, seed=seed, noise=noise.value, use_prior=use_prior, threads=threads
     )
-    contents = {"validation.csv": found.frame().to_csv(), "report.txt": f"{found}\n"}
+    contents = {"validation.csv": found.to_pandas().to_csv(), "report.txt": as_file(found.report())}
     written = [path.name for path in write_together(output, contents, stale=["validation.png"])]
     if not no_plots:
         found.plot(output / "validation.png")
         written.append("validation.png")
     if not quiet:
-        print(found)
+        show(found.report())
         print()
         say(f"Written to {output}: {', '.join(written)}")
     return 0

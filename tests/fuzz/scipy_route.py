@@ -25,6 +25,7 @@ MOST_STEPS, MOST_STIFF_STEPS, MOST_CROSSINGS = 600, 150, 60
 LOOKS = 8  # at the dense output of a step
 SAME = 1e-8  # relative difference of f up to which its two sides at a surface are the same
 ROUNDING = 1e-13  # of the largest rate on the way
+NOISE = 30.0  # times FINE, by which the end of a trajectory may be off
 DIFFERENCE = 4e-3  # of a parameter, the longest of the three steps of a derivative
 
 
@@ -111,7 +112,8 @@ class _Walk:
         self.sides = [side_of(height) for height in heights]
         limits = self.reading.look(self.x0.tolist(), self.u, self.p, self.sides)
         if self.rates(self.x0) is None or any(v <= 0 and not self.reading.limits[k].pole for k, v in limits.items()):
-            self.done.end, self.done.at, self.done.depth = End.domain, 0.0, math.inf
+            on_edge = all(v == 0 for k, v in limits.items() if v <= 0 and not self.reading.limits[k].pole)
+            self.done.end, self.done.at, self.done.depth = End.unknown if on_edge else End.domain, 0.0, math.inf
             return self.done
         self.look_at_output(self.x0)
         self.done.way.append(self.x0.tolist())
@@ -386,7 +388,8 @@ def slope(
     u = u.tolist()
     h = DIFFERENCE * (abs(p[j]) or 1.0)
     taken = reading.output_branches(nominal.x.tolist(), u, p)
-    central = []
+    middle = np.concatenate([nominal.x, reading.output(nominal.x.tolist(), u, p) or np.full(reading.n_y, np.nan)])
+    central, bends = [], []
     for step in (h, h / 2, h / 4):
         ends = []
         for sign in (1.0, -1.0):
@@ -399,11 +402,15 @@ def slope(
                 return None
             ends.append(np.concatenate([beside.x, y]))
         central.append((ends[0] - ends[1]) / (2 * step))
+        bends.append(np.abs(ends[0] + ends[1] - 2 * middle) / (2 * step))
     once = [(4 * b - a) / 3 for a, b in itertools.pairwise(central)]
     twice = (16 * once[1] - once[0]) / 15
-    error = np.abs(twice - once[1])
+    # The ends themselves are as good as SciPy's tolerance.
+    error = np.abs(twice - once[1]) + NOISE * FINE * np.maximum(np.abs(ends[0]), 1e-3 * np.abs(ends[0]).max()) / (h / 4)
     first, second = (np.abs(b - a) for a, b in itertools.pairwise(central))
     stuck = second > 0.6 * first  # by noise, or a jump or kink of a parameter between the trajectories
     error = np.where(stuck, np.where(second > 1e-6 * np.abs(central[2]), np.inf, np.maximum(error, second)), error)
+    # A bend that is the same on all steps is a kink at the parameter's value itself, with a derivative on each side.
+    error = np.where((bends[2] > 0.75 * bends[0]) & (bends[2] > 0.01 * np.abs(central[2])), np.inf, error)
     n = reading.n_x
     return Slope(twice[:n], twice[n:], error[:n], error[n:])

@@ -245,3 +245,22 @@ def test_wherever_f_jumps_on_a_line_a_jump_is_named(rate: str, seed: int) -> Non
     for before, after in zip((low - aside)[jumping], (high + aside)[jumping], strict=True):
         values = found.switching(start + slope * np.array([[before], [after]]), u, theta)[:, : len(found.jumps)]
         assert (values[0] * values[1] <= 0).any(), (rate, before, after)
+
+
+@pytest.mark.parametrize(
+    "branch",
+    [
+        "sign(heaviside(u) * sign(a - 1) - 1)",
+        "sign(heaviside(u) * heaviside(a - 1) - 1)",
+        "sign(sign(a - 1) * sign(u) * sign(u) - 1)",
+        "sign(sign(a - 1) + sign(u))",
+        "where(heaviside(u) * sign(a - 1) >= 1, 1, 0)",
+        "where(heaviside(u) * sign(a - 1) > 1, 1, 0)",
+        "heaviside(heaviside(u) * heaviside(a - 1) - 1)",
+    ],
+)
+def test_a_condition_that_is_zero_itself_on_one_side(branch: str) -> None:
+    """Where a condition takes the value 0 on a whole side, the sign there is 0, and neither 1 nor -1."""
+    model = fp.SymbolicModel(["1", branch], ["x"], {"a": "1", "x": "1"}, {"u": "1"}, {"p": "1"})
+    below, above = (model.rhs([[a, 0.0]] * 2, [[1.0], [-1.0]], [1.0])[:, 1] for a in (0.5, 1.5))
+    assert ("a - 1" in model.jumps) == bool((below != above).any())

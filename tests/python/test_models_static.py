@@ -11,7 +11,7 @@ import pytest
 import fisherpoint as fp
 from fisherpoint.design import pictures as plots
 from fisherpoint.design import report
-from fisherpoint.design.evaluated import simulation_frame
+from fisherpoint.design.frames import simulation_frame
 
 
 @fp.model(

@@ -15,7 +15,8 @@ from matplotlib.figure import Figure
 import fisherpoint as fp
 from fisherpoint.design import pictures as plots
 from fisherpoint.design import report
-from fisherpoint.design.evaluated import evaluate_points, parameter_frame, simulation_frame
+from fisherpoint.design.evaluated import evaluate_points
+from fisherpoint.design.frames import parameter_frame, simulation_frame
 
 NOISE_STD = {"q": 5e-6, "p_A": 2e4, "p_B": 2e4, "x_v": 1e-3}
 RELATIVE_STD = dict(a_tau=0.3, b_tau=0.2, m_q=0.05, E_oil=0.2, p_t=0.2, B_v=0.1, c_L=0.3, V_0A=0.1, V_0B=0.1)

@@ -163,7 +163,7 @@ def test_too_few_points_are_told_and_not_fitted() -> None:
     assert found.designs["one"].per_run is None and found.designs["one"].null_directions
     text = str(found)
     assert "not determined" in text and "nan" not in text.lower()
-    assert found.frame().loc["one"].ratio.isna().all() and found.frame().loc["two"].ratio.notna().all()
+    assert found.to_pandas().loc["one"].ratio.isna().all() and found.to_pandas().loc["two"].ratio.notna().all()
 
 
 def test_too_few_fits_for_figures_are_told() -> None:
@@ -217,9 +217,9 @@ def test_fits_do_not_depend_on_chunks_threads_or_neighbours(
     cylinder: tuple[fp.DesignProblem, fp.Experiments], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     given, points = cylinder
-    whole = fp.validate(given, {"d": points}, runs=30, threads=2).frame()
+    whole = fp.validate(given, {"d": points}, runs=30, threads=2).to_pandas()
     monkeypatch.setattr(fits, "MOST_NUMBERS", 7 * 14 * 4 * 9)
-    parts = fp.validate(given, {"other": points[:9], "d": points}, runs=30, threads=1).frame()
+    parts = fp.validate(given, {"other": points[:9], "d": points}, runs=30, threads=1).to_pandas()
     np.testing.assert_allclose(parts.loc["d"], whole.loc["d"], rtol=1e-6)
 
 

@@ -124,6 +124,11 @@ class Replay {
         check_one(sides[m] * value0[m], sides[m] * rate0[m], sides[m] * value1[m], sides[m] * rate1[m]);
     });
     for_each_index(f_.sides, f_.surfaces, [&](auto m) { check_one(value0[m], rate0[m], value1[m], rate1[m]); });
+    // Past a pole f has values again, and a stage may have been there: a step must not go half of the way to it.
+    for_each_index(f_.kinks_end, f_.sides, [&](auto m) {
+      const P h0 = sides[m] * value0[m], h1 = sides[m] * value1[m], ahead = h0 + step * (sides[m] * rate0[m]);
+      clearance = min(clearance, min(h1, ahead) - 0.5 * h0);
+    });
   }
 
   const Equation& f_;

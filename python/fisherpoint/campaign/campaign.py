@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, fields, replace
-from inspect import signature
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..basics.checks import as_float, check_known, check_positive_int
 from ..basics.extras import needed_for
-from ..basics.messages import shown
-from ..basics.quantity import names_of
 from ..basics.values import Array, FrozenMapping
 from ..data import Measurements
 from ..design.exchange import exchange
@@ -27,14 +23,18 @@ from ..information.files import problem_from_json, problem_to_json
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from ..points.trajectories import check_type, resolve_threads
+from ..show.section import Report
+from ..show.shown import Shown
 from .files import CampaignFiles
-from .report import report_text
+from .report import campaign_report
+from .settings import batch_seed, batch_settings, checked_targets
 from .state import Batch, State, relative
 
-_NOT_SETTINGS = ("n_experiments", "seed", "time_limit")
+if TYPE_CHECKING:
+    import pandas as pd
 
 
-class Campaign:
+class Campaign(Shown):
     """Design, measure and estimate in batches, until every relative standard error is at its target.
 
     Each batch is the exchange's at the current estimate, with the information of all data so far; each estimate is the maximum a
@@ -78,13 +78,16 @@ class Campaign:
         check_type(problem, DesignProblem, "problem")
         if problem.region is None:
             raise ValueError("region: expected an ExperimentRegion to design in, given None")
-        state = State(problem, _settings(batch, seed, settings), _targets(targets, problem))
+        state = State(problem, batch_settings(batch, seed, settings), checked_targets(targets, problem))
         self._begin(state, None, threads)
         if directory is not None:
-            # What is read from a file has to lead to the same bits: so this campaign too works with what was written.
-            files = CampaignFiles(directory, problem_to_json(problem))
-            self._begin(replace(state, problem=problem_from_json(files.problem_json)), files, threads)
-            files.create(self._state)
+            self._keep_in(directory)
+
+    def _keep_in(self, directory: str | Path) -> None:
+        # What is read from a file has to lead to the same bits: so this campaign too works with what was written.
+        files = CampaignFiles(directory, problem_to_json(self.problem))
+        self._begin(replace(self._state, problem=problem_from_json(files.problem_json)), files, self._threads)
+        files.create(self._state)
 
     def _begin(self, state: State, files: CampaignFiles | None, threads: int | None) -> None:
         self._state, self._files, self._threads = state, files, resolve_threads(threads)
@@ -143,7 +146,7 @@ class Campaign:
 
     @targets.setter
     def targets(self, targets: Mapping[str, float] | float | None) -> None:
-        self._change(targets=_targets(targets, self.problem))
+        self._change(targets=checked_targets(targets, self.problem))
 
     @property
     def estimate(self) -> Mapping[str, float]:
@@ -211,7 +214,7 @@ class Campaign:
         """
         if self.planned is None:
             prior = self.problem.prior if self.fit is None else self.fit.posterior()
-            settings = replace(self.settings, seed=_seed(self.settings.seed, len(self.history)))
+            settings = replace(self.settings, seed=batch_seed(self.settings.seed, len(self.history)))
             found = exchange(
                 self.problem.replace(prior=prior),
                 **asdict(settings),
@@ -295,9 +298,24 @@ class Campaign:
         check_type(data, Measurements, "data")
         return next((k for k, one in enumerate(self.history, 1) if one.data == data), None)
 
-    def report(self) -> str:
-        """Relative standard errors over the batches, targets and what is met, as text."""
-        return report_text(self._state, self.met, self.done)
+    def to_pandas(self) -> pd.DataFrame:
+        """Relative standard errors: one row per parameter, a column for the prior and one for each batch."""
+        with needed_for("to_pandas"):
+            import pandas as pd
+
+        names = ["prior", *(f"batch {k}" for k in range(1, len(self.history) + 1))]
+        frame = pd.DataFrame(dict(zip(names, map(dict, self._state.rse), strict=True)))
+        return frame.rename_axis("parameter")
+
+    def save(self, directory: str | Path) -> None:
+        """Keep a campaign that has no directory in one that has no campaign; from now on every change is saved there at once."""
+        if self._files is not None:
+            raise ValueError(f"directory: expected a campaign without one, given one that is saved in {self._files.directory}")
+        self._keep_in(directory)
+
+    def report(self) -> Report:
+        """Relative standard errors over the batches, targets and what is met."""
+        return campaign_report(self._state, self.met, self.done)
 
     def plot(self, path: str | Path) -> None:
         """Draw the relative standard errors over the batches, with the targets as lines; needs matplotlib."""
@@ -356,36 +374,3 @@ def _rows_again(told: Measurements, data: Measurements) -> set[int]:
             if both.any() and (y[both] == other[both]).all():
                 again.add(row)
     return again
-
-
-def _seed(seed: int, batches: int) -> int:
-    """The seed of the search after so many batches."""
-    return int(np.random.SeedSequence([seed, batches]).generate_state(1)[0])
-
-
-def _settings(batch: int, seed: int, given: Mapping[str, Any]) -> ExchangeSettings:
-    """Settings of the search for a batch, with the defaults of `exchange` but for references, which a batch needs none of."""
-    defaults = {name: one.default for name, one in signature(exchange).parameters.items()}
-    known = [field.name for field in fields(ExchangeSettings) if field.name not in _NOT_SETTINGS]
-    for unknown in (name for name in given if name not in known):
-        raise TypeError(f"settings: expected names of {', '.join(known)}; given {shown(unknown)}")
-    values = {name: defaults[name] for name in known} | {"references": False} | dict(given)
-    return ExchangeSettings(
-        n_experiments=check_positive_int(batch, "batch"), seed=check_positive_int(seed, "seed", 0), time_limit=None, **values
-    )
-
-
-def _targets(given: Mapping[str, float] | float | None, problem: DesignProblem) -> Mapping[str, float]:
-    """Targets by name, in the model's order of parameters."""
-    names = problem.estimated
-    if given is None:
-        return FrozenMapping({})
-    targets = dict(given) if isinstance(given, Mapping) else dict.fromkeys(names, given)
-    check_known(targets, names, "targets")
-    checked = {
-        name: as_float(targets[name], f"targets[{name!r}]") for name in names_of(problem.model.parameters) if name in targets
-    }
-    for name, value in checked.items():
-        if not value > 0:
-            raise ValueError(f"targets[{name!r}]: expected a positive share of the estimate, given {value:g}")
-    return FrozenMapping(checked)

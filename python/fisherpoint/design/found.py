@@ -62,7 +62,7 @@ class TraceRecord:
     seconds: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FoundDesign:
     """The points that `exchange` found, with everything needed to judge and to repeat them.
 

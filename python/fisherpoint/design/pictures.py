@@ -14,10 +14,10 @@ from matplotlib.ticker import MaxNLocator, NullFormatter, PercentFormatter
 
 from ..information.evaluation import Evaluation
 from ..show.correlation import draw_correlation
+from ..show.numbers import computed
 from ..show.style import CRITERION, NOISE, PRIOR, STYLE, save_figure
 from .evaluated import Evaluated
 from .pictures_points import plot_points, plot_trajectories
-from .report import result
 from .result import Design
 
 __all__ = [
@@ -94,8 +94,8 @@ def plot_standard_errors(design: Evaluated) -> Figure:
         axes.grid(axis="y", visible=False)
         # What that means in units, beside the axis.
         for row, name in zip(rows, names, strict=True):
-            prior = f"{result(float(evaluation.prior_std[name]))} {units[name]}"
-            error = "" if errors is None else f"{result(float(errors[name]))} of "
+            prior = f"{computed(float(evaluation.prior_std[name]))} {units[name]}"
+            error = "" if errors is None else f"{computed(float(errors[name]))} of "
             axes.annotate(
                 error + prior,
                 (1.0, float(row)),

@@ -5,18 +5,37 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..basics.checks import as_path
+from ..basics.extras import needed_for
 from ..basics.files import built_from, parse_json, read_bytes, sealed_json, write_together
 from ..basics.messages import printable
 from ..points.experiments import points_csv
+from ..show.section import Report
+from ..show.shown import Shown
 from .files import FORMAT, FORMAT_VERSION, PICTURES, design_from_json, design_to_json, has_points_of
 from .found import FoundDesign
+from .report import design_report
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
-@dataclass(frozen=True, eq=False)
-class Design(FoundDesign):
+@dataclass(frozen=True, eq=False, repr=False)
+class Design(FoundDesign, Shown):
     """The points that `exchange` found, with everything needed to judge and to repeat them; `FoundDesign` has its attributes."""
+
+    def report(self) -> Report:
+        """Points, parameters, criterion, efficiency and search as tables."""
+        return design_report(self)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """One row per parameter: unit, mean, prior_std, and under the sensor noise standard_error, rse and of_prior."""
+        with needed_for("to_pandas"):
+            from .frames import parameter_frame
+
+        return parameter_frame(self.problem, self.under_noise)
 
     def save(self, directory: str | Path) -> None:
         """Write design.csv and design.json into `directory`, which is made where needed.

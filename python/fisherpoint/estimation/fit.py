@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from ..basics.extras import needed_for
 from ..prior.gaussian import GaussianPrior
+from ..show.section import Report
+from ..show.shown import Shown
 from .fit_files import fit_dict, load_fit, save_fit
 from .posterior import posterior_of
 from .profile import Profile, profile_of
+from .profile_curve import ProfileCurve
 from .statistics import FitStatistics
-from .summary import html, text
+from .summary import fit_report
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fit(FitStatistics):
+class Fit(FitStatistics, Shown):
     """What `estimate` found; see `FitStatistics` for its attributes."""
 
     def profile(self, name: str, *, level: float = 0.95) -> Profile:
@@ -52,14 +60,24 @@ class Fit(FitStatistics):
         """
         return posterior_of(self)
 
-    def __str__(self) -> str:
-        return text(self)
-
-    def _repr_html_(self) -> str:
-        return html(self)
+    def report(self, *, profiles: Sequence[ProfileCurve] = ()) -> Report:
+        """The fit as tables, with the profile likelihoods that were computed."""
+        return fit_report(self, profiles)
 
     def __repr__(self) -> str:
         return f"Fit({', '.join(f'{name}={value:.6g}' for name, value in self.estimate.items())})"
+
+    def to_pandas(self) -> pd.DataFrame:
+        """One row per unknown: unit, estimate, standard_error, rse, and the ends lower_95 and upper_95 of `intervals`."""
+        with needed_for("to_pandas"):
+            import pandas as pd
+
+        rows = [
+            (self.units[name], value, self.standard_errors[name], self.rse.get(name, float("nan")), *self.intervals()[name])
+            for name, value in self.estimate.items()
+        ]
+        columns = ["unit", "estimate", "standard_error", "rse", "lower_95", "upper_95"]
+        return pd.DataFrame(rows, pd.Index(self.parameters, name="parameter"), columns)
 
     def to_dict(self) -> dict[str, Any]:
         """Estimate, covariances, tests and how the search ended, as what JSON can hold; numbers that are not finite are None."""

@@ -43,7 +43,7 @@ class OutputTest:
         return self.chi_square / self.degrees_of_freedom if self.degrees_of_freedom > 1e-9 else np.inf
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FitStatistics:
     """An estimate, and what its residuals and their derivatives say about it.
 

@@ -1,16 +1,16 @@
-"""What a fit says, as rows of text that the console, a notebook and `report_fit` show alike."""
+"""What a fit says: a report of its unknowns, outputs and profiles, how it was found, and what the user should not miss."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
-from html import escape
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from ..basics.quantity import names_of
 from ..prior.gaussian import GaussianPrior
+from ..show.numbers import counted, digits_of, number, percent
+from ..show.section import Report, Section
+from .profile_curve import FOUND, ProfileCurve
 from .statistics import FitStatistics
 from .unknown_noise import TINY
 
@@ -29,13 +29,11 @@ NUMERICAL = 1000.0
 """Times the numerical error of an output, up to which its estimated noise is said to be near it."""
 
 
-class Section(NamedTuple):
-    """A titled table: names of columns, the first of which name the rows, rows of cells, and rows to point out."""
-
-    title: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    marked: tuple[int, ...] = ()
+def fit_report(fit: FitStatistics, profiles: Sequence[ProfileCurve] = (), level: float = 0.95) -> Report:
+    """The report of a fit, with the profile likelihoods that were computed."""
+    tables = [*sections(fit, level), *([_profiles(profiles)] if profiles else []), Section("Fit", (), list(facts(fit)))]
+    better = [f"{one.name}: a better estimate was found on the profile; give more starts" for one in profiles if one.better]
+    return Report(headline(fit), tables, [*warnings(fit), *better])
 
 
 def headline(fit: FitStatistics) -> str:
@@ -45,8 +43,8 @@ def headline(fit: FitStatistics) -> str:
     kind = "weighted least squares" if fit.noise_known else kind
     if fit.problem.prior_factor is not None:
         kind = f"maximum a posteriori, {'noise given' if fit.noise_known else 'noise estimated'}"
-    unknowns = _plural(len(fit.parameters), "unknown")
-    return f"Fit of {fit.model.name}: {unknowns} from {_plural(count, 'number')} in {_plural(samples, 'sample')}, {kind}"
+    unknowns = counted(len(fit.parameters), "unknown")
+    return f"Fit of {fit.model.name}: {unknowns} from {counted(count, 'number')} in {counted(samples, 'sample')}, {kind}"
 
 
 def sections(fit: FitStatistics, level: float = 0.95) -> Iterator[Section]:
@@ -67,7 +65,7 @@ def facts(fit: FitStatistics) -> Iterator[tuple[str, str]]:
         yield "chi-square", f"{number(fit.chi_square)} with {_degrees(degrees)}{per}"
     else:
         yield "noise", f"estimated with {_degrees(degrees)}"
-    yield "search", f"{'converged' if fit.converged else fit.message.rstrip('.')}, {_plural(fit.evaluations, 'evaluation')}"
+    yield "search", f"{'converged' if fit.converged else fit.message.rstrip('.')}, {counted(fit.evaluations, 'evaluation')}"
     if fit.starts > 1:
         yield "starts at this minimum", f"{fit.reached} of {fit.starts}"
 
@@ -124,30 +122,6 @@ def _beside_numerical_error(fit: FitStatistics) -> Iterator[str]:
         size = f"only {number(stds[i] / error, 2)} times" if stds[i] > 3 * error else "no larger than"
         advice = "; a smaller rtol would tell" if fit.model.states else ""
         yield f"{name}: the estimated noise, {number(stds[i], 2)}, is {size} {source}: standard errors may be those of that{advice}"
-
-
-def text(fit: FitStatistics) -> str:
-    """All of it, for the console."""
-    lines = [headline(fit)]
-    for section in sections(fit):
-        lines += ["", section.title, *(f"  {line}" for line in _aligned(section))]
-    told = list(facts(fit))
-    width = max(len(name) for name, _ in told)
-    lines += ["", *(f"{name:<{width}}  {fact}" for name, fact in told)]
-    return "\n".join([*lines, *(f"Warning: {warning}" for warning in warnings(fit))])
-
-
-def html(fit: FitStatistics) -> str:
-    """All of it, for a notebook."""
-    parts = [f"<p><b>{escape(headline(fit))}</b></p>"]
-    for section in sections(fit):
-        head = "".join(f"<th>{escape(column)}</th>" for column in section.columns)
-        rows = (
-            f"<tr><th>{escape(row[0])}</th>{''.join(f'<td>{escape(cell)}</td>' for cell in row[1:])}</tr>" for row in section.rows
-        )
-        parts.append(f"<table><caption>{escape(section.title)}</caption><tr>{head}</tr>{''.join(rows)}</table>")
-    parts += [f"<p>{escape(name)}: {escape(fact)}</p>" for name, fact in facts(fit)]
-    return "".join(parts + [f"<p><b>Warning:</b> {escape(warning)}</p>" for warning in warnings(fit)])
 
 
 # Tables
@@ -217,6 +191,17 @@ def _outputs(fit: FitStatistics) -> Section:
     return Section("Outputs", tuple(columns), tuple(rows), tuple(marked))
 
 
+def _profiles(profiles: Sequence[ProfileCurve]) -> Section:
+    level = f"{100 * profiles[0].level:g} %"
+    columns = ("parameter", "unit", f"{level} by likelihood", f"{level} by standard error", "lower end", "upper end")
+    rows = []
+    for profile in profiles:
+        intervals = (" to ".join(number(end, 4) for end in pair) for pair in (profile.interval, profile.linear_interval))
+        rows.append((profile.name, profile.unit, *intervals, *profile.ends))
+    marked = tuple(k for k, profile in enumerate(profiles) if profile.ends != (FOUND, FOUND))
+    return Section("Profile likelihood", columns, tuple(rows), marked)
+
+
 def _noise_correlation(fit: FitStatistics) -> Section:
     """Correlation of the residuals of outputs that were measured together."""
     names, places = list(fit.tests), [names_of(fit.model.outputs).index(name) for name in fit.tests]
@@ -226,45 +211,5 @@ def _noise_correlation(fit: FitStatistics) -> Section:
     return Section("Correlation of the residuals, (10)", ("output", *names), tuple(rows))
 
 
-def _aligned(section: Section) -> list[str]:
-    """Lines of a table: the first column to the left, numbers to the right."""
-    left = {i for i, column in enumerate(section.columns) if i == 0 or column == "unit"}
-    table = [section.columns, *section.rows]
-    widths = [max(len(row[i]) for row in table) for i in range(len(section.columns))]
-    lines = ("  ".join(f"{cell:{'<' if i in left else '>'}{widths[i]}}" for i, cell in enumerate(row)) for row in table)
-    return [line.rstrip() for line in lines]
-
-
-# Numbers
-
-
-def number(value: float, digits: int = 4) -> str:
-    """With at most that many significant digits."""
-    if not math.isfinite(value):
-        return str(value)
-    mantissa, _, exponent = f"{value:.{digits}g}".partition("e")
-    return f"{mantissa}e{int(exponent)}" if exponent else mantissa
-
-
-def digits_of(value: float, error: float) -> int:
-    """Digits that show a value to a hundredth of its error, at least 4 and at most 9."""
-    if not (error > 0 and math.isfinite(error) and value):
-        return 6
-    return min(9, max(4, 2 + math.ceil(math.log10(abs(value) / error))))
-
-
-def percent(share: float) -> str:
-    """A share in percent, with three significant digits; far above all, as a factor."""
-    if not math.isfinite(share):
-        return str(share)
-    if 0 < share < 1e-5:
-        return "< 0.001 %"
-    return f"{number(100 * share, 3)} %" if share < 9.995 else f"{number(share, 3)} times"
-
-
 def _degrees(degrees: float) -> str:
     return f"{degrees:.0f} degrees of freedom" if abs(degrees - round(degrees)) < 1e-6 else f"{degrees:.1f} degrees of freedom"
-
-
-def _plural(count: int, what: str) -> str:
-    return f"{count} {what}" if count == 1 else f"{count} {what}s"

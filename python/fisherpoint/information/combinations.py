@@ -144,3 +144,12 @@ def _sum(a: str, m: int, b: str, n: int) -> str:
     """m a + n b for n > 0."""
     first, second = (name if abs(factor) == 1 else f"{abs(factor)}*{name}" for name, factor in ((a, m), (b, n)))
     return f"{first} + {second}" if m > 0 else f"{second} - {first}"
+
+
+def combination(direction: Mapping[str, float]) -> str:
+    """A direction in parameter space as a sum of its larger terms, of which the first is positive."""
+    terms = sorted(direction.items(), key=lambda term: -abs(term[1]))
+    largest = terms[0][1]
+    shown = [(name, value * math.copysign(1.0, largest)) for name, value in terms if abs(value) > 0.05 * abs(largest)]
+    text = " ".join(f"{'-' if value < 0 else '+'} {abs(value):.2f} {name}" for name, value in shown)
+    return text.removeprefix("+ ") + (" + ..." if len(shown) < len(terms) else "")

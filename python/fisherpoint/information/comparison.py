@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..basics.checks import as_float, as_sequence, check_type
+from ..basics.extras import needed_for
+from ..basics.kept import Codec, Kept
 from ..basics.values import Array
 from ..points.experiments import Experiments
 from ..points.predictive import PredictiveCovariance, predictive_covariance
+from ..prior.files import rule_from_json, rule_to_json
 from ..prior.rules import GaussHermite, Linearized, Rule, Sobol, SparseGaussHermite, TensorGrid, Unscented
+from ..show.numbers import counted
+from ..show.section import Report, Section
+from ..show.shown import Shown
 from .problem import DesignProblem
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 CONVERGED, NEXT_LOWER = Sobol(2**18), Sobol(2**17)
 """The rule that the others are measured against, and the one that tells how far that is converged itself: with equal weights
@@ -66,7 +76,7 @@ class RuleRow:
 
 
 @dataclass(frozen=True, repr=False)
-class RuleComparison:
+class RuleComparison(Shown, Kept):
     """What `compare_rules` finds; it shows itself as a table.
 
     Attributes
@@ -85,24 +95,45 @@ class RuleComparison:
     converged: RuleRow
     next_lower: Rule
 
+    @classmethod
+    def _inside(cls) -> tuple[type, ...]:
+        return (RuleRow, Errors)
+
+    @classmethod
+    def _codec(cls) -> Codec:
+        return {Rule: (rule_to_json, rule_from_json)}
+
+    def to_pandas(self) -> pd.DataFrame:
+        """One row per rule, the converged one last; errors are relative, seconds are of one point."""
+        with needed_for("to_pandas"):
+            import pandas as pd
+
+        none = Errors(np.nan, np.nan, np.nan)
+        rows = [
+            {"rule": str(row.rule), "nodes": row.nodes, **asdict(row.errors or none), "seconds": row.seconds,
+             "excluded": row.excluded, "projection": row.projection}
+            for row in (*self.rows, self.converged)
+        ]  # fmt: skip
+        return pd.DataFrame(rows).set_index("rule")
+
     def cheapest(self, within: float = 0.01) -> RuleRow | None:
         """Return the fastest rule whose error is within this at the 90th percentile; None where there is none."""
         limit = as_float(within, "within")
         enough = [row for row in self.rows if row.errors is not None and row.errors.most <= limit]
         return min(enough, key=lambda row: row.seconds, default=None)
 
-    def __str__(self) -> str:
-        lines = [
-            f"Predictive covariances of {self.points} points, error relative to {self.converged.rule}",
-            f"{'rule':<34} {'nodes':>7} {'median':>8} {'90 %':>8} {'worst':>8} {'us/point':>9} {'excluded':>8} {'projected':>9}",
-            *map(_line, self.rows),
-            _line(self.converged) + "  (errors: distance to " + str(self.next_lower) + ")",
-        ]
+    def report(self) -> Report:
+        """One row per rule, the converged one last."""
+        columns = ("rule", "nodes", "median", "90 %", "worst", "us/point", "excluded", "projected")
+        rows = [*map(_cells, self.rows), _cells(self.converged)]
         cheapest = self.cheapest()
         enough = "none of these" if cheapest is None else f"{cheapest.rule}, the fastest that is"
-        return "\n".join([*lines, f"within 1 % at the 90th percentile: {enough}"])
-
-    __repr__ = __str__
+        notes = [
+            f"The errors of {self.converged.rule} are its distance to {self.next_lower}",
+            f"within 1 % at the 90th percentile: {enough}",
+        ]
+        headline = f"Predictive covariances of {counted(self.points, 'point')}, error relative to {self.converged.rule}"
+        return Report(headline, [Section("", columns, rows, notes=notes)])
 
 
 def compare_rules(
@@ -195,10 +226,7 @@ def _errors(result: PredictiveCovariance, converged: PredictiveCovariance) -> Ar
     return np.asarray(np.linalg.norm(difference, axis=(1, 2)) / np.where(size > 0, size, 1.0))
 
 
-def _line(row: RuleRow) -> str:
+def _cells(row: RuleRow) -> list[str]:
     errors = ["-"] * 3 if row.errors is None else [f"{e:.1e}" for e in (row.errors.median, row.errors.most, row.errors.worst)]
     projection = f"{row.projection:.1e}" if row.projection else "-"
-    return (
-        f"{row.rule!s:<34} {row.nodes:>7} {errors[0]:>8} {errors[1]:>8} {errors[2]:>8} {1e6 * row.seconds:>9.0f} {row.excluded:>8} "
-        f"{projection:>9}"
-    )
+    return [str(row.rule), str(row.nodes), *errors, f"{1e6 * row.seconds:.0f}", str(row.excluded), projection]

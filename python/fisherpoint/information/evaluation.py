@@ -5,19 +5,29 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..basics.checks import check_type
+from ..basics.extras import needed_for
+from ..basics.kept import Kept
 from ..basics.quantity import names_of
 from ..basics.values import Array, FrozenMapping
 from ..engine import _core
 from ..points.experiments import Experiments
+from ..show.numbers import computed, counted, number, percent
+from ..show.section import Report, Section
+from ..show.shown import Shown
+from .combinations import combination
 from .null_space import column_scaled_svd, unscaled
 from .output_covariance import Criterion, cholesky_factor, criterion, needs_covariances
 from .point_information import PointInformation, point_information
 from .previous import Previous, previous_information
 from .problem import DesignProblem
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 RANK_TOLERANCE = 1e-9
 """Singular values of the whitened, column-scaled sensitivities below this share of the largest count as zero."""
@@ -26,8 +36,8 @@ ACCURATE = 1e-6
 """Below this share of the largest, the squares in F have lost digits: log det is taken from the singular values then."""
 
 
-@dataclass(frozen=True, eq=False)
-class Evaluation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Evaluation(Shown, Kept):
     """The information in a design.
 
     Attributes
@@ -88,6 +98,38 @@ class Evaluation:
         if self.standard_errors is None:
             return self.parameters
         return tuple(name for name in self.parameters if self.standard_errors[name] > 0.5 * self.prior_std[name])
+
+    def to_pandas(self) -> pd.DataFrame:
+        """One row per parameter, SI units: prior_std, standard_error, rse, of_prior; NaN where F is singular."""
+        with needed_for("to_pandas"):
+            import pandas as pd
+
+        errors, relative = self.standard_errors or {}, self.rse or {}
+        rows = [(self.prior_std[name], errors.get(name, np.nan), relative.get(name, np.nan)) for name in self.parameters]
+        index = pd.Index(self.parameters, name="parameter")
+        frame = pd.DataFrame(rows, index, ["prior_std", "standard_error", "rse"], dtype=float)
+        return frame.assign(of_prior=frame.standard_error / frame.prior_std)
+
+    def report(self) -> Report:
+        """Standard errors, and what is not determined."""
+        kind = self.output_covariance_kind
+        columns = ("parameter", "prior std", "standard error", "RSE", "of prior std")
+        rows = []
+        for name in self.parameters:
+            error, std = (self.standard_errors or {}).get(name, np.nan), self.prior_std[name]
+            rows.append((name, number(std), computed(error), percent((self.rse or {}).get(name, np.nan)), percent(error / std)))
+        marked = [k for k, name in enumerate(self.parameters) if name in self.weak_parameters]
+        notes = [] if kind == "noise" else ["Those of an estimate only where D is R: see evaluate_under_noise"]
+        facts = [("output covariance D", kind), ("outputs used", ", ".join(self.outputs))]
+        if self.outputs_left_out:
+            facts.append(("outputs left out", ", ".join(self.outputs_left_out)))
+        if self.covariance is None:
+            facts.append(("rank of F", f"{self.rank} of {len(self.parameters)}: singular, log det is -inf"))
+            facts += [("not determined (in prior std)", combination(null)) for null in self.null_directions]
+        else:
+            facts.append(("log det F", f"{self.log_det:.4f} (parameters in units of their prior std, F as in (7))"))
+        table = Section("Parameters, in SI units", columns, rows, marked, notes)
+        return Report(f"Information about {counted(len(self.parameters), 'parameter')}", [table, Section("Criterion", (), facts)])
 
 
 def evaluate_design(

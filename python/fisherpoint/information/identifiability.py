@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
 from typing import TypeAlias
 
 import numpy as np
 
 from ..basics.checks import check_positive_int, names_among, some_names_among
+from ..basics.kept import Kept
 from ..basics.quantity import names_of
 from ..basics.values import Array, FrozenMapping
 from ..models import Model
 from ..points.region import ExperimentRegion
 from ..points.trajectories import Status, check_type
 from ..prior.gaussian import GaussianPrior
+from ..show.section import Report, Section
+from ..show.shown import Shown
 from .combinations import changes_of, describe
 from .null_space import column_scaled_svd, pivots, reduced_basis
 from .sensitivity_stack import Sampler, Stack, default_region, draw_theta
@@ -33,8 +35,8 @@ WEAK = 1e-4
 """Share of the largest singular value below which a direction is called weak."""
 
 
-@dataclass(frozen=True, eq=False)
-class Identifiability:
+@dataclass(frozen=True, eq=False, repr=False)
+class Identifiability(Shown, Kept):
     """What `identifiability` found; `print` shows it.
 
     Attributes
@@ -87,14 +89,10 @@ class Identifiability:
     n_theta: int
     left_out: Mapping[str, int]
 
-    def __str__(self) -> str:
-        return "\n".join(f"{label:<12}{text}".rstrip() for label, text in self._rows())
-
-    def _repr_html_(self) -> str:
-        rows = (
-            f"<tr><th>{escape(label)}</th><td style='text-align: left'>{escape(text)}</td></tr>" for label, text in self._rows()
-        )
-        return f"<table>{''.join(rows)}</table>"
+    def report(self) -> Report:
+        """The verdict, and all that it rests on."""
+        (_, verdict), *rows = self._rows()
+        return Report(verdict, [Section("", (), rows)])
 
     def _rows(self) -> list[tuple[str, str]]:
         verdicts = {True: "locally identifiable", False: "locally not identifiable", None: "not known whether locally identifiable"}
@@ -105,7 +103,7 @@ class Identifiability:
         rows += [("open", text) for text in self.not_known]
         rows += [("weak", text) for text in self.weak]
         if self.idle:
-            rows.append(("idle", f"{', '.join(self.idle)}: in no equation that an output hears of"))
+            rows.append(("idle", f"{', '.join(self.idle)}: no influence on any output"))
         if len(self.blocks) > 1:
             rows.append(("blocks", ", ".join(f"{{{', '.join(block)}}}" for block in self.blocks)))
         if self.unknown_start:

@@ -2,32 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ..basics.extras import needed_for
+from ..basics.kept import Codec, Kept
+from ..information.files import problem_from_json, problem_to_json
 from ..information.problem import DesignProblem
 from ..models import Model
-from .figures import FEWEST, Figure
+from ..models.files import model_from_json, model_to_json
+from ..points.experiments import Experiments
+from ..points.files import points_from_json, points_to_json
+from ..show.numbers import computed, with_error
+from ..show.section import Report, Section
+from ..show.shown import Shown
+from .figures import FEWEST, Figure, ParameterFigures
+from .fits import Runs
 from .of_design import DesignValidation
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-LEGEND = """\
-promised: standard error under the noise that the fits reckon with, at the prior mean; claimed: mean of the fits' own ones;
-achieved: standard deviation of the estimates' errors, and its ratio to promised; typical ratio: the same of their median size,
-which a few fits that run away do not move; rmse: root mean square error; coverage: of the fits' 95 % intervals.
-promised, claimed, achieved, bias and rmse in shares of the prior std; 0.987(22) is 0.987 +- 0.022, a Monte Carlo standard error."""
+LEGEND = (
+    "promised: standard error under the noise that the fits reckon with, at the prior mean; claimed: mean of the fits' own ones; "
+    "achieved: standard deviation of the estimates' errors, and its ratio to promised; typical ratio: the same of their median "
+    "size, which a few diverging fits do not move; rmse: root mean square error; coverage: of the fits' 95 % intervals.",
+    "promised, claimed, achieved, bias and rmse in shares of the prior std; 0.987(22) is 0.987 +- 0.022, a Monte Carlo standard "
+    "error.",
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Validation:
+class Validation(Shown, Kept):
     """What `validate` found; it shows itself as a table.
 
     Attributes
@@ -61,9 +70,21 @@ class Validation:
     use_prior: bool
     seconds: float
 
-    def frame(self) -> pd.DataFrame:
+    @classmethod
+    def _inside(cls) -> tuple[type, ...]:
+        return (DesignValidation, ParameterFigures, Figure, Runs)
+
+    @classmethod
+    def _codec(cls) -> Codec:
+        return {
+            DesignProblem: (problem_to_json, problem_from_json),
+            Experiments: (points_to_json, points_from_json),
+            Model: (model_to_json, model_from_json),
+        }
+
+    def to_pandas(self) -> pd.DataFrame:
         """All figures, one row per design and parameter; columns that end in "_mc" are Monte Carlo standard errors. SI units."""
-        with needed_for("frame"):
+        with needed_for("to_pandas"):
             import pandas as pd
 
         rows = []
@@ -84,18 +105,10 @@ class Validation:
 
         save_figure(plot_validation(self.designs), path)
 
-    def __str__(self) -> str:
-        return text(self)
-
-    __repr__ = __str__
-
-
-def text(validation: Validation) -> str:
-    """One table per design, headed by what was done."""
-    lines = [headline(validation)]
-    for name, design in validation.designs.items():
-        lines += ["", *_design(name, design, validation.runs)]
-    return "\n".join([*lines, "", LEGEND])
+    def report(self) -> Report:
+        """One table per design, headed by what was done."""
+        sections = [_section(name, design, self.runs) for name, design in self.designs.items()]
+        return Report(headline(self), [*sections, Section("", notes=LEGEND)])
 
 
 def headline(validation: Validation) -> str:
@@ -116,44 +129,22 @@ def headline(validation: Validation) -> str:
     return "; ".join(parts)
 
 
-def _design(name: str, design: DesignValidation, n: int) -> Iterator[str]:
+def _section(name: str, design: DesignValidation, n: int) -> Section:
     failed = sum(design.failures.values())
-    yield f"{name}: {len(design.points)} points, {design.fits} fits, {failed} failed"
-    for reason, count in design.failures.items():
-        yield f"  {count} of {n}: {reason}"
-    for direction in design.null_directions:
-        yield f"  not determined: {direction}"
+    notes = [f"{count} of {n}: {reason}" for reason, count in design.failures.items()]
+    notes += [f"not determined: {direction}" for direction in design.null_directions]
+    title = f"{name}: {len(design.points)} points, {design.fits} fits, {failed} failed"
     if design.per_run is None:
-        yield "  nothing was fitted: the points determine no parameter"
-        return
+        return Section(title, notes=[*notes, "nothing was fitted: the points determine no parameter"])
     if design.fits < FEWEST:
-        yield f"  no figures: expected at least {FEWEST} fits that did not fail"
-    columns = ("promised", "claimed", "achieved", "ratio", "typical ratio", "bias", "rmse", "coverage")
-    width = max(len("parameter"), *map(len, design.parameters))
-    yield f"  {'parameter':<{width}} {columns[0]:>9} {columns[1]:>9}" + "".join(f" {column:>13}" for column in columns[2:])
+        notes.append(f"no figures: expected at least {FEWEST} fits that did not fail")
+    columns = ("parameter", "promised", "claimed", "achieved", "ratio", "typical ratio", "bias", "rmse", "coverage")
+    rows = []
     for parameter, of in design.parameters.items():
         prior = of.prior_std
-        figures = (
-            of.achieved.over(prior),
-            of.ratio,
-            of.typical_ratio,
-            of.bias.over(prior),
-            of.rmse,
-        )
-        told = "".join(f" {'-' if np.isnan(value) else f'{value / prior:#.3g}':>9}" for value in (of.promised, of.claimed.value))
-        cells = [*map(with_error, figures), with_error(Figure(100 * of.coverage.value, 100 * of.coverage.error), " %")]
-        at_bound = f"  {of.at_bound} at a bound" if of.at_bound else ""
-        yield f"  {parameter:<{width}}{told}" + "".join(f" {cell:>13}" for cell in cells) + at_bound
-
-
-def with_error(figure: Figure, unit: str = "") -> str:
-    """A figure with its error in its last digits: 0.987(22) for 0.987 +- 0.022."""
-    if np.isnan(figure.value):
-        return "-"
-    if not figure.error > 0:
-        return f"{figure.value:.3g}{unit}"
-    if figure.error >= 9.95:
-        return f"{figure.value:.2g}({figure.error:.1g}){unit}"
-    decimals = min(9, max(0, 1 - int(np.floor(np.log10(figure.error)))))
-    error = round(figure.error * 10**decimals)
-    return f"{figure.value:.{decimals}f}({error}){unit}" if decimals else f"{figure.value:.0f}({figure.error:.0f}){unit}"
+        told = (computed(value / prior) for value in (of.promised, of.claimed.value))
+        figures = (of.achieved.over(prior), of.ratio, of.typical_ratio, of.bias.over(prior), of.rmse)
+        coverage = with_error(100 * of.coverage.value, 100 * of.coverage.error, " %")
+        rows.append((parameter, *told, *(with_error(one.value, one.error) for one in figures), coverage))
+    notes += [f"{of.at_bound} fits have {parameter} at a bound" for parameter, of in design.parameters.items() if of.at_bound]
+    return Section(title, columns, rows, notes=notes)

@@ -240,7 +240,7 @@ class _Outcomes:
             condition, a, b = part.args
             return Select(self._outcome(condition), a, b)
         if isinstance(part, sympy.sign):
-            return self._outcome(part.args[0])
+            return self._outcome(part.args[0], sympy.S.Zero)
         if isinstance(part, sympy.Abs):
             return self._outcome(part.args[0]) * part.args[0]
         if isinstance(part, sympy.Max | sympy.Min):
@@ -251,17 +251,19 @@ class _Outcomes:
             return value
         return part
 
-    def _outcome(self, condition: Any) -> Any:
-        """1 where the condition is positive, else -1."""
+    def _outcome(self, condition: Any, at_zero: Any = sympy.S.NegativeOne) -> Any:
+        """1 where the condition is positive, else -1, but `at_zero` for 0 itself, as sign(u > 0) - 1 may be."""
+        if condition == 0:
+            return at_zero
         if condition.is_number or condition.is_positive or condition.is_negative:
             return sympy.S.One if condition.is_positive else sympy.S.NegativeOne
         if condition in self._symbols or -condition in self._symbols:
             return condition
         if isinstance(condition, Select):
             chosen, a, b = condition.args
-            return Select(chosen, self._outcome(a), self._outcome(b))
+            return Select(chosen, self._outcome(a, at_zero), self._outcome(b, at_zero))
         if 0 < len(read := _dummies([], condition)) <= _NESTED:
-            return Select(read[0], *(self._outcome(replaced(condition, {read[0]: sign})) for sign in _SIGNS))
+            return Select(read[0], *(self._outcome(replaced(condition, {read[0]: sign}), at_zero) for sign in _SIGNS))
         form, sign = normal_form(condition)
         if form in self.signs:
             return sympy.Integer(sign * self.signs[form])

@@ -1,0 +1,53 @@
+"""What a campaign is given: the settings of a batch's search, seeds, and targets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from inspect import signature
+from typing import Any
+
+import numpy as np
+
+from ..basics.checks import as_float, check_known, check_positive_int
+from ..basics.messages import shown
+from ..basics.quantity import names_of
+from ..basics.values import FrozenMapping
+from ..design.exchange import exchange
+from ..design.found import ExchangeSettings
+from ..information.problem import DesignProblem
+
+_NOT_SETTINGS = ("n_experiments", "seed", "time_limit")
+
+
+def batch_seed(seed: int, batches: int) -> int:
+    """The seed of the search after so many batches."""
+    return int(np.random.SeedSequence([seed, batches]).generate_state(1)[0])
+
+
+def batch_settings(batch: int, seed: int, given: Mapping[str, Any]) -> ExchangeSettings:
+    """Settings of the search for a batch, with the defaults of `exchange` but for references, which a batch needs none of."""
+    defaults = {name: one.default for name, one in signature(exchange).parameters.items()}
+    known = [field.name for field in fields(ExchangeSettings) if field.name not in _NOT_SETTINGS]
+    for unknown in (name for name in given if name not in known):
+        raise TypeError(f"settings: expected names of {', '.join(known)}; given {shown(unknown)}")
+    values = {name: defaults[name] for name in known} | {"references": False} | dict(given)
+    return ExchangeSettings(
+        n_experiments=check_positive_int(batch, "batch"), seed=check_positive_int(seed, "seed", 0), time_limit=None, **values
+    )
+
+
+def checked_targets(given: Mapping[str, float] | float | None, problem: DesignProblem) -> Mapping[str, float]:
+    """Targets by name, in the model's order of parameters."""
+    names = problem.estimated
+    if given is None:
+        return FrozenMapping({})
+    targets = dict(given) if isinstance(given, Mapping) else dict.fromkeys(names, given)
+    check_known(targets, names, "targets")
+    checked = {
+        name: as_float(targets[name], f"targets[{name!r}]") for name in names_of(problem.model.parameters) if name in targets
+    }
+    for name, value in checked.items():
+        if not value > 0:
+            raise ValueError(f"targets[{name!r}]: expected a positive share of the estimate, given {value:g}")
+    return FrozenMapping(checked)

@@ -1,0 +1,48 @@
+"""What results hand out to be shown: a report of titled tables, facts and warnings, whatever it is rendered to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Section:
+    """A titled table.
+
+    Attributes
+    ----------
+    title : str
+    columns : tuple of str
+        Their names; none for facts, of which each row is a name and what holds for it.
+    rows : tuple of tuple of str
+    marked : tuple of int
+        Rows to point out.
+    notes : tuple of str
+        Sentences below the table.
+    """
+
+    title: str
+    columns: Sequence[str] = ()
+    rows: Sequence[Sequence[str]] = ()
+    marked: Sequence[int] = ()
+    notes: Sequence[str] = ()
+
+    def is_left(self, place: int) -> bool:
+        """Whether a column is text, which goes to the left; columns of numbers go to the right."""
+        cells = [row[place] for row in self.rows]
+        return not self.columns or place == 0 or any(cell and not _is_number(cell) for cell in cells)
+
+
+@dataclass(frozen=True)
+class Report:
+    """A headline, sections, and what the user should not miss."""
+
+    headline: str
+    sections: Sequence[Section] = ()
+    warnings: Sequence[str] = ()
+
+
+def _is_number(cell: str) -> bool:
+    start = cell.lstrip("+-<{ ")
+    return not start or start[0].isdigit() or start.startswith(("inf", "nan"))
