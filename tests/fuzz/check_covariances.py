@@ -42,7 +42,7 @@ def check_covariance(bench: Bench, method: str | None = None) -> None:
     bench.figures.count("calls")
     bench.figures.count("covariances", len(rows))
     bench.figures.count("trajectories", len(rows) * rule.size(prior))
-    call = f"fp.predictive_covariance(model, points, prior, rule, {RTOL:g}, method={method!r})"
+    call = f"fp.predictive_covariance(model, points, prior, rule, rtol={RTOL:g}, method={method!r})"
     for row, k in enumerate(rows.tolist()):
         one = fp.PredictiveCovariance(*(of[row : row + 1] for of in (*given, given.projection, given.lost_weight)))
         if not np.isfinite(one.covariance).all():

@@ -28,7 +28,7 @@ def check_sensitivities(bench: Bench, rtol: float, method: str) -> None:
     bench.figures.count("sensitivities", len(points))
     done = fp.sensitivities(bench.model, points, theta, rtol=rtol, threads=1, method=method)
     bench.finite("fp.sensitivities", done, rtol)
-    call = f"fp.sensitivities(model, points, theta, {rtol:g}, method={method!r})"
+    call = f"fp.sensitivities(model, points, theta, rtol={rtol:g}, method={method!r})"
     judged = 0
     ok = np.flatnonzero(done.status == OK)
     check_output_sensitivities(bench, done, ok, call)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -143,8 +143,10 @@ class CallableModel(Model):
     def __reduce__(self) -> tuple[Any, ...]:
         jumps, kinks, domain = map(dict, self._given)
         constants = {q.name: (self.constants[q.name], q) for q in self.constant_quantities}
-        quantities = (self.states, self.inputs, self.parameters, self.outputs, constants)
-        return (CallableModel, (self.f, self.g, *quantities, domain, jumps, kinks, self.name, dict(self.nominal)))
+        options: dict[str, Any] = dict(
+            constants=constants, domain=domain, jumps=jumps, kinks=kinks, name=self.name, nominal=dict(self.nominal)
+        )
+        return (partial(CallableModel, **options), (self.f, self.g, self.states, self.inputs, self.parameters, self.outputs))
 
     def __repr__(self) -> str:
         kinds = {"state": self.states, "input": self.inputs, "parameter": self.parameters, "output": self.outputs}
