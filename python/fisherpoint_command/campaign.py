@@ -58,7 +58,7 @@ def campaign(
         write_whole(output / "report.txt", as_file(run.report()))
         lines += ["", str(run)]
         if not no_plots:
-            run.plot(output / "campaign.png")
+            run.plot(path=output / "campaign.png")
     if run.planned is not None:
         lines += ["", *_to_do(run, file, output)]
     if not quiet:

@@ -63,7 +63,7 @@ def validate(
     contents = {"validation.csv": found.to_pandas().to_csv(), "report.txt": as_file(found.report())}
     written = [path.name for path in write_together(output, contents, stale=["validation.png"])]
     if not no_plots:
-        found.plot(output / "validation.png")
+        found.plot(path=output / "validation.png")
         written.append("validation.png")
     if not quiet:
         show(found.report())

@@ -343,7 +343,7 @@ def test_the_picture_has_a_panel_for_each_parameter(saved: Path, tmp_path: Path)
     drawn = panels[6].lines[0].get_ydata()
     np.testing.assert_allclose(drawn, [0.3, *rse])
     assert panels[6].lines[-1].get_ydata()[0] == 0.5  # the target
-    campaign.plot(tmp_path / "campaign.png")
+    campaign.plot(path=tmp_path / "campaign.png")
     assert (tmp_path / "campaign.png").stat().st_size > 10_000
 
 

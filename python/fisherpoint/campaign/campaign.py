@@ -32,6 +32,7 @@ from .state import Batch, State, relative
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 
 class Campaign(Shown):
@@ -317,13 +318,23 @@ class Campaign(Shown):
         """Relative standard errors over the batches, targets and what is met."""
         return campaign_report(self._state, self.met, self.done)
 
-    def plot(self, path: str | Path) -> None:
-        """Draw the relative standard errors over the batches, with the targets as lines; needs matplotlib."""
+    def plot(self, *, path: str | Path | None = None) -> Figure:
+        """Draw the relative standard errors over the batches, with the targets as lines; needs matplotlib.
+
+        Parameters
+        ----------
+        path : path, optional
+            Where the picture is also written; the ending says the format, PNG where there is none.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
         with needed_for("plot"):
-            from ..show.style import save_figure
+            from ..show.style import drawn
             from .pictures import plot_campaign
 
-        save_figure(plot_campaign(self._state.rse, self.targets), path)
+        return drawn(plot_campaign(self._state.rse, self.targets), path)
 
     def __repr__(self) -> str:
         stage = "all targets met" if self.done else "a batch to measure" if self.planned is not None else "a batch to design"

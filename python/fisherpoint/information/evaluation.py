@@ -5,11 +5,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..basics.checks import check_type
+from ..basics.checks import check_choice, check_type
 from ..basics.extras import needed_for
 from ..basics.kept import Kept
 from ..basics.quantity import names_of
@@ -28,6 +29,7 @@ from .problem import DesignProblem
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 RANK_TOLERANCE = 1e-9
 """Singular values of the whitened, column-scaled sensitivities below this share of the largest count as zero."""
@@ -98,6 +100,38 @@ class Evaluation(Shown, Kept):
         if self.standard_errors is None:
             return self.parameters
         return tuple(name for name in self.parameters if self.standard_errors[name] > 0.5 * self.prior_std[name])
+
+    def plot(self, kind: str = "standard_errors", *, path: str | Path | None = None) -> Figure:
+        """Draw the standard errors or their correlation; needs matplotlib.
+
+        Parameters
+        ----------
+        kind : {"standard_errors", "correlation"}
+        path : path, optional
+            Where the picture is also written; the ending says the format, PNG where there is none.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        ValueError
+            For another kind, or the ending of no format of pictures.
+        """
+        check_choice(kind, ("standard_errors", "correlation"), "kind")
+        with needed_for("plot"):
+            from ..show.correlation import correlation_figure
+            from ..show.standard_errors import standard_error_figure
+            from ..show.style import drawn
+
+        own_d = f'the D of the criterion ("{self.output_covariance_kind}")'
+        where = "the sensor noise" if self.output_covariance_kind == "noise" else own_d
+        if kind == "standard_errors":
+            return drawn(standard_error_figure(self.standard_errors, self.prior_std, f"under {where}", {}), path)
+        title = f"Correlation of the estimates under {where}"
+        singular = f"F is singular: rank {self.rank} of {len(self.parameters)}"
+        return drawn(correlation_figure(self.correlation, self.parameters, title, singular), path)
 
     def to_pandas(self) -> pd.DataFrame:
         """One row per parameter, SI units: prior_std, standard_error, rse, of_prior; NaN where F is singular."""

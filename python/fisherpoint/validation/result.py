@@ -23,6 +23,7 @@ from .fits import Runs
 from .of_design import DesignValidation
 
 if TYPE_CHECKING:
+    import matplotlib.figure
     import pandas as pd
 
 
@@ -97,13 +98,23 @@ class Validation(Shown, Kept):
                 rows.append(row | {"at_bound": of.at_bound, "fits": design.fits, "failed": sum(design.failures.values())})
         return pd.DataFrame(rows).set_index(["design", "parameter"])
 
-    def plot(self, path: str | Path) -> None:
-        """Draw promised against achieved standard errors and the coverage of every design; the ending says the format."""
+    def plot(self, *, path: str | Path | None = None) -> matplotlib.figure.Figure:
+        """Draw promised against achieved standard errors, and the coverage of the intervals, of every design; needs matplotlib.
+
+        Parameters
+        ----------
+        path : path, optional
+            Where the picture is also written; the ending says the format, PNG where there is none.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
         with needed_for("plot"):
-            from ..show.style import save_figure
+            from ..show.style import drawn
             from .pictures import plot_validation
 
-        save_figure(plot_validation(self.designs), path)
+        return drawn(plot_validation(self.designs), path)
 
     def report(self) -> Report:
         """One table per design, headed by what was done."""
