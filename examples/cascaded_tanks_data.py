@@ -35,25 +35,25 @@ def model_of(nominal: dict[str, float]):
 
 @model_of(FLOWS)
 def plain(x, u, p):
-    return [-p.k1 * fp.sqrt(x.h1) + p.k4 * u.u, p.k2 * fp.sqrt(x.h1) - p.k3 * fp.sqrt(x.h2)], [x.h2]
+    return [-p.k1 * fp.math.sqrt(x.h1) + p.k4 * u.u, p.k2 * fp.math.sqrt(x.h1) - p.k3 * fp.math.sqrt(x.h2)], [x.h2]
 
 
 def overflowing(x, u, p):
     """Levels of two tanks that spill what rises above their rims; a share of the upper one's runs into the lower one."""
-    spill = p.s1 * fp.max(x.h1 - RIM, 0.0)
-    upper = -p.k1 * fp.sqrt(x.h1) + p.k4 * u.u - spill
-    return upper, p.k2 * fp.sqrt(x.h1) - p.k3 * fp.sqrt(x.h2) + p.k5 * spill - SPILL_RATE * fp.max(x.h2 - RIM, 0.0)
+    spill = p.s1 * fp.math.max(x.h1 - RIM, 0.0)
+    upper = -p.k1 * fp.math.sqrt(x.h1) + p.k4 * u.u - spill
+    return upper, p.k2 * fp.math.sqrt(x.h1) - p.k3 * fp.math.sqrt(x.h2) + p.k5 * spill - SPILL_RATE * fp.math.max(x.h2 - RIM, 0.0)
 
 
 @model_of(FLOWS | SPILLS)
 def with_overflow(x, u, p):
-    return list(overflowing(x, u, p)), [fp.min(x.h2, RIM)]
+    return list(overflowing(x, u, p)), [fp.math.min(x.h2, RIM)]
 
 
 @model_of(FLOWS | SPILLS | LEAKS)
 def with_leaks(x, u, p):
     upper, lower = overflowing(x, u, p)
-    return [upper - p.l1 * x.h1, lower - p.l2 * x.h2], [fp.min(x.h2, RIM) + p.offset]
+    return [upper - p.l1 * x.h1, lower - p.l2 * x.h2], [fp.math.min(x.h2, RIM) + p.offset]
 
 
 class Result(NamedTuple):

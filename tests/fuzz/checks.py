@@ -261,7 +261,14 @@ def check_states(bench: Bench) -> None:
     chosen = list(dict.fromkeys([*suspects, *sorted(others.values()), *range(len(bench.points))]))[:COURSES]
     for k in chosen:
         for (rtol, method), done in results.items():
-            judge(bench, k, int(done.status[k]), done.x[k], rtol, f"fp.simulate(model, points, theta, rtol={rtol:g}, method={method!r})")
+            judge(
+                bench,
+                k,
+                int(done.status[k]),
+                done.x[k],
+                rtol,
+                f"fp.simulate(model, points, theta, rtol={rtol:g}, method={method!r})",
+            )
 
 
 def judge(bench: Bench, k: int, status: int, x: Floats, rtol: float, call: str) -> None:
