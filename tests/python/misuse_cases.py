@@ -226,10 +226,11 @@ def cases() -> dict[str, Case]:
         "lower bound of h": _case(lambda lower: fp.ExperimentRegion(BOUNDS | {"h": (lower, 2.0)}), lower=(0.5, NUMBER)),
         "ExperimentRegion.check": _case(region().check, model=of_model),
         "ExperimentRegion.draw": _case(
-            lambda model, count, rng: region().draw(model, count, rng),
+            region().draw,
             model=of_model,
             count=(2, INT),
-            rng=(np.random.default_rng(0),),
+            seed=(0, INT),
+            decades=(False, FLAG),
         ),
         "ExperimentRegion.satisfied": _case(region().satisfied, model=of_model, points=of_points),
         "constraint": _case(

@@ -63,7 +63,7 @@ def quiet() -> Iterator[None]:
 
 
 def points(count: int, seed: int = 0) -> fp.Experiments:
-    return REGION.draw(tanks(), count, np.random.default_rng(seed))
+    return REGION.draw(tanks(), count, seed=seed)
 
 
 # --- the same as equations --------------------------------------------------------------------------------------------------

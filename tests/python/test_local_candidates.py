@@ -20,7 +20,7 @@ LOW, HIGH = np.array(list(REGION.values())).T
 
 def test_candidates_near_a_point_are_near_it_on_every_scale_and_stay_in_the_box() -> None:
     region, start = fp.ExperimentRegion(REGION), random_points(np.random.default_rng(0), 1)
-    near = region.draw_near(MODEL, start[[0] * 20_000], np.random.default_rng(1)).table
+    near = region.draw_near(MODEL, start[[0] * 20_000], seed=1).table
     assert np.all((near >= LOW) & (near <= HIGH))
     distance = np.abs(near - start.table) / (HIGH - LOW)
     moved = distance > 0
@@ -35,7 +35,7 @@ def test_candidates_near_a_point_are_near_it_on_every_scale_and_stay_in_the_box(
 
 def test_candidates_near_a_point_reach_the_bounds_themselves() -> None:
     region, start = fp.ExperimentRegion(REGION), fp.Experiments([HIGH[:5]], [HIGH[5:6]], HIGH[6:])
-    near = region.draw_near(MODEL, start[[0] * 500], np.random.default_rng(1)).table
+    near = region.draw_near(MODEL, start[[0] * 500], seed=1).table
     for column, bound in enumerate(HIGH):
         share = np.mean(near[:, column] == bound)
         assert 0.5 < share < 0.95  # not moved, or moved past the bound
@@ -43,12 +43,12 @@ def test_candidates_near_a_point_reach_the_bounds_themselves() -> None:
 
 def test_what_the_region_fixes_is_not_moved() -> None:
     region = fp.ExperimentRegion(REGION | {"u": (0.5, 0.5), "q": (0.1, 0.1)})
-    start = region.draw(MODEL, 200, np.random.default_rng(0))
-    near = region.draw_near(MODEL, start, np.random.default_rng(1))
+    start = region.draw(MODEL, 200, seed=0)
+    near = region.draw_near(MODEL, start, seed=1)
     assert np.all(near.u == 0.5) and np.all(near.x0[:, 0] == 0.1)
     assert np.all((near.table != start.table).any(axis=1))
     fixed = fp.ExperimentRegion({name: (value, value) for name, value in zip(REGION, start.table[0], strict=True)})
-    assert same_bits(fixed.draw_near(MODEL, start[[0, 0]], np.random.default_rng(1)).table, start[[0, 0]].table)
+    assert same_bits(fixed.draw_near(MODEL, start[[0, 0]], seed=1).table, start[[0, 0]].table)
 
 
 @pytest.mark.parametrize("kind", KINDS)
