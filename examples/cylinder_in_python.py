@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 
 import fisherpoint as fp
-from fisherpoint_command.config import load_config
 
 
 @fp.model(
@@ -56,7 +55,7 @@ def cylinder(x, u, p):
 
 if __name__ == "__main__":
     print(cylinder)
-    problem = load_config(Path(__file__).with_name("cylinder.toml")).problem()
+    problem = fp.load_problem(Path(__file__).with_name("cylinder.toml"))
     settings = {"n_experiments": 12, "max_iterations": 50, "seed": 1, "references": False}
     built_in, written = (fp.exchange(given, **settings) for given in (problem, problem.replace(model=cylinder)))
     print(f"log det {written.evaluation.log_det:.6f}, built in {built_in.evaluation.log_det:.6f}")

@@ -33,6 +33,7 @@ from .validation.validate import validate
 
 if TYPE_CHECKING:
     from . import math as math
+    from .configuration.config import load_problem
     from .math import abs as abs
     from .math import acos as acos
     from .math import asin as asin
@@ -107,6 +108,7 @@ __all__ = [
     "identifiability",
     "isa",
     "load_model",
+    "load_problem",
     "model",
     "predictive_covariance",
     "sensitivities",
@@ -119,9 +121,10 @@ _LAZY = {
     "CallableModel": ".models.callable.model",
     "SymbolicModel": ".models.symbolic",
     "load_model": ".models.toml",
+    "load_problem": ".configuration.config",
     "model": ".models.decorator",
 }
-"""What needs SymPy, which is slow to import, and the modules that have it."""
+"""What needs SymPy or pydantic, which are slow to import, and the modules that have it."""
 
 _FUNCTIONS = (
     *(

@@ -183,6 +183,7 @@ def cases() -> dict[str, Case]:
             function=(lambda x, u, p: ([-p.k * fp.sqrt(x.h) + p.a * u.u * p.d], [x.h]),),
             **quantities | {"name": ("tank", TEXT, NONE)},
         ),
+        "load_problem": _case(fp.load_problem, path=(files() / "problem.toml", TEXT, PATH)),
         "load_model": _case(fp.load_model, path=(files() / "model.toml", TEXT, PATH)),
         "Quantity": _case(fp.Quantity, name=("h", TEXT), unit=("m", TEXT), description=("level", TEXT), scale=(1.0, NUMBER, NONE)),
         "GaussianPrior": _case(fp.GaussianPrior, mean=(THETA,), std=std, log=(["k"], NAMES)),

@@ -90,6 +90,8 @@ def files() -> Path:
     data().to_csv(directory / "data.csv", model())
     record().to_csv(directory / "record.csv", model())
     (directory / "model.toml").write_text(model().to_toml())
+    rest = "".join(f"[prior.{name}]\nmean = {value}\nstd = 0.1\n" for name, value in THETA.items())
+    (directory / "problem.toml").write_text(model().to_toml() + "\n[noise_std]\ny = 0.01\n" + rest)
     design().save(directory / "design")
     fp.Campaign(problem(), batch=2, directory=directory / "campaign")
     return directory

@@ -331,3 +331,10 @@ def test_correlations_and_log_normal_parameters(tmp_path: Path) -> None:
     expected[7, 8] = expected[8, 7] = 0.5
     expected[3, 6] = expected[6, 3] = -0.2
     np.testing.assert_allclose(prior.correlation, expected, rtol=1e-14, atol=1e-15)
+
+
+def test_a_problem_is_read_without_the_command() -> None:
+    path = EXAMPLES / "cylinder.toml"
+    assert str(fp.load_problem(path)) == str(config.load_config(path).problem())
+    with pytest.raises(config.ConfigError, match=r"nowhere\.toml: "):
+        fp.load_problem(path.with_name("nowhere.toml"))
