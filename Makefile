@@ -1,7 +1,8 @@
 # make design   the main job: an experiment design for the paper's cylinder, in run/paper
 # make test     all tests, C++ and Python
 # Both set up what a bare Debian with Python 3.11 lacks: system packages (as root; an ordinary user is told which) and a
-# virtual environment in .venv.
+# virtual environment in .venv. `make design` compiles for this machine alone; what is for developers, for every level of
+# the instruction set.
 
 PYTHON ?= python3
 VENV := .venv
@@ -24,19 +25,19 @@ test-cpp: $(VENV)/.system
 	cmake --build --preset release
 	ctest --preset release
 
-test-python: $(VENV)/.installed
+test-python: $(VENV)/.developer
 	$(BIN)/python -m pytest $(PARALLEL)
 
 # The kernels' tests on the levels that `test-python`, which takes the best one, leaves out.
-test-levels: $(VENV)/.installed
+test-levels: $(VENV)/.developer
 	@set -e; for level in $$($(BIN)/python -c 'import fisherpoint as fp; print(*fp.available_isas()[:-1])'); do \
 	  echo "x86-64-$$level"; FISHERPOINT_ISA=$$level $(BIN)/python -m pytest -q $(PARALLEL) -m kernels; \
 	done
 
-bench: $(VENV)/.installed
+bench: $(VENV)/.developer
 	$(BIN)/python -m bench
 
-cost: $(VENV)/.installed
+cost: $(VENV)/.developer
 	$(BIN)/python -m bench cost
 
 sanitize: $(VENV)/.system
@@ -44,7 +45,7 @@ sanitize: $(VENV)/.system
 	cmake --build --preset sanitize
 	ctest --preset sanitize
 
-lint: $(VENV)/.installed
+lint: $(VENV)/.developer
 	$(BIN)/clang-format --dry-run --Werror $$(find cpp tests/cpp bench -name '*.[ch]pp')
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -53,21 +54,21 @@ lint: $(VENV)/.installed
 	$(BIN)/mypy docs/scripts
 	$(BIN)/python cpp/bindings/generate_stubs.py --check
 
-format: $(VENV)/.installed
+format: $(VENV)/.developer
 	$(BIN)/clang-format -i $$(find cpp tests/cpp bench -name '*.[ch]pp')
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-stubs: $(VENV)/.installed
+stubs: $(VENV)/.developer
 	$(BIN)/python cpp/bindings/generate_stubs.py
 
 # The site, in build/site, with warnings as errors.
-docs: $(VENV)/.installed
+docs: $(VENV)/.developer
 	$(BIN)/python docs/scripts/configuration.py --check
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict  # --quiet would hide the warnings from --strict
 
 # The page that is made from the program.
-docs-pages: $(VENV)/.installed
+docs-pages: $(VENV)/.developer
 	$(BIN)/python docs/scripts/configuration.py
 
 # What is missing is found by use, not by package name: a compiler or Python from elsewhere serves as well.
@@ -84,8 +85,13 @@ $(VENV)/.system:
 
 $(VENV)/.installed: $(VENV)/.system $(SOURCES)
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet '.[dev]'
+	$(BIN)/python -m pip install --quiet '.[all]'
 	@touch $@
+
+$(VENV)/.developer: $(VENV)/.system $(SOURCES)
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	FISHERPOINT_ISAS=all $(BIN)/python -m pip install --quiet '.[dev]'
+	@touch $(VENV)/.installed $@
 
 clean:
 	rm -rf $(VENV) build

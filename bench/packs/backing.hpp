@@ -6,7 +6,7 @@
 #include <cstring>
 #include <utility>
 
-#include "fisherpoint/pack.hpp"
+#include "fisherpoint/numbers/pack.hpp"
 #if defined(BACKING_eigen)
 #include <Eigen/Core>
 #elif defined(BACKING_simd)

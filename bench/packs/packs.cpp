@@ -11,10 +11,10 @@
 #include <vector>
 
 #include "backing.hpp"
-#include "fisherpoint/hydraulic_cylinder.hpp"
-#include "fisherpoint/predictive_covariance.hpp"
-#include "fisherpoint/prior_grid.hpp"
-#include "fisherpoint/replay.hpp"
+#include "fisherpoint/integration/replay.hpp"
+#include "fisherpoint/kernels/predictive_covariance.hpp"
+#include "fisherpoint/models/hydraulic_cylinder.hpp"
+#include "fisherpoint/prior/prior_grid.hpp"
 
 using namespace fisherpoint;
 using M = HydraulicCylinder;
@@ -49,13 +49,14 @@ double sum_of_variances(const M& model, const std::array<double, p>& mean, const
   std::vector<double> spool;  // the same at all nodes, so that they only remember it
   Replay<M, double, DormandPrince853>(nominal).run(end, plan, Recorded{spool});
   DeviationSum<Number, Count<n_y>> sum({});
-  const auto node = grid.cursor(0);
+  std::vector<double> nodes(p * grid.size()), weight(grid.size());
+  grid.read(0, grid.size(), nodes.data(), weight.data());
   for (std::size_t first = 0; first < grid.size(); first += width) {
     double lanes[p][width], weights[width];
     for (int lane = 0; lane < width; ++lane) {
-      for (int j = 0; j < p; ++j) lanes[j][lane] = node->theta()[j];
-      weights[lane] = first + lane < grid.size() ? node->weight() : 0.0;
-      if (first + lane + 1 < grid.size()) node->advance();
+      const std::size_t node = std::min(first + lane, grid.size() - 1);
+      for (int j = 0; j < p; ++j) lanes[j][lane] = nodes[j * grid.size() + node];
+      weights[lane] = first + lane < grid.size() ? weight[node] : 0.0;
     }
     Equation::Theta theta;
     for (int j = 0; j < p; ++j) theta[j] = Number::load(lanes[j]);

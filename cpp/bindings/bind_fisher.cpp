@@ -1,6 +1,9 @@
+#include <memory>
+#include <mutex>
+
 #include "arrays.hpp"
 #include "bindings.hpp"
-#include "fisherpoint/fisher.hpp"
+#include "fisherpoint/kernels/fisher_accumulator.hpp"
 
 namespace fisherpoint::bindings {
 namespace {
@@ -16,17 +19,34 @@ py::array_t<double> to_array(const Matrix& matrix) {
   return result;
 }
 
+// Works without the interpreter lock; one thread at a time, as the lock held it.
+class Accumulator : public FisherAccumulator {
+ public:
+  using FisherAccumulator::FisherAccumulator;
+
+  auto unlocked(auto&& work) const {
+    const py::gil_scoped_release released;
+    const std::lock_guard alone(working_);
+    return work();
+  }
+
+ private:
+  mutable std::mutex working_;
+};
+
 void check_points(const FisherAccumulator& f, const Input& s, const Input& c) {
   check_shape(s, {-1, f.outputs(), f.parameters()}, "dy_dtheta");
   check_shape(c, {s.shape(0), f.outputs(), f.outputs()}, "predictive_covariance");
 }
 
-py::array_t<double> changed(const FisherAccumulator& f, int sign, const Input& s, const Input& c, const Input& given,
-                            bool pooled, double ridge) {
+py::array_t<double> changed(const Accumulator& f, int sign, const Input& s, const Input& c, const Input& given, bool pooled,
+                            double ridge) {
   check_points(f, s, c);
   auto result = empty({s.shape(0)});
-  f.log_det_changed(sign, static_cast<std::size_t>(s.shape(0)), s.data(), c.data(),
-                    {to_matrix(given, f.outputs(), "given"), pooled}, ridge, result.mutable_data());
+  const auto count = static_cast<std::size_t>(s.shape(0));
+  const OutputCovariance d{to_matrix(given, f.outputs(), "given"), pooled};
+  double* const out = result.mutable_data();
+  f.unlocked([&] { f.log_det_changed(sign, count, s.data(), c.data(), d, ridge, out); });
   return result;
 }
 
@@ -35,52 +55,63 @@ py::array_t<double> changed(const FisherAccumulator& f, int sign, const Input& s
 void bind_fisher(py::module_& m) {
   using namespace py::literals;
   m.def(
-      "log_det", [](const Input& a) { return log_det(to_matrix(a, a.ndim() == 2 ? a.shape(0) : -1, "matrix")); }, "matrix"_a,
-      "log det by Cholesky; -inf where the matrix is not positive definite.");
+      "log_det",
+      [](const Input& given) {
+        const Matrix a = to_matrix(given, given.ndim() == 2 ? given.shape(0) : -1, "matrix");
+        const py::gil_scoped_release released;
+        return log_det(a);
+      },
+      "matrix"_a, "log det by Cholesky; -inf where the matrix is not positive definite.");
 
-  py::class_<FisherAccumulator>(m, "FisherAccumulator", "Fisher matrix (7) of a set of points, for any output covariance.")
+  py::class_<Accumulator>(m, "FisherAccumulator", "Fisher matrix (7) of a set of points, for any output covariance.")
       .def(py::init([](int outputs, int parameters) {
              if (outputs < 1 || parameters < 1) throw py::value_error("FisherAccumulator: expected positive sizes");
-             return FisherAccumulator(outputs, parameters);
+             return std::make_unique<Accumulator>(outputs, parameters);
            }),
            "outputs"_a, "parameters"_a)
-      .def("__len__", &FisherAccumulator::count)
+      .def("__len__", [](const Accumulator& f) { return f.unlocked([&] { return f.count(); }); })
       .def(
           "add",
-          [](FisherAccumulator& f, const Input& s, const Input& c) {
+          [](Accumulator& f, const Input& s, const Input& c) {
             check_points(f, s, c);
-            for (py::ssize_t k = 0; k < s.shape(0); ++k) f.add(s.data(k, 0, 0), c.data(k, 0, 0));
+            f.unlocked([&] {
+              for (py::ssize_t k = 0; k < s.shape(0); ++k) f.add(s.data(k, 0, 0), c.data(k, 0, 0));
+            });
           },
           "dy_dtheta"_a, "predictive_covariance"_a, "Add points: (K, n_y, p) and (K, n_y, n_y).")
       .def(
           "remove",
-          [](FisherAccumulator& f, const Input& s, const Input& c) {
+          [](Accumulator& f, const Input& s, const Input& c) {
             check_points(f, s, c);
-            for (py::ssize_t k = 0; k < s.shape(0); ++k) f.remove(s.data(k, 0, 0), c.data(k, 0, 0));
+            f.unlocked([&] {
+              for (py::ssize_t k = 0; k < s.shape(0); ++k) f.remove(s.data(k, 0, 0), c.data(k, 0, 0));
+            });
           },
           "dy_dtheta"_a, "predictive_covariance"_a, "Remove points that were added.")
       .def(
           "output_covariance",
-          [](const FisherAccumulator& f, const Input& given, bool pooled) {
-            return to_array(f.output_covariance({to_matrix(given, f.outputs(), "given"), pooled}));
+          [](const Accumulator& f, const Input& given, bool pooled) {
+            const OutputCovariance d{to_matrix(given, f.outputs(), "given"), pooled};
+            return to_array(f.unlocked([&] { return f.output_covariance(d); }));
           },
           "given"_a, "pooled"_a, "D = given, plus the mean predictive covariance (17) where pooled.")
       .def(
           "fisher",
-          [](const FisherAccumulator& f, const Input& d) {
-            return to_array(f.fisher(to_matrix(d, f.outputs(), "output_covariance")));
+          [](const Accumulator& f, const Input& given) {
+            const Matrix d = to_matrix(given, f.outputs(), "output_covariance");
+            return to_array(f.unlocked([&] { return f.fisher(d); }));
           },
           "output_covariance"_a, "F (p, p) by (7).")
       .def(
           "log_det_with",
-          [](const FisherAccumulator& f, const Input& s, const Input& c, const Input& given, bool pooled, double ridge) {
+          [](const Accumulator& f, const Input& s, const Input& c, const Input& given, bool pooled, double ridge) {
             return changed(f, +1, s, c, given, pooled, ridge);
           },
           "dy_dtheta"_a, "predictive_covariance"_a, "given"_a, "pooled"_a, "ridge"_a = 0.0,
           "log det F with each of the points added alone.")
       .def(
           "log_det_without",
-          [](const FisherAccumulator& f, const Input& s, const Input& c, const Input& given, bool pooled, double ridge) {
+          [](const Accumulator& f, const Input& s, const Input& c, const Input& given, bool pooled, double ridge) {
             return changed(f, -1, s, c, given, pooled, ridge);
           },
           "dy_dtheta"_a, "predictive_covariance"_a, "given"_a, "pooled"_a, "ridge"_a = 0.0,

@@ -6,7 +6,7 @@
 
 #include "arrays.hpp"
 #include "bindings.hpp"
-#include "fisherpoint/hydraulic_cylinder.hpp"
+#include "fisherpoint/models/hydraulic_cylinder.hpp"
 
 namespace fisherpoint::bindings {
 namespace {

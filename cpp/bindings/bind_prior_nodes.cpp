@@ -2,8 +2,8 @@
 
 #include "arrays.hpp"
 #include "bindings.hpp"
-#include "fisherpoint/prior_grid.hpp"
-#include "fisherpoint/prior_nodes.hpp"
+#include "fisherpoint/prior/prior_grid.hpp"
+#include "fisherpoint/prior/prior_nodes.hpp"
 
 namespace fisherpoint::bindings {
 namespace {
@@ -45,13 +45,9 @@ void bind_prior_nodes(py::module_& m) {
       .def("nodes",
            [](const PriorNodes& nodes) {
              const auto size = static_cast<py::ssize_t>(nodes.size());
-             auto theta = empty({size, nodes.parameters()}), weights = empty({size});
-             const auto node = nodes.cursor(0);
-             for (py::ssize_t r = 0; r < size; ++r, node->advance()) {
-               std::copy_n(node->theta(), nodes.parameters(), theta.mutable_data(r, 0));
-               *weights.mutable_data(r) = node->weight();
-             }
-             return py::make_tuple(theta, weights);
+             auto theta = empty({nodes.parameters(), size}), weights = empty({size});
+             nodes.read(0, nodes.size(), theta.mutable_data(), weights.mutable_data());
+             return py::make_tuple(py::array_t<double>(theta.attr("T").attr("copy")()), weights);
            })
       .def(
           "second_moments",

@@ -2,8 +2,8 @@
 
 #include "arrays.hpp"
 #include "bindings.hpp"
-#include "fisherpoint/compiled_model.hpp"
-#include "fisherpoint/tape_equation.hpp"
+#include "fisherpoint/compiled/compiled_model.hpp"
+#include "fisherpoint/equations/tape_equations.hpp"
 
 namespace fisherpoint::bindings {
 namespace {

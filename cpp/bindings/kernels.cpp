@@ -4,12 +4,12 @@
 #include <pybind11/stl.h>
 
 #include "arrays.hpp"
-#include "fisherpoint/chain.hpp"
-#include "fisherpoint/compiled_model.hpp"
-#include "fisherpoint/kernel_models.hpp"
-#include "fisherpoint/predictive_covariance.hpp"
-#include "fisherpoint/sensitivities.hpp"
-#include "fisherpoint/simulate.hpp"
+#include "fisherpoint/compiled/compiled_model.hpp"
+#include "fisherpoint/kernels/kernel_models.hpp"
+#include "fisherpoint/kernels/predictive_covariance.hpp"
+#include "fisherpoint/kernels/records.hpp"
+#include "fisherpoint/kernels/sensitivities.hpp"
+#include "fisherpoint/kernels/simulate.hpp"
 
 namespace fisherpoint::bindings {
 namespace {
@@ -104,7 +104,7 @@ void bind_model(py::module_& m) {
       "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "method"_a, "threads"_a, "whole_first"_a = false);
 
   m.def(
-      "chain",
+      "simulate_records",
       [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& theta, double rtol, bool cross_kinks,
          const std::string& method, int threads) {
         const auto [n_x, n_y, p] = sizes_of(model);
@@ -117,10 +117,10 @@ void bind_model(py::module_& m) {
         auto x = empty({count, pieces + 1, n_x});
         py::array_t<std::int32_t> status(count);
         py::array_t<std::int64_t> reached(count);
-        const ChainedStates out{x.mutable_data(), reinterpret_cast<Status*>(status.mutable_data()), reached.mutable_data()};
+        const RecordStates out{x.mutable_data(), reinterpret_cast<Status*>(status.mutable_data()), reached.mutable_data()};
         run(threads, [&](const Workers& workers) {
-          chain(model, records, static_cast<std::size_t>(pieces), parameters, tolerance_of(rtol, cross_kinks, method), workers,
-                out);
+          simulate_records(model, records, static_cast<std::size_t>(pieces), parameters,
+                           tolerance_of(rtol, cross_kinks, method), workers, out);
         });
         return py::make_tuple(x, status, reached);
       },

@@ -1,6 +1,6 @@
-#include "fisherpoint/predictive_covariance.hpp"
+#include "fisherpoint/kernels/predictive_covariance.hpp"
 
-#include "fisherpoint/kernel_models.hpp"
+#include "fisherpoint/kernels/kernel_models.hpp"
 
 namespace fisherpoint {
 

@@ -1,6 +1,6 @@
-#include "fisherpoint/sensitivities.hpp"
+#include "fisherpoint/kernels/sensitivities.hpp"
 
-#include "fisherpoint/kernel_models.hpp"
+#include "fisherpoint/kernels/kernel_models.hpp"
 
 namespace fisherpoint {
 

@@ -1,6 +1,6 @@
-#include "fisherpoint/simulate.hpp"
+#include "fisherpoint/kernels/simulate.hpp"
 
-#include "fisherpoint/kernel_models.hpp"
+#include "fisherpoint/kernels/kernel_models.hpp"
 
 namespace fisherpoint {
 

@@ -7,11 +7,11 @@
 #include <string_view>
 #include <vector>
 
-#include "fisherpoint/hydraulic_cylinder.hpp"
-#include "fisherpoint/predictive_covariance.hpp"
-#include "fisherpoint/prior_grid.hpp"
-#include "fisherpoint/sensitivities.hpp"
-#include "fisherpoint/simulate.hpp"
+#include "fisherpoint/kernels/predictive_covariance.hpp"
+#include "fisherpoint/kernels/sensitivities.hpp"
+#include "fisherpoint/kernels/simulate.hpp"
+#include "fisherpoint/models/hydraulic_cylinder.hpp"
+#include "fisherpoint/prior/prior_grid.hpp"
 #include "models.hpp"
 
 using namespace fisherpoint;

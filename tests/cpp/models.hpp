@@ -6,11 +6,11 @@
 #include <string_view>
 #include <tuple>
 
-#include "fisherpoint/hydraulic_cylinder.hpp"
-#include "fisherpoint/integrate.hpp"
-#include "fisherpoint/model.hpp"
-#include "fisherpoint/sensitivities.hpp"
-#include "fisherpoint/state_equation.hpp"
+#include "fisherpoint/equations/state_equation.hpp"
+#include "fisherpoint/integration/integrator.hpp"
+#include "fisherpoint/kernels/sensitivities.hpp"
+#include "fisherpoint/models/hydraulic_cylinder.hpp"
+#include "fisherpoint/models/model.hpp"
 
 namespace fisherpoint::testing {
 

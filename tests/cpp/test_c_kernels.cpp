@@ -3,7 +3,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "fisherpoint/c_kernels.hpp"
+#include "fisherpoint/compiled/c_kernels.hpp"
 
 using namespace fisherpoint;
 

@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "fisherpoint/sensitivities.hpp"
-#include "fisherpoint/simulate.hpp"
+#include "fisherpoint/kernels/sensitivities.hpp"
+#include "fisherpoint/kernels/simulate.hpp"
 #include "models.hpp"
 
 using namespace fisherpoint;

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <vector>
 
-#include "fisherpoint/dormand_prince.hpp"
-#include "fisherpoint/dormand_prince_853.hpp"
+#include "fisherpoint/integration/dormand_prince.hpp"
+#include "fisherpoint/integration/dormand_prince_853.hpp"
 
 using namespace fisherpoint;
 

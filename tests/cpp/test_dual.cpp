@@ -3,7 +3,7 @@
 #include <cmath>
 #include <functional>
 
-#include "fisherpoint/dual.hpp"
+#include "fisherpoint/numbers/dual.hpp"
 
 using namespace fisherpoint;
 

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "fisherpoint/functions.hpp"
+#include "fisherpoint/numbers/functions.hpp"
 
 namespace fisherpoint {
 using P = Pack<native_lanes>;

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "fisherpoint/pack.hpp"
+#include "fisherpoint/numbers/pack.hpp"
 
 using namespace fisherpoint;
 constexpr int W = 2 * native_lanes;

@@ -2,8 +2,8 @@
 
 #include <vector>
 
-#include "fisherpoint/predictive_covariance.hpp"
-#include "fisherpoint/prior_grid.hpp"
+#include "fisherpoint/kernels/predictive_covariance.hpp"
+#include "fisherpoint/prior/prior_grid.hpp"
 #include "models.hpp"
 
 using namespace fisherpoint;
@@ -42,15 +42,15 @@ TEST_CASE("the streamed sum is the plain one, for every remainder and any number
     const auto nominal = run<double>(m, x0, u, dt, cylinder_theta).first;
     constexpr std::array output = {0, 2, 3};
     for (std::size_t r = 0; r < grid.size(); ++r) {
-      const auto node = grid.cursor(r);
+      double weight;
       std::array<double, 9> theta;
-      std::copy_n(node->theta(), 9, theta.begin());
+      grid.read(r, 1, theta.data(), &weight);
       const auto x = run<double>(m, x0, u, dt, theta).first;
       for (int i = 0; i < 3; ++i) CHECK(y[4 * r + i] == doctest::Approx(x[output[i]]).epsilon(1e-5));
       for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j)
-          plain[4 * i + j] += node->weight() * (x[output[i]] - nominal[output[i]]) * (x[output[j]] - nominal[output[j]]);
-      weights += node->weight();
+          plain[4 * i + j] += weight * (x[output[i]] - nominal[output[i]]) * (x[output[j]] - nominal[output[j]]);
+      weights += weight;
     }
     for (int i = 0; i < 3; ++i) {
       CHECK(covariance[5 * i] == doctest::Approx(plain[5 * i] / weights).epsilon(1e-4));
@@ -88,12 +88,8 @@ TEST_CASE("a table of a grid's nodes gives the grid's covariance") {
   const double dt = 4e-3;
   const Points point{1, x0.data(), u.data(), &dt};
   const PriorGrid grid = grid_of(3, 5);
-  std::vector<double> theta, weight;
-  const auto node = grid.cursor(0);
-  for (std::size_t r = 0; r < grid.size(); ++r, node->advance()) {
-    theta.insert(theta.end(), node->theta(), node->theta() + 9);
-    weight.push_back(node->weight());
-  }
+  std::vector<double> theta(9 * grid.size()), weight(grid.size());
+  for (std::size_t r = 0; r < grid.size(); ++r) grid.read(r, 1, &theta[9 * r], &weight[r]);
   const NodeTable table(theta, weight, grid.pilots());
   std::array<double, 16> of_grid, of_table;
   Status status;

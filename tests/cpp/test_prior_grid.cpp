@@ -5,10 +5,25 @@
 #include <cmath>
 #include <vector>
 
-#include "fisherpoint/prior_grid.hpp"
-#include "fisherpoint/prior_nodes.hpp"
+#include "fisherpoint/prior/prior_grid.hpp"
+#include "fisherpoint/prior/prior_nodes.hpp"
 
 using namespace fisherpoint;
+
+namespace {
+
+// All nodes at once, or one by itself.
+struct Nodes {
+  Nodes(const PriorNodes& nodes, std::size_t first, std::size_t count)
+      : count(count), values(nodes.parameters() * count), weight(count) {
+    nodes.read(first, count, values.data(), weight.data());
+  }
+  double theta(int j, std::size_t r = 0) const { return values[j * count + r]; }
+  std::size_t count;
+  std::vector<double> values, weight;
+};
+
+}  // namespace
 
 TEST_CASE("cells far from the mean keep their digits") {
   // Mills' ratio: Q(a) ~ phi(a)/a (1 - 1/a^2 + 3/a^4 - 15/a^6 + 105/a^8).
@@ -30,21 +45,18 @@ TEST_CASE("the axis of the paper") {
   CHECK(cells(3.0, 1.0, 1, 1.5).values == std::vector<double>{3.0});
 }
 
-TEST_CASE("a cursor from any node walks the same grid") {
+TEST_CASE("a grid read at once is that read node by node") {
   const PriorGrid grid({{{1, 2}, {0.5, 0.25}}, {{3}, {1}}, {{4, 5, 6}, {0.1, 0.2, 0.3}}});
   REQUIRE(grid.size() == 6);
-  const auto walking = grid.cursor(0);
+  const Nodes all(grid, 0, 6);
   for (std::size_t r = 0; r < grid.size(); ++r) {
-    const auto direct = grid.cursor(r);
-    for (int j = 0; j < 3; ++j) CHECK(walking->theta()[j] == direct->theta()[j]);
-    CHECK(walking->weight() == direct->weight());
-    if (r == 4) {
-      CHECK(direct->theta()[0] == 2);
-      CHECK(direct->theta()[2] == 5);
-      CHECK(direct->weight() == doctest::Approx(0.05));
-    }
-    if (r + 1 < grid.size()) walking->advance();
+    const Nodes one(grid, r, 1);
+    for (int j = 0; j < 3; ++j) CHECK(all.theta(j, r) == one.theta(j));
+    CHECK(all.weight[r] == one.weight[0]);
   }
+  CHECK(all.theta(0, 4) == 2);
+  CHECK(all.theta(2, 4) == 5);
+  CHECK(all.weight[4] == doctest::Approx(0.05));
 }
 
 TEST_CASE("cells between edges have their middles and probabilities") {
@@ -60,15 +72,15 @@ TEST_CASE("a mapped grid is the affine map of its coordinates, with exponentials
   const PriorGrid grid(z, Coordinates{center, matrix, {false, true}});
   REQUIRE(grid.size() == 6);
   REQUIRE(grid.parameters() == 2);
-  const auto walking = grid.cursor(0);
-  for (std::size_t r = 0; r < grid.size(); ++r, walking->advance()) {
+  const Nodes all(grid, 0, grid.size());
+  for (std::size_t r = 0; r < grid.size(); ++r) {
     const double z0 = z[0].values[r / 2], z1 = z[1].values[r % 2];
-    CHECK(walking->theta()[0] == doctest::Approx(10 + 3 * z0));
-    CHECK(walking->theta()[1] == doctest::Approx(std::exp(0.5 + 0.2 * z0 + 0.1 * z1)));
-    CHECK(walking->weight() == doctest::Approx(z[0].probabilities[r / 2] * 0.5));
-    const auto direct = grid.cursor(r);
-    CHECK(direct->theta()[0] == walking->theta()[0]);
-    CHECK(direct->theta()[1] == walking->theta()[1]);
+    CHECK(all.theta(0, r) == doctest::Approx(10 + 3 * z0));
+    CHECK(all.theta(1, r) == doctest::Approx(std::exp(0.5 + 0.2 * z0 + 0.1 * z1)));
+    CHECK(all.weight[r] == doctest::Approx(z[0].probabilities[r / 2] * 0.5));
+    const Nodes one(grid, r, 1);
+    CHECK(one.theta(0) == all.theta(0, r));
+    CHECK(one.theta(1) == all.theta(1, r));
   }
   const auto pilots = grid.pilots();
   CHECK(pilots.size() == 2 * PriorNodes::most_pilots);
@@ -87,19 +99,14 @@ TEST_CASE("the pilots of a grid hold every combination of three axes' ends") {
       }
 }
 
-TEST_CASE("a table hands out its rows, from any of them on, and begins again behind the last") {
+TEST_CASE("a table hands out its rows, from any of them on") {
   const NodeTable table({1, 2, 3, 4, 5, 6}, {0.5, -0.25, 0.75}, {5, 6});
   REQUIRE(table.size() == 3);
   CHECK(table.parameters() == 2);
   CHECK(table.pilots() == std::vector<double>{5, 6});
-  const auto walking = table.cursor(1);
-  CHECK(walking->theta()[0] == 3);
-  CHECK(walking->weight() == -0.25);
-  walking->advance();
-  CHECK(walking->theta()[1] == 6);
-  CHECK(walking->weight() == 0.75);
-  walking->advance();
-  CHECK(walking->theta()[0] == 1);
+  const Nodes rows(table, 1, 2);
+  CHECK(rows.values == std::vector<double>{3, 5, 4, 6});
+  CHECK(rows.weight == std::vector<double>{-0.25, 0.75});
   CHECK_THROWS(NodeTable({}, {}, {}));
   CHECK_THROWS(NodeTable({1}, {1}, std::vector<double>(PriorNodes::most_pilots + 1, 1.0)));
 }

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "fisherpoint/quartic.hpp"
+#include "fisherpoint/numbers/quartic.hpp"
 
 using namespace fisherpoint;
 

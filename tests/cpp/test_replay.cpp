@@ -4,9 +4,9 @@
 #include <cmath>
 #include <vector>
 
-#include "fisherpoint/plan.hpp"
-#include "fisherpoint/prior_grid.hpp"
-#include "fisherpoint/replay.hpp"
+#include "fisherpoint/integration/plan.hpp"
+#include "fisherpoint/integration/replay.hpp"
+#include "fisherpoint/prior/prior_grid.hpp"
 #include "models.hpp"
 
 using namespace fisherpoint;

@@ -5,8 +5,8 @@
 
 #include <vector>
 
-#include "fisherpoint/heap_array.hpp"
-#include "fisherpoint/workers.hpp"
+#include "fisherpoint/kernels/workers.hpp"
+#include "fisherpoint/numbers/heap_array.hpp"
 
 using namespace fisherpoint;
 

@@ -4,10 +4,10 @@
 #include <cmath>
 #include <vector>
 
-#include "fisherpoint/predictive_covariance.hpp"
-#include "fisherpoint/prior_grid.hpp"
-#include "fisherpoint/simulate.hpp"
-#include "fisherpoint/tape_equation.hpp"
+#include "fisherpoint/equations/tape_equations.hpp"
+#include "fisherpoint/kernels/predictive_covariance.hpp"
+#include "fisherpoint/kernels/simulate.hpp"
+#include "fisherpoint/prior/prior_grid.hpp"
 #include "models.hpp"
 
 using namespace fisherpoint;

@@ -5,7 +5,7 @@
 #include <thread>
 #include <vector>
 
-#include "fisherpoint/workers.hpp"
+#include "fisherpoint/kernels/workers.hpp"
 
 using namespace fisherpoint;
 

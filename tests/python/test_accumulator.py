@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import threading
 from typing import Any
 
 import numpy as np
@@ -200,6 +202,30 @@ def test_a_singular_output_covariance_is_an_error() -> None:
     with pytest.raises(ValueError, match="D is not positive definite"):
         filled(s, c).log_det_with(s, c, singular, False)
     assert np.isfinite(filled(s, c).log_det_with(s, c, singular, True)).all()  # pooled: the points make it regular
+
+
+def test_python_runs_on_while_the_accumulator_works() -> None:
+    """Threads change only where one lets the lock go: within the test the interpreter does not ask for it."""
+    s, c, given = random_design(100_000, seed=5)
+    f, began, ended = filled(s[:50], c[:50]), threading.Event(), threading.Event()
+
+    def work() -> None:
+        began.set()
+        f.log_det_with(s, c, given, True)
+        ended.set()
+
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(600)
+    try:
+        thread = threading.Thread(target=work)
+        thread.start()
+        began.wait()
+        assert not ended.is_set()
+        f.add(s[50:], c[50:])  # waits for the other, and is no part of what that saw
+        assert len(f) == 100_000
+        thread.join()
+    finally:
+        sys.setswitchinterval(interval)
 
 
 def test_misuse_is_named() -> None:

@@ -71,7 +71,7 @@ def test_a_sensor_measures_its_state_where_it_is_affine_with_known_scale(g: str)
     assert found.blocks == ((("k",), ("m",)) if g in AFFINE else (("k", "m"),))
 
 
-def test_a_chain_of_derivatives_is_known() -> None:
+def test_a_state_that_is_the_derivative_of_another_is_known() -> None:
     """Position measured, velocity and acceleration are its derivatives; a load without parameters is told by a sum."""
     f = ["b", "c", "-j*c - k*a + d", "-m*d"]
     assert model(f, ["a", "a + d"], "j k m").blocks == (("j", "k"), ("m",))

@@ -320,7 +320,7 @@ def test_the_singular_values_that_are_shown_belong_to_the_rank() -> None:
     found = fp.identifiability(static("a*u + max(b - 1.2, 0)**2*u**2", a=1.0, b=1.0))
     assert found.rank == 2 and 0 < found.rank_at < found.n_theta / 2
     assert np.median(found.singular_values, axis=0)[1] == 0
-    shown = next(line for line in str(found).splitlines() if line.startswith("singular")).split()[1:]
+    shown = next(line for line in str(found).splitlines() if line.strip().startswith("singular")).split()[1:]
     assert min(map(float, shown)) > 1e-3
     assert f"rank 2 of 2 parameters, at {found.rank_at} of 5 theta" in str(found)
 
@@ -374,8 +374,8 @@ def test_it_is_shown() -> None:
     found = fp.identifiability(tanks(TANKS, "k1 k2 k3 k4"), region=LEVELS, unknown_start=["h1"])
     text, html = str(found), found._repr_html_()
     assert "locally not identifiable: rank 3 of 4 parameters" in text and "k1*k2" in text
-    assert "from        20 points at 5 theta" in text and "the start of h1" in text
-    assert html.startswith("<table>") and "k4/k1**2" in html
+    assert "20 points at 5 theta" in text and "the start of h1" in text
+    assert "<table>" in html and "k4/k1**2" in html
 
 
 # --- what the null space is found by ---------------------------------------------------------------------------------------

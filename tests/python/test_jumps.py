@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -264,3 +265,20 @@ def test_a_condition_that_is_zero_itself_on_one_side(branch: str) -> None:
     model = fp.SymbolicModel(["1", branch], ["x"], {"a": "1", "x": "1"}, {"u": "1"}, {"p": "1"})
     below, above = (model.rhs([[a, 0.0]] * 2, [[1.0], [-1.0]], [1.0])[:, 1] for a in (0.5, 1.5))
     assert ("a - 1" in model.jumps) == bool((below != above).any())
+
+
+@pytest.mark.parametrize(
+    "rate",
+    [
+        "-100 * (x - cos(y / 1e-12)) + p * sign(2 * x + 0.3)",
+        "0.001 * (-100 * (x - cos(y / 1e-12)) + p * sign(2 * x + 0.3))",
+        "-100 * (x - cos(y / 1e-11)) + (p / 1e-9) * heaviside(2 * x + 0.3)",
+    ],
+)
+@pytest.mark.parametrize("names", ["xyp", "zyp", "yzq", "abc", "qrs"])
+def test_a_jump_beside_a_term_that_is_huge_where_it_is_looked_at(rate: str, names: str) -> None:
+    """The names decide in which order random numbers are drawn: in one of five, at least, the cosine hid the jump."""
+    x, y, p = names
+    rate = re.sub(r"\b[xyp]\b", lambda found: names["xyp".index(found[0])], rate)
+    model = fp.SymbolicModel([rate, "1"], [x], {x: "1", y: "1"}, {}, {p: "1"})
+    assert f"2*{x} + 0.3" in model.jumps

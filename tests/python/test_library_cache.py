@@ -21,24 +21,30 @@ from typing import Any
 import pytest
 
 import fisherpoint as fp
+from fisherpoint.engine import _core
 from fisherpoint.models import compiled as building
 from fisherpoint.models import library_cache
 
 COMPILER = building.find_compiler()
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C++ compiler")
 
-FUNCTIONS = ("simulate", "sensitivities", "chain", "predictive_covariance")
 MODEL = """
 import fisherpoint as fp
 decay = fp.SymbolicModel(["-k*c"], ["c"], {"c": "mol/L"}, {}, {"k": "1/s"}, {"c": "mol/L"})
 """
 
 
-def shared_object(path: Path, more: str = "") -> Path:
+def shared_object(path: Path, more: str = "", version: str = "fisherpoint_interface_version") -> Path:
     source = path.with_suffix(".cpp")
-    functions = "\n".join(f'extern "C" int fisherpoint_{name}() {{ return 2; }}' for name in FUNCTIONS)
-    source.write_text(f"{functions}\n{more}\n")
-    subprocess.run([str(COMPILER), "-shared", "-fPIC", "-o", path, source], check=True)
+    source.write_text(
+        f"""#include "fisherpoint/compiled/c_interface.hpp"
+static const FisherpointKernels kernels{{{version}, nullptr, nullptr, nullptr, nullptr}};
+extern "C" const FisherpointKernels* fisherpoint_kernels() {{ return &kernels; }}
+{more}
+"""
+    )
+    command = [str(COMPILER), "-std=c++20", f"-I{building._include_directory()}", "-shared", "-fPIC", "-o", path, source]
+    subprocess.run(command, check=True)
     return path
 
 
@@ -253,6 +259,23 @@ def test_a_library_that_does_not_load_is_built_anew(decay: fp.SymbolicModel, cac
     (cache / f"{path.name.split('.')[0]}.{library_cache.hashlib.sha256(text).hexdigest()}.so").write_bytes(text)
     compiles(decay, "expected a library as it was built, given .*; it is built anew")
     assert entry(cache).read_bytes() == whole
+
+
+@pytest.mark.usefixtures("compiler")
+def test_a_library_with_another_interface_is_built_anew(decay: fp.SymbolicModel, cache: Path, tmp_path: Path) -> None:
+    compiles(decay)
+    path = entry(cache)
+    whole, other = path.read_bytes(), shared_object(tmp_path / "other.so", version="1000").read_bytes()
+    path.unlink()
+    (cache / f"{path.name.split('.')[0]}.{library_cache.hashlib.sha256(other).hexdigest()}.so").write_bytes(other)
+    compiles(decay, r"expected version \d+ of the kernels' interface, given 1000; it is built anew")
+    assert entry(cache).read_bytes() == whole
+
+
+def test_a_library_without_kernels_is_refused(decay: fp.SymbolicModel, tmp_path: Path) -> None:
+    subprocess.run([str(COMPILER), "-shared", "-fPIC", "-x", "c++", "/dev/null", "-o", tmp_path / "empty.so"], check=True)
+    with pytest.raises(RuntimeError, match=r"empty.so: expected the function fisherpoint_kernels, given none"):
+        _core.CompiledModel(decay.core, str(tmp_path / "empty.so"))
 
 
 @pytest.mark.usefixtures("compiler", "cache")

@@ -12,6 +12,7 @@ import fisherpoint as fp
 from fisherpoint.design import pictures as plots
 from fisherpoint.design import report
 from fisherpoint.design.frames import simulation_frame
+from fisherpoint.show.text import to_text
 
 
 @fp.model(
@@ -98,10 +99,10 @@ def test_designs_are_saved_reported_and_drawn(problem: fp.DesignProblem, tmp_pat
     again = fp.Design.load(tmp_path)
     assert again.problem.model == problem.model and again.points == design.points
     assert fp.Experiments.from_csv(tmp_path / "design.csv", problem.model) == design.points
-    text = report.to_text(report.design_report(design))
+    text = to_text(report.design_report(design))
     assert all(f"[{axis.unit}]" in text for axis in problem.model.axes) and ("[s]" in text) == bool(problem.model.states)
     done = fp.simulate(problem.model, design.points, problem.theta)
-    assert "ok" in report.to_text(report.simulation_report(problem.model, design.points, done.y, done.status))
+    assert "ok" in to_text(report.simulation_report(problem.model, design.points, done.y, done.status))
     frame = simulation_frame(problem.model, design.points, done.y, done.status)
     assert list(frame.columns)[: len(problem.model.axes)] == [axis.name for axis in problem.model.axes]
     drawn = {path.stem for path in plots.save_all(design, tmp_path)}

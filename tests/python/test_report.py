@@ -17,6 +17,8 @@ from fisherpoint.design import pictures as plots
 from fisherpoint.design import report
 from fisherpoint.design.evaluated import evaluate_points
 from fisherpoint.design.frames import parameter_frame, simulation_frame
+from fisherpoint.show import numbers
+from fisherpoint.show.text import to_text
 
 NOISE_STD = {"q": 5e-6, "p_A": 2e4, "p_B": 2e4, "x_v": 1e-3}
 RELATIVE_STD = dict(a_tau=0.3, b_tau=0.2, m_q=0.05, E_oil=0.2, p_t=0.2, B_v=0.1, c_L=0.3, V_0A=0.1, V_0B=0.1)
@@ -57,7 +59,7 @@ def words(text: str) -> str:
 
 
 def test_design_report_says_all_that_matters(design: fp.Design) -> None:
-    text = report.to_text(report.design_report(design))
+    text = to_text(report.design_report(design), 100)
     for part in (
         "Points: start in this state",
         "m3/(s sqrt(Pa))",
@@ -73,18 +75,18 @@ def test_design_report_says_all_that_matters(design: fp.Design) -> None:
         assert part in words(text), part
     for reason, count in design.rejected.items():
         assert f"{reason} {count}" in words(text)
-    assert max(map(len, text.splitlines())) <= report.WIDTH
+    assert max(map(len, text.splitlines())) <= 100
 
 
 def test_standard_errors_are_those_under_the_noise_whatever_the_criterion(design: fp.Design) -> None:
     assert design.under_noise is not None and design.under_noise.standard_errors and design.evaluation.standard_errors
-    text = report.to_text(report.design_report(design))
+    text = to_text(report.design_report(design))
     assert text.count("standard error ") == 1
     assert "under the D of the criterion" not in text
     for name, error in design.under_noise.standard_errors.items():
         row = next(line for line in text.splitlines() if line.split()[:1] == [name])
-        assert report.result(error) in row
-        assert report.result(design.evaluation.standard_errors[name]) not in row
+        assert numbers.computed(error) in row
+        assert numbers.computed(design.evaluation.standard_errors[name]) not in row
     drawn = plots.plot_standard_errors(design).axes[0].lines[-1].get_xdata()
     expected = [design.under_noise.standard_errors[name] / design.under_noise.prior_std[name] for name in design.problem.estimated]
     np.testing.assert_allclose(np.asarray(drawn), expected, rtol=1e-12)
@@ -98,7 +100,7 @@ def test_a_design_below_random_is_warned_of(design: fp.Design) -> None:
                 under_noise=1.0, noise_optimum=9.0, random_median=2.0, vs_optimum=0.4, vs_random=0.9, below_random=below
             ),
         )
-        text = words(report.to_text(report.design_report(changed)))
+        text = words(to_text(report.design_report(changed)))
         assert ("worse than the median random design" in text) is below
         assert "90.0 %" in text
 
@@ -114,22 +116,22 @@ def test_a_design_below_random_is_warned_of(design: fp.Design) -> None:
 def test_the_stop_reason_is_a_sentence(design: fp.Design, reason: str, settings: dict[str, Any], expected: str) -> None:
     given = dict.fromkeys(["patience", "time_limit"]) | settings
     changed = with_changes(design, stop_reason=reason, settings=SimpleNamespace(seed=0, n_candidates=5, max_iterations=4, **given))
-    assert expected in words(report.to_text(report.design_report(changed)))
+    assert expected in words(to_text(report.design_report(changed)))
 
 
 def test_under_the_noise_there_is_one_table(design: fp.Design) -> None:
     evaluated = evaluate_points(problem(NOISE_STD), design.points)
     assert evaluated.under_noise is evaluated.evaluation
-    text = report.to_text(report.evaluation_report(evaluated))
+    text = to_text(report.evaluation_report(evaluated))
     assert text.count("prior std   standard error") == 1
     assert "No standard errors" not in text and "log det F under the noise" not in text
 
 
 def test_without_noise_nothing_is_promised_and_left_out_outputs_are_named(design: fp.Design, tmp_path: Path) -> None:
     evaluated = evaluate_points(problem(None), design.points)
-    text = words(report.to_text(report.evaluation_report(evaluated)))
+    text = words(to_text(report.evaluation_report(evaluated)))
     assert evaluated.under_noise is None
-    assert "\nThe D of the\n" not in report.to_text(report.evaluation_report(evaluated))
+    assert "\nThe D of the\n" not in to_text(report.evaluation_report(evaluated))
     assert "No standard errors" in text and "Give [noise_std]" in text
     assert "RSE" not in text and "stays above half the prior std" not in text
     assert "x_v: no noise is given and no parameter" in text
@@ -142,7 +144,7 @@ def test_without_noise_nothing_is_promised_and_left_out_outputs_are_named(design
 
 def test_singular_designs_name_what_they_do_not_determine(design: fp.Design, tmp_path: Path) -> None:
     evaluated = evaluate_points(problem(NOISE_STD), design.points[:1])
-    text = words(report.to_text(report.evaluation_report(evaluated)))
+    text = words(to_text(report.evaluation_report(evaluated)))
     assert f"{evaluated.evaluation.rank} of 9: singular" in text
     assert text.count("not determined") == len(evaluated.evaluation.null_directions)
     assert parameter_frame(evaluated.problem, evaluated.evaluation).standard_error.isna().all()
@@ -155,7 +157,7 @@ def test_weak_parameters_are_those_above_half_the_prior(design: fp.Design) -> No
     frame = parameter_frame(evaluated.problem, evaluated.under_noise)
     weak = tuple(frame.index[frame.of_prior > 0.5])
     assert evaluated.under_noise.weak_parameters == weak
-    text = words(report.to_text(report.evaluation_report(evaluated)))
+    text = words(to_text(report.evaluation_report(evaluated)))
     assert ("stays above half the prior std" in text) == bool(weak)
 
 
@@ -179,7 +181,7 @@ def test_simulation_report_counts_statuses() -> None:
     done = fp.simulate(model, points, theta)
     status = np.array(done.status)
     status[3] = fp.Status.left_domain
-    text = words(report.to_text(report.simulation_report(model, points, done.y, status)))
+    text = words(to_text(report.simulation_report(model, points, done.y, status)))
     assert "ok 49" in text
     assert "left_domain 1" in text
     assert "... and 10 more" in text
@@ -190,15 +192,15 @@ def test_simulation_report_counts_statuses() -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        (report.number(1.2e9), "1.2e9"),
-        (report.number(-2.5e-10), "-2.5e-10"),
-        (report.number(float("nan")), "-"),
-        (report.result(2e-10), "2.00e-10"),
-        (report.result(150.0), "150"),
-        (report.percent(0.0123), "1.23 %"),
-        (report.percent(1.0), "100 %"),
-        (report.percent(2e-5), "< 0.01 %"),
-        (report.percent(12.34), "12.3 times"),
+        (numbers.number(1.2e9), "1.2e9"),
+        (numbers.number(-2.5e-10), "-2.5e-10"),
+        (numbers.number(float("nan")), "-"),
+        (numbers.computed(2e-10), "2.00e-10"),
+        (numbers.computed(150.0), "150"),
+        (numbers.percent(0.0123), "1.23 %"),
+        (numbers.percent(1.0), "100 %"),
+        (numbers.percent(2e-5), "< 0.01 %"),
+        (numbers.percent(12.34), "12.3 times"),
     ],
 )
 def test_numbers(text: str, expected: str) -> None:
@@ -206,10 +208,10 @@ def test_numbers(text: str, expected: str) -> None:
 
 
 def test_columns_line_up() -> None:
-    assert report.column_text([0.5, -0.0312, float("nan")]) == ["0.5000", "-0.0312", "-"]
-    assert report.column_text([2e6, 1.9e7]) == ["2.000e6", "1.900e7"]
-    assert report.column_text([0.0, 0.0]) == ["0", "0"]
-    assert report.column_text([0.25, 0.0, 0.00004]) == ["0.2500", "0.0000", "4.0e-5"]
+    assert numbers.column([0.5, -0.0312, float("nan")]) == ["0.5000", "-0.0312", "-"]
+    assert numbers.column([2e6, 1.9e7]) == ["2.000e6", "1.900e7"]
+    assert numbers.column([0.0, 0.0]) == ["0", "0"]
+    assert numbers.column([0.25, 0.0, 0.00004]) == ["0.2500", "0.0000", "4.0e-5"]
 
 
 def test_every_picture_is_a_figure_of_its_own(design: fp.Design, tmp_path: Path) -> None:

@@ -101,7 +101,7 @@ def test_divisors_are_divided_by_once() -> None:
     assert (program.stage[:, 0] == CODES["div"]).sum() == 1
 
 
-def test_a_long_chain_takes_few_registers() -> None:
+def test_operations_one_after_the_other_take_few_registers() -> None:
     graph, a, b = small_graph()
     node = a
     for _ in range(100):

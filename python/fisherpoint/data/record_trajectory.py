@@ -1,4 +1,4 @@
-"""Trajectories of records: chains of pieces with constant input."""
+"""Trajectories of records: pieces with constant input, one after the other."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def record_trajectories(
         x, failed = np.empty((count, samples, 0)), ended.reshape(count, samples)
         status, reached = first_failure(failed), np.full(count, samples - 1)
     else:
-        x, status, reached = model.kernels.chain(model.core, x0, u[:-1], np.diff(t), theta, *settings)
+        x, status, reached = model.kernels.simulate_records(model.core, x0, u[:-1], np.diff(t), theta, *settings)
         y = model.core.output(x.reshape(count * samples, -1), np.tile(u, (count, 1)), np.repeat(theta, samples, axis=0))
         failed = np.zeros((count, samples), dtype=np.int32)
     y = y.reshape(count, samples, -1)

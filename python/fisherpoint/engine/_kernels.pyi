@@ -4,55 +4,7 @@ import numpy
 import numpy.typing
 import typing
 
-__all__: list[str] = ["chain", "predictive_covariance", "sensitivities", "simulate"]
-
-@typing.overload
-def chain(
-    model: fisherpoint.engine._core.HydraulicCylinder,
-    x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
-    u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
-    dt: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
-    theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
-    rtol: typing.SupportsFloat | typing.SupportsIndex,
-    cross_kinks: bool,
-    method: str,
-    threads: typing.SupportsInt | typing.SupportsIndex,
-) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int32], numpy.typing.NDArray[numpy.int64]]:
-    """
-    States (B, pieces + 1, n_x) of records with the starts x0 (B, n_x) under the inputs u (pieces, n_u), each held for its dt (pieces,); statuses, and how many pieces were completed. A jump ends a record.
-    """
-
-@typing.overload
-def chain(
-    model: fisherpoint.engine._core.CompiledModel,
-    x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
-    u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
-    dt: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
-    theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
-    rtol: typing.SupportsFloat | typing.SupportsIndex,
-    cross_kinks: bool,
-    method: str,
-    threads: typing.SupportsInt | typing.SupportsIndex,
-) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int32], numpy.typing.NDArray[numpy.int64]]:
-    """
-    States (B, pieces + 1, n_x) of records with the starts x0 (B, n_x) under the inputs u (pieces, n_u), each held for its dt (pieces,); statuses, and how many pieces were completed. A jump ends a record.
-    """
-
-@typing.overload
-def chain(
-    model: fisherpoint.engine._core.TapeModel,
-    x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
-    u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
-    dt: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
-    theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
-    rtol: typing.SupportsFloat | typing.SupportsIndex,
-    cross_kinks: bool,
-    method: str,
-    threads: typing.SupportsInt | typing.SupportsIndex,
-) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int32], numpy.typing.NDArray[numpy.int64]]:
-    """
-    States (B, pieces + 1, n_x) of records with the starts x0 (B, n_x) under the inputs u (pieces, n_u), each held for its dt (pieces,); statuses, and how many pieces were completed. A jump ends a record.
-    """
+__all__: list[str] = ["predictive_covariance", "sensitivities", "simulate", "simulate_records"]
 
 @typing.overload
 def predictive_covariance(
@@ -228,3 +180,50 @@ def simulate(
 ) -> tuple[
     numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int32]
 ]: ...
+@typing.overload
+def simulate_records(
+    model: fisherpoint.engine._core.HydraulicCylinder,
+    x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    dt: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    rtol: typing.SupportsFloat | typing.SupportsIndex,
+    cross_kinks: bool,
+    method: str,
+    threads: typing.SupportsInt | typing.SupportsIndex,
+) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int32], numpy.typing.NDArray[numpy.int64]]:
+    """
+    States (B, pieces + 1, n_x) of records with the starts x0 (B, n_x) under the inputs u (pieces, n_u), each held for its dt (pieces,); statuses, and how many pieces were completed. A jump ends a record.
+    """
+
+@typing.overload
+def simulate_records(
+    model: fisherpoint.engine._core.CompiledModel,
+    x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    dt: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    rtol: typing.SupportsFloat | typing.SupportsIndex,
+    cross_kinks: bool,
+    method: str,
+    threads: typing.SupportsInt | typing.SupportsIndex,
+) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int32], numpy.typing.NDArray[numpy.int64]]:
+    """
+    States (B, pieces + 1, n_x) of records with the starts x0 (B, n_x) under the inputs u (pieces, n_u), each held for its dt (pieces,); statuses, and how many pieces were completed. A jump ends a record.
+    """
+
+@typing.overload
+def simulate_records(
+    model: fisherpoint.engine._core.TapeModel,
+    x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    dt: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    rtol: typing.SupportsFloat | typing.SupportsIndex,
+    cross_kinks: bool,
+    method: str,
+    threads: typing.SupportsInt | typing.SupportsIndex,
+) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int32], numpy.typing.NDArray[numpy.int64]]:
+    """
+    States (B, pieces + 1, n_x) of records with the starts x0 (B, n_x) under the inputs u (pieces, n_u), each held for its dt (pieces,); statuses, and how many pieces were completed. A jump ends a record.
+    """

@@ -42,7 +42,7 @@ class Kernels(Protocol):
     ) -> tuple[Any, ...]:
         """x, y, dx_dtheta, dy_dtheta, status; with `whole_first` dt is the first step that is tried."""
 
-    def chain(
+    def simulate_records(
         self, model: Any, x0: Any, u: Any, dt: Any, theta: Any, rtol: float, cross_kinks: bool, method: str, threads: int
     ) -> tuple[Any, ...]:
         """x, status, reached of records; u and dt are of their pieces."""

@@ -26,19 +26,24 @@ from .tape.programs import Programs
 
 _NAME = "CompiledModel"
 _MODEL = "model.hpp"
+_EXPORTS = "exports.map"
 
-# Built side by side, as each takes its time.
+_INTEGRATORS = "".join(
+    f"template class Integrator<CompiledEquation<{_NAME}>, {method}>;\n" for method in ("DormandPrince", "DormandPrince853")
+)
+_LONG = {
+    "predictive_covariance": f"template FisherpointPredictiveCovariance predictive_covariance_request<{_NAME}>;\n",
+    "sensitivities": f"template FisherpointSensitivities sensitivities_request<{_NAME}>;\n",
+}
+_LIBRARY = f"""
+extern "C" __attribute__((visibility("default"))) const FisherpointKernels* fisherpoint_kernels() {{
+  return &kernels_of<{_NAME}>;
+}}
+"""
+# Built side by side, the longest first; the integrators are built once.
 _SOURCES = {
-    "simulate": "FisherpointOutcome fisherpoint_simulate(const FisherpointRequest* r, double* x, double* y, std::int32_t* status)"
-    " {{ return simulate_request<{name}>(r, x, y, status); }}",
-    "sensitivities": "FisherpointOutcome fisherpoint_sensitivities(const FisherpointRequest* r, double* x, double* y, double* dx,"
-    " double* dy, std::int32_t* status) {{ return sensitivities_request<{name}>(r, x, y, dx, dy, status); }}",
-    "chain": "FisherpointOutcome fisherpoint_chain(const FisherpointRequest* r, std::int64_t pieces, double* x,"
-    " std::int32_t* status, std::int64_t* reached) {{ return chain_request<{name}>(r, pieces, x, status, reached); }}",
-    "predictive_covariance": "FisherpointOutcome fisherpoint_predictive_covariance(const FisherpointRequest* r,"
-    " const fisherpoint::PriorNodes* nodes, double max_lost, double* covariance, std::int32_t* status, std::int64_t* redone,"
-    " double* lost, double* y) {{ return predictive_covariance_request<{name}>(r, nodes, max_lost, covariance, status, redone,"
-    " lost, y); }}",
+    **{name: _INTEGRATORS.replace("template", "extern template") + kernel for name, kernel in _LONG.items()},
+    "library": _INTEGRATORS + "".join(f"extern {kernel}" for kernel in _LONG.values()) + _LIBRARY,
 }
 _FLAGS = ("-std=c++20", "-O3", "-fPIC", "-fvisibility=hidden", "-ffp-contract=fast", "-fno-math-errno", "-w")
 
@@ -60,10 +65,10 @@ def compiled_model(model: Model, programs: Programs, tape: Any) -> Any | None:
         return None
     flags = [*_FLAGS, *([] if isa() == "generic" else [f"-march=x86-64-{isa()}"]), f"-I{include}"]
     sources = {_MODEL: cpp_model(model, programs, _NAME)}
-    for kernel, function in _SOURCES.items():
-        includes = f'#include "{_MODEL}"\n#include "fisherpoint/c_kernels.hpp"\n\nusing namespace fisherpoint;\n\n'
-        visible = 'extern "C" __attribute__((visibility("default")))\n'
-        sources[f"{kernel}.cpp"] = includes + visible + function.format(name=_NAME) + "\n"
+    sources[_EXPORTS] = "{ global: fisherpoint_kernels; local: *; };\n"
+    includes = f'#include "{_MODEL}"\n#include "fisherpoint/compiled/c_kernels.hpp"\n\n'
+    for name, content in _SOURCES.items():
+        sources[f"{name}.cpp"] = f"{includes}namespace fisherpoint {{\n\n{content}\n}}  // namespace fisherpoint\n"
 
     cache = LibraryCache()
     try:
@@ -104,7 +109,7 @@ def find_compiler() -> str | None:
 def _include_directory() -> Path | None:
     package = Path(__file__).resolve().parents[1]
     for directory in (package / "include", package.parents[1] / "cpp" / "include"):  # installed, or in a source tree
-        if (directory / "fisherpoint" / "c_kernels.hpp").exists():
+        if (directory / "fisherpoint" / "compiled" / "c_kernels.hpp").exists():
             return directory
     return None
 
@@ -134,8 +139,9 @@ def _build(compiler: str, flags: list[str], sources: dict[str, str]) -> bytes:
     with tempfile.TemporaryDirectory(prefix="fisherpoint-") as directory:
         for name, text in sources.items():
             (Path(directory) / name).write_text(text, encoding="utf-8")
-        _run([[compiler, *flags, "-c", f"{kernel}.cpp"] for kernel in _SOURCES], directory)
-        _run([[compiler, "-shared", "-pthread", "-o", "library.so", *(f"{kernel}.o" for kernel in _SOURCES)]], directory)
+        _run([[compiler, *flags, "-c", f"{name}.cpp"] for name in _SOURCES], directory)
+        objects = [f"{name}.o" for name in _SOURCES]
+        _run([[compiler, "-shared", "-pthread", f"-Wl,--version-script={_EXPORTS}", "-o", "library.so", *objects]], directory)
         return (Path(directory) / "library.so").read_bytes()
 
 

@@ -27,7 +27,7 @@ _FORMS = {
 
 
 def cpp_model(model: Model, programs: Programs, name: str) -> str:
-    """Return the C++ source of a model (cpp/include/fisherpoint/model.hpp says what that is) as a struct called `name`."""
+    """Return the C++ source of a model (cpp/include/fisherpoint/models/model.hpp says what that is) as a struct called `name`."""
     n_x, n_u, p = len(model.states), len(model.inputs), len(model.parameters)
     sides = len(model.jumps) + len(model.kinks)
     leaves = [f"{area}[{i}]" for area, n in (("theta", p), ("u", n_u), ("x", n_x), ("side", sides)) for i in range(n)]
@@ -36,8 +36,8 @@ def cpp_model(model: Model, programs: Programs, name: str) -> str:
     values = surfaces.results
     return f"""#pragma once
 
-#include "fisherpoint/functions.hpp"
-#include "fisherpoint/model.hpp"
+#include "fisherpoint/models/model.hpp"
+#include "fisherpoint/numbers/functions.hpp"
 
 namespace fisherpoint {{
 

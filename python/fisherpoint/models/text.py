@@ -97,7 +97,7 @@ class _Reader:
             self.refuse_node(f"expected terms nested at most {MAX_DEPTH} deep", node)
         match node:
             case ast.BinOp(_, op) if type(op) in _ARITHMETIC:
-                return self.chain(node, depth)
+                return self.sum_or_product(node, depth)
             case ast.BinOp(base, ast.Pow(), exponent):
                 return self.power(node, self.expression(base, depth + 1), self.expression(exponent, depth + 1))
             case ast.UnaryOp(ast.USub() | ast.UAdd() as sign, operand):
@@ -121,7 +121,7 @@ class _Reader:
                 self.refuse_node("expected a comparison only as the condition of where()", node)
         self.refuse_node(f"expected {_EXPECTED}", node)
 
-    def chain(self, node: ast.expr, depth: int) -> Any:
+    def sum_or_product(self, node: ast.expr, depth: int) -> Any:
         """Sums and products hang to the left; they are taken one by one, however long they are."""
         steps = []
         while isinstance(node, ast.BinOp) and type(node.op) in _ARITHMETIC:

@@ -43,7 +43,7 @@ def parse_constraint(text: str, names: Iterable[str]) -> Callable[[Mapping[str, 
     Parameters
     ----------
     text : str
-        One comparison (a chain such as ``0 < v < 0.1`` too) of names, numbers, + - * / **, abs() and sqrt().
+        One comparison (``0 < v < 0.1`` too) of names, numbers, + - * / **, abs() and sqrt().
     names : iterable of str
         The names that may occur.
 

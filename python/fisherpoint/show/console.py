@@ -9,7 +9,6 @@ from rich.table import Table
 from rich.text import Text
 
 from .section import Report, Section
-from .text import LABEL
 
 
 def to_rich(report: Report) -> Group:
@@ -32,7 +31,7 @@ def _section(section: Section) -> Group:
             table.add_column(Text(column), justify="left" if left else "right", style="dim" if column == "unit" else None)
     else:
         table = Table(box=None, show_header=False)
-        table.add_column(style="dim", width=LABEL)
+        table.add_column(style="dim", no_wrap=True)
         table.add_column()
     for k, row in enumerate(section.rows):
         table.add_row(*map(Text, row), style="yellow" if k in section.marked else None)

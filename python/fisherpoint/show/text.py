@@ -10,29 +10,27 @@ from ..basics.messages import printable
 from .section import Report, Section
 
 INDENT, GAP = "  ", "  "
-LABEL = 31
-"""Characters of the name of a fact."""
 
 
 def to_text(report: Report, width: int | None = None) -> str:
     """The report as plain text; with a width, in characters, its sentences are broken into lines."""
     lines = [*_wrapped(report.headline, width)]
+    label = max((len(row[0]) for section in report.sections if not section.columns for row in section.rows), default=0)
     for section in report.sections:
-        lines += ["", *_section_lines(section, width)]
+        lines += ["", *_section_lines(section, width, label)]
     for warning in report.warnings:
         lines += ["", *_wrapped(f"Warning: {warning}", width)]
     return "\n".join(printable(line.rstrip()) for line in lines)
 
 
-def _section_lines(section: Section, width: int | None) -> Iterator[str]:
+def _section_lines(section: Section, width: int | None, label: int) -> Iterator[str]:
     if section.title:
         yield from _wrapped(section.title, width)
     if section.columns:
         yield from _table_lines(section, width)
     else:
         for name, fact in section.rows:
-            first = f"{INDENT}{name:<{LABEL}} " if name else INDENT
-            yield from _wrapped(first + fact, width, INDENT + " " * (LABEL + 1))
+            yield from _wrapped(f"{INDENT}{name:<{label}}{GAP}{fact}", width, INDENT + " " * label + GAP)
     for note in section.notes:
         yield from _wrapped(f"{INDENT}{note}", width, INDENT)
 

@@ -77,7 +77,7 @@ def sensitivities(
     return x, y, dx, dy, status
 
 
-def chain(
+def simulate_records(
     model: CallableCore, x0: Array, u: Array, dt: Array, theta: Array, rtol: float, cross_kinks: bool, method: str, threads: int
 ) -> tuple[Array, IntArray, NDArray[np.int64]]:
     """x (B, pieces + 1, n_x), status, pieces that were completed."""

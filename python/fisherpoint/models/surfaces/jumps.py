@@ -100,7 +100,7 @@ class _Judge:
         for sign in _SIGNS:
             new, made = held | {surface.side: sign}, dict[Any, Any]()
             columns.append([outcomes.freed(replaced(expression, new, made)) for expression in reading])
-        pairs = [(a, b) for a, b in zip(*columns, strict=True) if a != b]
+        pairs = [_apart(a, b) for a, b in zip(*columns, strict=True) if a != b]
         made = {}
         zero = outcomes.freed(replaced(surface.expression, held, made))
         others = {
@@ -271,6 +271,19 @@ class _Outcomes:
             self._by_form[form] = sympy.Dummy(f"outcome_{len(self._by_form)}", real=True)
             self._symbols.add(self._by_form[form])
         return sign * self._by_form[form]
+
+
+def _apart(a: Any, b: Any) -> tuple[Any, Any]:
+    """Two expressions of the same difference, without the terms that both have: one may be so large that it hides the others."""
+    if a.is_Add and b.is_Add:
+        common = set(a.args) & set(b.args)
+        a, b = (sympy.Add(*(term for term in of.args if term not in common)) for of in (a, b))
+    elif a.is_Mul and b.is_Mul:
+        common = set(a.args) & set(b.args)
+        factor = [one for one in a.args if one in common]
+        own = (sympy.Mul(*(one for one in of.args if one not in common)) for of in (a, b))
+        a, b = (sympy.Mul(*factor, rest) for rest in _apart(*own)) if common else (a, b)
+    return a, b
 
 
 def _in_order(symbols: Sequence[Any], expression: Any) -> list[Any]:

@@ -10,7 +10,7 @@ from .graph import STAGE, Graph
 
 Tangent = dict[int, tuple[int, int]]
 """A node's derivatives by variable. A derivative is a product scale * seed that is not yet formed: what follows multiplies the
-scale, and variables that came the same way have one scale, so a chain of operations costs once what it would cost for each of them.
+scale, and variables that came the same way have one scale, so what is done to all of them costs as much as for one of them.
 The scale bears no sign."""
 
 

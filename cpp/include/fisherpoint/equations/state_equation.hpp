@@ -1,0 +1,68 @@
+// The state equation (1a), x' = f(x, u, theta), as the integrator takes it, with the surfaces where f is not smooth, and the
+// output equation (1b).
+#pragma once
+
+#include "fisherpoint/models/dependence.hpp"
+#include "fisherpoint/models/shape.hpp"
+
+namespace fisherpoint {
+
+template <class M, class P>
+class StateEquation : public Shape<M> {
+  using Arrays = ArraysOf<M, P>;
+
+ public:
+  using Number = P;
+  using State = typename Arrays::States;
+  using Side = typename Arrays::Sides;
+  using Surfaces = typename Arrays::Surfaces;
+  using Theta = typename Arrays::Parameters;
+  using Input = typename Arrays::Inputs;
+  using Output = typename Arrays::Outputs;
+
+  static constexpr Dependence<M> dependence{};
+
+  StateEquation(const M& model, const Theta& theta, const Input& u)
+      : model_(model), theta_(theta), u_(u), dynamics_(model.dynamics(theta_)) {}
+
+  void derivative(const State& x, const Side& side, State& dx) const { dx = to_array<P>(dynamics_(x, u_, side)); }
+  Output output(const State& x) const { return to_array<P>(model_.output(x, u_, theta_)); }
+
+  // Sum over the states of (x / scale)^2.
+  P squared_size(const State& x) const {
+    P sum(0.0);
+    for_each_index(Shape<M>::states, [&](auto i) {
+      const P relative = x[i] * (1.0 / M::states[i].scale);
+      sum += relative * relative;
+    });
+    return sum;
+  }
+
+  Surfaces surface_values(const State& x) const {
+    return surfaces_of([&](auto i) { return x[i]; }, [](const auto& h) { return h; });
+  }
+
+  // d/dt of the surfaces where the state moves at rate dx.
+  Surfaces surface_rates(const State& x, const State& dx) const {
+    return surfaces_of([&](auto i) { return Dual<P, 1>{x[i], {dx[i]}}; }, [](const auto& h) { return slope_of<0, P>(h); });
+  }
+
+ private:
+  Surfaces surfaces_of(auto&& state, auto&& pick) const {
+    const auto x = [&]<int... i>(std::integer_sequence<int, i...>) {
+      if constexpr (sizeof...(i) == 0)
+        return std::array<P, 0>{};  // of a static model
+      else
+        return std::array{state(std::integral_constant<int, i>{})...};
+    }(std::make_integer_sequence<int, sizes<M>::states>{});
+    return std::apply([&](const auto&... h) { return Surfaces{pick(h)...}; },
+                      std::tuple_cat(model_.switching(x, u_, theta_), model_.limits(x, u_, theta_)));
+  }
+
+  M model_;
+  Theta theta_;
+  Input u_;
+  decltype(std::declval<const M&>().dynamics(std::declval<const Theta&>())) dynamics_;
+};
+
+}  // namespace fisherpoint

@@ -1,0 +1,135 @@
+// The state equation and the variational equation (9) of a tape (tape.hpp).
+#pragma once
+
+#include "fisherpoint/equations/state_equation.hpp"
+#include "fisherpoint/equations/tape_machine.hpp"
+#include "fisherpoint/equations/variational_equation.hpp"
+
+namespace fisherpoint {
+
+template <class P>
+class StateEquation<TapeModel, P> : public Shape<TapeModel> {
+  using Array = HeapArray<P>;
+
+ public:
+  using Number = P;
+  using State = Array;
+  using Side = Array;
+  using Surfaces = Array;
+  using Theta = Array;
+  using Input = Array;
+  using Output = Array;
+
+  // `model` must outlive the equation, whose machines refer to what it holds.
+  StateEquation(const StateEquation&) = delete;
+  StateEquation(const TapeModel& model, const Theta& theta, const Input& u)
+      : Shape<TapeModel>(model.shape()),
+        dependence(model.dependence()),
+        model_(model),
+        theta_(theta),
+        u_(u),
+        rates_(model.programs().rates, model.shape(), theta_, u_),
+        output_(model.programs().output, model.shape(), theta_, u_),
+        surfaces_(model.programs().surfaces, model.shape(), theta_, u_),
+        surface_rates_(model.programs().surface_rates, model.shape(), theta_, u_) {}
+
+  const Dependence<TapeModel>& dependence;
+
+  void derivative(const State& x, const Side& side, State& dx) const {
+    rates_.run(x, side);
+    for (int i = 0; i < states; ++i) dx[i] = rates_.output(i);
+  }
+  Output output(const State& x) const {
+    output_.run(x);
+    return outputs_of(output_, outputs);
+  }
+
+  P squared_size(const State& x) const {
+    P sum(0.0);
+    for (int i = 0; i < states; ++i) {
+      const P relative = x[i] * model_.inverse_scale(i);
+      sum += relative * relative;
+    }
+    return sum;
+  }
+
+  Surfaces surface_values(const State& x) const {
+    surfaces_.run(x);
+    return outputs_of(surfaces_, surfaces);
+  }
+  Surfaces surface_rates(const State& x, const State& dx) const {
+    surface_rates_.run_along(x, dx);
+    return outputs_of(surface_rates_, surfaces);
+  }
+
+ private:
+  static Array outputs_of(const Machine<P>& machine, int n) {
+    Array values(n);
+    for (int i = 0; i < n; ++i) values[i] = machine.output(i);
+    return values;
+  }
+
+  const TapeModel& model_;
+  Theta theta_;
+  Input u_;
+  mutable Machine<P> rates_, output_, surfaces_, surface_rates_;  // each with its own registers: not for two threads
+};
+
+template <class P>
+class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
+  using Plain = StateEquation<TapeModel, P>;
+
+ public:
+  using Side = typename Plain::Side;
+  using Theta = typename Plain::Theta;
+  using Input = typename Plain::Input;
+  using State = typename Plain::State;
+
+  // `model` must outlive the equation, whose machines refer to what it holds.
+  VariationalEquation(const VariationalEquation&) = delete;
+  VariationalEquation(const TapeModel& model, const Theta& theta, const Input& u)
+      : Shape<TapeModel>(model.shape()),
+        dependence(model.dependence()),
+        model_(model),
+        theta_(theta),
+        u_(u),
+        rates_(model.programs().rate_jacobian, model.shape(), theta_, u_),
+        output_(model.programs().output_jacobian, model.shape(), theta_, u_) {}
+
+  const Dependence<TapeModel>& dependence;
+
+  double inverse_scale(int i) const { return model_.inverse_scale(i); }
+
+  void linearise(const State& x, const Side& side, State& dx, Jacobian<TapeModel, P>& jacobian) const {
+    rates_.run(x, side);
+    int at = 0;
+    for (P& rate : dx) rate = rates_.output(at++);
+    for (P& entry : jacobian.by_state) entry = rates_.output(at++);
+    for (P& entry : jacobian.by_theta) entry = rates_.output(at++);
+  }
+
+  void output(const State& x, const Columns<TapeModel, P>& s, typename Plain::Output& y, ShelfVector<P>& dy_dtheta) const {
+    output_.run(x);
+    int at = 0;
+    for (P& value : y) value = output_.output(at++);
+    std::fill(dy_dtheta.begin(), dy_dtheta.end(), P(0.0));
+    for (const auto [i, k] : model_.output_entries()) {
+      const P slope = output_.output(at++);
+      if (k >= states) {
+        dy_dtheta[i * parameters + k - states] += slope;
+        continue;
+      }
+      for (int j = 0; j < parameters; ++j)
+        if (dependence.depends(k, j))
+          dy_dtheta[i * parameters + j] += slope * s[dependence.column_start[j] + detail::below(dependence.rows(j), k)];
+    }
+  }
+
+ private:
+  const TapeModel& model_;
+  Theta theta_;
+  Input u_;
+  mutable Machine<P> rates_, output_;
+};
+
+}  // namespace fisherpoint

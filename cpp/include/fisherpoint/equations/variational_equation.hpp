@@ -1,0 +1,89 @@
+// The variational equation (9): x' = f together with S' = f_x S + f_theta for S = dx/dtheta, S(0) = 0.
+//
+// One evaluation of f on duals gives f, f_x and f_theta without their zeros, so the product's pattern is known at compile
+// time. Entries of S that stay zero for every trajectory (dx_v/dtheta of the cylinder) are found from the masks and not
+// integrated.
+#pragma once
+
+#include "fisherpoint/equations/state_equation.hpp"
+#include "fisherpoint/models/dependence.hpp"
+#include "fisherpoint/numbers/dual.hpp"
+#include "fisherpoint/numbers/shelves.hpp"
+
+namespace fisherpoint {
+
+// The entries of f_x and f_theta that S' needs: f_x row by row, f_theta column by column.
+template <class M, class P>
+struct Jacobian {
+  Numbers<P, std::remove_const_t<decltype(Dependence<M>::by_state)>> by_state;
+  Numbers<P, std::remove_const_t<decltype(Dependence<M>::by_theta)>> by_theta;
+};
+
+// S, column by column, without its zeros.
+template <class M, class P>
+using Columns = Numbers<P, std::remove_const_t<decltype(Dependence<M>::in_columns)>>;
+
+template <class M, class P>
+class VariationalEquation : public Shape<M> {
+  using Plain = StateEquation<M, P>;
+  static constexpr int n_x = sizes<M>::states, p = sizes<M>::parameters;
+
+ public:
+  using Side = typename Plain::Side;
+  using Theta = typename Plain::Theta;
+  using Input = typename Plain::Input;
+  using State = typename Plain::State;
+
+ private:
+  static auto dynamics_of(const M& model, const Theta& theta) { return model.dynamics(as_variables<n_x, p, P>(theta)); }
+  using Dynamics = decltype(dynamics_of(std::declval<const M&>(), std::declval<const Theta&>()));
+
+ public:
+  static constexpr Dependence<M> dependence{};
+
+  VariationalEquation(const M& model, const Theta& theta, const Input& u)
+      : model_(model), theta_(theta), u_(u), dynamics_(dynamics_of(model, theta)) {}
+
+  static constexpr double inverse_scale(int i) { return 1.0 / M::states[i].scale; }
+
+  // f and its Jacobian in x.
+  void linearise(const State& x, const Side& side, State& dx, Jacobian<M, P>& jacobian) const {
+    const auto f = dynamics_(as_variables<0, n_x, P>(x), u_, side);
+    for_each_index<n_x>([&](auto i) {
+      const auto& f_i = std::get<i>(f);
+      constexpr auto coupled = dependence.coupled(i);
+      dx[i] = value_of(f_i);
+      for_each_variable(coupled, [&](auto k) {
+        jacobian.by_state[dependence.state_start[i] + detail::below(coupled, k)] = slope_of<k, P>(f_i);
+      });
+      for_each_variable(dependence.parameters_of(i), [&](auto j) {
+        jacobian.by_theta[dependence.theta_start[j] + detail::below(dependence.driven(j), i)] = slope_of<n_x + j, P>(f_i);
+      });
+    });
+  }
+
+  // y = g, and dy/dtheta = g_x S + g_theta, (n_y, p) row by row.
+  void output(const State& x, const Columns<M, P>& s, typename Plain::Output& y, ShelfVector<P>& dy_dtheta) const {
+    const auto g = model_.output(as_variables<0, n_x, P>(x), u_, as_variables<n_x, p, P>(theta_));
+    for_each_index(Shape<M>::outputs, [&](auto i) {
+      const auto& g_i = std::get<i>(g);
+      y[i] = value_of(g_i);
+      for_each_index<p>([&](auto j) {
+        P sum = slope_of<n_x + j, P>(g_i);
+        for_each_index<n_x>([&](auto k) {
+          if constexpr (dependence.depends(k, j) && ((variables_of<std::remove_cvref_t<decltype(g_i)>> >> k) & 1))
+            sum += slope_of<k, P>(g_i) * s[dependence.column_start[j] + detail::below(dependence.rows(j), k)];
+        });
+        dy_dtheta[i * p + j] = sum;
+      });
+    });
+  }
+
+ private:
+  M model_;
+  Theta theta_;
+  Input u_;
+  Dynamics dynamics_;
+};
+
+}  // namespace fisherpoint

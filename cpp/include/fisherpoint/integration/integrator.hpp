@@ -1,0 +1,424 @@
+// The stepping loop: one for every number type and every equation.
+//
+// Each lane has its own time, step and status, so a trajectory's result does not depend on what shares its pack. A step is
+// tried with the sides of all surfaces held (model.hpp). It is taken if its embedded error is within the tolerance and if
+// every surface stays on its side all along the step's quartic interpolant (quartic.hpp). Otherwise
+//   a kink whose sign changed    the step is tried again so as to end on the kink; there the side is turned;
+//   a jump or a domain limit     ends the trajectory with its status;
+//   no change of sign, no proof  half the step is tried.
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "fisherpoint/integration/runge_kutta.hpp"
+#include "fisherpoint/integration/status.hpp"
+#include "fisherpoint/integration/tolerance.hpp"
+#include "fisherpoint/models/shape.hpp"
+#include "fisherpoint/numbers/pack.hpp"
+#include "fisherpoint/numbers/quartic.hpp"
+#include "fisherpoint/numbers/shelves.hpp"
+#include "fisherpoint/numbers/unroll.hpp"
+
+namespace fisherpoint {
+
+// A step that the lanes of a pack took together; of size 0 in the lanes that took none.
+template <class Equation>
+struct Step {
+  typename Equation::Number size;
+  typename Equation::Side side;
+};
+
+template <class Equation>
+using Steps = ShelfVector<Step<Equation>>;
+
+template <class P>
+struct Outcome {
+  std::array<Status, lanes_of<P>::width> status{};
+  P first_step{0.0};  // the first step that was taken: a good start for a similar trajectory
+  P next_step{0.0};   // what step control would try next: a good start for the trajectory's continuation
+  int attempts = 0;   // of the slowest lane
+};
+
+// A trajectory next to a limit leaves the domain if at its rate it would be there within this share of its duration.
+inline constexpr double brink = 1e-5;
+
+// A start is on a kink to rounding if it is as near to it as this share of how far the step goes past it.
+inline constexpr double rounding = 1e-10;
+
+// On which side of a kink f is taken does not matter for this share of the duration: f is continuous there.
+inline constexpr double brief = 1e-9;
+
+// A surface's value is nothing but rounding where it is below this share of what it changes by if a state is taken twice.
+inline constexpr double noise = 1e-13;
+
+// An embedded error changes its sign at some steps, next to which it says nothing, with few states more often; and behind a
+// kink where f rises like t^1.5, that of order 5(4) is a tenth of the error itself. By the coarse solution the error is not
+// below this times its square, both relative to x: smooth problems have ten to a hundred times more, at the step where the
+// estimate is the tolerance.
+inline constexpr double least_error = 0.004;
+
+// From one step to the next, what the error asks for grows by no more than this. Of 10^5 trajectories of x' = p x (1 - x) +
+// cos(20 x) one in a thousand was off by more than a hundred tolerances without; with it, fewer steps are tried.
+inline constexpr double most_wished = 1.3;
+
+template <class Equation, class Method>
+class Integrator {
+  using P = typename Equation::Number;
+  using Lanes = lanes_of<P>;
+  using Mask = typename Lanes::mask;
+  using State = typename Equation::State;
+  using Side = typename Equation::Side;
+  using Surfaces = typename Equation::Surfaces;
+  static constexpr int last = Method::stages - 1;  // the stage at the step's end
+  static constexpr double infinity = std::numeric_limits<double>::infinity();
+
+ public:
+  Integrator(const Equation& equation, const Tolerance& tolerance)
+      : f_(equation),
+        tolerance_(tolerance),
+        weight_(1.0 / (local_share * tolerance.relative * local_share * tolerance.relative)),
+        landing_(0.1 * std::sqrt(tolerance.relative)) {
+    for (State& rates : stage_) fit(rates, f_.states);
+    fit(end_, f_.states);
+    fit(side_, f_.sides);
+    fit(landed_, f_.sides);
+    fit(along_, f_.surfaces);
+  }
+
+  // Integrates y over `duration`; a lane of duration 0 rests. On return y is the end state or, where the status is not ok, the
+  // last state that was reached. Where `first_step` is 0 the integrator chooses it. The steps that are taken are added to
+  // `steps`.
+  Outcome<P> run(State& y, const P& duration, const P& first_step, Steps<Equation>* steps = nullptr);
+
+ private:
+  FISHERPOINT_HOT void begin(const State& y, const P& duration, const P& first_step) {
+    outcome_ = {};
+    running_ = duration > P(0.0);
+    time_ = P(0.0);
+    cap_ = wished_ = P(infinity);
+    rejected_ = broken_ = Lanes::none();
+    value_ = f_.surface_values(y);
+    // A start on a kink belongs to the side that it moves to; the sign of its rate needs some side first.
+    for_each_index(f_.sides, [&](auto m) { side_[m] = select(value_[m] < P(0.0), P(-1.0), P(1.0)); });
+    f_.derivative(y, side_, stage_[0]);
+    rate_ = f_.surface_rates(y, stage_[0]);
+    Mask outside = Lanes::none(), on_jump = Lanes::none();
+    const auto on_it = [&](int m) { return !((value_[m] < P(0.0)) | (value_[m] > P(0.0))); };
+    for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { on_jump = on_jump | on_it(m); });
+    for_each_index(f_.jumps_end, f_.kinks_end,
+                   [&](auto m) { side_[m] = select(on_it(m) & (rate_[m] < P(0.0)), P(-1.0), side_[m]); });
+    for_each_index(f_.kinks_end, f_.sides, [&](auto m) { outside = outside | on_it(m); });
+    for_each_index(f_.sides, f_.surfaces, [&](auto m) { outside = outside | !(value_[m] > P(0.0)); });
+    stop(running_ & outside, Status::left_domain);
+    stop(running_ & on_jump, Status::met_jump);
+    step_size_ = f_.states == 0 ? duration : min(select(first_step > P(0.0), first_step, starting_step(y)), duration);
+  }
+
+  // The starting step of Hairer, Norsett, Wanner, section II.4, from the states alone. States that start at zero, or next to
+  // it, are taken as a thousandth of their scales.
+  P starting_step(const State& y) {
+    const P size = squared_weight() * max(f_.squared_size(y), P(1e-6)), slope = squared_weight() * f_.squared_size(stage_[0]);
+    const P probe = 0.01 * sqrt(size / (slope + 1e-300));
+    State ahead = y, change;
+    fit(change, f_.states);
+    for_each_index(f_.states, [&](auto i) { ahead[i] += probe * stage_[0][i]; });
+    f_.derivative(ahead, side_, change);
+    for_each_index(f_.states, [&](auto i) { change[i] -= stage_[0][i]; });
+    const P bend = squared_weight() * f_.squared_size(change) / (probe * probe + 1e-300);
+    const P step = inverse_root(1e4 * max(slope, bend) * max(slope, bend) + 1e-300);
+    return select(step > P(0.0), min(100.0 * probe, step), probe);
+  }
+
+  P squared_weight() const { return P(weight_); }
+
+  // Of a squared error, the factor by which a step may be longer: both methods' estimates fall faster than the step's
+  // power of five and eight.
+  static P inverse_root(const P& squared_error) {
+    return rough_inverse_root(squared_error, std::integral_constant<int, 2 * Method::order>{});
+  }
+
+  // Tries one step of every running lane: the stages, the end, its error, and the surfaces at the middle and the end.
+  FISHERPOINT_HOT void attempt(const State& y, const P& duration) {
+    const P remaining = duration - time_, wanted = min(step_size_, cap_);
+    ends_ = remaining <= wanted * (1.0 + 1e-9);
+    step_ = select(running_, select(ends_, remaining, wanted), P(0.0));
+    for_each_index(counted<Equation, last>(), [&](auto previous) {
+      const auto s = after(previous);
+      for_each_index(f_.states, [&](auto i) { end_[i] = y[i] + step_ * weighted_sum(s, Method::a[s], stage_, i); });
+      f_.derivative(end_, side_, stage_[s]);
+    });
+    State error, middle;
+    fit(error, f_.states);
+    fit(middle, f_.states);
+    for_each_index(f_.states,
+                   [&](auto i) { error[i] = step_ * weighted_sum(counted<Equation, last + 1>(), Method::error, stage_, i); });
+    squared_error_ = squared_weight() * f_.squared_size(error);
+    for_each_index(f_.states, [&](auto i) {
+      error[i] = end_[i] - y[i] - step_ * weighted_sum(counted<Equation, last>(), Method::coarse, stage_, i);
+    });
+    const P coarse = f_.squared_size(error);
+    squared_error_ = Method::squared_error(squared_error_, squared_weight() * coarse);
+    const P size = f_.squared_size(y) + f_.squared_size(end_) + 1e-300;
+    const P least = (least_error * least_error) * squared_weight() * coarse * coarse / size;
+    squared_error_ = select(least > squared_error_, least, squared_error_);  // which stays NaN where it is
+    for_each_index(f_.states, [&](auto i) {
+      middle[i] = 0.5 * (y[i] + end_[i]) + step_ * (0.125 * (stage_[0][i] - stage_[last][i]) +
+                                                    weighted_sum(counted<Equation, last + 1>(), Method::bow, stage_, i));
+    });
+    const Surfaces middle_value = f_.surface_values(middle);
+    end_value_ = f_.surface_values(end_);
+    end_rate_ = f_.surface_rates(end_, stage_[last]);
+    const auto along = [&](int m, const P& side) {
+      along_[m] = Quartic<P>::through(side * value_[m], side * step_ * rate_[m], side * middle_value[m], side * end_value_[m],
+                                      side * step_ * end_rate_[m]);
+    };
+    for_each_index(Count<0>{}, f_.sides, [&](auto m) { along(m, side_[m]); });
+    for_each_index(f_.sides, f_.surfaces, [&](auto m) { along(m, P(1.0)); });
+  }
+
+  // Decides about the tried step, takes it where it is good, and chooses the next one.
+  FISHERPOINT_HOT void control(State& y, const P& duration) {
+    const P zero(0.0);
+    const Mask good = running_ & (squared_error_ <= P(1.0));  // false where the error is NaN
+
+    Mask to_kink = Lanes::none(), stopped = Lanes::none(), unsure = Lanes::none(), lands = Lanes::none();
+    P next_cap(infinity);
+    const Mask short_step = step_ <= brief * duration;
+    for_each_index(f_.surfaces, [&](auto m) {
+      const Quartic<P>& h = along_[m];
+      Mask crossed = good & !(h.b4 > zero), unclear = good & !crossed & !h.clear();
+      if (m >= f_.jumps_end && m < f_.kinks_end) {
+        const P slope = 4.0 * (h.b4 - h.b3);  // of the whole step
+        // A start along the kink, or at rest on it, belongs to the side where the step ends; f has no jump there.
+        const Mask along = good & !(abs(value_[m]) + abs(rate_[m]) > zero);
+        // So does a start that rounding has put next to the kink, from where the kink cannot be landed on.
+        const Mask next_to = good & (h.b0 <= -rounding * h.b4) & ((h.b1 < h.b0) | (h.b1 <= zero));
+        const Mask wrong = (along | next_to) & (h.b4 < zero);
+        side_[m] = select(wrong, -side_[m], side_[m]);
+        landed_[m] =
+            good & !along & !wrong & !(ends_ & (h.b4 > zero)) & ((abs(h.b4) <= -landing_ * slope) | (crossed & short_step));
+        crossed = crossed & !landed_[m] & !along & !wrong;
+        unclear = unclear & !along & !short_step;
+        if (any(crossed | unclear)) {
+          const Mask heard = !drowned(m, y);
+          crossed = crossed & heard;
+          unclear = unclear & heard;
+          next_cap = select(crossed, min(next_cap, h.zero() * step_), next_cap);
+        }
+        unclear = unclear | wrong;
+        lands = lands | landed_[m];
+        to_kink = to_kink | crossed;
+      } else {
+        stopped = stopped | crossed;
+      }
+      unsure = unsure | unclear;
+    });
+    // Past a pole f has values again: where a step may have reached it, no stage may be past it. x' = 1 / (2 - x) reaches 2 in
+    // half the time that the straight line takes.
+    Mask nearing = Lanes::none();
+    for_each_index(f_.kinks_end, f_.sides,
+                   [&](auto m) { nearing = nearing | (good & (min(along_[m].b1, along_[m].b4) < 0.87 * along_[m].b0)); });
+    if (any(nearing)) unsure = unsure | (nearing & past_pole(y));
+    if (!tolerance_.cross_kinks && any(to_kink | lands)) {
+      stop((to_kink | lands) & !stopped, Status::met_kink);
+      to_kink = lands = Lanes::none();
+    }
+    stopped = stopped & !to_kink;  // what lies past a kink is seen from the kink
+    if (any(stopped)) stop_crossed(stopped);
+    unsure = unsure & !to_kink;
+    next_cap = select(unsure, 0.5 * step_, next_cap);
+
+    const Mask taken = good & running_ & !to_kink & !unsure;
+    if (any(lands & taken)) settle(taken);
+    const Mask bad = running_ & !good;
+    if (any(running_ & !taken)) stop_stuck(running_ & !taken & (step_ <= 1e-13 * duration), duration);
+
+    // Step control: error per step, never twice up and down in a row. An estimate that vanishes by chance asks for a step that
+    // the one before did not.
+    const P wish = min(0.9 * inverse_root(squared_error_ + 1e-20), most_wished * wished_ / step_);
+    const P wished =
+        select(step_ < step_size_, max(wish * step_, wished_), wish * step_);  // one that was cut short says little
+    wished_ = select(running_ & (squared_error_ < P(infinity)), wished, wished_);
+    const P longest = select(rejected_, P(1.0), P(Method::most_growth));
+    const P factor = min(max(select(squared_error_ < P(1e100), wish, zero), P(0.2)), longest);
+    const P grown = factor * step_;
+    step_size_ = select(bad, min(grown, 0.9 * step_),
+                        select(taken, select(step_ < step_size_, max(grown, step_size_), grown), step_size_));
+    rejected_ = (bad | (rejected_ & !taken)) & running_;
+    broken_ = broken_ | (bad & !(squared_error_ < P(infinity)));
+    cap_ = select(taken, P(infinity), select(bad, cap_, next_cap));
+    outcome_.first_step = select(taken & (time_ <= zero), step_, outcome_.first_step);
+
+    time_ = select(taken, time_ + step_, time_);
+    for_each_index(f_.states, [&](auto i) {
+      y[i] = select(taken, end_[i], y[i]);
+      stage_[0][i] = select(taken, stage_[last][i], stage_[0][i]);
+    });
+    for_each_index(f_.surfaces, [&](auto m) {
+      value_[m] = select(taken, end_value_[m], value_[m]);
+      rate_[m] = select(taken, end_rate_[m], rate_[m]);
+    });
+    if (steps_) steps_->push_back({select(taken, step_, zero), side_});
+    running_ = running_ & !(taken & ends_);
+    if (any(lands & taken & running_)) turn(y, taken);
+    if (any(broken_ & running_)) approach_limits(duration);
+  }
+
+  // Moves the ends of steps that landed next to a kink onto it, along the slope there: an error of the second order.
+  [[gnu::noinline]] void settle(const Mask& taken) {
+    for_each_index(f_.jumps_end, f_.kinks_end, [&](auto m) {
+      const P newton = -end_value_[m] / end_rate_[m];
+      const P rest = select(landed_[m] & taken & (abs(newton) <= 0.5 * step_), newton, P(0.0));  // none at a rate next to zero
+      for_each_index(f_.states, [&](auto i) { end_[i] += rest * stage_[last][i]; });
+      step_ += rest;
+      ends_ = ends_ & !(rest < P(0.0));  // the trajectory goes on behind the kink
+    });
+  }
+
+  // Turns the sides of the kinks that were landed on, and takes stage 1 anew; the other lanes keep theirs to the last bit.
+  [[gnu::noinline]] void turn(const State& y, const Mask& taken) {
+    Mask turned = Lanes::none();
+    for_each_index(f_.jumps_end, f_.kinks_end, [&](auto m) {
+      const Mask here = landed_[m] & taken & running_;
+      side_[m] = select(here, -side_[m], side_[m]);
+      turned = turned | here;
+    });
+    State fresh;
+    fit(fresh, f_.states);
+    f_.derivative(y, side_, fresh);
+    for_each_index(f_.states, [&](auto i) { stage_[0][i] = select(turned, fresh[i], stage_[0][i]); });
+    const Surfaces value = f_.surface_values(y), rate = f_.surface_rates(y, stage_[0]);
+    for_each_index(f_.surfaces, [&](auto m) {
+      value_[m] = select(turned, value[m], value_[m]);
+      rate_[m] = select(turned, rate[m], rate_[m]);
+    });
+  }
+
+  // Where a surface's value all along the step is nothing but the rounding of the states that it reads.
+  [[gnu::noinline]] Mask drowned(auto m, const State& y) {
+    State one;
+    fit(one, f_.states);
+    one.fill(P(0.0));
+    P size(0.0);
+    for_each_index(f_.states, [&](auto i) {
+      one[i] = y[i];
+      size += abs(f_.surface_rates(y, one)[m]);
+      one[i] = P(0.0);
+    });
+    const Quartic<P>& h = along_[m];
+    return max(max(abs(h.b0), abs(h.b2)), abs(h.b4)) <= noise * size;
+  }
+
+  // Where a stage of the step is past a pole.
+  [[gnu::noinline]] Mask past_pole(const State& y) {
+    Mask past = Lanes::none();
+    State at;
+    fit(at, f_.states);
+    for_each_index(counted<Equation, last>(), [&](auto previous) {
+      const auto s = after(previous);
+      for_each_index(f_.states, [&](auto i) { at[i] = y[i] + step_ * weighted_sum(s, Method::a[s], stage_, i); });
+      const Surfaces value = f_.surface_values(at);
+      for_each_index(f_.kinks_end, f_.sides, [&](auto m) { past = past | !(side_[m] * value[m] > P(0.0)); });
+    });
+    return past;
+  }
+
+  void stop(const Mask& lanes, Status status) {
+    if (!any(lanes)) return;
+    for (int lane = 0; lane < Lanes::width; ++lane)
+      if (Lanes::get(lanes, lane)) outcome_.status[lane] = status;
+    running_ = running_ & !lanes;
+  }
+
+  // A jump or a limit was crossed; where both, the one whose secant falls through zero first.
+  [[gnu::noinline]] void stop_crossed(const Mask& lanes) {
+    P first(infinity);
+    Mask by_jump = Lanes::none();
+    for_each_index(f_.surfaces, [&](auto m) {
+      if (m >= f_.jumps_end && m < f_.kinks_end) return;
+      const P at = along_[m].b0 / (along_[m].b0 - along_[m].b4);
+      const Mask earlier = !(along_[m].b4 > P(0.0)) & (at < first);
+      first = select(earlier, at, first);
+      by_jump = m < f_.jumps_end ? by_jump | earlier : by_jump & !earlier;
+    });
+    stop(lanes & by_jump, Status::met_jump);
+    stop(lanes & !by_jump, Status::left_domain);
+  }
+
+  // Past a limit the stages are NaN. Where that has happened, a step goes most of the way to where the straight line from here
+  // leaves the domain; what is next to it leaves.
+  [[gnu::noinline]] void approach_limits(const P& duration) {
+    const P reach = to_limits();
+    stop(broken_ & running_ & (reach <= brink * duration), Status::left_domain);
+    step_size_ = select(broken_, min(step_size_, 0.9 * reach), step_size_);
+  }
+
+  // The time in which the straight line from here leaves the domain.
+  P to_limits() const {
+    P reach(infinity);
+    const auto approach = [&](int m, const P& side) {
+      reach = min(reach, select(side * rate_[m] < P(0.0), -value_[m] / rate_[m], P(infinity)));
+    };
+    for_each_index(f_.kinks_end, f_.sides, [&](auto m) { approach(m, side_[m]); });
+    for_each_index(f_.sides, f_.surfaces, [&](auto m) { approach(m, P(1.0)); });
+    return reach;
+  }
+
+  // No step is small enough: the trajectory touches a jump or a limit, or its error stays too large.
+  [[gnu::noinline]] void stop_stuck(const Mask& lanes, const P& duration) {
+    const Mask good = squared_error_ <= P(1.0), finite = squared_error_ < P(infinity);
+    for_each_index(f_.surfaces, [&](auto m) {
+      if (m >= f_.jumps_end && m < f_.kinks_end) return;
+      stop(lanes & good & running_ & !along_[m].clear(), m < f_.jumps_end ? Status::met_jump : Status::left_domain);
+    });
+    stop(lanes & finite & running_ & (to_limits() <= brink * duration), Status::left_domain);  // as at a pole, which f rises to
+    stop(lanes & finite & running_, Status::step_limit);
+    stop(lanes & !finite & running_, Status::not_finite);
+  }
+
+  const Equation& f_;
+  Tolerance tolerance_;
+  double weight_;
+  double landing_;  // how near to a kink a step must end to be moved onto it, as a share of the step
+  Outcome<P> outcome_;
+  Steps<Equation>* steps_ = nullptr;
+
+  // Where the lanes are.
+  Mask running_, rejected_;   // rejected: the last try failed its error test
+  Mask broken_;               // a try was not finite
+  P time_, step_size_, cap_;  // cap: a limit for the next try alone
+  P wished_;                  // the size that the error of the last try asked for
+  Side side_;
+  Surfaces value_, rate_;  // of the surfaces at the start of the step, rates per second
+
+  // The step that is tried.
+  Mask ends_;  // it reaches the end of the trajectory
+  P step_, squared_error_;
+  State stage_[Method::stages], end_;
+  Surfaces end_value_, end_rate_;
+  // Of every surface along the step, positive on its own side; and where the step ends next to a kink.
+  Retyped<Surfaces, Quartic<P>> along_;
+  Retyped<Side, Mask> landed_;
+};
+
+// Not inline: where an explicit instantiation is declared, nothing of the integrator is compiled.
+template <class Equation, class Method>
+auto Integrator<Equation, Method>::run(State& y, const P& duration, const P& first_step, Steps<Equation>* steps) -> Outcome<P> {
+  steps_ = steps;
+  begin(y, duration, first_step);
+  while (any(running_)) {
+    if (++outcome_.attempts > tolerance_.max_attempts) {
+      stop(running_, Status::step_limit);
+      break;
+    }
+    attempt(y, duration);
+    control(y, duration);
+  }
+  outcome_.next_step = step_size_;
+  return outcome_;
+}
+
+}  // namespace fisherpoint

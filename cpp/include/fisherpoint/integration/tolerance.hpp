@@ -1,0 +1,29 @@
+// How exactly trajectories are integrated, and by which method.
+#pragma once
+
+#include "fisherpoint/integration/dormand_prince.hpp"
+#include "fisherpoint/integration/dormand_prince_853.hpp"
+
+namespace fisherpoint {
+
+enum class MethodName { fastest, RK45, DOP853 };
+
+// f(the method). DOP853 is the faster one at every tolerance that we tried (docs/studies/performance.md): an embedded pair of
+// order eight gains so much from ending its steps on the kinks.
+auto with_method(MethodName name, auto&& f) {
+  if (name == MethodName::RK45) return f(DormandPrince{});
+  return f(DormandPrince853{});
+}
+
+struct Tolerance {
+  double relative = 1e-6;    // of x(dt), in units of the states' scales
+  int max_attempts = 20000;  // tried steps of one trajectory
+  bool cross_kinks = true;   // false: a kink ends the trajectory as met_kink
+  MethodName method = MethodName::fastest;
+  bool whole_first = false;  // of sensitivities: the first step tried is the whole trajectory, for pieces that are short
+};
+
+// The local error of a step is held this far below the requested tolerance, so that the global error meets it.
+inline constexpr double local_share = 0.7;
+
+}  // namespace fisherpoint

@@ -1,0 +1,25 @@
+// The models that kernels are compiled for, and how many lanes they work on at a time.
+#pragma once
+
+#include "fisherpoint/equations/state_equation.hpp"
+#include "fisherpoint/equations/tape_equations.hpp"
+#include "fisherpoint/integration/integrator.hpp"
+#include "fisherpoint/models/hydraulic_cylinder.hpp"
+#include "fisherpoint/numbers/pack.hpp"
+
+namespace fisherpoint {
+
+template <class M>
+inline constexpr int lanes_for = native_lanes;
+// Enough for the arithmetic to outweigh the decoding of an operation, few enough for the registers to stay in the cache.
+template <>
+inline constexpr int lanes_for<TapeModel> = native_lanes < 8 ? 8 * native_lanes : 32;
+
+#if defined(FISHERPOINT_MODEL)
+// Compiled once, in cpp/src/integrator.cpp: they are most of what a kernel takes to compile.
+using KernelEquation = StateEquation<FISHERPOINT_MODEL, Pack<lanes_for<FISHERPOINT_MODEL>>>;
+extern template class Integrator<KernelEquation, DormandPrince>;
+extern template class Integrator<KernelEquation, DormandPrince853>;
+#endif
+
+}  // namespace fisherpoint

@@ -1,0 +1,89 @@
+// Arrays of experiment points as the kernels take them, row-major, and their way into packs and back.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <numeric>
+#include <span>
+#include <vector>
+
+#include "fisherpoint/integration/status.hpp"
+#include "fisherpoint/kernels/workers.hpp"
+#include "fisherpoint/models/shape.hpp"
+#include "fisherpoint/numbers/lanes.hpp"
+
+namespace fisherpoint {
+
+struct Points {
+  std::size_t count;
+  const double *x0, *u, *dt;  // (count, n_x), (count, n_u), (count,)
+};
+
+struct Parameters {
+  const double* theta;  // (p,) for all points, or (count, p)
+  bool per_point;
+
+  const double* of(std::size_t point, int p) const { return per_point ? theta + point * p : theta; }
+};
+
+// Lanes = points[rows[0]], points[rows[1]], ...; the lanes behind the last rest.
+template <class M, class P>
+struct PointPack {
+  static constexpr int width = lanes_of<P>::width;
+  typename ArraysOf<M, P>::States x0;
+  typename ArraysOf<M, P>::Inputs u;
+  typename ArraysOf<M, P>::Parameters theta;
+  P dt{0.0};
+  int used;
+
+  PointPack(const Shape<M>& shape, const Points& points, const Parameters& parameters, std::span<const std::size_t> rows)
+      : used(static_cast<int>(rows.size())) {
+    fit(x0, shape.states);
+    fit(u, shape.inputs);
+    fit(theta, shape.parameters);
+    for (int lane = 0; lane < width; ++lane) {
+      const std::size_t k = rows[std::min(lane, used - 1)];
+      set_lane(x0, lane, points.x0 + k * shape.states);
+      set_lane(u, lane, points.u + k * shape.inputs);
+      set_lane(theta, lane, parameters.of(k, shape.parameters));
+      lanes_of<P>::set(dt, lane, lane < used ? points.dt[k] : 0.0);
+    }
+  }
+};
+
+// Where trajectories ended, how, and what was measured there, into the rows of `out`. With an end or outputs that are not
+// finite a trajectory is not ok; numbers that are not finite become zero.
+template <class P>
+void store_ends(const auto& x, const auto& y, const auto& status, std::span<const std::size_t> rows, const auto& out) {
+  const mask_of_lanes<P> whole = finite<P>(x) & finite<P>(y);
+  for (int lane = 0; lane < static_cast<int>(rows.size()); ++lane) {
+    double* const end = out.x + rows[lane] * x.size();
+    double* const outputs = out.y + rows[lane] * y.size();
+    get_lane(x, lane, end);
+    get_lane(y, lane, outputs);
+    out.status[rows[lane]] = status[lane];
+    if (lanes_of<P>::get(whole, lane)) continue;
+    const auto overflowed = [](double number) { return !std::isfinite(number); };
+    std::replace_if(end, end + x.size(), overflowed, 0.0);
+    std::replace_if(outputs, outputs + y.size(), overflowed, 0.0);
+    if (status[lane] == Status::ok) out.status[rows[lane]] = Status::not_finite;
+  }
+}
+
+// work(rows) for all points in packs of `width`, in the given order.
+inline void in_packs(const Workers& workers, std::span<const std::size_t> order, std::size_t width, auto&& work) {
+  workers.for_each((order.size() + width - 1) / width,
+                   [&](std::size_t item) { work(order.subspan(item * width, std::min(width, order.size() - item * width))); });
+}
+
+// The points' numbers, by increasing duration: what takes alike many steps shares a pack.
+inline std::vector<std::size_t> by_duration(const Points& points) {
+  std::vector<std::size_t> order(points.count);
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](auto a, auto b) { return points.dt[a] < points.dt[b]; });
+  return order;
+}
+
+}  // namespace fisherpoint

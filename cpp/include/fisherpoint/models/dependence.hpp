@@ -1,0 +1,198 @@
+// What depends on what in a model: which entries f_x, f_theta and S have at all, whatever the numbers.
+//
+// Of a compiled model the types tell (dual.hpp), so all of this is known to the compiler. Sets of variables are bit masks.
+#pragma once
+
+#include <array>
+#include <bit>
+
+#include "fisherpoint/models/shape.hpp"
+#include "fisherpoint/numbers/dual.hpp"
+
+namespace fisherpoint {
+
+// A set that is known to the compiler.
+template <Variables M>
+using Set = std::integral_constant<Variables, M>;
+
+// f(k) for every k in a set of either kind.
+template <Variables M>
+void for_each_variable(Set<M>, auto&& f) {
+  for_each_variable<M>(f);
+}
+void for_each_variable(Variables set, auto&& f) {
+  for (; set; set &= set - 1) f(std::countr_zero(set));
+}
+
+template <Variables A, Variables B>
+constexpr Set<(A & B)> both(Set<A>, Set<B>) {
+  return {};
+}
+constexpr Variables both(Variables a, Variables b) { return a & b; }
+
+namespace detail {
+
+// The numbers below n for which belongs(i).
+constexpr Variables which(int n, auto&& belongs) {
+  Variables mask = 0;
+  for (int i = 0; i < n; ++i)
+    if (belongs(i)) mask |= Variables{1} << i;
+  return mask;
+}
+
+// How many of a set are below i.
+constexpr int below(Variables set, int i) { return std::popcount(set & ((Variables{1} << i) - 1)); }
+
+// Which parameters state i depends on in the end: those that f_i reads and those of the states that it reads.
+template <class Masks>
+constexpr Masks reached_parameters(const Masks& states_read, const Masks& parameters_read, int states) {
+  Masks reached = parameters_read;
+  for (int round = 0; round < states; ++round)
+    for (int i = 0; i < states; ++i)
+      for (int k = 0; k < states; ++k)
+        if ((states_read[i] >> k) & 1) reached[i] |= reached[k];
+  return reached;
+}
+
+// Where the entries of row i begin, if the rows of an array follow each other.
+template <class Starts>
+constexpr Starts row_starts(Starts starts, int rows, auto&& row) {
+  for (int i = 0, at = 0; i < rows; at += std::popcount(row(i++))) starts[i] = at;
+  return starts;
+}
+
+}  // namespace detail
+
+template <int first, int n, class P>
+auto as_variables(const auto& values) {
+  return [&]<int... i>(std::integer_sequence<int, i...>) {
+    return std::tuple{variable<first + i>(P(values[i]))...};
+  }(std::make_integer_sequence<int, n>{});
+}
+
+template <class M>
+class Dependence {
+  static constexpr int n_x = sizes<M>::states, p = sizes<M>::parameters;
+  static_assert(n_x + p <= 64, "a mask holds 64 variables");
+
+  using X = decltype(as_variables<0, n_x, double>(std::array<double, n_x>{}));
+  using Theta = decltype(as_variables<n_x, p, double>(std::array<double, p>{}));
+  using U = std::array<double, sizes<M>::inputs>;
+  using Rates = decltype(std::declval<const M&>().dynamics(std::declval<Theta>())(
+      std::declval<X>(), std::declval<U>(), std::declval<std::array<double, sizes<M>::sides>>()));
+  using Outputs = decltype(std::declval<const M&>().output(std::declval<X>(), std::declval<U>(), std::declval<Theta>()));
+  using Switching = decltype(std::declval<const M&>().switching(std::declval<X>(), std::declval<U>(), std::declval<Theta>()));
+
+  static constexpr Variables low = (Variables{1} << n_x) - 1;
+  template <class Values, int n>
+  static constexpr auto read_by(bool parameters) {
+    return [parameters]<int... i>(std::integer_sequence<int, i...>) {
+      return std::array<Variables, n>{(parameters ? variables_of<std::tuple_element_t<i, Values>> >> n_x
+                                                  : variables_of<std::tuple_element_t<i, Values>> & low)...};
+    }(std::make_integer_sequence<int, n>{});
+  }
+  static constexpr auto states_read = read_by<Rates, n_x>(false), parameters_read = read_by<Rates, n_x>(true);
+  static constexpr auto row = detail::reached_parameters(states_read, parameters_read, n_x);
+
+  template <class Value>
+  static constexpr bool varies() {
+    if (variables_of<Value> >> n_x) return true;
+    for (int k = 0; k < n_x; ++k)
+      if (((variables_of<Value> >> k) & 1) && row[k]) return true;
+    return false;
+  }
+  static constexpr Variables rows_of(int j) {
+    return detail::which(n_x, [j](int i) { return (row[i] >> j) & 1; });
+  }
+  static constexpr Variables driven_of(int j) {
+    return detail::which(n_x, [j](int i) { return (parameters_read[i] >> j) & 1; });
+  }
+  static constexpr Variables coupled_of(int i) {
+    return detail::which(n_x, [i](int k) { return ((states_read[i] >> k) & 1) && row[k] != 0; });
+  }
+
+ public:
+  // Of column j of S: the states that depend on parameter j, and those whose f reads it.
+  template <int j>
+  static constexpr Set<rows_of(j)> rows(Count<j>) {
+    return {};
+  }
+  template <int j>
+  static constexpr Set<driven_of(j)> driven(Count<j>) {
+    return {};
+  }
+  // The parameters that f_i reads, and the states that it reads and that depend on any parameter.
+  template <int i>
+  static constexpr Set<parameters_read[i]> parameters_of(Count<i>) {
+    return {};
+  }
+  template <int i>
+  static constexpr Set<coupled_of(i)> coupled(Count<i>) {
+    return {};
+  }
+  static constexpr bool depends(int i, int j) { return (row[i] >> j) & 1; }
+  // Whether state i, output i or switching surface m depends on any parameter: a state that does not is the same for every
+  // theta, such an output has exactly no predictive variance, and such a surface is crossed at the same time. Branches on
+  // values that depend on theta do not show in derivatives: a model that has any says itself what varies.
+  static constexpr bool state_depends(int i) {
+    if constexpr (requires { M::varying_states; })
+      return M::varying_states[i];
+    else
+      return row[i] != 0;
+  }
+  template <int i>
+  static constexpr bool output_depends(Count<i>) {
+    if constexpr (requires { M::varying_outputs; })
+      return M::varying_outputs[i];
+    else
+      return varies<std::tuple_element_t<i, Outputs>>();
+  }
+  template <int m>
+  static constexpr bool switching_depends(Count<m>) {
+    if constexpr (m < sizes<M>::switching && requires { M::varying_surfaces; })
+      return M::varying_surfaces[m];
+    else if constexpr (m < sizes<M>::switching)
+      return varies<std::tuple_element_t<m, Switching>>();
+    else
+      return true;
+  }
+
+  // Where the entries are: of f_x row by row, of f_theta and of S column by column.
+  static constexpr auto state_start = detail::row_starts(std::array<int, n_x>{}, n_x, coupled_of);
+  static constexpr auto theta_start = detail::row_starts(std::array<int, p>{}, p, driven_of);
+  static constexpr auto column_start = detail::row_starts(std::array<int, p>{}, p, rows_of);
+
+ private:
+  static constexpr int total(int n, auto&& mask_of) {
+    int sum = 0;
+    for (int i = 0; i < n; ++i) sum += std::popcount(mask_of(i));
+    return sum;
+  }
+
+ public:
+  static constexpr Count<total(n_x, coupled_of)> by_state{};  // entries of f_x
+  static constexpr Count<total(p, driven_of)> by_theta{};     // of f_theta
+  static constexpr Count<total(p, rows_of)> in_columns{};     // of S
+
+  // The first of the parameters whose columns have the pattern of column j, and the next one after j that has it, or p.
+  static constexpr int leader(int j) {
+    for (int k = 0; k < j; ++k)
+      if (alike(k, j)) return k;
+    return j;
+  }
+  static constexpr int next_alike(int j) {
+    int k = j + 1;
+    while (k < p && !alike(k, j)) ++k;
+    return k;
+  }
+
+ private:
+  static constexpr bool alike(int j, int k) { return rows_of(j) == rows_of(k) && driven_of(j) == driven_of(k); }
+};
+
+template <Model M>
+Dependence<M> dependence_of(const M&) {
+  return {};
+}
+
+}  // namespace fisherpoint

@@ -1,0 +1,245 @@
+// A model given as lists of operations, which are interpreted: what a user writes in Python, at the engine's speed without a
+// compiler.
+//
+// An operation costs the same to decode whether it works on one lane or on a hundred, so the lists are run over wide packs; the
+// integrator, the plans and the variational equation are those of the compiled models. Expressions are simplified,
+// differentiated and shared in Python (fisherpoint.tape); here they are only carried out.
+#pragma once
+
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "fisherpoint/models/dependence.hpp"
+#include "fisherpoint/models/shape.hpp"
+
+namespace fisherpoint {
+
+enum class Operation : std::int32_t {
+  add,
+  sub,
+  mul,
+  div,
+  neg,
+  mul_add,  // a b + c
+  mul_sub,  // a b - c
+  sub_mul,  // c - a b
+  sqrt,
+  exp,
+  log,
+  sin,
+  cos,
+  tan,
+  asin,
+  acos,
+  atan,
+  sinh,
+  cosh,
+  tanh,
+  pow,
+  abs,
+  sign,  // -1, 0 or 1
+  min,
+  max,
+  select,  // a > 0 ? b : c
+  count
+};
+
+inline constexpr const char* operation_names[] = {"add",  "sub",  "mul", "div", "neg",  "mul_add", "mul_sub", "sub_mul", "sqrt",
+                                                  "exp",  "log",  "sin", "cos", "tan",  "asin",    "acos",    "atan",    "sinh",
+                                                  "cosh", "tanh", "pow", "abs", "sign", "min",     "max",     "select"};
+static_assert(std::size(operation_names) == static_cast<std::size_t>(Operation::count));
+
+struct Instruction {
+  Operation operation;
+  std::int32_t out, a, b, c;  // registers
+};
+
+// Registers, in this order: literals, theta, u, x, side, dx (the rate at which x moves, where the program asks for it), then
+// what is computed.
+struct Program {
+  std::vector<double> literals;
+  std::vector<Instruction> setup;  // once for a trajectory: reads neither x nor side nor dx
+  std::vector<Instruction> stage;  // once for every x
+  std::vector<std::int32_t> outputs;
+  std::int32_t registers;
+};
+
+class TapeModel;
+
+template <>
+struct Shape<TapeModel> {
+  int states, inputs, outputs, parameters;
+  int jumps_end, kinks_end, sides, surfaces;
+  template <int n>
+  using Stages = int;  // packs are so wide that unrolled loops would only overflow the instruction cache
+};
+
+// An entry of a Jacobian: the derivative of function `row` in `variable`, the states first, then the parameters.
+struct Entry {
+  int row, variable;
+};
+
+// Which states, outputs, and jumps and kinks depend on theta in whatever way, by branches too: not those without a derivative
+// alone.
+struct Varying {
+  std::vector<bool> states, outputs, surfaces;
+};
+
+template <>
+class Dependence<TapeModel> {
+ public:
+  Dependence(const Shape<TapeModel>& shape, const std::vector<Entry>& rate_entries, Varying varying)
+      : coupled_(shape.states), driven_(shape.parameters), rows_(shape.parameters), varying_(std::move(varying)) {
+    Masks parameters_read(shape.states);
+    for (const auto [i, k] : rate_entries) {
+      if (k < shape.states) {
+        coupled_[i] |= Variables{1} << k;
+      } else {
+        parameters_read[i] |= Variables{1} << (k - shape.states);
+        driven_[k - shape.states] |= Variables{1} << i;
+      }
+    }
+    row_ = detail::reached_parameters(coupled_, parameters_read, shape.states);
+    for (int j = 0; j < shape.parameters; ++j) rows_[j] = detail::which(shape.states, [&](int i) { return depends(i, j); });
+    const auto starts = [](const Masks& masks, std::vector<int>& start) {
+      int at = 0;
+      for (const Variables mask : masks) start.push_back(at), at += std::popcount(mask);
+      return at;
+    };
+    by_state = starts(coupled_, state_start);
+    by_theta = starts(driven_, theta_start);
+    in_columns = starts(rows_, column_start);
+  }
+
+  Variables rows(int j) const { return rows_[j]; }
+  Variables driven(int j) const { return driven_[j]; }
+  Variables coupled(int i) const { return coupled_[i]; }
+  bool depends(int i, int j) const { return (row_[i] >> j) & 1; }
+  bool state_depends(int i) const { return varying_.states[i]; }
+  bool output_depends(int i) const { return varying_.outputs[i]; }
+  bool switching_depends(int m) const { return varying_.surfaces[m]; }
+  int leader(int j) const { return j; }
+  int next_alike(int) const { return static_cast<int>(rows_.size()); }
+
+  int by_state, by_theta, in_columns;
+  std::vector<int> state_start, theta_start, column_start;
+
+ private:
+  using Masks = std::vector<Variables>;
+  Masks coupled_, driven_, rows_, row_;
+  Varying varying_;
+};
+
+// The surfaces' values, their rates along dx, f with its Jacobian, ...: one program each.
+struct TapePrograms {
+  Program rates, output, surfaces, surface_rates;
+  Program rate_jacobian;    // f, then the entries of f_x row by row, then those of f_theta column by column
+  Program output_jacobian;  // g, then the entries of g_x row by row, then those of g_theta column by column
+};
+
+class TapeModel {
+ public:
+  // Throws std::invalid_argument where a list does not fit the shape.
+  TapeModel(const Shape<TapeModel>& shape, std::vector<double> scales, TapePrograms programs, std::vector<Entry> rate_entries,
+            std::vector<Entry> output_entries, Varying varying);
+
+  const Shape<TapeModel>& shape() const { return shape_; }
+  const Dependence<TapeModel>& dependence() const { return dependence_; }
+  const TapePrograms& programs() const { return programs_; }
+  const std::vector<Entry>& output_entries() const { return output_entries_; }
+  double inverse_scale(int i) const { return inverse_scales_[i]; }
+
+ private:
+  Shape<TapeModel> shape_;
+  std::vector<double> inverse_scales_;
+  TapePrograms programs_;
+  std::vector<Entry> output_entries_;
+  Dependence<TapeModel> dependence_;
+};
+
+inline const Shape<TapeModel>& shape_of(const TapeModel& model) { return model.shape(); }
+inline const Dependence<TapeModel>& dependence_of(const TapeModel& model) { return model.dependence(); }
+inline double inverse_scale(const TapeModel& model, int i) { return model.inverse_scale(i); }
+
+namespace detail {
+
+inline void expect(bool holds, const std::string& what) {
+  if (!holds) throw std::invalid_argument(what);
+}
+
+// A program that reads or writes past its registers, or that spoils what its setup computed, is none.
+inline void check(const Program& program, const Shape<TapeModel>& shape, std::size_t outputs, const std::string& name) {
+  const auto setup_leaves = static_cast<std::int32_t>(program.literals.size()) + shape.parameters + shape.inputs;
+  const auto leaves = setup_leaves + 2 * shape.states + shape.kinks_end;
+  expect(program.registers >= leaves, name + ".registers: expected at least the leaves, given fewer");
+  expect(program.outputs.size() == outputs,
+         name + ".outputs: expected " + std::to_string(outputs) + ", given " + std::to_string(program.outputs.size()));
+  std::vector<bool> known(program.registers, false), kept(program.registers, false);
+  for (std::int32_t r = 0; r < leaves; ++r) kept[r] = known[r] = true;
+  for (std::int32_t r = setup_leaves; r < leaves; ++r) known[r] = false;
+  const auto run = [&](const std::vector<Instruction>& instructions) {
+    for (const Instruction& i : instructions) {
+      const bool valid = i.operation >= Operation::add && i.operation < Operation::count;
+      expect(valid, name + ": expected an operation, given " + std::to_string(static_cast<int>(i.operation)));
+      for (const auto r : {i.a, i.b, i.c})
+        expect(r >= 0 && r < program.registers && (known[r] || r == 0), name + ": expected a register that has a value");
+      expect(i.out >= 0 && i.out < program.registers && !kept[i.out], name + ": expected a register that may be written");
+      known[i.out] = true;
+    }
+  };
+  run(program.setup);
+  for (std::int32_t r = 0; r < program.registers; ++r) kept[r] = kept[r] || known[r];
+  for (std::int32_t r = setup_leaves; r < leaves; ++r) known[r] = true;
+  run(program.stage);
+  for (const auto r : program.outputs)
+    expect(r >= 0 && r < program.registers && known[r], name + ".outputs: expected registers that have a value");
+}
+
+}  // namespace detail
+
+inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> scales, TapePrograms programs,
+                            std::vector<Entry> rate_entries, std::vector<Entry> output_entries, Varying varying)
+    : shape_(shape),
+      inverse_scales_(std::move(scales)),
+      programs_(std::move(programs)),
+      output_entries_(std::move(output_entries)),
+      dependence_([&] {
+        using detail::expect;
+        const auto [n_x, n_u, n_y, p, jumps_end, kinks_end, sides, surfaces] = shape;
+        expect(n_x <= 64 && p <= 64, "model: expected at most 64 states and 64 parameters, given more");
+        expect(n_u >= 0 && n_y >= 0 && p >= 0, "model: expected numbers of inputs, outputs and parameters, given less than 0");
+        expect(0 <= jumps_end && jumps_end <= kinks_end && kinks_end <= sides && sides <= surfaces,
+               "model: expected jumps, kinks, poles and limits in this order");
+        expect(static_cast<int>(inverse_scales_.size()) == n_x, "scales: expected one for every state");
+        expect(static_cast<int>(varying.states.size()) == n_x && static_cast<int>(varying.outputs.size()) == n_y &&
+                   static_cast<int>(varying.surfaces.size()) == kinks_end,
+               "varying: expected one for every state, output, and jump and kink");
+        const auto check_entries = [&](const std::vector<Entry>& entries, int rows, const char* name) {
+          for (std::size_t e = 0; e < entries.size(); ++e) {
+            const auto [i, k] = entries[e];
+            expect(i >= 0 && i < rows && k >= 0 && k < n_x + p, std::string(name) + ": expected entries of the Jacobian");
+            if (e == 0) continue;
+            const auto [i0, k0] = entries[e - 1];
+            const bool state = k < n_x, state0 = k0 < n_x;
+            expect(state0 != state ? state0
+                   : state         ? i0 < i || (i0 == i && k0 < k)
+                                   : k0 < k || (k0 == k && i0 < i),
+                   std::string(name) + ": expected those of the states by rows, then those of the parameters by columns");
+          }
+        };
+        check_entries(rate_entries, n_x, "rate_entries");
+        check_entries(output_entries_, n_y, "output_entries");
+        detail::check(programs_.rates, shape, n_x, "rates");
+        detail::check(programs_.output, shape, n_y, "output");
+        detail::check(programs_.surfaces, shape, surfaces, "surfaces");
+        detail::check(programs_.surface_rates, shape, surfaces, "surface_rates");
+        detail::check(programs_.rate_jacobian, shape, n_x + rate_entries.size(), "rate_jacobian");
+        detail::check(programs_.output_jacobian, shape, n_y + output_entries_.size(), "output_jacobian");
+        return Dependence<TapeModel>(shape, rate_entries, std::move(varying));
+      }()) {
+  for (double& scale : inverse_scales_) scale = 1.0 / scale;
+}
+
+}  // namespace fisherpoint

@@ -1,0 +1,56 @@
+// A function along a step as the quartic through both ends, both slopes and the middle, in Bernstein form: the curve lies in
+// the hull of the coefficients, so coefficients of one sign prove that there is no zero.
+#pragma once
+
+#include "fisherpoint/numbers/pack.hpp"
+
+namespace fisherpoint {
+
+template <class P>
+struct Quartic {
+  P b0, b1, b2, b3, b4;
+
+  // Slopes are per whole step.
+  static Quartic through(const P& start, const P& start_slope, const P& middle, const P& end, const P& end_slope) {
+    const P b1 = start + 0.25 * start_slope, b3 = end - 0.25 * end_slope;
+    return {start, b1, (1.0 / 6.0) * (16.0 * middle - start - 4.0 * (b1 + b3) - end), b3, end};
+  }
+
+  P least_inside() const { return min(min(b1, b2), b3); }
+
+  // Whether the curve stays positive between its ends, with a margin for what lies beside a quartic: a quarter of what the
+  // quartic adds to the cubic through both ends.
+  auto clear() const { return least_inside() > 0.25 * abs(b2 - (1.0 / 6.0) * (4.0 * (b1 + b3) - b0 - b4)); }
+
+  // Where it falls through zero, as a share of the step, for a quartic that starts positive, or at zero and rising, and ends
+  // negative: Newton's method, kept within the bracket by bisection.
+  P zero() const {
+    const Quartic h = without_start();
+    P low(0.0), high(1.0);
+    P s = max(P(0.0), h.b0) / (max(P(0.0), h.b0) - min(h.b4, P(-1e-300)));
+    for (int i = 0; i < 8; ++i) {
+      const P r = 1.0 - s;
+      const P c0 = r * h.b0 + s * h.b1, c1 = r * h.b1 + s * h.b2, c2 = r * h.b2 + s * h.b3, c3 = r * h.b3 + s * h.b4;
+      const P d0 = r * c0 + s * c1, d1 = r * c1 + s * c2, d2 = r * c2 + s * c3;
+      const P e0 = r * d0 + s * d1, e1 = r * d1 + s * d2;
+      const P value = r * e0 + s * e1, slope = 4.0 * (e1 - e0);
+      const auto above = value > P(0.0);
+      low = select(above, s, low);
+      high = select(above, high, s);
+      const P newton = s - value / slope;
+      s = select((newton >= low) & (newton <= high), newton, 0.5 * (low + high));
+    }
+    return s;
+  }
+
+ private:
+  // Where the start is not positive, but zero or what rounding has left below it: h(s) / s as if it were zero, which has the
+  // other zeros alone.
+  Quartic without_start() const {
+    const auto at_zero = !(b0 > P(0.0));
+    return {select(at_zero, 4.0 * b1, b0), select(at_zero, b1 + 1.5 * b2, b1), select(at_zero, b2 + (2.0 / 3.0) * b3, b2),
+            select(at_zero, b3 + 0.25 * b4, b3), b4};
+  }
+};
+
+}  // namespace fisherpoint
