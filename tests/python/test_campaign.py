@@ -172,10 +172,10 @@ def test_wrong_data_are_refused_and_change_nothing(problem: fp.DesignProblem, ki
         campaign.tell(other)
     assert not campaign.history and campaign.planned is not None
     campaign.tell(data)
-    with pytest.raises(ValueError, match="given those of batch 1 once more"):
+    with pytest.raises(ValueError, match="given those of batch 1 again"):
         campaign.tell(fp.Measurements(data.points, data.y))
     more = rig(problem, 1).measure(data.points[:2])
-    with pytest.raises(ValueError, match="new measurements alone, given those of batch 1 among them once more"):
+    with pytest.raises(ValueError, match="new measurements only, given those of batch 1 among them"):
         campaign.tell(fp.Measurements.join([data, more]))
     assert len(campaign.history) == 1
     campaign.tell(more)
@@ -193,7 +193,7 @@ def test_rows_that_were_told_do_not_count_twice(problem: fp.DesignProblem) -> No
             campaign.tell(again)
     assert len(campaign.history) == 1
     # What is new at the same points, and one reading that is the same, as of a replicate that a coarse sensor cannot tell apart.
-    with pytest.warns(UserWarning, match="data: row 1 was told with batch 1 too; it counts as measured once more"):
+    with pytest.warns(UserWarning, match="data: row 1 is also in batch 1; it counts as a repeated measurement"):
         campaign.tell(fp.Measurements.join([first[:1], first[1:2], more]))
     assert len(campaign.history) == 2 and campaign.data is not None and len(campaign.data) == 9
 
@@ -286,7 +286,7 @@ def test_files_that_were_damaged_by_hand_are_refused(copy: Path) -> None:
 def test_data_that_were_changed_are_refused_and_lost_ones_written_again(copy: Path, saved: Path) -> None:
     path = copy / "data_1.csv"
     path.write_text(path.read_text().replace("0", "1", 1))
-    with pytest.raises(ValueError, match=r"data_1.csv: expected the data that were told, given a file that was changed"):
+    with pytest.raises(ValueError, match=r"data_1.csv: expected the data as they were read, given a file that was changed"):
         fp.Campaign.load(copy)
     path.unlink()
     fp.Campaign.load(copy)

@@ -167,7 +167,7 @@ MISTAKES = {
     "parameters": (
         "seed = 0 ",
         'parameters = ["a_tau", "mq"] ',
-        "design.parameters: expected names out of a_tau, b_tau, m_q, E_oil, p_t, B_v, c_L, V_0A, V_0B "
+        "design.parameters: expected names from a_tau, b_tau, m_q, E_oil, p_t, B_v, c_L, V_0A, V_0B "
         '(did you mean "m_q"?), given "mq"',
     ),
     "table": (

@@ -139,7 +139,7 @@ def test_the_json_is_strict_and_tells_versions(saved: Path) -> None:
 def test_a_truncated_file_is_one_clear_error(share: float, saved: Path) -> None:
     text = (saved / "design.json").read_text().rstrip()
     (saved / "design.json").write_text(text[: int(share * len(text))])
-    with pytest.raises(ValueError, match=r"design\.json: expected a whole JSON file, given one that ends or breaks"):
+    with pytest.raises(ValueError, match=r"design\.json: expected a whole JSON file, given one that is cut off or malformed"):
         fp.Design.load(saved)
 
 

@@ -195,7 +195,7 @@ def test_starts_of_records_that_would_share_a_name_are_refused() -> None:
     model = fp.SymbolicModel(["-k*x", "-k*x_2"], ["x"], {"x": "1", "x_2": "1"}, {}, {"k": "1/s"}, {"y": "1"}, nominal={"k": 1.0})
     record = fp.Record([0.0, 1.0, 2.0], np.empty((3, 0)), [1.0, 0.4, 0.1])
     fp.estimate(model, record, noise_std={"y": 0.1})
-    with pytest.raises(ValueError, match=r"^states: expected names by which starts .* given two called 'x0_x_2'"):
+    with pytest.raises(ValueError, match=r"^states: expected different names for the starts .* given two called 'x0_x_2'"):
         fp.estimate(model, [record, record], noise_std={"y": 0.1})
 
 

@@ -302,7 +302,7 @@ def test_a_single_point_and_a_single_candidate() -> None:
 
 def test_an_empty_region_is_an_error_that_counts_the_reason() -> None:
     region = fp.ExperimentRegion(REGION, constraints=["v > 1"])
-    with pytest.raises(ValueError, match=r"region: expected points that survive, given 0 of \d+ drawn \(constraint \d+\)"):
+    with pytest.raises(ValueError, match=r"region: expected valid points, given 0 of \d+ drawn \(constraint \d+\)"):
         fp.exchange(problem(region=region), **QUICK)
 
 
@@ -310,7 +310,7 @@ def test_an_empty_region_is_an_error_that_counts_the_reason() -> None:
 def test_a_region_in_which_nothing_survives_is_an_error_that_counts_the_reasons(kind: str) -> None:
     region = fp.ExperimentRegion(REGION | {"p_A": (20.95e6, 20.99e6), "v": (-0.25, -0.2), "dt": (5e-3, 1e-2)})
     started = time.perf_counter()
-    with pytest.raises(ValueError, match=r"region: expected points that survive, given 0 of \d+ drawn \(left_domain \d+"):
+    with pytest.raises(ValueError, match=r"region: expected valid points, given 0 of \d+ drawn \(left_domain \d+"):
         fp.exchange(problem(region=region, output_covariance=kind), **QUICK)
     assert time.perf_counter() - started < 10
 
@@ -318,7 +318,7 @@ def test_a_region_in_which_nothing_survives_is_an_error_that_counts_the_reasons(
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_region_in_which_nothing_survives_on_the_grid_is_an_error(kind: str) -> None:
     region = fp.ExperimentRegion(REGION | {"p_A": (0.55e6, 0.6e6), "v": (-0.25, -0.2), "dt": (1e-5, 2e-5)})
-    with pytest.raises(ValueError, match=r"region: expected points that survive.*given 0 of"):
+    with pytest.raises(ValueError, match=r"region: expected valid points.*given 0 of"):
         fp.exchange(problem(region=region, rule=grid(p_t=3), output_covariance=kind), **QUICK)
 
 

@@ -116,7 +116,7 @@ MISTAKES = {
     "one too many": ("[model.equations]", '[model.equations]\nh3 = "1"', "model.equations.h3: expected an equation for each of h1"),
     "domain": ("h_max - h1", "h_max -", "model.domain[0]: column"),
     "twice": ('u = "V"', 'h1 = "V"', "model.inputs.h1: expected a name of its own, given one"),
-    "keyword": ('u = "V"', 'lambda = "V"', "model.inputs.'lambda': expected a name that is free"),
+    "keyword": ('u = "V"', 'lambda = "V"', "model.inputs.'lambda': expected a name that is not in use"),
     "unknown key": ("scale = 0.1", "scal = 0.1", "unknown key model.states.h2.scal; expected one of unit, scale, description"),
     "no unit": ('{ unit = "m", scale = 0.1', "{ scale = 0.1", "model.states.h2.unit: missing; expected a value"),
     "no text": ('"k2*h1**0.5 - k3*sqrt(h2)"', "3", "model.equations.h2: expected text in quotes, given 3"),

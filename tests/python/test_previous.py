@@ -145,7 +145,7 @@ def test_previous_points_that_are_none_are_counted() -> None:
     assert design.previous_left_out == {"met_jump": 2, "starts on v = 0": 1}
     assert design.n_previous == len(FIRST)
     same_information(design.evaluation, fp.evaluate_design(problem(), design.points, previous=FIRST))
-    with pytest.warns(UserWarning, match=r"previous: expected experiment points at the prior mean, left out met_jump 1"):
+    with pytest.warns(UserWarning, match=r"previous: expected points that are valid at the prior mean, left out met_jump 1"):
         fp.evaluate_design(problem(), SECOND, previous=jumping)
     text = " ".join(str(design).split())
     assert "3 experiment points beside 10 previous ones" in text

@@ -41,7 +41,7 @@ def test_slices_know_the_start_only_where_they_begin_with_it() -> None:
     with pytest.raises(TypeError, match="expected a slice, given 1"):
         r[1]  # type: ignore[index]
     for bad in (slice(None, None, 2), slice(3, None)):
-        with pytest.raises(ValueError, match="following samples"):
+        with pytest.raises(ValueError, match="consecutive samples"):
             r[bad]
 
 

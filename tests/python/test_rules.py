@@ -251,9 +251,9 @@ def test_the_default_is_the_sparse_rule_of_level_2() -> None:
         (lambda: fp.TensorGrid(edges=[1.0]), "edges: expected at least two ascending numbers"),
         (lambda: fp.TensorGrid(edges=[1.0, 1.0]), "edges: expected at least two ascending numbers"),
         (lambda: fp.TensorGrid(edges={"a": [0.0, float("inf")]}), r"edges\['a'\]: expected finite numbers, given inf"),
-        (lambda: fp.TensorGrid(edges=[40.0, 41.0]), "edges: expected cells that have a probability"),
-        (lambda: fp.TensorGrid(3, edges=[0.0, 1.0]), "levels: expected none beside edges, given 3"),
-        (lambda: fp.TensorGrid(span=1.0, edges=[0.0, 1.0]), "span: expected none beside edges, given 1.0"),
+        (lambda: fp.TensorGrid(edges=[40.0, 41.0]), "edges: expected cells with a probability above zero"),
+        (lambda: fp.TensorGrid(3, edges=[0.0, 1.0]), "levels: expected none together with edges, given 3"),
+        (lambda: fp.TensorGrid(span=1.0, edges=[0.0, 1.0]), "span: expected none together with edges, given 1.0"),
         (lambda: fp.TensorGrid(edges={"a": [0.0, 1.0]}).nodes(THREE), "edges: expected a value for 'b', given none"),
     ],
 )

@@ -95,7 +95,7 @@ def test_what_fails_is_counted_with_its_reason_and_not_measured() -> None:
 
 
 def test_nothing_measured_at_all_is_an_error() -> None:
-    with pytest.raises(ValueError, match="expected some of which the trajectory reaches its end, given none: left_domain 1"):
+    with pytest.raises(ValueError, match="expected at least one whose trajectory reaches its end, given none: left_domain 1"):
         rig().measure(point(p_A=1e5))
     with pytest.raises(ValueError, match="given none: no points"):
         rig().measure(POINTS[:0])

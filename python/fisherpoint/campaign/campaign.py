@@ -53,7 +53,7 @@ class Campaign(Shown):
     seed : int
         Batch k is designed with a seed that follows from this and k.
     directory : path, optional
-        Where every change is saved at once; made where needed. `Campaign.load` goes on from there.
+        Where every change is saved at once; created if necessary. `Campaign.load` continues from there.
     threads : int, optional
         The result does not depend on it.
     **settings
@@ -96,7 +96,7 @@ class Campaign(Shown):
 
     @staticmethod
     def is_in(directory: str | Path) -> bool:
-        """Whether a campaign was begun in `directory`: `load` goes on with it."""
+        """Whether `directory` contains a campaign, which `load` continues."""
         return CampaignFiles.path_in(directory).exists()
 
     @classmethod
@@ -132,12 +132,12 @@ class Campaign(Shown):
 
     @property
     def history(self) -> tuple[Batch, ...]:
-        """What was told, with the estimates after it."""
+        """The data of each batch, with the estimates after it."""
         return self._state.batches
 
     @property
     def planned(self) -> Experiments | None:
-        """Points that were designed and not yet told."""
+        """Points that were designed and whose data are still missing."""
         return self._state.planned
 
     @property
@@ -261,7 +261,7 @@ class Campaign(Shown):
             raise ValueError(f"data: expected {expected} states, inputs and outputs of {model.name}, given {given}")
         told = self.told(data)
         if told is not None:
-            raise ValueError(f"data: expected new measurements, given those of batch {told} once more")
+            raise ValueError(f"data: expected new measurements, given those of batch {told} again")
         self._refuse_rows_again(data)
         fit = self._estimated(self.history, data)
         batch = Batch(
@@ -289,10 +289,10 @@ class Campaign(Shown):
         number = int(np.isfinite(self.history[k - 1].data.y).any(axis=1).sum())
         if count == 1:
             row = min(again[k])
-            warnings.warn(f"data: row {row} was told with batch {k} too; it counts as measured once more", stacklevel=3)
+            warnings.warn(f"data: row {row} is also in batch {k}; it counts as a repeated measurement", stacklevel=3)
             return
         which = "those" if len(again[k]) >= number else f"{len(again[k])} of the {number} rows"
-        raise ValueError(f"data: expected new measurements alone, given {which} of batch {k} among them once more")
+        raise ValueError(f"data: expected new measurements only, given {which} of batch {k} among them")
 
     def told(self, data: Measurements) -> int | None:
         """The number, from 1, of the batch that has exactly these data; None where they are new."""

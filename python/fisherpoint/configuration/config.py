@@ -74,7 +74,7 @@ class Config(ModelFile):
             check_names("campaign.targets", self.campaign.targets, self.design.parameters or parameters)
         for name in self.design.parameters or ():
             if name not in parameters:
-                fail(f"design.parameters: expected names out of {choices(parameters, name)}, given {toml(name)}")
+                fail(f"design.parameters: expected names from {choices(parameters, name)}, given {toml(name)}")
         check_table("uncertain", self.uncertain, (*model.constant_quantities, *model.parameters))
         for name in self.uncertain:
             if name in (self.design.parameters or parameters):

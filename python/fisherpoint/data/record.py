@@ -72,7 +72,7 @@ class Record:
             raise TypeError(f"samples: expected a slice, given {shown(samples)}")
         first, last, step = cast(slice, as_index(samples, len(self), "samples")).indices(len(self))
         if step != 1 or not first < last:
-            raise ValueError(f"samples: expected a slice of following samples, at least one, given {shown(samples)}")
+            raise ValueError(f"samples: expected a slice of consecutive samples, at least one, given {shown(samples)}")
         return Record(self.t[first:last], self.u[first:last], self.y[first:last], x0=self.x0 if first == 0 else {})
 
     def __repr__(self) -> str:

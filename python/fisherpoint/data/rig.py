@@ -105,7 +105,9 @@ class VirtualRig:
         self._failures += counts
         reasons = ", ".join(f"{name} {count}" for name, count in counts.items())
         if failed.all():
-            raise ValueError(f"points: expected some of which the trajectory reaches its end, given none: {reasons or 'no points'}")
+            raise ValueError(
+                f"points: expected at least one whose trajectory reaches its end, given none: {reasons or 'no points'}"
+            )
         if counts:
             warnings.warn(f"{failed.sum()} of {len(true)} points are not measured: {reasons}", RuntimeWarning, stacklevel=2)
         return Measurements(planned, np.where(failed[:, None], np.nan, done.y + noise))

@@ -72,7 +72,7 @@ def design_from_json(data: dict[str, Any]) -> dict[str, Any]:
     for name, count in (("drawn", data["drawn"]), ("accepted", data["accepted"]), *rejected.items()):
         check_positive_int(count, name, 0)
     if data["drawn"] != data["accepted"] + sum(rejected.values()):
-        raise ValueError(f"drawn: expected accepted and rejected to add up to it, given {data['drawn']}")
+        raise ValueError(f"drawn: expected the sum of accepted and rejected, given {data['drawn']}")
     if data["stop_reason"] not in STOP_REASONS:
         raise ValueError(f"stop_reason: expected one of {', '.join(STOP_REASONS)}; given {shown(data['stop_reason'])}")
     return dict(

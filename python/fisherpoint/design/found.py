@@ -87,7 +87,7 @@ class FoundDesign:
     n_previous : int
         Points whose information was already collected: the evaluations count them, `points` does not have them.
     previous_left_out : mapping of reason to int
-        Previous points that are none at the prior mean, and say nothing.
+        Previous points that are not valid at the prior mean, and are not used.
     """
 
     problem: DesignProblem

@@ -31,7 +31,7 @@ class Fit(FitStatistics, Shown):
     def profile(self, name: str, *, level: float = 0.95) -> Profile:
         """The profile likelihood of one unknown, and the confidence interval by it; it is right where `intervals` are too linear.
 
-        All other unknowns are estimated anew at each value of this one, on values outward from the estimate until the deviance
+        All other unknowns are estimated again at each value of this one, on values outward from the estimate until the deviance
         passes its threshold on both sides, or an end is shown not to be bounded: the quantile of chi-square with one degree of
         freedom where the noise is known, and its counterpart by Student's t where it was estimated. A prior takes part.
 
@@ -123,7 +123,7 @@ class Fit(FitStatistics, Shown):
 
     @classmethod
     def load(cls, directory: str | Path) -> Fit:
-        """Read a fit that `save` wrote, with its model, data and prior; its trajectories are computed anew.
+        """Read a fit that `save` wrote, with its model, data and prior; its trajectories are computed again.
 
         Raises
         ------

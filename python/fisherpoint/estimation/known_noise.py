@@ -57,7 +57,7 @@ class KnownNoise:
         for part in self.parts:
             if not isinstance(part, Measurements):
                 label = "uncertain" if self.uncertain else "initial_state_std"
-                raise ValueError(f"{label}: expected measurements of points, given a record; estimate there what is not exact")
+                raise ValueError(f"{label}: expected measurements of points, given a record; there, estimate what is uncertain")
             share, status = assumed_covariance(
                 self.model,
                 part.points,

@@ -62,7 +62,7 @@ class CandidateSource:
         while have < count:
             if tried >= max(MAX_DRAWN_PER_CANDIDATE, MAX_DRAWN_PER_CANDIDATE // 20 * count):
                 raise ValueError(
-                    f"region: expected points that survive, given {have} of {tried} drawn ({self._since(before)}): "
+                    f"region: expected valid points, given {have} of {tried} drawn ({self._since(before)}): "
                     "widen or move the region"
                 )
             share = max(self.accepted / self.drawn, 0.05) if self.drawn else 0.7
@@ -106,7 +106,7 @@ class CandidateSource:
         while (have := sum(map(len, found))) < count:
             if tried >= MAX_DRAWN_PER_CANDIDATE + 20 * count:
                 raise ValueError(
-                    f"region: expected points that survive on the prior grid, given {have} of {tried} tried "
+                    f"region: expected points that are valid over the prior, given {have} of {tried} tried "
                     f"({self._since(before)}): widen or move it"
                 )
             batch = self.draw(count - have)

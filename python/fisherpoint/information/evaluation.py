@@ -199,7 +199,7 @@ def evaluate_design(
     known, left_out = previous_information(problem, previous, threads)
     if left_out:
         reasons = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
-        warnings.warn(f"previous: expected experiment points at the prior mean, left out {reasons}", stacklevel=2)
+        warnings.warn(f"previous: expected points that are valid at the prior mean, left out {reasons}", stacklevel=2)
     if known is not None:
         information = PointInformation.join([known, information])
     return evaluate_information(problem, information, criterion(problem, information, threads))

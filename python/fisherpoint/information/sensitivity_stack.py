@@ -110,7 +110,7 @@ class Sampler:
             if len(parts) == MAX_ROUNDS:
                 found = sum(len(x0) for x0, _, _ in parts)
                 reasons = ", ".join(f"{reason} {n}" for reason, n in self.left_out.most_common())
-                raise ValueError(f"region: expected points that survive, given {found} of {MAX_ROUNDS * count} drawn ({reasons})")
+                raise ValueError(f"region: expected valid points, given {found} of {MAX_ROUNDS * count} drawn ({reasons})")
             parts.append(self._draw(theta, count))
         x0, near, far = (np.concatenate(of)[:count] for of in zip(*parts, strict=True))
         scale = self._scale(theta)

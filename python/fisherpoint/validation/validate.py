@@ -61,7 +61,7 @@ def validate(
         Number of virtual experiments with each design.
     theta : "prior", "mean", or mapping of parameter name to float
         The truth: drawn from the prior for each run, or the same for all runs; what a mapping leaves out is at the prior mean.
-        Draws that make no sense to the model, such as a negative mass, are left out and counted.
+        Draws for which the model has no meaning, such as a negative mass, are left out and counted.
     seed : int
         The same seed gives the same figures on any number of threads.
     truth : Model, optional
