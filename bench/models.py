@@ -20,7 +20,7 @@ begin = perf_counter()
 @fp.model(states={"h1": "m", "h2": "m"}, inputs={"u": "V"}, outputs={"y": "m"},
           parameters={"k1": "m^0.5/s", "k2": "m^0.5/s", "k3": "m^0.5/s", "k4": "m/(s V)"})
 def tanks(x, u, p):
-    return [-p.k1 * fp.sqrt(x.h1) + p.k4 * u.u, p.k2 * fp.sqrt(x.h1) - p.k3 * fp.sqrt(x.h2)], [x.h2]
+    return [-p.k1 * fp.math.sqrt(x.h1) + p.k4 * u.u, p.k2 * fp.math.sqrt(x.h1) - p.k3 * fp.math.sqrt(x.h2)], [x.h2]
 fp.simulate(tanks, fp.Experiments([[0.1, 0.05]], [1.0], [3.0]), {"k1": 0.05, "k2": 0.05, "k3": 0.05, "k4": 0.02})
 print(perf_counter() - begin)
 """

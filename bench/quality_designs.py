@@ -176,7 +176,7 @@ def record(shape: Callable[[int, int], Array], samples: int) -> Callable[[float,
         found: list[tuple[float, fp.Record]] = []
         for dt, amplitude in product(SAMPLES, AMPLITUDES):
             u = amplitude * np.append(shape(samples, seed), 0.0)
-            one = fp.Record(dt * np.arange(samples + 1.0), u, y, start)
+            one = fp.Record(dt * np.arange(samples + 1.0), u, y, x0=start)
             response = RecordResponse(SMOOTH_MODEL, one, range(len(PRIOR.names)))(theta, np.tile(x0, (len(theta), 1)))
             if response.status[0] == fp.Status.ok and (response.status == fp.Status.ok).sum() >= len(theta) - 1:
                 rows = (response.dy[0, 1:] * scale).reshape(-1, len(PRIOR.names))

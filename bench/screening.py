@@ -46,7 +46,17 @@ def measure(quick: bool) -> list[ScreeningFigures]:
     """Watch searches under the two output covariances that need the covariance of every candidate."""
     figures = []
     for kind in ("pooled", "pointwise"):
-        settings = ExchangeSettings(12, 50, 40 if quick else 200, 0, None, None, 1, False, screen=False)
+        settings = ExchangeSettings(
+            n_experiments=12,
+            n_candidates=50,
+            max_iterations=40 if quick else 200,
+            seed=0,
+            patience=None,
+            time_limit=None,
+            max_redraws=1,
+            references=False,
+            screen=False,
+        )
         search = _Watched(default_problem(kind), settings, resolve_threads(None))
         search.run(None)
         figures.append(ScreeningFigures(kind, search.draws, int(search.same)))

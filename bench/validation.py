@@ -68,7 +68,7 @@ def _figures(problem: fp.DesignProblem, points: fp.Experiments, rtol: float, qui
     bounds = estimator.unknowns.lower, estimator.unknowns.upper
     tasks: dict[str, Callable[[], object]] = {
         "together": partial(minimise, residuals, starts, *bounds),
-        "validate": partial(fp.validate, {"design": points}, problem, n=FITS, theta="mean", rtol=rtol),
+        "validate": partial(fp.validate, problem, {"design": points}, runs=FITS, theta="mean", rtol=rtol),
         "loop": lambda: [_alone(residuals, estimator.start, row) for row in range(LOOPED)],
     }
     times = best_times(tasks, 2 if quick else 5)

@@ -64,7 +64,7 @@ def source() -> str:
 
 def drawn_candidates() -> fp.Experiments:
     """Draw 96 such points; the corners of the grid sort most of the others out before the whole grid is tried."""
-    drawn = REGION.draw(MODEL, 8 * CANDIDATES, np.random.default_rng(7))
+    drawn = REGION.draw(MODEL, 8 * CANDIDATES, seed=7)
     for rule in (fp.TensorGrid(levels=1), fp.TensorGrid(levels=2), RULE):
         status = fp.predictive_covariance(MODEL, drawn, PRIOR, rule).status
         drawn = drawn[np.flatnonzero(status == fp.Status.ok)[: 2 * CANDIDATES]]

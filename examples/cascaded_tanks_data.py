@@ -35,25 +35,25 @@ def model_of(nominal: dict[str, float]):
 
 @model_of(FLOWS)
 def plain(x, u, p):
-    return [-p.k1 * fp.sqrt(x.h1) + p.k4 * u.u, p.k2 * fp.sqrt(x.h1) - p.k3 * fp.sqrt(x.h2)], [x.h2]
+    return [-p.k1 * fp.math.sqrt(x.h1) + p.k4 * u.u, p.k2 * fp.math.sqrt(x.h1) - p.k3 * fp.math.sqrt(x.h2)], [x.h2]
 
 
 def overflowing(x, u, p):
     """Levels of two tanks that spill what rises above their rims; a share of the upper one's runs into the lower one."""
-    spill = p.s1 * fp.max(x.h1 - RIM, 0.0)
-    upper = -p.k1 * fp.sqrt(x.h1) + p.k4 * u.u - spill
-    return upper, p.k2 * fp.sqrt(x.h1) - p.k3 * fp.sqrt(x.h2) + p.k5 * spill - SPILL_RATE * fp.max(x.h2 - RIM, 0.0)
+    spill = p.s1 * fp.math.max(x.h1 - RIM, 0.0)
+    upper = -p.k1 * fp.math.sqrt(x.h1) + p.k4 * u.u - spill
+    return upper, p.k2 * fp.math.sqrt(x.h1) - p.k3 * fp.math.sqrt(x.h2) + p.k5 * spill - SPILL_RATE * fp.math.max(x.h2 - RIM, 0.0)
 
 
 @model_of(FLOWS | SPILLS)
 def with_overflow(x, u, p):
-    return list(overflowing(x, u, p)), [fp.min(x.h2, RIM)]
+    return list(overflowing(x, u, p)), [fp.math.min(x.h2, RIM)]
 
 
 @model_of(FLOWS | SPILLS | LEAKS)
 def with_leaks(x, u, p):
     upper, lower = overflowing(x, u, p)
-    return [upper - p.l1 * x.h1, lower - p.l2 * x.h2], [fp.min(x.h2, RIM) + p.offset]
+    return [upper - p.l1 * x.h1, lower - p.l2 * x.h2], [fp.math.min(x.h2, RIM) + p.offset]
 
 
 class Result(NamedTuple):
@@ -75,7 +75,7 @@ def results(estimation: fp.Record, validation: fp.Record) -> Iterator[Result]:
         bounds = {"s1": (None, SPILL_RATE)} if "s1" in model.nominal else {}  # what spills faster only takes longer to simulate
         fit = fp.estimate(model, estimation, start=spread(model), noise_std=NOISE_STD, bounds=bounds, starts=16, rtol=1e-7)
         x0 = {name: fit.estimate[f"x0_{name}"] for name in LEVELS}
-        simulated = fp.simulate_record(model, fit.theta, validation.t, validation.u, x0)
+        simulated = fp.simulate_record(model, validation.t, validation.u, fit.theta, x0)
         yield Result(fit, *(float(np.sqrt(np.mean(np.square(e)))) for e in (fit.residuals, validation.y - simulated.y)))
 
 

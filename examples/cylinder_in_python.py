@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 
 import fisherpoint as fp
-from fisherpoint_command.config import load_config
 
 
 @fp.model(
@@ -34,13 +33,13 @@ from fisherpoint_command.config import load_config
     },
 )
 def cylinder(x, u, p):
-    opening, closing = fp.max(x.x_v, 0), fp.max(-x.x_v, 0)
-    supply_A, A_tank = fp.sqrt(p.p_s - x.p_A), fp.sqrt(x.p_A - p.p_t)
-    supply_B, B_tank = fp.sqrt(p.p_s - x.p_B), fp.sqrt(x.p_B - p.p_t)
+    opening, closing = fp.math.max(x.x_v, 0), fp.math.max(-x.x_v, 0)
+    supply_A, A_tank = fp.math.sqrt(p.p_s - x.p_A), fp.math.sqrt(x.p_A - p.p_t)
+    supply_B, B_tank = fp.math.sqrt(p.p_s - x.p_B), fp.math.sqrt(x.p_B - p.p_t)
     V_A = p.A_A * (x.q - p.q_min) + p.V_0A
     V_B = p.A_B * (p.q_max - x.q) + p.V_0B
 
-    friction = p.a_tau * fp.sign(x.v) + p.b_tau * x.v
+    friction = p.a_tau * fp.math.sign(x.v) + p.b_tau * x.v
     Q_A = p.B_v * (opening * supply_A - closing * A_tank) + p.c_L * (supply_A - A_tank)
     Q_B = p.B_v * (closing * supply_B - opening * B_tank) + p.c_L * (supply_B - B_tank)
     rates = [
@@ -56,7 +55,7 @@ def cylinder(x, u, p):
 
 if __name__ == "__main__":
     print(cylinder)
-    problem = load_config(Path(__file__).with_name("cylinder.toml")).problem()
+    problem = fp.load_problem(Path(__file__).with_name("cylinder.toml"))
     settings = {"n_experiments": 12, "max_iterations": 50, "seed": 1, "references": False}
     built_in, written = (fp.exchange(given, **settings) for given in (problem, problem.replace(model=cylinder)))
     print(f"log det {written.evaluation.log_det:.6f}, built in {built_in.evaluation.log_det:.6f}")

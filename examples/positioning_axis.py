@@ -3,9 +3,8 @@
 from pathlib import Path
 
 import fisherpoint as fp
-from fisherpoint_command.config import load_config
 
-problem = load_config(Path(__file__).with_name("positioning_axis.toml")).problem()
+problem = fp.load_problem(Path(__file__).with_name("positioning_axis.toml"))
 design = fp.exchange(problem, n_experiments=8, max_iterations=100, references=False)
 print("with a known drive gain:", {name: f"{rse:.2%}" for name, rse in design.evaluation.rse.items()})
 

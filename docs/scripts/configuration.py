@@ -172,10 +172,10 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
     ),
     "campaign": (
         "Settings of `fisherpoint campaign`; the search is that of `[design]`.",
-        "[campaign]\nbatch = 6\nrse = { c_L = 0.02, m_q = 0.01 }\n",
+        "[campaign]\nbatch = 6\ntargets = { c_L = 0.02, m_q = 0.01 }\n",
         {
             "batch": "Points per batch.",
-            "rse": "Relative standard errors to reach, one for all parameters or by name. Without them it never ends.",
+            "targets": "Relative standard errors to reach, one for all parameters or by name. Without them it never ends.",
         },
     ),
 }
@@ -184,7 +184,7 @@ SAID: dict[str, str] = {
     "design.output_covariance": '`"noise"` with `[noise_std]`, else `"region"`',
     "design.parameters": "all",
     "rule.kind": '`"sparse_gauss_hermite"`',
-    "campaign.rse": "none",
+    "campaign.targets": "none",
     "model.states.scale": "1",
     "model.parameters.scale": "none",
     "model.outputs.scale": "none",

@@ -1,6 +1,6 @@
-"""Which short experiments to run so that the parameters of a nonlinear state space model come out as precise as possible."""
+"""Short experiments that determine the parameters of a nonlinear state space model as precisely as possible."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .basics.extras import needed_for
 from .basics.quantity import Quantity
@@ -31,9 +31,37 @@ from .validation.of_design import DesignValidation
 from .validation.result import Validation
 from .validation.validate import validate
 
+if TYPE_CHECKING:
+    from . import math as math
+    from .configuration.config import load_problem
+    from .math import abs as abs
+    from .math import acos as acos
+    from .math import asin as asin
+    from .math import atan as atan
+    from .math import atan2 as atan2
+    from .math import cos as cos
+    from .math import cosh as cosh
+    from .math import exp as exp
+    from .math import heaviside as heaviside
+    from .math import log as log
+    from .math import max as max
+    from .math import min as min
+    from .math import sign as sign
+    from .math import sin as sin
+    from .math import sinh as sinh
+    from .math import sqrt as sqrt
+    from .math import tan as tan
+    from .math import tanh as tanh
+    from .math import where as where
+    from .models.callable.model import CallableModel
+    from .models.decorator import model
+    from .models.symbolic import SymbolicModel
+    from .models.toml import load_model
+
 __version__ = "0.1.0"
 
 __all__ = [
+    "CallableModel",
     "Campaign",
     "Constraint",
     "Design",
@@ -63,6 +91,7 @@ __all__ = [
     "Sobol",
     "SparseGaussHermite",
     "Status",
+    "SymbolicModel",
     "TensorGrid",
     "TraceRecord",
     "Trajectories",
@@ -78,6 +107,9 @@ __all__ = [
     "exchange",
     "identifiability",
     "isa",
+    "load_model",
+    "load_problem",
+    "model",
     "predictive_covariance",
     "sensitivities",
     "simulate",
@@ -88,21 +120,48 @@ __all__ = [
 _LAZY = {
     "CallableModel": ".models.callable.model",
     "SymbolicModel": ".models.symbolic",
-    "model": ".models.decorator",
     "load_model": ".models.toml",
+    "load_problem": ".configuration.config",
+    "model": ".models.decorator",
 }
+"""What needs SymPy or pydantic, which are slow to import, and the modules that have it."""
+
+_FUNCTIONS = (
+    *(
+        "abs",
+        "acos",
+        "asin",
+        "atan",
+        "atan2",
+        "cos",
+        "cosh",
+        "exp",
+        "heaviside",
+        "log",
+        "max",
+        "min",
+        "sign",
+        "sin",
+        "sinh",
+        "sqrt",
+    ),
+    *("tan", "tanh", "where"),
+)
+"""The names of `fisherpoint.math`. They and `math` are not in `__all__`: Python has a `max` and a `math` of its own."""
 
 
-def __getattr__(name: str) -> Any:
-    """What needs SymPy is imported when it is asked for: models as equations, and the functions that these use."""
-    from importlib import import_module
+if not TYPE_CHECKING:  # for which every name would exist
 
-    if name in _LAZY:
-        with needed_for(name):
-            return getattr(import_module(_LAZY[name], __name__), name)
-    if not name.startswith("_"):
-        with needed_for(name):
-            functions = import_module(".models.functions", __name__).FUNCTIONS
-        if name in functions:
-            return functions[name]
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    def __getattr__(name: str) -> Any:
+        """Import what is lazy when it is asked for."""
+        from importlib import import_module
+
+        if name == "math" or name in _LAZY or name in _FUNCTIONS:
+            with needed_for(name):
+                module = import_module(_LAZY.get(name, ".math"), __name__)
+            return module if name == "math" else getattr(module, name)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__, *_FUNCTIONS, "math"})

@@ -44,7 +44,7 @@ def _leave(*_: object) -> NoReturn:
 def _fail(error: ImportError) -> NoReturn:
     message = " ".join(str(error).split())
     if ": expected " not in message:
-        message = f"expected an installation that can be imported, given: {message}; install fisherpoint anew"
+        message = f"expected an installation that can be imported, given: {message}; reinstall fisherpoint"
     print(f"fisherpoint: {message}", file=sys.stderr)
     sys.exit(MISUSE)
 

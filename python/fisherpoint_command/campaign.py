@@ -58,7 +58,7 @@ def campaign(
         write_whole(output / "report.txt", as_file(run.report()))
         lines += ["", str(run)]
         if not no_plots:
-            run.plot(output / "campaign.png")
+            run.plot(path=output / "campaign.png")
     if run.planned is not None:
         lines += ["", *_to_do(run, file, output)]
     if not quiet:
@@ -77,9 +77,9 @@ def _opened(config: Config, directory: Path, threads: int | None) -> fp.Campaign
     if table.batch is not None:
         settings["batch"] = table.batch
     if not fp.Campaign.is_in(directory):
-        return fp.Campaign(config.problem(), targets=table.rse, directory=directory, threads=threads, **settings)
-    given = fp.Campaign(config.problem(), targets=table.rse, **settings)
-    found = fp.Campaign.load(directory, threads)
+        return fp.Campaign(config.problem(), targets=table.targets, directory=directory, threads=threads, **settings)
+    given = fp.Campaign(config.problem(), targets=table.targets, **settings)
+    found = fp.Campaign.load(directory, threads=threads)
     here, there = problem_to_json(given.problem), problem_to_json(found.problem)
     other = [name for name in here if name != "derived" and here[name] != there[name]]
     other += [name for name in ("batch", "settings") if getattr(given, name) != getattr(found, name)]

@@ -69,9 +69,9 @@ def estimate(
         problem.model,
         parts,
         None if no_prior else problem.prior,
-        problem.prior if no_prior else None,
-        problem.parameters,
-        _measured_noise(problem, parts) if known else None,
+        start=problem.prior if no_prior else None,
+        parameters=problem.parameters,
+        noise_std=_measured_noise(problem, parts) if known else None,
         # Noise that is estimated has what is assumed in it.
         uncertain=problem.uncertain if known else None,
         initial_state_std=problem.initial_state_std if known else None,
@@ -79,7 +79,7 @@ def estimate(
         threads=threads,
     )
     found = [fit.profile(name) for name in fit.parameters] if profiles else []
-    report = fit.report(found)
+    report = fit.report(profiles=found)
     written = [path.name for path in fit.save(output)]
     write_whole(output / "report.txt", as_file(report))
     written.append("report.txt")

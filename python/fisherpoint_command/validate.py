@@ -58,12 +58,12 @@ def validate(
             from fisherpoint.validation import pictures as plots_validation  # noqa: F401  what can fail for a trivial reason fails before the work
     make_directory(output)
     found = fp.validate(
-        points, problem, n=runs, theta=theta.value, seed=seed, noise=noise.value, use_prior=use_prior, threads=threads
+        problem, points, runs=runs, theta=theta.value, seed=seed, noise=noise.value, use_prior=use_prior, threads=threads
     )
     contents = {"validation.csv": found.to_pandas().to_csv(), "report.txt": as_file(found.report())}
     written = [path.name for path in write_together(output, contents, stale=["validation.png"])]
     if not no_plots:
-        found.plot(output / "validation.png")
+        found.plot(path=output / "validation.png")
         written.append("validation.png")
     if not quiet:
         show(found.report())

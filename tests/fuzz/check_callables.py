@@ -71,14 +71,14 @@ def check_callable(bench: Bench) -> None:
         arguments["inputs"],
         arguments["parameters"],
         {quantity.name: quantity.unit for quantity in bench.model.outputs},
-        arguments["constants"],
+        constants=arguments["constants"],
         jumps={text: surfaces[text] for m, text in enumerate(reading.surfaces) if m in jumps},
         kinks={text: surfaces[text] for m, text in enumerate(reading.surfaces) if m not in jumps},
     )
     points, theta = bench.points[rows], bench.theta[rows]
     try:
-        done = fp.sensitivities(model, points, theta, RTOL)
-        simulated = fp.simulate(model, points, theta, RTOL)
+        done = fp.sensitivities(model, points, theta, rtol=RTOL)
+        simulated = fp.simulate(model, points, theta, rtol=RTOL)
     except ValueError:
         bench.figures.count("callables refused")
         return
@@ -90,7 +90,7 @@ def check_callable(bench: Bench) -> None:
             return
         if case.rates:
             judge(bench, k, int(simulated.status[k]), simulated.x[k], RTOL, call)
-    expected = fp.sensitivities(bench.model, points, theta, 1e-9, threads=1)
+    expected = fp.sensitivities(bench.model, points, theta, rtol=1e-9, threads=1)
     both = np.flatnonzero((done.status == OK) & (expected.status == OK))
     for k in both.tolist():
         if case.rates and bench.course(k).end is not End.ok:

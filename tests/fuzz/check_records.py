@@ -27,15 +27,15 @@ def check_record(bench: Bench, by_scipy: bool) -> None:
     u = rng.uniform(case.low, 2.0, (SAMPLES, len(case.inputs))) * case.input_sizes
     x0, theta = bench.points.x0[0], bench.theta[0]
     try:
-        done = fp.simulate_record(bench.model, theta, t, u, x0, RTOL)
-        tight = fp.simulate_record(bench.model, theta, t, u, x0, TIGHT)
+        done = fp.simulate_record(bench.model, t, u, theta, x0, rtol=RTOL)
+        tight = fp.simulate_record(bench.model, t, u, theta, x0, rtol=TIGHT)
     except ValueError:
         bench.figures.count("records refused")
         return
     bench.figures.count("calls", 2)
     bench.figures.count("records")
     bench.figures.count(f"records {done.status.name}")
-    call = f"fp.simulate_record(model, theta, {t.tolist()}, {u.tolist()}, {x0.tolist()}, {RTOL:g})"
+    call = f"fp.simulate_record(model, {t.tolist()}, {u.tolist()}, theta, {x0.tolist()}, rtol={RTOL:g})"
     if not (np.isfinite(done.x).all() and np.isfinite(done.y).all()):
         bench.report("record not finite", math.inf, 0, call, "inf or NaN")
     if done.status == OK == tight.status and case.rates:
@@ -62,7 +62,7 @@ def _growth(bench: Bench, theta: Floats, t: Floats, u: Floats, x0: Floats, x: Fl
         for i, size in enumerate(bench.case.sizes):
             for sign in (1.0, -1.0):
                 start = x[n] + sign * RTOL * size * (np.arange(len(x0)) == i)
-                moved = fp.simulate_record(bench.model, theta, t[n:] - t[n], u[n:], start, TIGHT)
+                moved = fp.simulate_record(bench.model, t[n:] - t[n], u[n:], theta, start, rtol=TIGHT)
                 if moved.status != OK:
                     return math.inf
                 largest = max(largest, _error(bench, moved.x, x[n:]) / RTOL)
@@ -121,7 +121,7 @@ def check_derivatives(
                 moved = np.concatenate([theta, x0])
                 moved[j] += sign * share * steps[j]
                 try:
-                    one = fp.simulate_record(bench.model, moved[:p], t, u, moved[p:], TIGHT)
+                    one = fp.simulate_record(bench.model, t, u, moved[:p], moved[p:], rtol=TIGHT)
                 except ValueError:
                     return
                 if one.status != OK:

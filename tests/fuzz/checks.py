@@ -78,7 +78,7 @@ class Bench:
     def simulate(self, points: fp.Experiments, theta: Floats, rtol: float, method: str | None = None) -> fp.Trajectories:
         self.figures.count("calls")
         self.figures.count("trajectories", len(points))
-        done = fp.simulate(self.model, points, theta, rtol, threads=1, method=method)
+        done = fp.simulate(self.model, points, theta, rtol=rtol, threads=1, method=method)
         self.finite("fp.simulate", done, rtol)
         return done
 
@@ -126,7 +126,7 @@ def magnification(bench: Bench, k: int, rtol: float) -> float:
     for share in (0.0, 0.05, 0.25, 0.5, 0.75, 0.9, 0.98):
         x0 = points.x0
         if share:
-            way = fp.simulate(bench.model, fp.Experiments(x0, points.u, points.dt * share), theta, TIGHT, threads=1)
+            way = fp.simulate(bench.model, fp.Experiments(x0, points.u, points.dt * share), theta, rtol=TIGHT, threads=1)
             if way.status[0] != OK:
                 continue
             x0 = way.x
@@ -135,7 +135,7 @@ def magnification(bench: Bench, k: int, rtol: float) -> float:
             x0 + deviation, np.repeat(points.u, len(deviation), 0), np.repeat(points.dt, len(deviation)) * (1 - share)
         )
         try:
-            ends = fp.simulate(bench.model, moved, theta[0], TIGHT, threads=1)
+            ends = fp.simulate(bench.model, moved, theta[0], rtol=TIGHT, threads=1)
         except ValueError:
             return math.inf
         if ends.status.any():
@@ -180,7 +180,7 @@ def check_functions(bench: Bench) -> None:
                     np.array(expected),
                     1e-9 * room,
                     k,
-                    f"fp.simulate(model, points, theta, {TIGHT}).y",
+                    f"fp.simulate(model, points, theta, rtol={TIGHT}).y",
                 )
 
 
@@ -261,7 +261,14 @@ def check_states(bench: Bench) -> None:
     chosen = list(dict.fromkeys([*suspects, *sorted(others.values()), *range(len(bench.points))]))[:COURSES]
     for k in chosen:
         for (rtol, method), done in results.items():
-            judge(bench, k, int(done.status[k]), done.x[k], rtol, f"fp.simulate(model, points, theta, {rtol:g}, method={method!r})")
+            judge(
+                bench,
+                k,
+                int(done.status[k]),
+                done.x[k],
+                rtol,
+                f"fp.simulate(model, points, theta, rtol={rtol:g}, method={method!r})",
+            )
 
 
 def judge(bench: Bench, k: int, status: int, x: Floats, rtol: float, call: str) -> None:

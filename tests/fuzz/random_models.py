@@ -19,16 +19,16 @@ from reading import Floats, Reading
 NUMBERS = ("1", "2", "0.5", "3", "0.1", "5", "0.98", "1.2", "20")
 EDGES = ("1", "0.5", "0.98", "0", "1.2", "0.02", "1.7", "-0.3", "5")  # where a state that is of the order of one may pass
 RULES = (
-    "TensorGrid(3, 1.5)",
+    "TensorGrid(3, span=1.5)",
     "SparseGaussHermite(2)",
     "GaussHermite(3)",
     "Unscented()",
     "Sobol(64)",
     "Linearized()",
     "SparseGaussHermite(3)",
-    "TensorGrid(2, 1.0)",
+    "TensorGrid(2, span=1.0)",
     "TensorGrid(edges=[-2, -0.7, 0.4, 1, 3])",
-    "Sobol(1024, 3)",
+    "Sobol(1024, seed=3)",
     "GaussHermite(5)",
 )
 POWERS = (0, 0, 0, 0, -3, 6, -6, 3, 9, -9, 12, -12)  # of ten, of states, inputs and parameters

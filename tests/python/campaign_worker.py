@@ -44,7 +44,7 @@ def run(problem: fp.DesignProblem, directory: Path) -> None:
     if fp.Campaign.is_in(directory):
         campaign = fp.Campaign.load(directory, threads=1)
     else:
-        campaign = fp.Campaign(problem, 2, 0.01, seed=3, directory=directory, threads=1, n_candidates=8, max_iterations=12)
+        campaign = fp.Campaign(problem, 2, targets=0.01, seed=3, directory=directory, threads=1, n_candidates=8, max_iterations=12)
     truth = problem.theta * (1.0 + 0.1 * (-1.0) ** sum(map(ord, problem.model.name)))
     while len(campaign.history) < BATCHES:
         rig = fp.VirtualRig(problem.model, truth, problem.noise_std or {}, seed=len(campaign.history))

@@ -50,7 +50,7 @@ def problem(**changes: Any) -> fp.DesignProblem:
 
 
 def valid_points(count: int, seed: int = 0, rule: fp.TensorGrid = SMALL) -> fp.Experiments:
-    """Random points of the default region that survive on the whole grid."""
+    """Random points of the default region that are valid on the whole grid."""
     drawn = random_points(np.random.default_rng(seed), 20 * count)
     survives = fp.predictive_covariance(MODEL, drawn, PRIOR, rule).status == fp.Status.ok
     points = drawn[survives][:count]

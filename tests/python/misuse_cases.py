@@ -147,7 +147,7 @@ def cases() -> dict[str, Case]:
         "VirtualRig": _case(
             fp.VirtualRig,
             model=of_model,
-            theta_true=theta,
+            theta=theta,
             noise_std=(NOISE,),
             initial_state_std=({"h": 0.01}, MAP, NONE),
             seed=(0, INT),
@@ -183,6 +183,7 @@ def cases() -> dict[str, Case]:
             function=(lambda x, u, p: ([-p.k * fp.sqrt(x.h) + p.a * u.u * p.d], [x.h]),),
             **quantities | {"name": ("tank", TEXT, NONE)},
         ),
+        "load_problem": _case(fp.load_problem, path=(files() / "problem.toml", TEXT, PATH)),
         "load_model": _case(fp.load_model, path=(files() / "model.toml", TEXT, PATH)),
         "Quantity": _case(fp.Quantity, name=("h", TEXT), unit=("m", TEXT), description=("level", TEXT), scale=(1.0, NUMBER, NONE)),
         "GaussianPrior": _case(fp.GaussianPrior, mean=(THETA,), std=std, log=(["k"], NAMES)),
@@ -226,10 +227,11 @@ def cases() -> dict[str, Case]:
         "lower bound of h": _case(lambda lower: fp.ExperimentRegion(BOUNDS | {"h": (lower, 2.0)}), lower=(0.5, NUMBER)),
         "ExperimentRegion.check": _case(region().check, model=of_model),
         "ExperimentRegion.draw": _case(
-            lambda model, count, rng: region().draw(model, count, rng),
+            region().draw,
             model=of_model,
             count=(2, INT),
-            rng=(np.random.default_rng(0),),
+            seed=(0, INT),
+            decades=(False, FLAG),
         ),
         "ExperimentRegion.satisfied": _case(region().satisfied, model=of_model, points=of_points),
         "constraint": _case(
@@ -329,7 +331,7 @@ def cases() -> dict[str, Case]:
             lambda bound: fp.estimate(model(), data(), noise_std=NOISE, bounds={"k": bound}), bound=((0.0, 1.0), ARRAY)
         ),
         "Fit.intervals": _case(lambda level: fit().intervals(level), level=(0.9, NUMBER)),
-        "Fit.profile": _case(lambda name, level: fit().profile(name, level), name=("k", TEXT), level=(0.9, NUMBER)),
+        "Fit.profile": _case(lambda name, level: fit().profile(name, level=level), name=("k", TEXT), level=(0.9, NUMBER)),
         "Fit.save": _case(
             lambda directory: fit().save(_within(directory)),
             directory=("fit", TEXT, PATH),
@@ -339,7 +341,7 @@ def cases() -> dict[str, Case]:
             designs=({"one": points()},),
             problem=(problem(),),
             noise_std=(NOISE, NONE),
-            n=(2, INT),
+            runs=(2, INT),
             theta=("mean", MAP),
             seed=(0, INT),
             truth=(None, NONE, MODEL),
@@ -369,7 +371,7 @@ def cases() -> dict[str, Case]:
         "Campaign.told": _case(lambda data: campaign().told(data), data=(data(),)),
         "RuleComparison.cheapest": _case(lambda within: comparison().cheapest(within), within=(0.01, NUMBER)),
         "Campaign.tell": _case(lambda data: campaign().tell(data), data=(data(),)),
-        "Campaign.next": _case(lambda progress: campaign().next(progress), progress=(None, NONE, FUNCTION)),
+        "Campaign.next": _case(lambda progress: campaign().next(progress=progress), progress=(None, NONE, FUNCTION)),
         "Campaign.targets": _case(lambda targets: setattr(campaign(), "targets", targets), targets=({"k": 0.1}, MAP, NONE, NUMBER)),
         **{
             f"{name}()": _case(lambda x, name=name: getattr(fp, name)(x), x=(0.5, NUMBER, TERM))
@@ -400,10 +402,10 @@ SWAPPED: dict[str, Callable[[], Any]] = {
     "evaluate_design": lambda: fp.evaluate_design(points(), problem()),  # type: ignore[arg-type]
     "estimate": lambda: fp.estimate(data(), model()),  # type: ignore[arg-type]
     "estimate, prior second": lambda: fp.estimate(model(), prior(), data()),  # type: ignore[arg-type]
-    "validate": lambda: fp.validate(problem(), {"one": points()}),  # type: ignore[arg-type]
+    "validate": lambda: fp.validate({"one": points()}, problem()),  # type: ignore[arg-type]
     "Measurements": lambda: fp.Measurements([0.1, 0.2, 0.3], points()),  # type: ignore[arg-type]
     "Experiments": lambda: fp.Experiments([0.1, 0.2], [[1.0], [2.0]], [0.1, 0.2]),
-    "simulate_record": lambda: fp.simulate_record(THETA, model(), [0.0, 1.0], [0.1, 0.1], {"h": 1.0}),  # type: ignore[arg-type]
+    "simulate_record": lambda: fp.simulate_record(THETA, [0.0, 1.0], [0.1, 0.1], model(), {"h": 1.0}),  # type: ignore[arg-type]
     "to_csv": lambda: data().to_csv(model(), files() / "x.csv"),  # type: ignore[arg-type]
     "from_csv": lambda: fp.Experiments.from_csv(model(), files() / "points.csv"),  # type: ignore[arg-type]
     "VirtualRig": lambda: fp.VirtualRig(THETA, model(), NOISE),  # type: ignore[arg-type]

@@ -21,7 +21,7 @@ RATES, OUTPUT = ["-d*k*sqrt(h) + a*u"], ["h"]
 
 @cache
 def model() -> fp.SymbolicModel:
-    return fp.SymbolicModel(RATES, OUTPUT, STATES, INPUTS, PARAMETERS, OUTPUTS, CONSTANTS, nominal=THETA, name="tank")
+    return fp.SymbolicModel(RATES, OUTPUT, STATES, INPUTS, PARAMETERS, OUTPUTS, constants=CONSTANTS, nominal=THETA, name="tank")
 
 
 @cache
@@ -51,7 +51,7 @@ def data() -> fp.Measurements:
 
 @cache
 def record() -> fp.Record:
-    return fp.Record([0.0, 0.5, 1.0, 1.5], [0.5, 0.1, 0.2, 0.3], [1.0, 0.95, 0.9, 0.85], {"h": 1.0})
+    return fp.Record([0.0, 0.5, 1.0, 1.5], [0.5, 0.1, 0.2, 0.3], [1.0, 0.95, 0.9, 0.85], x0={"h": 1.0})
 
 
 @cache
@@ -90,6 +90,8 @@ def files() -> Path:
     data().to_csv(directory / "data.csv", model())
     record().to_csv(directory / "record.csv", model())
     (directory / "model.toml").write_text(model().to_toml())
+    rest = "".join(f"[prior.{name}]\nmean = {value}\nstd = 0.1\n" for name, value in THETA.items())
+    (directory / "problem.toml").write_text(model().to_toml() + "\n[noise_std]\ny = 0.01\n" + rest)
     design().save(directory / "design")
     fp.Campaign(problem(), batch=2, directory=directory / "campaign")
     return directory

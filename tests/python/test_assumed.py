@@ -40,12 +40,12 @@ def cylinder_tangents(points: fp.Experiments) -> Floats:
     def with_constant(name: str) -> Any:
         def outputs(by: float) -> Floats:
             other = fp.HydraulicCylinder(**{name: MODEL.constants[name] + by})
-            return fp.simulate(other, points, THETA, TIGHT).y
+            return fp.simulate(other, points, THETA, rtol=TIGHT).y
 
         return outputs
 
     def with_start(place: int) -> Any:
-        return lambda by: fp.simulate(MODEL, moved(points, place, by), THETA, TIGHT).y
+        return lambda by: fp.simulate(MODEL, moved(points, place, by), THETA, rtol=TIGHT).y
 
     steps = {"A_A": 2e-6, "p_s": 2e4, "T_1": 2e-6}
     by_constant = [central(with_constant(name), step) for name, step in steps.items()]
@@ -71,7 +71,7 @@ def test_tangents_of_the_cylinder_are_those_of_other_cylinders_and_starts(chosen
     order = ["A_A", "p_s", "T_1", "q", "v", "p_A"]
     names = order if chosen == "all" else [chosen]
     constants, starts = ({name: of[name] for name in names if name in of} for of in (UNCERTAIN, STARTS))
-    actual = assumed_covariance(MODEL, POINTS, THETA, constants, starts, rtol=TIGHT)
+    actual = assumed_covariance(MODEL, POINTS, THETA, uncertain=constants, initial_state_std=starts, rtol=TIGHT)
     assert not actual.status.any()
     tangents = cylinder_tangents(POINTS)[:, :, [order.index(name) for name in names]]
     close(actual.covariance, share(tangents, [everything[name] for name in names]), 1e-6)
@@ -106,28 +106,28 @@ def test_tangents_of_a_python_model() -> None:
                 theta[2] += by
             else:  # a constant becomes a parameter and takes another value
                 other, theta = tanks.estimate(name), np.append(theta, tanks.constants[name] + by)
-            return fp.simulate(other, TANK_POINTS, theta, TIGHT).y
+            return fp.simulate(other, TANK_POINTS, theta, rtol=TIGHT).y
 
         return at
 
     def started(place: int) -> Any:
-        return lambda by: fp.simulate(tanks, moved(TANK_POINTS, place, by), TANK_THETA, TIGHT).y
+        return lambda by: fp.simulate(tanks, moved(TANK_POINTS, place, by), TANK_THETA, rtol=TIGHT).y
 
     uncertain, starts = {"gain": 0.01, "k3": 0.02, "area": 0.05}, {"h1": 0.01, "h2": 0.003}
     tangents = [central(outputs(name), 1e-3) for name in uncertain] + [central(started(place), 1e-3) for place in (0, 1)]
-    actual = assumed_covariance(tanks, TANK_POINTS, TANK_THETA, uncertain, starts, rtol=TIGHT)
+    actual = assumed_covariance(tanks, TANK_POINTS, TANK_THETA, uncertain=uncertain, initial_state_std=starts, rtol=TIGHT)
     close(actual.covariance, share(np.stack(tangents, axis=2), [*uncertain.values(), *starts.values()]), 1e-6)
 
 
 def test_without_a_standard_deviation_there_is_no_share() -> None:
     for stds in ({}, None, {"T_1": 0.0}):
-        assert not assumed_covariance(MODEL, POINTS, THETA, stds, None).covariance.any()
-    assert not assumed_covariance(MODEL, POINTS, THETA, None, {"q": 0.0}).covariance.any()
+        assert not assumed_covariance(MODEL, POINTS, THETA, uncertain=stds, initial_state_std=None).covariance.any()
+    assert not assumed_covariance(MODEL, POINTS, THETA, uncertain=None, initial_state_std={"q": 0.0}).covariance.any()
 
 
 def test_a_point_whose_tangents_fail_has_a_status_and_zeros() -> None:
     points = fp.Experiments.join([point(), point(v=1e-4, p_A=15e6, p_B=3e6, dt=5e-3), point(v=-1e-3, p_A=15e6, p_B=3e6)])
-    result = assumed_covariance(MODEL, points, THETA, UNCERTAIN, STARTS)
+    result = assumed_covariance(MODEL, points, THETA, uncertain=UNCERTAIN, initial_state_std=STARTS)
     expected = fp.simulate(MODEL, points, THETA).status
     assert expected.any() and not expected.all()
     np.testing.assert_array_equal(result.status, expected)
@@ -173,7 +173,7 @@ def test_what_is_uncertain_makes_no_point_better() -> None:
 def test_a_design_that_knows_what_is_uncertain_hangs_on_it_less() -> None:
     """What docs/how_to/assumptions.md states of T_1, with a shorter search."""
     exact, stated = (problem(uncertain=of, rule=fp.SparseGaussHermite(2)) for of in (None, {"T_1": 2.2e-4}))
-    blind, aware = (fp.exchange(of, 12, 50, 80, references=False).points for of in (exact, stated))
+    blind, aware = (fp.exchange(of, 12, n_candidates=50, max_iterations=80, references=False).points for of in (exact, stated))
     log_dets = {
         name: [fp.evaluate_design(of, points).log_det for of in (exact, stated)]
         for name, points in {"blind": blind, "aware": aware}.items()
@@ -206,7 +206,7 @@ def test_a_parameter_that_is_not_estimated_may_be_uncertain() -> None:
 
 
 def test_the_predictive_form_is_16_over_what_is_uncertain() -> None:
-    rule = fp.TensorGrid(3, 1.5)
+    rule = fp.TensorGrid(3, span=1.5)
     given = problem(uncertain={"T_1": 6e-4}, assumed_covariance="predictive", rule=rule)
     points = POINTS[[k for k in range(12) if k != 9]]  # which meets the jump at one of the three values of T_1
     with pytest.raises(ValueError, match=r"points\[9\] \(met_jump\)"):
@@ -217,7 +217,7 @@ def test_the_predictive_form_is_16_over_what_is_uncertain() -> None:
     expected = np.einsum("r,rki,rkj->kij", weights / weights.sum(), off, off)
     actual = fp.evaluate_design(given, points).output_covariance - np.diag(np.square(list(NOISE.values())))
     close(actual, expected, 1e-4)
-    tangents = assumed_covariance(MODEL, points, THETA, {"T_1": 6e-4}).covariance
+    tangents = assumed_covariance(MODEL, points, THETA, uncertain={"T_1": 6e-4}).covariance
     with pytest.raises(AssertionError):  # T_1 is far enough from linear here
         close(tangents, expected, 1e-2)
     linear = fp.evaluate_design(given.replace(rule=fp.Linearized()), points).output_covariance
@@ -229,9 +229,9 @@ def test_estimates_take_either_form() -> None:
     points = POINTS[[k for k in range(12) if k != 9]]
     data = fp.Measurements(points, fp.simulate(MODEL, points, THETA, rtol=1e-9).y)
     names, uncertain = ["E_oil"], {"T_1": 6e-4}
-    for rule in (None, fp.TensorGrid(3, 1.5)):
+    for rule in (None, fp.TensorGrid(3, span=1.5)):
         fit = fp.estimate(MODEL, data, start=PRIOR.mean, parameters=names, noise_std=NOISE, uncertain=uncertain, assumed_rule=rule)
-        share = assumed_covariance(MODEL, points, THETA, uncertain, rtol=1e-9, rule=rule).covariance
+        share = assumed_covariance(MODEL, points, THETA, uncertain=uncertain, rtol=1e-9, rule=rule).covariance
         s = fp.sensitivities(MODEL, points, THETA, rtol=1e-9).dy_dtheta[:, :, NAMES.index("E_oil")]
         d = np.diag(np.square(list(NOISE.values()))) + share
         information = np.einsum("ki,ki->", s, np.linalg.solve(d, s[:, :, None])[:, :, 0])
@@ -282,7 +282,7 @@ def test_distances_count_in_standard_deviations_of_the_surface() -> None:
 
 def test_candidates_near_a_jump_are_rejected_and_counted() -> None:
     given = problem(initial_state_std={"v": 0.02})
-    design = fp.exchange(given, 9, 20, 30, references=False)
+    design = fp.exchange(given, 9, n_candidates=20, max_iterations=30, references=False)
     assert np.abs(design.points.x0[:, 1]).min() >= MARGIN * 0.02
     assert design.rejected["starts near v = 0"] > 0
     assert design.drawn == design.accepted + sum(design.rejected.values())
@@ -334,7 +334,7 @@ def test_a_model_without_equations_has_no_uncertain_constants() -> None:
     model = callable_tanks(constants={"gain": (1.0, "1")})
     theta = model.theta(model.nominal)
     with pytest.raises(TypeError, match=r"uncertain: expected a model with equations .*, given a CallableModel"):
-        assumed_covariance(model, TANK_POINTS, theta, {"gain": 0.1})
+        assumed_covariance(model, TANK_POINTS, theta, uncertain={"gain": 0.1})
     prior = fp.GaussianPrior(model.nominal, relative_std=dict.fromkeys(model.nominal, 0.1))
     with pytest.raises(TypeError, match=r"uncertain: expected a model with equations"):
         fp.DesignProblem(model, prior, None, noise_std={"y": 0.01}, uncertain={"gain": 0.1})
@@ -346,11 +346,11 @@ def test_its_starts_and_its_parameters_may_be_uncertain() -> None:
     theta = model.theta(model.nominal)
 
     def started(by: float) -> Floats:
-        return fp.simulate(model, moved(TANK_POINTS, 0, by), theta, 1e-10).y
+        return fp.simulate(model, moved(TANK_POINTS, 0, by), theta, rtol=1e-10).y
 
     def other_theta(by: float) -> Floats:
-        return fp.simulate(model, TANK_POINTS, theta + by * np.eye(4)[2], 1e-10).y
+        return fp.simulate(model, TANK_POINTS, theta + by * np.eye(4)[2], rtol=1e-10).y
 
     tangents = np.stack([central(other_theta, 1e-3), central(started, 1e-3)], axis=2)
-    actual = assumed_covariance(model, TANK_POINTS, theta, {"k3": 0.02}, {"h1": 0.01}, rtol=1e-8)
+    actual = assumed_covariance(model, TANK_POINTS, theta, uncertain={"k3": 0.02}, initial_state_std={"h1": 0.01}, rtol=1e-8)
     close(actual.covariance, share(tangents, [0.02, 0.01]), 1e-5)

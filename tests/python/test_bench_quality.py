@@ -53,7 +53,7 @@ def test_the_study_fits_as_validate_does() -> None:
     candidate = quality_designs.corners(1.0, 0)
     assert isinstance(candidate.data, fp.Experiments)
     found = design_quality.study(candidate, design_quality.CASES["right"], 1.0, 25)
-    expected = fp.validate({"corners": candidate.data}, quality_designs.problem(), n=25, seed=design_quality.SEED).designs[
+    expected = fp.validate(quality_designs.problem(), {"corners": candidate.data}, runs=25, seed=design_quality.SEED).designs[
         "corners"
     ]
     names, std = quality_designs.PRIOR.names, quality_designs.PRIOR.std

@@ -20,7 +20,9 @@ def cylinder_measuring(*names: str) -> fp.SymbolicModel:
     states = {quantity.name: quantity for quantity in whole.states}
     constants = {quantity.name: (whole.constants[quantity.name], quantity) for quantity in whole.constant_quantities}
     outputs = [states[name] for name in names]
-    return fp.SymbolicModel(whole.texts[0], names, whole.states, whole.inputs, whole.parameters, outputs, constants, whole.texts[2])
+    return fp.SymbolicModel(
+        whole.texts[0], names, whole.states, whole.inputs, whole.parameters, outputs, constants=constants, domain=whole.texts[2]
+    )
 
 
 def model(f: list[str], g: list[str], parameters: str, **constants: float) -> fp.SymbolicModel:

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.kernels
 PRIOR = fp.GaussianPrior({"p": 1.05, "q": 1.05}, std={"p": 0.5, "q": 0.3})
 
 
-@pytest.mark.parametrize("rule", [fp.TensorGrid(4, 1.5), fp.Sobol(256)], ids=["tensor", "sobol"])
+@pytest.mark.parametrize("rule", [fp.TensorGrid(4, span=1.5), fp.Sobol(256)], ids=["tensor", "sobol"])
 @pytest.mark.parametrize(
     ("rate", "output"),
     [

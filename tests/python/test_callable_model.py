@@ -63,7 +63,7 @@ def quiet() -> Iterator[None]:
 
 
 def points(count: int, seed: int = 0) -> fp.Experiments:
-    return REGION.draw(tanks(), count, np.random.default_rng(seed))
+    return REGION.draw(tanks(), count, seed=seed)
 
 
 # --- the same as equations --------------------------------------------------------------------------------------------------
@@ -118,7 +118,7 @@ def cylinder() -> fp.CallableModel:
         MODEL.inputs,
         MODEL.parameters,
         MODEL.outputs,
-        {quantity.name: (MODEL.constants[quantity.name], quantity) for quantity in MODEL.constant_quantities},
+        constants={quantity.name: (MODEL.constants[quantity.name], quantity) for quantity in MODEL.constant_quantities},
         domain={
             "p_A - p_t": lambda x, u, p: x.p_A - p.p_t,
             "p_s - p_A": lambda x, u, p: p.p_s - x.p_A,
@@ -337,7 +337,7 @@ def test_columns_are_read_by_name_before_anything_else() -> None:
         assert x.T.shape == (len(x),) and p.size == 3.0 and x[:, 0].shape == x.T.shape and u.shape == (len(x), 1)
         return [p.size * x.T + p.mean * u.u]
 
-    model = fp.CallableModel(f, f, {"T": "K"}, {"u": "1"}, {"mean": "1"}, {"y": "K"}, {"size": (3.0, "1")})
+    model = fp.CallableModel(f, f, {"T": "K"}, {"u": "1"}, {"mean": "1"}, {"y": "K"}, constants={"size": (3.0, "1")})
     assert model.rhs([2.0], [1.0], [5.0]).tolist() == [11.0] and model.constants["size"] == 3.0
 
 

@@ -42,7 +42,7 @@ def run(campaign: fp.Campaign, batches: int) -> fp.Campaign:
 def saved(problem: fp.DesignProblem, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two batches told, the third planned; not to be changed."""
     directory = tmp_path_factory.mktemp("saved") / "campaign"
-    run(fp.Campaign(problem, 4, {"c_L": 0.5, "E_oil": 1e-9}, seed=7, directory=directory, **QUICK), 2).next()
+    run(fp.Campaign(problem, 4, targets={"c_L": 0.5, "E_oil": 1e-9}, seed=7, directory=directory, **QUICK), 2).next()
     return directory
 
 
@@ -55,7 +55,7 @@ def test_an_estimate_is_that_of_the_first_prior_and_all_data(problem: fp.DesignP
     campaign = run(fp.Campaign(problem, 4, **QUICK), 3)
     assert campaign.fit is not None
     data = fp.Measurements.join([batch.data for batch in campaign.history])
-    alone = fp.estimate(problem.model, data, problem.prior, campaign.estimate, noise_std=problem.noise_std, threads=1)
+    alone = fp.estimate(problem.model, data, problem.prior, start=campaign.estimate, noise_std=problem.noise_std, threads=1)
     for name in problem.estimated:
         assert campaign.estimate[name] == pytest.approx(alone.estimate[name], abs=1e-5 * alone.standard_errors[name])
     np.testing.assert_allclose(campaign.fit.covariance, alone.covariance, rtol=1e-6)
@@ -96,7 +96,7 @@ def test_next_returns_the_same_points_until_they_are_told(problem: fp.DesignProb
 
 
 def test_done_is_when_every_target_is_met(problem: fp.DesignProblem) -> None:
-    campaign = fp.Campaign(problem, 4, {"c_L": 0.29, "m_q": 0.9}, **QUICK)
+    campaign = fp.Campaign(problem, 4, targets={"c_L": 0.29, "m_q": 0.9}, **QUICK)
     assert campaign.met == {"c_L": False, "m_q": True} and not campaign.done
     campaign.targets = {"m_q": 0.9}
     assert not campaign.done, "a prior alone is no campaign"
@@ -138,7 +138,7 @@ def test_what_is_uncertain_counts_in_estimates(problem: fp.DesignProblem) -> Non
 
 def test_only_chosen_parameters_are_estimated(problem: fp.DesignProblem) -> None:
     chosen = problem.replace(parameters=["m_q", "B_v"])
-    campaign = fp.Campaign(chosen, 2, 0.5, **QUICK)
+    campaign = fp.Campaign(chosen, 2, targets=0.5, **QUICK)
     fit = campaign.tell(fp.VirtualRig(problem.model, problem.theta, problem.noise_std or {}).measure(campaign.next()))
     assert fit.parameters == ("m_q", "B_v") and list(campaign.targets) == ["m_q", "B_v"] and campaign.done
 
@@ -172,10 +172,10 @@ def test_wrong_data_are_refused_and_change_nothing(problem: fp.DesignProblem, ki
         campaign.tell(other)
     assert not campaign.history and campaign.planned is not None
     campaign.tell(data)
-    with pytest.raises(ValueError, match="given those of batch 1 once more"):
+    with pytest.raises(ValueError, match="given those of batch 1 again"):
         campaign.tell(fp.Measurements(data.points, data.y))
     more = rig(problem, 1).measure(data.points[:2])
-    with pytest.raises(ValueError, match="new measurements alone, given those of batch 1 among them once more"):
+    with pytest.raises(ValueError, match="new measurements only, given those of batch 1 among them"):
         campaign.tell(fp.Measurements.join([data, more]))
     assert len(campaign.history) == 1
     campaign.tell(more)
@@ -193,7 +193,7 @@ def test_rows_that_were_told_do_not_count_twice(problem: fp.DesignProblem) -> No
             campaign.tell(again)
     assert len(campaign.history) == 1
     # What is new at the same points, and one reading that is the same, as of a replicate that a coarse sensor cannot tell apart.
-    with pytest.warns(UserWarning, match="data: row 1 was told with batch 1 too; it counts as measured once more"):
+    with pytest.warns(UserWarning, match="data: row 1 is also in batch 1; it counts as a repeated measurement"):
         campaign.tell(fp.Measurements.join([first[:1], first[1:2], more]))
     assert len(campaign.history) == 2 and campaign.data is not None and len(campaign.data) == 9
 
@@ -209,7 +209,7 @@ def test_an_interrupted_search_plans_nothing(problem: fp.DesignProblem) -> None:
 
     campaign = fp.Campaign(problem, 4, **QUICK)
     with pytest.raises(KeyboardInterrupt):
-        campaign.next(interrupt)
+        campaign.next(progress=interrupt)
     assert campaign.planned is None
     assert campaign.next() == fp.Campaign(problem, 4, **QUICK).next()
 
@@ -217,9 +217,9 @@ def test_an_interrupted_search_plans_nothing(problem: fp.DesignProblem) -> None:
 @pytest.mark.parametrize("name", ["cylinder", "michaelis_menten"])
 def test_a_loaded_campaign_goes_on_to_the_same_bits(name: str, tmp_path: Path) -> None:
     given = load_config(EXAMPLES / f"{name}.toml").problem()
-    whole = fp.Campaign(given, 3, 0.01, seed=5, directory=tmp_path / "whole", **QUICK)
+    whole = fp.Campaign(given, 3, targets=0.01, seed=5, directory=tmp_path / "whole", **QUICK)
     run(whole, 3)
-    fp.Campaign(given, 3, 0.01, seed=5, directory=tmp_path / "parts", **QUICK)
+    fp.Campaign(given, 3, targets=0.01, seed=5, directory=tmp_path / "parts", **QUICK)
     for _ in range(3):
         points = fp.Campaign.load(tmp_path / "parts", threads=2).next()
         campaign = fp.Campaign.load(tmp_path / "parts", threads=1)
@@ -232,7 +232,7 @@ def test_a_loaded_campaign_goes_on_to_the_same_bits(name: str, tmp_path: Path) -
     assert dict(loaded.fit.estimate) == dict(whole.fit.estimate) and (loaded.fit.covariance == whole.fit.covariance).all()
     assert str(loaded) == str(whole)
     assert loaded.next() == whole.next()
-    without = run(fp.Campaign(given, 3, 0.01, seed=5, **QUICK), 3)
+    without = run(fp.Campaign(given, 3, targets=0.01, seed=5, **QUICK), 3)
     assert dict(without.estimate) == dict(whole.estimate)
 
 
@@ -286,7 +286,7 @@ def test_files_that_were_damaged_by_hand_are_refused(copy: Path) -> None:
 def test_data_that_were_changed_are_refused_and_lost_ones_written_again(copy: Path, saved: Path) -> None:
     path = copy / "data_1.csv"
     path.write_text(path.read_text().replace("0", "1", 1))
-    with pytest.raises(ValueError, match=r"data_1.csv: expected the data that were told, given a file that was changed"):
+    with pytest.raises(ValueError, match=r"data_1.csv: expected the data as they were read, given a file that was changed"):
         fp.Campaign.load(copy)
     path.unlink()
     fp.Campaign.load(copy)
@@ -343,13 +343,13 @@ def test_the_picture_has_a_panel_for_each_parameter(saved: Path, tmp_path: Path)
     drawn = panels[6].lines[0].get_ydata()
     np.testing.assert_allclose(drawn, [0.3, *rse])
     assert panels[6].lines[-1].get_ydata()[0] == 0.5  # the target
-    campaign.plot(tmp_path / "campaign.png")
+    campaign.plot(path=tmp_path / "campaign.png")
     assert (tmp_path / "campaign.png").stat().st_size > 10_000
 
 
 def test_a_batch_that_does_not_tell_its_noise_meets_no_target(kinetics: fp.DesignProblem) -> None:
     unknown = kinetics.replace(noise_std=None, output_covariance=None)
-    campaign = fp.Campaign(unknown, 2, 0.5, **QUICK)
+    campaign = fp.Campaign(unknown, 2, targets=0.5, **QUICK)
     measuring = fp.VirtualRig(unknown.model, unknown.theta, kinetics.noise_std or {})
     campaign.tell(measuring.measure(campaign.next()))
     assert not campaign.done and "not a minimum" in str(campaign)
@@ -359,7 +359,7 @@ def test_few_degrees_of_freedom_meet_no_target_by_chance() -> None:
     """With estimated noise, targets are held against standard errors as wide as Student's t makes intervals."""
     decay = load_config(EXAMPLES / "exponential_decay.toml").problem().replace(noise_std=None, output_covariance="region")
     (output,) = decay.model.outputs
-    campaign = fp.Campaign(decay, 4, 0.1, seed=1, **QUICK)
+    campaign = fp.Campaign(decay, 4, targets=0.1, seed=1, **QUICK)
     campaign.tell(fp.VirtualRig(decay.model, decay.theta, {output.name: 0.01}).measure(campaign.next()))
     fit = campaign.fit
     assert fit is not None
@@ -367,6 +367,6 @@ def test_few_degrees_of_freedom_meet_no_target_by_chance() -> None:
         low, high = fit.intervals()[name]
         wide = (high - low) / 2 / 1.959963984540054 / abs(fit.estimate[name])
         assert wide > campaign.rse[name]
-        between = fp.Campaign(decay, 4, (wide + campaign.rse[name]) / 2, seed=1, **QUICK)
+        between = fp.Campaign(decay, 4, targets=(wide + campaign.rse[name]) / 2, seed=1, **QUICK)
         between.tell(campaign.history[0].data)
         assert not between.met[name]

@@ -129,7 +129,7 @@ def test_a_truncated_file_is_never_read_as_a_whole_one(undisturbed: dict[str, by
     data = undisturbed["data_2.csv"]
     for length in range(len(data)):
         (tmp_path / "data_2.csv").write_bytes(data[:length])
-        with pytest.raises(ValueError, match=r"data_2.csv: expected the data that were told"):
+        with pytest.raises(ValueError, match=r"data_2.csv: expected the data as they were read"):
             fp.Campaign.load(tmp_path)
     (tmp_path / "data_2.csv").unlink()
     fp.Campaign.load(tmp_path)

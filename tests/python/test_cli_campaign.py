@@ -33,7 +33,7 @@ def run(capsys: pytest.CaptureFixture[str]) -> Any:
 def file(tmp_path: Path) -> Path:
     """The cylinder with settings that take a fraction of a second."""
     return edited(
-        EXAMPLES / "cylinder.toml", tmp_path / "quick.toml", {"= 50 ": "= 10 ", "= 200": "= 10", "rse = 0.02": "rse = 0.2"}
+        EXAMPLES / "cylinder.toml", tmp_path / "quick.toml", {"= 50 ": "= 10 ", "= 200": "= 10", "targets = 0.02": "targets = 0.2"}
     )
 
 
@@ -80,7 +80,7 @@ def test_a_campaign_from_the_first_batch_to_its_targets(run: Any, file: Path, tm
     assert code == 0 and f"{data}: these are the data of batch 1, which were taken before" in again
     assert len(fp.Campaign.load(directory).history) == 1
 
-    finer = edited(file, tmp_path / "finer.toml", {"rse = 0.2": "rse = {c_L = 1e-3, m_q = 0.5}"})
+    finer = edited(file, tmp_path / "finer.toml", {"targets = 0.2": "targets = {c_L = 1e-3, m_q = 0.5}"})
     code, out, _ = run("campaign", finer, "-o", directory, "--no-plots")
     assert code == 0 and f"Measure the points of {directory / 'batch_2.csv'}" in out and "above target: c_L" in out
     assert fp.Campaign.load(directory).targets == {"m_q": 0.5, "c_L": 1e-3}
@@ -105,12 +105,16 @@ def test_a_file_that_was_changed_needs_another_directory(run: Any, file: Path, t
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"rse = 0.2": "rse = 0"}, "campaign.rse: expected a number > 0, given 0"),
-        ({"rse = 0.2": "rse = {c_M = 0.1}"}, 'unknown key campaign.rse.c_M; expected one of a_tau, .* (did you mean "c_L"?)'),
+        ({"targets = 0.2": "rse = 0.2"}, "campaign.rse: expected campaign.targets, which is the name of this key now"),
+        ({"targets = 0.2": "targets = 0"}, "campaign.targets: expected a number > 0, given 0"),
+        (
+            {"targets = 0.2": "targets = {c_M = 0.1}"},
+            'unknown key campaign.targets.c_M; expected one of a_tau, .* (did you mean "c_L"?)',
+        ),
         ({"batch = 6": "batch = 0"}, "campaign.batch: expected a number >= 1, given 0"),
         ({"batch = 6": "batch = 1000001"}, "campaign.batch: expected a number <= 1000000, given 1000001"),
         ({"= 10 ": "= 1000000000 "}, "design.n_candidates: expected a number <= 1000000, given 1000000000"),
-        ({"batch = 6": "batches = 6"}, "unknown key campaign.batches; expected one of batch, rse"),
+        ({"batch = 6": "batches = 6"}, "unknown key campaign.batches; expected one of batch, targets"),
         ({"# time_limit = 600 ": "time_limit = 600 #"}, "design.time_limit: expected none with a campaign"),
     ],
 )
@@ -167,6 +171,6 @@ def test_an_interrupt_leaves_a_campaign_to_go_on_with(
 
 def test_the_table_is_optional(file: Path, tmp_path: Path) -> None:
     config = load_config(EXAMPLES / "michaelis_menten.toml")
-    assert config.campaign.batch is None and config.campaign.rse is None
-    with pytest.raises(ConfigError, match=r"campaign.rse: expected a number > 0, or one for each parameter"):
-        load_config(edited(file, tmp_path / "wrong.toml", {"rse = 0.2": "rse = {c_L = -1}"}))
+    assert config.campaign.batch is None and config.campaign.targets is None
+    with pytest.raises(ConfigError, match=r"campaign.targets: expected a number > 0, or one for each parameter"):
+        load_config(edited(file, tmp_path / "wrong.toml", {"targets = 0.2": "targets = {c_L = -1}"}))

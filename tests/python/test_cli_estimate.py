@@ -83,7 +83,7 @@ def test_a_file_with_times_is_a_record(tmp_path: Path) -> None:
     config = load_config(EXAMPLES / "cascaded_tanks.toml")
     model, t = config.build_model(), 4.0 * np.arange(60)
     u = 2.0 + np.where((np.arange(60) // 15) % 2, 1.0, -1.0)
-    y = fp.simulate_record(model, dict(model.nominal), t, u, {"h1": 5.0, "h2": 4.0}).y[:, 0]
+    y = fp.simulate_record(model, t, u, dict(model.nominal), {"h1": 5.0, "h2": 4.0}).y[:, 0]
     noisy = y + np.random.default_rng(0).normal(0.0, 0.05, 60)
     rows = ["t,u,y_level", *(f"{a!r},{b!r},{c!r}" for a, b, c in zip(t.tolist(), u.tolist(), noisy.tolist(), strict=True))]
     (tmp_path / "record.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")

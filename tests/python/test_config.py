@@ -167,7 +167,7 @@ MISTAKES = {
     "parameters": (
         "seed = 0 ",
         'parameters = ["a_tau", "mq"] ',
-        "design.parameters: expected names out of a_tau, b_tau, m_q, E_oil, p_t, B_v, c_L, V_0A, V_0B "
+        "design.parameters: expected names from a_tau, b_tau, m_q, E_oil, p_t, B_v, c_L, V_0A, V_0B "
         '(did you mean "m_q"?), given "mq"',
     ),
     "table": (
@@ -297,7 +297,7 @@ def test_short_and_long_forms_mean_the_same(tmp_path: Path) -> None:
         ('[rule]\nkind = "gauss_hermite"\nlevels = 2', fp.GaussHermite(2)),
         ('[rule]\nkind = "sparse_gauss_hermite"', fp.SparseGaussHermite(2)),
         ('[rule]\nkind = "sparse_gauss_hermite"\nlevel = 3', fp.SparseGaussHermite(3)),
-        ('[rule]\nkind = "sobol"\nn = 512\nseed = 4', fp.Sobol(512, 4)),
+        ('[rule]\nkind = "sobol"\nn = 512\nseed = 4', fp.Sobol(512, seed=4)),
         ('[rule]\nkind = "unscented"', fp.Unscented()),
         ('[rule]\nkind = "linearized"', fp.Linearized()),
     ],
@@ -331,3 +331,10 @@ def test_correlations_and_log_normal_parameters(tmp_path: Path) -> None:
     expected[7, 8] = expected[8, 7] = 0.5
     expected[3, 6] = expected[6, 3] = -0.2
     np.testing.assert_allclose(prior.correlation, expected, rtol=1e-14, atol=1e-15)
+
+
+def test_a_problem_is_read_without_the_command() -> None:
+    path = EXAMPLES / "cylinder.toml"
+    assert str(fp.load_problem(path)) == str(config.load_config(path).problem())
+    with pytest.raises(config.ConfigError, match=r"nowhere\.toml: "):
+        fp.load_problem(path.with_name("nowhere.toml"))

@@ -60,7 +60,7 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "settings": ({}, {"patience": 3, "time_limit": 100.5, "max_redraws": 3, "seed": 2**70}),
     "constants": ({"model": fp.HydraulicCylinder(k_u=1.0, T_1=3.3e-3, p_s=2.05e7)}, {}),
     "constraints": ({"region": fp.ExperimentRegion(REGION, ["v > 0.01", "p_A + p_B < 2.5e7"])}, {}),
-    "one level": ({"rule": fp.TensorGrid(1, 1.25)}, {}),
+    "one level": ({"rule": fp.TensorGrid(1, span=1.25)}, {}),
     "strict": ({"kinks": "exclude", "rtol": 1e-5}, {}),
 }
 
@@ -139,7 +139,7 @@ def test_the_json_is_strict_and_tells_versions(saved: Path) -> None:
 def test_a_truncated_file_is_one_clear_error(share: float, saved: Path) -> None:
     text = (saved / "design.json").read_text().rstrip()
     (saved / "design.json").write_text(text[: int(share * len(text))])
-    with pytest.raises(ValueError, match=r"design\.json: expected a whole JSON file, given one that ends or breaks"):
+    with pytest.raises(ValueError, match=r"design\.json: expected a whole JSON file, given one that is cut off or malformed"):
         fp.Design.load(saved)
 
 

@@ -41,7 +41,7 @@ def test_threads_do_not_change_trajectories(function: Any, kinks: str) -> None:
     assert all_same([function(MODEL, points, theta, threads=n, kinks=kinks) for n in THREADS])
 
 
-@pytest.mark.parametrize("rule", [SMALL, fp.TensorGrid(3, 1.5)], ids=["27 nodes", "19683 nodes"])
+@pytest.mark.parametrize("rule", [SMALL, fp.TensorGrid(3, span=1.5)], ids=["27 nodes", "19683 nodes"])
 def test_threads_do_not_change_predictive_covariances(rule: fp.TensorGrid) -> None:
     points = random_points(np.random.default_rng(2), 25)  # some fail at a node: which one is found first must not matter
     results = [fp.predictive_covariance(MODEL, points, PRIOR, rule, threads=n) for n in THREADS]
@@ -51,7 +51,10 @@ def test_threads_do_not_change_predictive_covariances(rule: fp.TensorGrid) -> No
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_threads_do_not_change_a_design(kind: str) -> None:
-    designs = [fp.exchange(problem(output_covariance=kind), 9, 6, 8, seed=3, threads=n, references=True) for n in THREADS]
+    designs = [
+        fp.exchange(problem(output_covariance=kind), 9, n_candidates=6, max_iterations=8, seed=3, threads=n, references=True)
+        for n in THREADS
+    ]
     for other in designs[1:]:
         assert same_bits(other.points.table, designs[0].points.table)
         assert [(r.log_det, r.exchanged, r.drawn) for r in other.trace] == [
@@ -118,7 +121,10 @@ def test_the_order_of_the_priors_names_does_not_matter() -> None:
     points = random_points(np.random.default_rng(9), 12)
     backwards = fp.GaussianPrior({n: PRIOR.mean[n] for n in NAMES[::-1]}, {n: PRIOR.std[n] for n in NAMES[::-1]})
     assert all_same([fp.predictive_covariance(MODEL, points, p, grid(a_tau=3, E_oil=2)) for p in (PRIOR, backwards)])
-    designs = [fp.exchange(problem(prior=p, output_covariance="pooled"), 9, 4, 4, references=False) for p in (PRIOR, backwards)]
+    designs = [
+        fp.exchange(problem(prior=p, output_covariance="pooled"), 9, n_candidates=4, max_iterations=4, references=False)
+        for p in (PRIOR, backwards)
+    ]
     assert same_bits(designs[0].points.table, designs[1].points.table)
 
 

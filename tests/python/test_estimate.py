@@ -185,7 +185,7 @@ def test_a_prior_of_known_parameters_alone_only_fixes_them(use: str) -> None:
     data, others = fp.Measurements(POINTS, line_data()), fp.GaussianPrior({"b": -0.7}, {"b": 0.1})
     expected = fp.estimate(LINE, data, start={"b": -0.7}, parameters=["a"], noise_std={"y": 0.1})
     prior, start = (others, None) if use == "prior" else (None, others)
-    fit = fp.estimate(LINE, data, prior, start, ["a"], {"y": 0.1})
+    fit = fp.estimate(LINE, data, prior, start=start, parameters=["a"], noise_std={"y": 0.1})
     np.testing.assert_allclose(fit.values, expected.values, rtol=1e-12)
     np.testing.assert_allclose(fit.covariance, expected.covariance, rtol=1e-12)
     assert "weighted least squares" in str(fit) and "Beside the prior" not in str(fit)
@@ -195,7 +195,7 @@ def test_starts_of_records_that_would_share_a_name_are_refused() -> None:
     model = fp.SymbolicModel(["-k*x", "-k*x_2"], ["x"], {"x": "1", "x_2": "1"}, {}, {"k": "1/s"}, {"y": "1"}, nominal={"k": 1.0})
     record = fp.Record([0.0, 1.0, 2.0], np.empty((3, 0)), [1.0, 0.4, 0.1])
     fp.estimate(model, record, noise_std={"y": 0.1})
-    with pytest.raises(ValueError, match=r"^states: expected names by which starts .* given two called 'x0_x_2'"):
+    with pytest.raises(ValueError, match=r"^states: expected different names for the starts .* given two called 'x0_x_2'"):
         fp.estimate(model, [record, record], noise_std={"y": 0.1})
 
 
@@ -210,11 +210,12 @@ def test_what_is_assumed_is_weighed_where_trajectories_are_ok() -> None:
     """At the prior's mean the tank runs empty, which other starts do not."""
     tank = fp.SymbolicModel(["-k*sqrt(h)"], ["h"], {"h": "1"}, {}, {"k": "1/s"}, {"h": "1"}, nominal={"k": 1.0})
     points = fp.Experiments(np.ones((5, 1)), np.empty((5, 0)), np.linspace(0.2, 1.9, 5))
-    data = fp.VirtualRig(tank, {"k": 0.5}, {"h": 0.01}, {"h": 0.02}).measure(points)
+    data = fp.VirtualRig(tank, {"k": 0.5}, {"h": 0.01}, initial_state_std={"h": 0.02}).measure(points)
     assert fp.simulate(tank, points, {"k": 3.0}).status.any()
     prior = fp.GaussianPrior({"k": 3.0}, {"k": 2.0})
     fit, near = (
-        fp.estimate(tank, data, prior, start, noise_std={"h": 0.01}, initial_state_std={"h": 0.02}) for start in (None, {"k": 0.5})
+        fp.estimate(tank, data, prior, start=start, noise_std={"h": 0.01}, initial_state_std={"h": 0.02})
+        for start in (None, {"k": 0.5})
     )
     assert fit.estimate["k"] == pytest.approx(near.estimate["k"], abs=1e-3 * near.standard_errors["k"])
 

@@ -85,7 +85,8 @@ def test_an_evaluation_is_the_papers_equations(kind: str, noise: bool) -> None:
 def test_standard_errors_come_from_the_sum_form(kind: str) -> None:
     points = valid_points(12, seed=2)
     evaluation = fp.evaluate_design(problem(output_covariance=kind), points)
-    total = evaluation.fisher * len(points) / 2  # (7)'s 2/L taken off
+    total = evaluation.information
+    np.testing.assert_allclose(total, evaluation.fisher * len(points) / 2, rtol=1e-12)  # (7)'s 2/L taken off
     scale = np.sqrt(np.diag(total))
     covariance = np.linalg.inv(total / np.outer(scale, scale)) / np.outer(scale, scale) * np.outer(STD, STD)
     assert evaluation.covariance is not None and evaluation.standard_errors is not None and evaluation.rse is not None
@@ -285,7 +286,7 @@ QUADRATIC = fp.SymbolicModel([], ["a + b*u + c*u**2"], {}, {"u": "1"}, {"a": "1"
 def test_a_polynomial_far_from_zero_has_the_determinant_that_it_has_there(place: float) -> None:
     """A shift of u is a change of parameters with determinant 1; the singular values fall as the square of the place."""
     prior = fp.GaussianPrior({"a": 1.0, "b": 2.0, "c": 3.0}, std=dict.fromkeys("abc", 0.1))
-    given = fp.DesignProblem(QUADRATIC, prior, None, {"y": 0.1})
+    given = fp.DesignProblem(QUADRATIC, prior, None, noise_std={"y": 0.1})
     near, far = (
         fp.evaluate_design(given, fp.Experiments(np.empty((5, 0)), np.linspace(u, u + 1, 5)[:, None])) for u in (0.0, place)
     )
@@ -298,7 +299,7 @@ def test_a_null_direction_has_all_that_the_outputs_feel() -> None:
     """a alone does change them: what does not is a, b and c together, in shares of 1, 1e-6 and 1e-12."""
     prior = fp.GaussianPrior({"a": 1.0, "b": 2.0, "c": 3.0}, std=dict.fromkeys("abc", 0.1))
     points = fp.Experiments(np.empty((5, 0)), np.linspace(1e6, 1e6 + 1, 5)[:, None])
-    evaluation = fp.evaluate_design(fp.DesignProblem(QUADRATIC, prior, None, {"y": 0.1}), points)
+    evaluation = fp.evaluate_design(fp.DesignProblem(QUADRATIC, prior, None, noise_std={"y": 0.1}), points)
     assert evaluation.rank == 2 and evaluation.log_det == -np.inf
     (direction,) = evaluation.null_directions
     change = np.array([direction[name] for name in "abc"])  # all are listed

@@ -130,7 +130,9 @@ def test_one_iteration_is_the_exhaustive_search(kind: str) -> None:
     outcomes = set()
     for seed in range(25):
         expected, exchanged = brute_force(given, seed, n_experiments=2, n_candidates=3)
-        design = fp.exchange(given, 2, 3, 1, seed=seed, max_redraws=0, references=False, screen=False, local=0.0)
+        design = fp.exchange(
+            given, 2, n_candidates=3, max_iterations=1, seed=seed, max_redraws=0, references=False, screen=False, local=0.0
+        )
         np.testing.assert_array_equal(design.points.table, expected.table)
         assert design.trace[-1].exchanged == exchanged
         outcomes.add(exchanged)
@@ -142,7 +144,10 @@ def test_screening_finds_the_same_design(kind: str) -> None:
     """In a region of which every point is valid on all nodes, so that both ways see the same candidates."""
     calm = dict(q=(0.1, 0.2), v=(0.1, 0.2), p_A=(8e6, 9e6), p_B=(12e6, 13e6), x_v=(0.2, 0.5), u=(-0.5, -0.2), dt=(1e-3, 3e-3))
     given = problem(output_covariance=kind, region=fp.ExperimentRegion(calm))
-    screened, whole = (fp.exchange(given, 9, 30, 15, seed=3, references=False, screen=screen) for screen in (True, False))
+    screened, whole = (
+        fp.exchange(given, 9, n_candidates=30, max_iterations=15, seed=3, references=False, screen=screen)
+        for screen in (True, False)
+    )
     assert not whole.rejected
     assert same_bits(screened.points.table, whole.points.table)
     assert sum(record.exchanged for record in whole.trace) > 5
@@ -157,7 +162,7 @@ def test_screening_asks_the_rule_for_the_best_few_only(monkeypatch: pytest.Monke
         return confirm(self, chosen)
 
     monkeypatch.setattr(CandidateSource, "confirm", counted)
-    fp.exchange(problem(output_covariance="pooled"), 9, 40, 5, references=False)
+    fp.exchange(problem(output_covariance="pooled"), 9, n_candidates=40, max_iterations=5, references=False)
     start = asked.index(SHORTLIST)
     assert sum(asked[:start]) >= 9 and set(asked[start:]) == {SHORTLIST}
 
@@ -185,7 +190,15 @@ def test_patience(patience: int) -> None:
 @pytest.mark.parametrize("references", [False, True])
 def test_a_time_limit_bounds_the_whole_call(references: bool) -> None:
     started = time.perf_counter()
-    design = fp.exchange(problem(output_covariance="pooled"), 9, 10, 10**6, time_limit=0.3, references=references, patience=None)
+    design = fp.exchange(
+        problem(output_covariance="pooled"),
+        9,
+        n_candidates=10,
+        max_iterations=10**6,
+        time_limit=0.3,
+        references=references,
+        patience=None,
+    )
     assert design.stop_reason == "time_limit"
     assert design.trace[-1].seconds >= 0.3
     # The references are a second search and the random designs: as long again, with time to spare on a busy machine.
@@ -282,14 +295,14 @@ def test_too_few_points_for_the_parameters_still_give_the_best_that_can_be(kind:
 
 
 def test_a_single_point_and_a_single_candidate() -> None:
-    design = fp.exchange(problem(parameters=["B_v"]), 1, 1, 10, references=False)
+    design = fp.exchange(problem(parameters=["B_v"]), 1, n_candidates=1, max_iterations=10, references=False)
     assert len(design.points) == 1 and np.isfinite(design.evaluation.log_det)
     assert design.trace[-1].log_det > design.trace[0].log_det
 
 
 def test_an_empty_region_is_an_error_that_counts_the_reason() -> None:
     region = fp.ExperimentRegion(REGION, constraints=["v > 1"])
-    with pytest.raises(ValueError, match=r"region: expected points that survive, given 0 of \d+ drawn \(constraint \d+\)"):
+    with pytest.raises(ValueError, match=r"region: expected valid points, given 0 of \d+ drawn \(constraint \d+\)"):
         fp.exchange(problem(region=region), **QUICK)
 
 
@@ -297,7 +310,7 @@ def test_an_empty_region_is_an_error_that_counts_the_reason() -> None:
 def test_a_region_in_which_nothing_survives_is_an_error_that_counts_the_reasons(kind: str) -> None:
     region = fp.ExperimentRegion(REGION | {"p_A": (20.95e6, 20.99e6), "v": (-0.25, -0.2), "dt": (5e-3, 1e-2)})
     started = time.perf_counter()
-    with pytest.raises(ValueError, match=r"region: expected points that survive, given 0 of \d+ drawn \(left_domain \d+"):
+    with pytest.raises(ValueError, match=r"region: expected valid points, given 0 of \d+ drawn \(left_domain \d+"):
         fp.exchange(problem(region=region, output_covariance=kind), **QUICK)
     assert time.perf_counter() - started < 10
 
@@ -305,7 +318,7 @@ def test_a_region_in_which_nothing_survives_is_an_error_that_counts_the_reasons(
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_region_in_which_nothing_survives_on_the_grid_is_an_error(kind: str) -> None:
     region = fp.ExperimentRegion(REGION | {"p_A": (0.55e6, 0.6e6), "v": (-0.25, -0.2), "dt": (1e-5, 2e-5)})
-    with pytest.raises(ValueError, match=r"region: expected points that survive.*given 0 of"):
+    with pytest.raises(ValueError, match=r"region: expected valid points.*given 0 of"):
         fp.exchange(problem(region=region, rule=grid(p_t=3), output_covariance=kind), **QUICK)
 
 
@@ -318,7 +331,7 @@ def test_a_region_on_a_switching_surface_is_refused_by_name(surface: str) -> Non
 def test_a_region_of_one_point_gives_that_point() -> None:
     one = {"q": 0.15, "v": 0.2, "p_A": 6e6, "p_B": 10e6, "x_v": 0.3, "u": -0.3, "dt": 2e-3}
     region = fp.ExperimentRegion({name: (value, value) for name, value in one.items()})
-    design = fp.exchange(problem(region=region), 3, 2, 3, references=False)
+    design = fp.exchange(problem(region=region), 3, n_candidates=2, max_iterations=3, references=False)
     np.testing.assert_array_equal(design.points.table, [list(one.values())] * 3)
     assert design.distinct_points == 1 and not any(record.exchanged for record in design.trace)
 
@@ -352,7 +365,9 @@ def test_a_design_that_is_worse_than_random_is_said_to_be() -> None:
 
 def test_settings_are_kept() -> None:
     given = problem()
-    design = fp.exchange(given, 9, 4, 2, seed=7, patience=5, time_limit=60, max_redraws=2, references=False)
+    design = fp.exchange(
+        given, 9, n_candidates=4, max_iterations=2, seed=7, patience=5, time_limit=60, max_redraws=2, references=False
+    )
     assert vars(design.settings) == {
         "n_experiments": 9,
         "n_candidates": 4,

@@ -42,10 +42,10 @@ def tanks_fit() -> fp.Fit:
     """Of a record of which a start is not known, with a noise that is estimated."""
     model = load_config(EXAMPLES / "cascaded_tanks.toml").build_model()
     t, u = 4.0 * np.arange(60), 2.0 + np.where((np.arange(60) // 15) % 2, 1.0, -1.0)
-    y = fp.simulate_record(model, dict(model.nominal), t, u, {"h1": 5.0, "h2": 4.0}).y
+    y = fp.simulate_record(model, t, u, dict(model.nominal), {"h1": 5.0, "h2": 4.0}).y
     y = y + np.random.default_rng(1).normal(0, 0.05, y.shape)
     y[7] = np.nan
-    return fp.estimate(model, fp.Record(t, u, y, {"h1": 5.0}), parameters=["k1", "k3"])
+    return fp.estimate(model, fp.Record(t, u, y, x0={"h1": 5.0}), parameters=["k1", "k3"])
 
 
 def assert_same(again: fp.Fit, fit: fp.Fit) -> None:

@@ -59,8 +59,8 @@ def test_a_record_is_drawn_over_time(tmp_path: Path) -> None:
     t = 4.0 * np.arange(100)
     u = 2.0 + np.where((np.arange(100) // 15) % 2, 1.0, -1.0)
     theta = dict(model.nominal)
-    y = fp.simulate_record(model, theta, t, u, {"h1": 5.0, "h2": 4.0}).y + np.random.default_rng(1).normal(0, 0.05, (100, 1))
-    fit = fp.estimate(model, fp.Record(t, u, y, {"h1": 5.0}), parameters=["k1", "k3", "k4"], noise_std={"level": 0.05})
+    y = fp.simulate_record(model, t, u, theta, {"h1": 5.0, "h2": 4.0}).y + np.random.default_rng(1).normal(0, 0.05, (100, 1))
+    fit = fp.estimate(model, fp.Record(t, u, y, x0={"h1": 5.0}), parameters=["k1", "k3", "k4"], noise_std={"level": 0.05})
     assert fit.parameters == ("k1", "k3", "k4", "x0_h2")
     assert fit.units["x0_h2"] == "V"
     assert "x0_h2" in str(fit)

@@ -23,7 +23,7 @@ def tanks(f: list[str], parameters: str, g: str = "h2", **constants: float) -> f
     names = parameters.split()
     nominal = {name: NOMINAL[name] for name in names}
     states = {"h1": "m", "h2": "m"}
-    return fp.SymbolicModel(f, [g], states, {"u": "V"}, dict.fromkeys(names, "1"), {"y": "m"}, constants, nominal=nominal)
+    return fp.SymbolicModel(f, [g], states, {"u": "V"}, dict.fromkeys(names, "1"), {"y": "m"}, constants=constants, nominal=nominal)
 
 
 def static(*g: str, **nominal: float) -> fp.SymbolicModel:
@@ -49,7 +49,7 @@ def test_the_tanks_have_one_null_direction_where_the_upper_start_is_not_known() 
 def test_that_direction_is_one_by_simulation() -> None:
     """h1 -> c h1 changes no output, by however much."""
     model, c = tanks(TANKS, "k1 k2 k3 k4"), 1.7
-    points = LEVELS.draw(model, 50, np.random.default_rng(1))
+    points = LEVELS.draw(model, 50, seed=1)
     scaled = fp.Experiments(points.x0 * [c, 1.0], points.u, points.dt)
     other = {"k1": 0.5 * c**0.5, "k2": 0.4 * c**-0.5, "k3": 0.3, "k4": 0.2 * c}
     y = fp.simulate(model, points, model.nominal, rtol=1e-11).y
@@ -310,9 +310,9 @@ def test_durations_over_many_decades_tell_what_is_fast_and_what_is_slow(dt: tupl
 def test_durations_are_drawn_logarithmically_over_decades_and_stay_inside() -> None:
     model = decays(1.0, 1000.0)
     region = fp.ExperimentRegion({"x_1": (0.1, 1.0), "x_2": (0.1, 1.0), "dt": (1.0, 1000.0)})
-    dt = region.draw(model, 3000, np.random.default_rng(0), decades=True).dt
+    dt = region.draw(model, 3000, seed=0, decades=True).dt
     assert np.histogram(dt, [1, 10, 100, 1000])[0].min() > 900 and dt.min() >= 1 and dt.max() <= 1000
-    assert np.mean(region.draw(model, 3000, np.random.default_rng(0)).dt < 100) < 0.15  # as candidates are
+    assert np.mean(region.draw(model, 3000, seed=0).dt < 100) < 0.15  # as candidates are
 
 
 def test_the_singular_values_that_are_shown_belong_to_the_rank() -> None:
@@ -333,7 +333,7 @@ def test_left_out_points_are_counted_and_none_is_an_error() -> None:
     found = fp.identifiability(tanks(TANKS, "k1 k2 k3 k4"), region=narrow, n_points=30)
     assert found.left_out["constraint"] > 30 and found.n_points == 30 and set(found.left_out) == {"constraint"}
     empty = fp.ExperimentRegion({"h1": (0.3, 0.4), "h2": (0.3, 0.4), "u": (0.0, 0.0), "dt": (50.0, 60.0)})
-    with pytest.raises(ValueError, match=r"region: expected points that survive, given 0 of 400 drawn \(left_domain 400\)"):
+    with pytest.raises(ValueError, match=r"region: expected valid points, given 0 of 400 drawn \(left_domain 400\)"):
         fp.identifiability(tanks(TANKS, "k1 k2 k3 k4"), region=empty)
 
 

@@ -20,7 +20,13 @@ pytestmark = pytest.mark.kernels
 
 Status = fp.Status
 NOMINAL = MODEL.theta(MODEL.nominal)
-REMAINDERS = {1: grid(), 7: grid(a_tau=7), 8: grid(a_tau=2, E_oil=2, c_L=2), 9: grid(E_oil=3, B_v=3), 19683: fp.TensorGrid(3, 1.5)}
+REMAINDERS = {
+    1: grid(),
+    7: grid(a_tau=7),
+    8: grid(a_tau=2, E_oil=2, c_L=2),
+    9: grid(E_oil=3, B_v=3),
+    19683: fp.TensorGrid(3, span=1.5),
+}
 TROUBLE = {
     Status.met_jump: ("a_tau", 1e3),  # friction that stops the piston at once
     Status.left_domain: ("E_oil", 1e9),
@@ -46,7 +52,7 @@ def near_theta(count: int, seed: int) -> Floats:
 
 @pytest.mark.parametrize("count", REMAINDERS)
 def test_a_covariance_is_the_sum_over_its_nodes_and_the_same_for_any_threads(count: int) -> None:
-    rule, points, rtol = REMAINDERS[count], valid_points(3, seed=5, rule=fp.TensorGrid(3, 1.5)), 1e-10
+    rule, points, rtol = REMAINDERS[count], valid_points(3, seed=5, rule=fp.TensorGrid(3, span=1.5)), 1e-10
     theta, weights = rule.nodes(PRIOR)
     assert len(theta) == count
     results = [fp.predictive_covariance(MODEL, points, PRIOR, rule, rtol=rtol, threads=n) for n in (1, 2, 5)]

@@ -155,7 +155,7 @@ def test_a_directory_to_which_others_can_write_is_left_alone(
     mark = planted(cache, entry(cache), tmp_path)
     cache.chmod(mode)
     for _ in range(2):
-        compiles(decay, f"to which others can write .mode {mode:o}, .*lasts as long as this process")
+        compiles(decay, f"which others can write to .mode {mode:o}, .*last as long as this process")
     assert not mark.exists()
     assert linked(tmp_path) == 2  # once in the cache, once in the process' own directory
     cache.chmod(0o700)
@@ -170,7 +170,7 @@ def test_so_is_one_below_such_a_directory(decay: fp.SymbolicModel, tmp_path: Pat
     compiles(decay)
     mark = planted(cache, entry(cache), tmp_path)
     above.chmod(0o777)
-    compiles(decay, "above, to which others can write")
+    compiles(decay, "above, which others can write to")
     assert not mark.exists()
 
 
@@ -182,7 +182,7 @@ def test_a_library_to_which_others_could_write_is_built_anew(
     compiles(decay)
     mark = planted(cache, entry(cache), tmp_path)
     entry(cache).chmod(mode)
-    compiles(decay, "to which others can write .*built anew")
+    compiles(decay, "which others can write to .*built again")
     assert not mark.exists() and linked(tmp_path) == 2
     compiles(decay)
     assert linked(tmp_path) == 2
@@ -196,9 +196,9 @@ def test_what_belongs_to_another_user_does_not_run(
     mark = planted(cache, entry(cache), tmp_path)
     if os.geteuid() == 0:
         os.chown(entry(cache), 12345, 12345)
-        compiles(decay, "belongs to user 12345; it is built anew")
+        compiles(decay, "belongs to user 12345; it is built again")
         os.chown(cache, 12345, 12345)
-        compiles(decay, "belongs to user 12345; what is built lasts")
+        compiles(decay, "belongs to user 12345; compiled models last")
     else:
         monkeypatch.setattr(os, "geteuid", lambda: 12345)
         with pytest.warns(UserWarning, match="stays interpreted"):
@@ -231,7 +231,7 @@ def test_a_library_that_was_cut_off_is_built_anew(decay: fp.SymbolicModel, cache
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
                 compiled = decay.compile().compiled
-            told = [str(warning.message).endswith("which was cut off or changed; it is built anew") for warning in caught]
+            told = [str(warning.message).endswith("which was cut off or changed; it is built again") for warning in caught]
             print(compiled, told, path.read_bytes() == whole)
     """
     done = run(program, entry(cache))
@@ -257,7 +257,7 @@ def test_a_library_that_does_not_load_is_built_anew(decay: fp.SymbolicModel, cac
     whole, text = path.read_bytes(), b"no library at all"
     path.unlink()
     (cache / f"{path.name.split('.')[0]}.{library_cache.hashlib.sha256(text).hexdigest()}.so").write_bytes(text)
-    compiles(decay, "expected a library as it was built, given .*; it is built anew")
+    compiles(decay, "expected a library as it was built, given .*; it is built again")
     assert entry(cache).read_bytes() == whole
 
 
@@ -268,7 +268,7 @@ def test_a_library_with_another_interface_is_built_anew(decay: fp.SymbolicModel,
     whole, other = path.read_bytes(), shared_object(tmp_path / "other.so", version="1000").read_bytes()
     path.unlink()
     (cache / f"{path.name.split('.')[0]}.{library_cache.hashlib.sha256(other).hexdigest()}.so").write_bytes(other)
-    compiles(decay, r"expected version \d+ of the kernels' interface, given 1000; it is built anew")
+    compiles(decay, r"expected version \d+ of the kernels' interface, given 1000; it is built again")
     assert entry(cache).read_bytes() == whole
 
 

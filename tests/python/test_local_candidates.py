@@ -20,7 +20,7 @@ LOW, HIGH = np.array(list(REGION.values())).T
 
 def test_candidates_near_a_point_are_near_it_on_every_scale_and_stay_in_the_box() -> None:
     region, start = fp.ExperimentRegion(REGION), random_points(np.random.default_rng(0), 1)
-    near = region.draw_near(MODEL, start[[0] * 20_000], np.random.default_rng(1)).table
+    near = region.draw_near(MODEL, start[[0] * 20_000], seed=1).table
     assert np.all((near >= LOW) & (near <= HIGH))
     distance = np.abs(near - start.table) / (HIGH - LOW)
     moved = distance > 0
@@ -35,7 +35,7 @@ def test_candidates_near_a_point_are_near_it_on_every_scale_and_stay_in_the_box(
 
 def test_candidates_near_a_point_reach_the_bounds_themselves() -> None:
     region, start = fp.ExperimentRegion(REGION), fp.Experiments([HIGH[:5]], [HIGH[5:6]], HIGH[6:])
-    near = region.draw_near(MODEL, start[[0] * 500], np.random.default_rng(1)).table
+    near = region.draw_near(MODEL, start[[0] * 500], seed=1).table
     for column, bound in enumerate(HIGH):
         share = np.mean(near[:, column] == bound)
         assert 0.5 < share < 0.95  # not moved, or moved past the bound
@@ -43,19 +43,19 @@ def test_candidates_near_a_point_reach_the_bounds_themselves() -> None:
 
 def test_what_the_region_fixes_is_not_moved() -> None:
     region = fp.ExperimentRegion(REGION | {"u": (0.5, 0.5), "q": (0.1, 0.1)})
-    start = region.draw(MODEL, 200, np.random.default_rng(0))
-    near = region.draw_near(MODEL, start, np.random.default_rng(1))
+    start = region.draw(MODEL, 200, seed=0)
+    near = region.draw_near(MODEL, start, seed=1)
     assert np.all(near.u == 0.5) and np.all(near.x0[:, 0] == 0.1)
     assert np.all((near.table != start.table).any(axis=1))
     fixed = fp.ExperimentRegion({name: (value, value) for name, value in zip(REGION, start.table[0], strict=True)})
-    assert same_bits(fixed.draw_near(MODEL, start[[0, 0]], np.random.default_rng(1)).table, start[[0, 0]].table)
+    assert same_bits(fixed.draw_near(MODEL, start[[0, 0]], seed=1).table, start[[0, 0]].table)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_moving_points_raises_phi(kind: str) -> None:
     """By more than twice as many random candidates do."""
     without, more, local = (
-        fp.exchange(problem(output_covariance=kind), 9, n, 30, seed=2, references=False, local=share)
+        fp.exchange(problem(output_covariance=kind), 9, n_candidates=n, max_iterations=30, seed=2, references=False, local=share)
         for n, share in ((10, 0.0), (20, 0.0), (10, 1.0))
     )
     assert local.evaluation.log_det > max(without.evaluation.log_det, more.evaluation.log_det)
@@ -67,7 +67,7 @@ def test_moving_points_raises_phi(kind: str) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_result_does_not_depend_on_the_number_of_threads(kind: str) -> None:
     given = problem(output_covariance=kind)
-    one, three = (fp.exchange(given, 9, 10, 10, references=False, local=1.0, threads=n) for n in (1, 3))
+    one, three = (fp.exchange(given, 9, n_candidates=10, max_iterations=10, references=False, local=1.0, threads=n) for n in (1, 3))
     assert same_bits(one.points.table, three.points.table)
     assert one.trace[-1].log_det == three.trace[-1].log_det and one.rejected == three.rejected
 
@@ -75,7 +75,7 @@ def test_the_result_does_not_depend_on_the_number_of_threads(kind: str) -> None:
 def test_moved_points_obey_constraints_and_survive_on_all_nodes() -> None:
     region = fp.ExperimentRegion(REGION, constraints=["p_A + p_B < 1.5e7"])
     given = problem(region=region)
-    design = fp.exchange(given, 9, 20, 20, references=False, local=1.0)
+    design = fp.exchange(given, 9, n_candidates=20, max_iterations=20, references=False, local=1.0)
     assert design.rejected["constraint"] > 0
     assert np.all(design.points.x0[:, 2] + design.points.x0[:, 3] < 1.5e7)
     assert not fp.predictive_covariance(MODEL, design.points, given.prior, given.rule).status.any()
@@ -90,7 +90,7 @@ def decay(bounds: tuple[float, float] = (0.1, 5.0)) -> fp.DesignProblem:
 
 def test_patience_ends_a_search_that_has_come_to_its_optimum() -> None:
     """Points are not moved for ever by gains that nobody sees."""
-    design = fp.exchange(decay(), 1, 20, 5000, patience=50, references=False)
+    design = fp.exchange(decay(), 1, n_candidates=20, max_iterations=5000, patience=50, references=False)
     assert design.stop_reason == "patience" and design.trace[-1].iteration < 1000
     assert design.points.dt[0] == pytest.approx(1.0, abs=2e-3)
 
@@ -99,7 +99,7 @@ def test_patience_ends_a_search_that_has_come_to_its_optimum() -> None:
 def test_points_are_moved_for_what_is_worth_it_only(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """However near the optimum a point is, candidates near it are better, by the square of less and less."""
     monkeypatch.setattr(ExchangeSearch, "_iterate", lambda _: False)  # no random candidates, which any gain lets in
-    design = fp.exchange(decay(), 1, 20, 400, seed=seed, references=False, local=1.0)
+    design = fp.exchange(decay(), 1, n_candidates=20, max_iterations=400, seed=seed, references=False, local=1.0)
     gains = [after.log_det - before.log_det for before, after in itertools.pairwise(design.trace) if after.exchanged]
     assert min(gains) > 1e-6
     assert design.points.dt[0] == pytest.approx(1.0, abs=2e-3)
@@ -116,7 +116,15 @@ def test_local_candidates_come_every_fourth_time_as_many_as_their_share(
         return draw_near(source, near, count)
 
     monkeypatch.setattr(CandidateSource, "draw_near", counted)
-    fp.exchange(decay(), points, 10, 13, references=False, local=share, progress=lambda progress: done.append(progress.iteration))
+    fp.exchange(
+        decay(),
+        points,
+        n_candidates=10,
+        max_iterations=13,
+        references=False,
+        local=share,
+        progress=lambda progress: done.append(progress.iteration),
+    )
     assert drawn == ([] if each is None else [(iteration, points, each) for iteration in (4, 8, 12)])
 
 
@@ -128,7 +136,14 @@ def test_a_design_that_stays_singular_determines_what_it_can(seed: int) -> None:
     )
     prior = fp.GaussianPrior(mean=dict.fromkeys("abc", 1.0), std=dict.fromkeys("abc", 1.0))
     region = fp.ExperimentRegion({"u": (0, 1), "v": (0, 1), "w": (0, 0)}, constraints=["u + v < 1"])
-    design = fp.exchange(fp.DesignProblem(model, prior, region, noise_std={"y": 1.0}), 2, 50, 60, seed=seed, references=False)
+    design = fp.exchange(
+        fp.DesignProblem(model, prior, region, noise_std={"y": 1.0}),
+        2,
+        n_candidates=50,
+        max_iterations=60,
+        seed=seed,
+        references=False,
+    )
     assert design.evaluation.rank == 2 and design.evaluation.log_det == -np.inf
     u, v = design.points.u[np.argsort(design.points.u[:, 0]), :2].T
     assert v[0] > 0.7 and u[1] > 0.7

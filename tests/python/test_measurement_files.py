@@ -112,7 +112,7 @@ def test_a_measured_start_alone_serves(read: Read) -> None:
 
 def test_a_plain_name_serves_where_it_is_no_state(tmp_path: Path) -> None:
     tank = fp.SymbolicModel(
-        ["-k*h"], ["c*h"], {"h": "m"}, {}, {"k": "1/s"}, {"level": "V"}, {"c": (2.0, "V/m")}, nominal={"k": 1.0}
+        ["-k*h"], ["c*h"], {"h": "m"}, {}, {"k": "1/s"}, {"level": "V"}, constants={"c": (2.0, "V/m")}, nominal={"k": 1.0}
     )
     (tmp_path / "data.csv").write_text("h,dt,level\n1,0.5,1.2\n")
     data = fp.Measurements.from_csv(tmp_path / "data.csv", tank)
@@ -153,7 +153,7 @@ def test_rows_that_failed_have_no_outputs(read: Read) -> None:
 
 def test_a_virtual_rigs_file_comes_back(tmp_path: Path) -> None:
     points = valid_points(12)
-    data = fp.VirtualRig(MODEL, MODEL.nominal, NOISE, {"q": 1e-5}, seed=4).measure(points, repeats=3)
+    data = fp.VirtualRig(MODEL, MODEL.nominal, NOISE, initial_state_std={"q": 1e-5}, seed=4).measure(points, repeats=3)
     data.to_csv(tmp_path / "data.csv", MODEL)
     assert fp.Measurements.from_csv(tmp_path / "data.csv", MODEL) == data
 
@@ -181,15 +181,15 @@ WRONG = {
     HEADER + "\n": "expected a header and at least one row, given a header alone",
     text(ROWS[0], "1,2"): "row 2: expected 11 entries, given 2$",
     text(ROWS[0] + ","): "row 1: expected 11 entries, given 12",
-    text()[:-4]: r"row 3: expected a line break at the end of the file, given '-0' there: was it cut off",
+    text()[:-4]: r"row 3: expected a line break at the end of the file, given '-0' there: is the file cut off",
     text()[
         : text().index("-0.02") - 3
-    ]: r"row 3: expected 11 entries, given 10, where the file ends without a line break: was it cut",
-    text(*(row.replace(".", ",") for row in ROWS)): "row 1: expected 11 entries, given 1.; decimal commas need semicolons",
-    changed(2, y_q="0,1001"): "row 2, column y_q: expected a number, given '0,1001'; decimal commas need semicolons",
+    ]: r"row 3: expected 11 entries, given 10, at the end of the file, which has no line break: is it cut",
+    text(*(row.replace(".", ",") for row in ROWS)): "row 1: expected 11 entries, given 1.; use semicolons",
+    changed(2, y_q="0,1001"): "row 2, column y_q: expected a number, given '0,1001'; use semicolons",
     GERMAN.replace(
         "0,1502", "0.1502"
-    ): "row 1, column q: expected decimal commas or points alone in a file, given '0,15' and '0.15",
+    ): "row 1, column q: expected either decimal commas or decimal points in a file, given '0,15' and '0.15",
     GERMAN.replace("0,1502", "0,150,2"): "row 1, column y_q: expected a number, given '0,150,2'",
     changed(2, y_p_A="6.2e6 Pa"): "row 2, column y_p_A: expected a number, given '6.2e6 Pa'",
     changed(3, v="fast"): "row 3, column v: expected a number, given 'fast'",
@@ -206,7 +206,7 @@ WRONG = {
     text(header=HEADER.replace("y_q", "y_q [km]")).replace("0.1502", "1e307"): "row 1, column y_q: expected a finite number in m",
     WITHOUT_OUTPUTS: "expected at least one measured output, given none in y_q, y_p_A, y_p_B, y_x_v",
     changed(1, status='"ok'): "row 1, column status: expected one of ok, .* or nothing, given '\"ok'",
-    text(ROWS[0], ROWS[1][:-5] + '"0.2\n'): "expected a whole CSV file, given one that breaks: unexpected end of data",
+    text(ROWS[0], ROWS[1][:-5] + '"0.2\n'): "expected a complete CSV file, given one that breaks: unexpected end of data",
 }
 
 
@@ -218,7 +218,7 @@ def test_what_is_wrong_is_told_with_row_and_column(read: Read, given: str, messa
 
 def test_bytes_that_are_no_text(tmp_path: Path) -> None:
     (tmp_path / "data.csv").write_bytes(text().encode("utf-16"))
-    with pytest.raises(ValueError, match=r"data\.csv: expected a CSV text file in UTF-8, given bytes that are no text"):
+    with pytest.raises(ValueError, match=r"data\.csv: expected a CSV text file in UTF-8, given bytes that are not text"):
         fp.Measurements.from_csv(tmp_path / "data.csv", MODEL)
     with pytest.raises(FileNotFoundError):
         fp.Measurements.from_csv(tmp_path / "nothing.csv", MODEL)
@@ -236,7 +236,7 @@ def test_half_a_file_is_never_a_whole_one(tmp_path: Path) -> None:
         with pytest.raises(ValueError, match=r"data\.csv: ") as caught:
             fp.Measurements.from_csv(path, MODEL)
         if end == len(whole) - 1:
-            assert "row 3: expected a line break at the end of the file, given '-0.02' there: was it cut off within that?" in str(
+            assert "row 3: expected a line break at the end of the file, given '-0.02' there: is the file cut off?" in str(
                 caught.value
             )
 
@@ -277,7 +277,7 @@ def test_units_that_do_not_fit(read: Read, unit: str, message: str) -> None:
 @pytest.mark.parametrize(
     ("entries", "message"),
     [
-        ({"p_A": "60"}, r"column p_A: expected a start with p_A - p_t > 0 at .* given p_A = 60 Pa: in another unit\?"),
+        ({"p_A": "60"}, r"column p_A: expected a start with p_A - p_t > 0 at .* given p_A = 60 Pa: is the unit wrong\?"),
         ({"p_B": "9e7"}, r"column p_B: expected a start with p_s - p_B > 0 .* given p_B = 9e\+07 Pa"),
         ({"x0_p_A": "60"}, r"column x0_p_A: expected a start with p_A - p_t > 0 at .* given p_A = 60 Pa"),
         ({"q": "-100"}, r"column q, v, p_A, p_B, x_v: expected a start with V_A > 0 .* q = -100 m"),

@@ -79,8 +79,11 @@ def test_arguments_in_each_others_place(call: Callable[[], Any]) -> None:
         (lambda: fp.Measurements(points(), [1 + 1j, 2, 3]), "y: expected numbers, given"),
         (lambda: fp.Measurements(points(), ["1", "2", "3"]), "y: expected numbers, given"),
         (lambda: fp.Measurements(points(), {1.0, 2.0, 3.0}), "y: expected numbers, given"),
-        (lambda: fp.validate({"one": points()}, problem(), use_prior="no"), "use_prior: expected True or False, given 'no'"),
-        (lambda: fp.VirtualRig(model(), THETA, NOISE).measure(points(), 10**9), "repeats: expected a whole number of at most"),
+        (lambda: fp.validate(problem(), {"one": points()}, use_prior="no"), "use_prior: expected True or False, given 'no'"),
+        (
+            lambda: fp.VirtualRig(model(), THETA, NOISE).measure(points(), repeats=10**9),
+            "repeats: expected a whole number of at most",
+        ),
         (lambda: fp.SymbolicModel({"-a", "-b"}, ["a"], {"a": "m", "b": "m"}, {}, {"k": "1"}), "f: expected equations in an order"),
         (lambda: fp.identifiability(model(), prior(), parameters=Rude()), "parameters: expected a sequence of names, given a Rude"),
     ],

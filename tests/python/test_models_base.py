@@ -37,7 +37,7 @@ def test_points_without_state_need_no_dt(tmp_path: Path) -> None:
 
 
 def test_points_without_input_have_columns_for_states_and_dt(tmp_path: Path) -> None:
-    points = fp.Experiments([[1.0], [2.0]], np.empty((2, 0)), [0.1, 0.2], ("c",))
+    points = fp.Experiments([[1.0], [2.0]], np.empty((2, 0)), [0.1, 0.2], columns=("c",))
     points.to_csv(tmp_path / "points.csv")
     assert (tmp_path / "points.csv").read_text().split() == ["c,dt", "1.0,0.1", "2.0,0.2"]
 

@@ -53,7 +53,7 @@ def test_a_static_model_is_its_output() -> None:
 
 def test_the_region_of_a_static_model_has_no_dt() -> None:
     assert DOSE.region is not None
-    points = DOSE.region.draw(dose, 5, np.random.default_rng(0))
+    points = DOSE.region.draw(dose, 5, seed=0)
     assert points.table.shape == (5, 2) and (points.dt == 1.0).all()
     with pytest.raises(ValueError, match=r"region: expected the names d; given unknown 'dt'"):
         fp.DesignProblem(dose, DOSE.prior, fp.ExperimentRegion({"d": (0, 1), "dt": (1, 1)}), noise_std={"E": 0.1})

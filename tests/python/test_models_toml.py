@@ -73,7 +73,7 @@ def write(path: Path, text: str) -> Path:
 def test_text_in_the_same_text_out(tmp_path: Path) -> None:
     model = fp.load_model(write(tmp_path / "tanks.toml", TEXT))
     assert model.to_toml() == TEXT
-    assert model.states[1] == fp.Quantity("h2", "m", "level of the lower tank", 0.1)
+    assert model.states[1] == fp.Quantity("h2", "m", "level of the lower tank", scale=0.1)
     assert dict(model.nominal) == {"k1": 0.05} and dict(model.constants) == {"k4": 0.03, "h_max": 1.0}
     assert model.domain == ("h_max - h1", "h1", "h2")
     assert model.output([0.2, 0.3], 0.0, [1.0, 1.0, 1.0]).tolist() == [0.3, 0.4]
@@ -116,7 +116,7 @@ MISTAKES = {
     "one too many": ("[model.equations]", '[model.equations]\nh3 = "1"', "model.equations.h3: expected an equation for each of h1"),
     "domain": ("h_max - h1", "h_max -", "model.domain[0]: column"),
     "twice": ('u = "V"', 'h1 = "V"', "model.inputs.h1: expected a name of its own, given one"),
-    "keyword": ('u = "V"', 'lambda = "V"', "model.inputs.'lambda': expected a name that is free"),
+    "keyword": ('u = "V"', 'lambda = "V"', "model.inputs.'lambda': expected a name that is not in use"),
     "unknown key": ("scale = 0.1", "scal = 0.1", "unknown key model.states.h2.scal; expected one of unit, scale, description"),
     "no unit": ('{ unit = "m", scale = 0.1', "{ scale = 0.1", "model.states.h2.unit: missing; expected a value"),
     "no text": ('"k2*h1**0.5 - k3*sqrt(h2)"', "3", "model.equations.h2: expected text in quotes, given 3"),

@@ -71,7 +71,7 @@ def worded(call: Callable[[], Any]) -> Any:
 def test_points_that_overflow_are_counted_and_are_in_no_design(kind: str, rule: fp.Rule) -> None:
     """With every u but the smallest, an output overflows."""
     given = problem(rule=rule, output_covariance=kind)
-    design = worded(lambda: fp.exchange(given, 4, 10, 8, local=1.0))
+    design = worded(lambda: fp.exchange(given, 4, n_candidates=10, max_iterations=8, local=1.0))
     evaluated = worded(lambda: fp.evaluate_design(given, POINTS))
     if kind in ("pooled", "pointwise"):
         assert evaluated is None  # a point without a covariance is none
@@ -85,14 +85,12 @@ def test_points_that_overflow_are_counted_and_are_in_no_design(kind: str, rule: 
 
 
 def test_a_region_of_which_all_points_overflow_says_why() -> None:
-    with pytest.raises(ValueError, match=r"expected points that survive, given 0 of \d+ drawn \(not_finite \d+\)"):
+    with pytest.raises(ValueError, match=r"expected valid points, given 0 of \d+ drawn \(not_finite \d+\)"):
         fp.exchange(problem(region=fp.ExperimentRegion({"u": (1.0, 2.0)})), 4)
     growth = fp.SymbolicModel([], ["exp(p*u)"], {}, {"u": "1"}, {"p": "1"})
     prior = fp.GaussianPrior({"p": 1.0}, std={"p": 1.0})
-    given = fp.DesignProblem(growth, prior, fp.ExperimentRegion({"u": (280.0, 300.0)}), {"y": 1.0})
-    with pytest.raises(
-        ValueError, match=r"expected points that survive on the prior grid, given 0 of \d+ tried \(not_finite \d+\)"
-    ):
+    given = fp.DesignProblem(growth, prior, fp.ExperimentRegion({"u": (280.0, 300.0)}), noise_std={"y": 1.0})
+    with pytest.raises(ValueError, match=r"expected points that are valid over the prior, given 0 of \d+ tried \(not_finite \d+\)"):
         fp.exchange(given, 4)
 
 
@@ -104,10 +102,10 @@ DIODE = fp.SymbolicModel([], ["I_s*(exp(u/(n*0.0259)) - 1)"], {}, {"u": "V"}, {"
 def test_a_diode_past_the_largest_number_is_no_point(kind: str, rule: fp.Rule) -> None:
     prior = fp.GaussianPrior({"I_s": 1e-9, "n": 1.2}, relative_std={"I_s": 0.1, "n": 0.1})
     region = fp.ExperimentRegion({"u": (0.1, 30.0)})
-    given = fp.DesignProblem(DIODE, prior, region, {"y": 1e-3}, rule, kind)
+    given = fp.DesignProblem(DIODE, prior, region, noise_std={"y": 1e-3}, rule=rule, output_covariance=kind)
     spread = fp.predictive_covariance(DIODE, fp.Experiments(np.empty((2, 0)), [[0.5], [24.0]]), prior, rule)
     assert spread.status.tolist() == [fp.Status.ok, fp.Status.not_finite] and np.isfinite(spread.covariance).all()
-    design = worded(lambda: fp.exchange(given, 3, 10, 8))
+    design = worded(lambda: fp.exchange(given, 3, n_candidates=10, max_iterations=8))
     assert design is not None and design.rejected["not_finite"] > 0
     assert np.isfinite(design.evaluation.fisher).all() and (design.points.u < 24).all()
 
@@ -124,7 +122,7 @@ def test_what_overflows_is_returned_as_zero() -> None:
 def test_nodes_whose_outputs_overflow_are_lost_and_no_more() -> None:
     """y = exp(p) at three nodes, 1 and 1 -+ 1000: the last is lost, with its share of the weight."""
     growth = fp.SymbolicModel([], ["exp(p*u)"], {}, {"u": "1"}, {"p": "1"})
-    rule, prior = fp.TensorGrid(3, 1.0), fp.GaussianPrior({"p": 1.0}, std={"p": 1000.0})
+    rule, prior = fp.TensorGrid(3, span=1.0), fp.GaussianPrior({"p": 1.0}, std={"p": 1000.0})
     _, weights = rule.nodes(prior)
     nodes = rule.core_nodes(prior)
     arguments = (growth.core, np.empty((1, 0)), np.ones((1, 1)), np.ones(1), np.ones(1), nodes, 1e-6, True, "fastest", 1)
@@ -152,9 +150,9 @@ def test_an_information_that_overflows_is_told() -> None:
     prior = fp.GaussianPrior({"p": 1.0}, std={"p": 1e100})
     flat, steep = (fp.Experiments(np.empty((1, 0)), [[u]]) for u in (1e-60, 1e70))
     with pytest.raises(ValueError, match=r"covariance: expected standard errors .* given one of 'p' that overflows"):
-        fp.evaluate_design(fp.DesignProblem(line, prior, None, {"y": 1e100}), flat)
+        fp.evaluate_design(fp.DesignProblem(line, prior, None, noise_std={"y": 1e100}), flat)
     with pytest.raises(ValueError, match=r"points: expected trajectories that are ok, given points\[0\] \(not_finite\)"):
-        fp.evaluate_design(fp.DesignProblem(line, prior, None, {"y": 1e-100}), steep)
+        fp.evaluate_design(fp.DesignProblem(line, prior, None, noise_std={"y": 1e-100}), steep)
 
 
 def test_outputs_that_nearly_depend_on_each_other_are_told_in_words() -> None:
@@ -164,6 +162,8 @@ def test_outputs_that_nearly_depend_on_each_other_are_told_in_words() -> None:
     points = fp.Experiments(np.empty((2, 0)), [[1.0], [3.0]])
     for kind in KINDS:
         region = fp.ExperimentRegion({"u": (0.5, 4.0)})
-        given = fp.DesignProblem(same, prior, region, {"y": 1e-12, "z": 1e-12}, fp.Linearized(), kind)
+        given = fp.DesignProblem(
+            same, prior, region, noise_std={"y": 1e-12, "z": 1e-12}, rule=fp.Linearized(), output_covariance=kind
+        )
         worded(lambda given=given: fp.evaluate_design(given, points))  # type: ignore[misc]
-        worded(lambda given=given: fp.exchange(given, 2, 5, 3))  # type: ignore[misc]
+        worded(lambda given=given: fp.exchange(given, 2, n_candidates=5, max_iterations=3))  # type: ignore[misc]

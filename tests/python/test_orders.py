@@ -24,7 +24,9 @@ def prior(names: Sequence[str]) -> fp.GaussianPrior:
 def problem(names: Sequence[str], rule: fp.Rule, of_prior: Sequence[str] = ("a", "b", "c")) -> fp.DesignProblem:
     model = fp.SymbolicModel([], ["a*u + b*u**2 + c*u**3"], {}, {"u": "1"}, dict.fromkeys(names, "1"))
     region = fp.ExperimentRegion({"u": (0.1, 2.0)})
-    return fp.DesignProblem(model, prior(of_prior), region, {"y": 0.1}, rule, "pooled", parameters=["a"])
+    return fp.DesignProblem(
+        model, prior(of_prior), region, noise_std={"y": 0.1}, rule=rule, output_covariance="pooled", parameters=["a"]
+    )
 
 
 RULES = (fp.Linearized(), fp.SparseGaussHermite(2), fp.TensorGrid(), fp.Unscented())

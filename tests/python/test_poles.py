@@ -31,7 +31,7 @@ def points(x0: np.ndarray, dt: np.ndarray) -> fp.Experiments:
 def test_no_step_goes_past_a_pole(rtol: float, method: str) -> None:
     x0, end = starts()
     longer = end * np.random.default_rng(1).uniform(1.001, 3, COUNT)
-    done = fp.simulate(poles(), points(x0, longer), [P], rtol, method=method)
+    done = fp.simulate(poles(), points(x0, longer), [P], rtol=rtol, method=method)
     assert (done.status == fp.Status.left_domain).all()
 
 
@@ -40,7 +40,7 @@ def test_no_step_goes_past_a_pole(rtol: float, method: str) -> None:
 def test_what_ends_before_the_pole_is_right(rtol: float, method: str) -> None:
     x0, end = starts()
     shorter = end * np.random.default_rng(1).uniform(0.1, 0.99, COUNT)
-    done = fp.simulate(poles(), points(x0, shorter), [P], rtol, method=method)
+    done = fp.simulate(poles(), points(x0, shorter), [P], rtol=rtol, method=method)
     assert (done.status == fp.Status.ok).all()
     np.testing.assert_allclose(done.x[:, 0], 2 - np.sqrt((2 - x0) ** 2 - 2 * P * shorter), rtol=0, atol=100 * rtol)
 
@@ -53,7 +53,7 @@ def test_nodes_that_run_into_a_pole_are_lost() -> None:
     theta, weights = rule.nodes(prior)
     order = np.argsort(theta[:, 0])
     dt = end * P / theta[order[-2:], 0].mean()  # of the mean, at which the fastest node alone is past its end
-    done = fp.predictive_covariance(poles(), points(x0[:500], dt[:500]), prior, rule, 1e-4)
+    done = fp.predictive_covariance(poles(), points(x0[:500], dt[:500]), prior, rule, rtol=1e-4)
     ok = done.status == fp.Status.ok
     np.testing.assert_allclose(done.lost_weight[ok], weights[order[-1]])
     assert (done.lost_weight[~ok] >= weights[order[-1]]).all()

@@ -81,7 +81,7 @@ def test_what_was_not_measured_says_nothing(kind: str, uncertain: dict[str, floa
     if kind == "pointwise":
         d += fp.predictive_covariance(MODEL, POINTS, PRIOR, given.rule).covariance
     if uncertain:
-        d += fp.assumed_covariance(MODEL, POINTS, THETA, uncertain).covariance
+        d += fp.assumed_covariance(MODEL, POINTS, THETA, uncertain=uncertain).covariance
     there = np.concatenate([np.isfinite(data.y), np.ones((len(SECOND), 4), dtype=bool)])
     fisher = np.zeros((9, 9))
     for s_k, d_k, of_k in zip(standardised(POINTS), d, there, strict=True):
@@ -114,14 +114,14 @@ def test_the_search_never_removes_them(kind: str) -> None:
 
 def test_six_after_six_are_better_than_random_ones_after_the_same_six() -> None:
     given = problem()
-    design = fp.exchange(given, 6, 50, 60, previous=FIRST[:6])
+    design = fp.exchange(given, 6, n_candidates=50, max_iterations=60, previous=FIRST[:6])
     rivals = random_designs(given, 6, 7, 1, previous_information(given, FIRST[:6], 1)[0])
     assert design.evaluation.log_det > rivals.max()
     assert design.efficiency is not None and design.efficiency.random_median is not None
     assert design.efficiency.random_median == pytest.approx(np.median(rivals), abs=1.0)
     assert design.efficiency.noise_optimum is not None and design.efficiency.noise_optimum >= design.evaluation.log_det
     # Of those that know nothing of the six.
-    blind = fp.exchange(given, 6, 50, 60, references=False)
+    blind = fp.exchange(given, 6, n_candidates=50, max_iterations=60, references=False)
     assert design.evaluation.log_det > fp.evaluate_design(given, blind.points, previous=FIRST[:6]).log_det
 
 
@@ -145,7 +145,7 @@ def test_previous_points_that_are_none_are_counted() -> None:
     assert design.previous_left_out == {"met_jump": 2, "starts on v = 0": 1}
     assert design.n_previous == len(FIRST)
     same_information(design.evaluation, fp.evaluate_design(problem(), design.points, previous=FIRST))
-    with pytest.warns(UserWarning, match=r"previous: expected experiment points at the prior mean, left out met_jump 1"):
+    with pytest.warns(UserWarning, match=r"previous: expected points that are valid at the prior mean, left out met_jump 1"):
         fp.evaluate_design(problem(), SECOND, previous=jumping)
     text = " ".join(str(design).split())
     assert "3 experiment points beside 10 previous ones" in text

@@ -23,7 +23,7 @@ from fisherpoint.engine import _core
 def axis(levels: int, span: float) -> tuple[np.ndarray, np.ndarray]:
     """Standardised values and probabilities of one parameter, through the public interface."""
     prior = fp.GaussianPrior({"a": 0.0}, std={"a": 1.0})
-    nodes, weights = fp.TensorGrid(levels, span).nodes(prior)
+    nodes, weights = fp.TensorGrid(levels, span=span).nodes(prior)
     return nodes[:, 0], weights
 
 
@@ -91,7 +91,7 @@ def test_every_cell_is_a_positive_probability(levels: int, span: float) -> None:
 
 
 def test_one_level_is_the_mean_with_weight_one() -> None:
-    nodes, weights = fp.TensorGrid(1, 2.7).nodes(PRIOR)
+    nodes, weights = fp.TensorGrid(1, span=2.7).nodes(PRIOR)
     np.testing.assert_array_equal(nodes, [list(PRIOR.mean.values())])
     np.testing.assert_array_equal(weights, [1.0])
 

@@ -20,7 +20,7 @@ from oracle import OUTPUT_ROWS, STATE_SCALES, Floats
 
 pytestmark = pytest.mark.kernels
 
-POSITIVE = [fp.TensorGrid(2, 1.0), fp.GaussHermite(2), fp.Sobol(64)]
+POSITIVE = [fp.TensorGrid(2, span=1.0), fp.GaussHermite(2), fp.Sobol(64)]
 ALL = [*POSITIVE, fp.SparseGaussHermite(1), fp.SparseGaussHermite(2), fp.Unscented(), fp.Linearized()]
 
 
@@ -85,7 +85,7 @@ def test_the_kernels_sum_is_the_sum_over_the_nodes() -> None:
         covariance[i, j] = covariance[j, i] = r * np.sqrt(covariance[i, i] * covariance[j, j])
     prior = fp.GaussianPrior(MODEL.nominal, covariance=covariance, log=["c_L", "a_tau"])
     one, nominal = point(), fp.simulate(MODEL, point(), MODEL.nominal, rtol=1e-11).y
-    for rule in (fp.TensorGrid(2, 1.0), fp.GaussHermite(2), fp.SparseGaussHermite(2), fp.Sobol(256), fp.Unscented()):
+    for rule in (fp.TensorGrid(2, span=1.0), fp.GaussHermite(2), fp.SparseGaussHermite(2), fp.Sobol(256), fp.Unscented()):
         theta, weights = rule.nodes(prior)
         y = fp.simulate(MODEL, one[np.zeros(len(theta), dtype=int)], theta, rtol=1e-11).y - nominal
         expected = (weights[:, None] * y).T @ y / weights.sum()
@@ -345,7 +345,7 @@ def test_a_comparison_of_rules() -> None:
 
 
 def test_a_comparison_by_default_takes_every_kind_and_the_problems_own() -> None:
-    own = fp.Sobol(32, 5)
+    own = fp.Sobol(32, seed=5)
     comparison = fp.compare_rules(problem(rule=own, parameters=("E_oil", "B_v")), valid_points(2, seed=6))
     rules = [row.rule for row in comparison.rows]
     assert rules[-1] == own and {type(rule) for rule in rules} == set(RULES.values())
@@ -362,7 +362,7 @@ def test_a_comparison_that_cannot_be_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("rule", "dt"), [(fp.SparseGaussHermite(2), 0.8), (fp.SparseGaussHermite(2), 0.9), (fp.TensorGrid(2, 1.0), 0.93)]
+    ("rule", "dt"), [(fp.SparseGaussHermite(2), 0.8), (fp.SparseGaussHermite(2), 0.9), (fp.TensorGrid(2, span=1.0), 0.93)]
 )
 def test_nodes_past_a_pole_in_time_exclude_their_point(rule: fp.TensorGrid | fp.SparseGaussHermite, dt: float) -> None:
     """x' = p x^2 has its pole at t = 1 / (p x0); the nodes with a larger p are past it, the mean is not."""
@@ -377,7 +377,7 @@ def test_covariances_near_a_pole_in_time_are_those_of_the_nodes() -> None:
     """Every point that is ok has the covariance of its nodes in closed form; beyond the pole of any node no point is ok."""
     model = fp.SymbolicModel(["p * x**2"], ["x"], {"x": "1"}, {}, {"p": "1/s"})
     prior = fp.GaussianPrior(mean={"p": 1.0}, std={"p": 0.1})
-    for rule in (fp.SparseGaussHermite(2), fp.GaussHermite(4), fp.TensorGrid(3, 1.5)):
+    for rule in (fp.SparseGaussHermite(2), fp.GaussHermite(4), fp.TensorGrid(3, span=1.5)):
         nodes, weights = rule.nodes(prior)
         dt = np.linspace(0.5, 0.99, 50)
         result = fp.predictive_covariance(model, fp.Experiments(np.ones((50, 1)), np.zeros((50, 0)), dt), prior, rule)

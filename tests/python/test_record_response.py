@@ -17,7 +17,7 @@ MOTOR = np.array([2.0, 0.05, 0.01, 0.002, 0.5])
 
 
 def record(model: fp.Model, t: Floats = T, u: Floats = U, **known: float) -> fp.Record:
-    return fp.Record(t, u, np.ones((len(t), len(model.outputs))), known)
+    return fp.Record(t, u, np.ones((len(t), len(model.outputs))), x0=known)
 
 
 def differences(response: RecordResponse, theta: Floats, x0: Floats) -> Floats:
@@ -175,8 +175,8 @@ def test_functions_do_what_equations_do() -> None:
     [
         (lambda: RecordResponse(tanks, record(tanks, h3=1.0), [0]), "x0: expected names of states"),
         (lambda: RecordResponse(tanks, record(motor), [0]), "y: expected 1 columns"),
-        (lambda: RecordResponse(tanks, record(tanks), [5]), "columns: expected different places below 5"),
-        (lambda: RecordResponse(tanks, record(tanks), [1, 1]), "columns: expected different places"),
+        (lambda: RecordResponse(tanks, record(tanks), [5]), "columns: expected different indices below 5"),
+        (lambda: RecordResponse(tanks, record(tanks), [1, 1]), "columns: expected different indices"),
         (lambda: RecordResponse(tanks, record(tanks), [0], rtol=2.0), "rtol: expected"),
         (lambda: RecordResponse(tanks, record(tanks), [0])(TANKS[None], np.zeros((2, 2))), r"x0: expected shape \(1, 2\)"),
         (lambda: RecordResponse(tanks, record(tanks), [0])(np.zeros((1, 4)), np.zeros((1, 2))), r"theta: expected shape \(1, 5\)"),

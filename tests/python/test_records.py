@@ -41,7 +41,7 @@ def test_slices_know_the_start_only_where_they_begin_with_it() -> None:
     with pytest.raises(TypeError, match="expected a slice, given 1"):
         r[1]  # type: ignore[index]
     for bad in (slice(None, None, 2), slice(3, None)):
-        with pytest.raises(ValueError, match="following samples"):
+        with pytest.raises(ValueError, match="consecutive samples"):
             r[bad]
 
 
@@ -123,7 +123,7 @@ def test_a_file_says_what_is_wrong_with_it(tmp_path: Path, text: str, message: s
 
 
 def test_tanks_through_their_overflow() -> None:
-    done = fp.simulate_record(tanks, TANKS, T, U, [0.4, 0.6], rtol=1e-10)
+    done = fp.simulate_record(tanks, T, U, TANKS, [0.4, 0.6], rtol=1e-10)
     expected = piecewise(tanks, TANKS, T, U, [0.4, 0.6])
     assert done.status == fp.Status.ok and done.reached == len(T) - 1
     over = expected[:, 0] > 1.0
@@ -135,7 +135,7 @@ def test_tanks_through_their_overflow() -> None:
 def test_a_motor() -> None:
     t, u = T[:12] / 20, U[:12] - 1
     expected = piecewise(motor, MOTOR, t, u, [0.0, 0.0])
-    done = fp.simulate_record(motor, MOTOR, t, u, {"i": 0.0, "omega": 0.0}, rtol=1e-10)
+    done = fp.simulate_record(motor, t, u, MOTOR, {"i": 0.0, "omega": 0.0}, rtol=1e-10)
     np.testing.assert_allclose(done.x, expected, rtol=0, atol=1e-8)
     np.testing.assert_allclose(done.y, expected, rtol=0, atol=1e-8)
 
@@ -145,13 +145,13 @@ def test_a_cylinder_whose_pressure_leaves_the_domain() -> None:
     cylinder = fp.HydraulicCylinder(k_u=1)
     t, u = np.linspace(0.0, 0.08, 81), np.where(np.arange(81) < 40, 0.3, -1.0)
     theta, x0 = list(cylinder.nominal.values()), [0.05, 0.05, 8e6, 12e6, 0.3]
-    done = fp.simulate_record(cylinder, theta, t, u, x0, rtol=1e-9)
+    done = fp.simulate_record(cylinder, t, u, theta, x0, rtol=1e-9)
     assert done.status == fp.Status.left_domain and done.reached == 42
     expected = piecewise(cylinder, theta, t[:43], u[:43], x0)
     scale = np.array([0.1, 0.1, 1e6, 1e6, 1.0])
     np.testing.assert_allclose(done.x[:43] / scale, expected / scale, atol=1e-6)
     assert abs(done.x[-1, 2] - cylinder.nominal["p_t"]) < 100 and (done.x[43:] == done.x[-1]).all()
-    as_equations = fp.simulate_record(cylinder.symbolic(), theta, t, u, x0, rtol=1e-9)
+    as_equations = fp.simulate_record(cylinder.symbolic(), t, u, theta, x0, rtol=1e-9)
     assert as_equations.status == done.status and as_equations.reached == done.reached
     np.testing.assert_allclose(as_equations.x / scale, done.x / scale, atol=1e-8)
 
@@ -159,7 +159,7 @@ def test_a_cylinder_whose_pressure_leaves_the_domain() -> None:
 def test_a_jump_ends_a_record() -> None:
     """The piston stops, where its friction jumps."""
     cylinder, t = fp.HydraulicCylinder(), np.linspace(0.0, 2e-3, 21)
-    done = fp.simulate_record(cylinder, cylinder.nominal, t, np.zeros(21), [0.1, 0.02, 5e6, 15e6, 0.1])
+    done = fp.simulate_record(cylinder, t, np.zeros(21), cylinder.nominal, [0.1, 0.02, 5e6, 15e6, 0.1])
     assert done.status == fp.Status.met_jump and 0 < done.reached < 20
     assert (done.x[: done.reached + 1, 1] > 0).all() and done.x[done.reached, 1] < 0.005
 
@@ -167,7 +167,7 @@ def test_a_jump_ends_a_record() -> None:
 def test_a_record_starts_and_rests_on_a_kink() -> None:
     u = np.array([0.0, 0.0, 1.0, -1.0, 0.0, 0.0])
     t = np.array([0.0, 1.0, 2.0, 2.5, 4.0, 30.0])
-    done = fp.simulate_record(valve, [0.4, 2.0], t, u, [0.0])
+    done = fp.simulate_record(valve, t, u, [0.4, 2.0], [0.0])
     assert done.status == fp.Status.ok
     np.testing.assert_allclose(done.x, piecewise(valve, [0.4, 2.0], t, u, [0.0]), atol=1e-6)
     assert (done.x[:3] == 0).all()
@@ -181,7 +181,7 @@ def test_a_record_that_settles_at_a_kink_goes_on() -> None:
     rng, t = np.random.default_rng(0), np.arange(41.0)
     for _ in range(60):
         k, step = rng.uniform(0.1, 2.0), rng.choice([-1, 1]) * rng.uniform(0.1, 2.0)
-        done = fp.simulate_record(lag, [0.3, k], t, np.where(t < 30, k, k + step), [rng.normal(), 0.0])
+        done = fp.simulate_record(lag, t, np.where(t < 30, k, k + step), [0.3, k], [rng.normal(), 0.0])
         assert done.status == fp.Status.ok
         # Behind the 30th second x - k rises as step (1 - exp(-s/T)).
         expected = max(step, 0.0) * (10 - 0.3 * (1 - np.exp(-10 / 0.3)))
@@ -189,22 +189,22 @@ def test_a_record_that_settles_at_a_kink_goes_on() -> None:
 
 
 def test_a_start_outside_the_domain_is_a_status() -> None:
-    done = fp.simulate_record(tanks, TANKS, T, U, [-0.1, 0.6])
+    done = fp.simulate_record(tanks, T, U, TANKS, [-0.1, 0.6])
     assert done.status == fp.Status.left_domain and done.reached == 0
     assert np.isfinite(done.y).all()
 
 
 def test_a_model_without_states() -> None:
     model = fp.SymbolicModel([], ["a*sqrt(u)"], {}, {"u": "1"}, {"a": "1"})
-    done = fp.simulate_record(model, [2.0], [0.0, 1.0, 2.0], [1.0, 4.0, 9.0])
+    done = fp.simulate_record(model, [0.0, 1.0, 2.0], [1.0, 4.0, 9.0], [2.0])
     assert done.x.shape == (3, 0) and done.status == fp.Status.ok and done.reached == 2
     np.testing.assert_allclose(done.y[:, 0], [2.0, 4.0, 6.0])
-    done = fp.simulate_record(model, [2.0], [0.0, 1.0, 2.0], [1.0, -4.0, 9.0])
+    done = fp.simulate_record(model, [0.0, 1.0, 2.0], [1.0, -4.0, 9.0], [2.0])
     assert done.status == fp.Status.left_domain and done.reached == 0 and np.isfinite(done.y).all()
 
 
 def test_one_sample_alone() -> None:
-    done = fp.simulate_record(tanks, TANKS, [3.0], [1.0], [0.4, 1.6])
+    done = fp.simulate_record(tanks, [3.0], [1.0], TANKS, [0.4, 1.6])
     assert done.status == fp.Status.ok and done.reached == 0 and done.y.tolist() == [[1.0]]
 
 

@@ -102,11 +102,11 @@ def test_a_tank_of_which_the_level_at_the_start_is_not_known_is_told_to_have_no_
     model, theta = config.build_model(), dict(config.build_prior().mean)
     t = 4.0 * np.arange(120)
     u = 2.0 + np.where((np.arange(120) // 15) % 2, 1.0, -1.0)
-    y = fp.simulate_record(model, theta, t, u, {"h1": 5.0, "h2": 4.0}, rtol=RTOL).y
+    y = fp.simulate_record(model, t, u, theta, {"h1": 5.0, "h2": 4.0}, rtol=RTOL).y
     names = ["k1", "k2", "k3", "k4"]
     fit = fp.estimate(
         model,
-        fp.Record(t, u, y, {"h2": 4.0}),
+        fp.Record(t, u, y, x0={"h2": 4.0}),
         start={"k1": 0.05, "x0_h1": 5.3},
         parameters=names,
         noise_std={"level": 0.05},
@@ -120,7 +120,7 @@ def test_a_tank_of_which_the_level_at_the_start_is_not_known_is_told_to_have_no_
     )
     known = fp.estimate(
         model,
-        fp.Record(t, u, y, {"h1": 5.0, "h2": 4.0}),
+        fp.Record(t, u, y, x0={"h1": 5.0, "h2": 4.0}),
         start={"k1": 0.05},
         parameters=names,
         noise_std={"level": 0.05},

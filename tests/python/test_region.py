@@ -19,13 +19,13 @@ NAMES = tuple(REGION)
 
 
 def columns(count: int = 5) -> dict[str, np.ndarray[Any, Any]]:
-    points = fp.ExperimentRegion(REGION).draw(MODEL, count, np.random.default_rng(0))
+    points = fp.ExperimentRegion(REGION).draw(MODEL, count, seed=0)
     return dict(zip(NAMES, points.table.T, strict=True))
 
 
 def holds(*constraints: Any, count: int = 200) -> np.ndarray[Any, Any]:
     region = fp.ExperimentRegion(REGION, constraints)
-    return region.satisfied(MODEL, region.draw(MODEL, count, np.random.default_rng(0)))
+    return region.satisfied(MODEL, region.draw(MODEL, count, seed=0))
 
 
 # --- bounds -------------------------------------------------------------------------------------------------------------
@@ -39,7 +39,7 @@ pairs = st.tuples(numbers, numbers).map(sorted)
 @settings(deadline=None, max_examples=100)
 def test_draws_lie_inside(bounds: list[list[float]], dt: list[float], seed: int) -> None:
     region = fp.ExperimentRegion(dict(zip(NAMES, [*bounds, dt], strict=True)))
-    points = region.draw(MODEL, 20, np.random.default_rng(seed))
+    points = region.draw(MODEL, 20, seed=seed)
     low, high = np.array([*bounds, dt]).T
     assert points.table.shape == (20, 7)
     assert np.all((points.table >= low) & (points.table <= high))
@@ -49,12 +49,12 @@ def test_draws_lie_inside(bounds: list[list[float]], dt: list[float], seed: int)
 @settings(deadline=None, max_examples=100)
 def test_equal_bounds_fix_a_value_exactly(value: float, name: str, seed: int) -> None:
     value = abs(value) + 1e-9 if name == "dt" else value
-    points = fp.ExperimentRegion(REGION | {name: (value, value)}).draw(MODEL, 10, np.random.default_rng(seed))
+    points = fp.ExperimentRegion(REGION | {name: (value, value)}).draw(MODEL, 10, seed=seed)
     np.testing.assert_array_equal(points.table[:, NAMES.index(name)], value)
 
 
 def test_draws_fill_the_box_evenly() -> None:
-    table = fp.ExperimentRegion(REGION).draw(MODEL, 20000, np.random.default_rng(1)).table
+    table = fp.ExperimentRegion(REGION).draw(MODEL, 20000, seed=1).table
     low, high = np.array(list(REGION.values())).T
     share = (table - low) / (high - low)
     counts = np.array([np.histogram(column, bins=10, range=(0, 1))[0] for column in share.T])
@@ -64,7 +64,7 @@ def test_draws_fill_the_box_evenly() -> None:
 
 def test_the_order_of_the_bounds_does_not_matter() -> None:
     backwards = fp.ExperimentRegion(dict(reversed(REGION.items())))
-    a, b = (region.draw(MODEL, 5, np.random.default_rng(2)) for region in (fp.ExperimentRegion(REGION), backwards))
+    a, b = (region.draw(MODEL, 5, seed=2) for region in (fp.ExperimentRegion(REGION), backwards))
     assert a == b
 
 
@@ -115,7 +115,7 @@ def test_a_region_bounds_exactly_what_a_point_consists_of() -> None:
 def test_a_text_and_a_function_constrain_alike(text: str, function: Any) -> None:
     from_text = holds(text)
     if text == "sqrt(v) < 1":  # no root of a negative number is less than anything
-        drawn = fp.ExperimentRegion(REGION).draw(MODEL, 200, np.random.default_rng(0))
+        drawn = fp.ExperimentRegion(REGION).draw(MODEL, 200, seed=0)
         np.testing.assert_array_equal(from_text, drawn.x0[:, 1] >= 0)
         return
     np.testing.assert_array_equal(from_text, holds(function))

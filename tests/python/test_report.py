@@ -30,7 +30,7 @@ def problem(noise_std: dict[str, float] | None, output_covariance: str | None = 
     prior = fp.GaussianPrior(mean=model.nominal, relative_std=RELATIVE_STD)
     rule = fp.TensorGrid(levels={name: 2 if name in ("E_oil", "B_v") else 1 for name in prior.names})
     region = fp.ExperimentRegion(BOUNDS)
-    return fp.DesignProblem(model, prior, region, noise_std, rule=rule, output_covariance=output_covariance)
+    return fp.DesignProblem(model, prior, region, noise_std=noise_std, rule=rule, output_covariance=output_covariance)
 
 
 @pytest.fixture(scope="module")

@@ -32,7 +32,7 @@ def results() -> dict[str, Any]:
         "Design": design,
         "Evaluation": design.evaluation,
         "Fit": fp.estimate(MODEL, data, prior=PRIOR, noise_std={"x": 0.01}),
-        "Validation": fp.validate({"four": design.points}, PROBLEM, n=20),
+        "Validation": fp.validate(PROBLEM, {"four": design.points}, runs=20),
         "Campaign": campaign,
         "Identifiability": fp.identifiability(MODEL, PRIOR, REGION),
         "RuleComparison": fp.compare_rules(PROBLEM, design.points, [fp.Linearized(), fp.SparseGaussHermite(2)]),
@@ -100,6 +100,44 @@ def test_a_result_is_a_table(kind: str, results: dict[str, Any]) -> None:
     frame = results[kind].to_pandas()
     assert isinstance(frame, pd.DataFrame) and len(frame) >= 2 and frame.index.names[-1] in ("parameter", "rule")
     assert frame.select_dtypes("number").notna().all(axis=None)
+
+
+PICTURES = {
+    "Design": ("points", "criterion", "standard_errors", "correlation", "trajectories"),
+    "Evaluation": ("standard_errors", "correlation"),
+    "Fit": ("parity", "residuals", "time", "correlation", "ellipses", "profiles"),
+    "Validation": (),
+    "Campaign": (),
+}
+
+
+@pytest.mark.parametrize("kind", PICTURES)
+def test_a_result_draws_itself(kind: str, results: dict[str, Any], tmp_path: Path) -> None:
+    figures = pytest.importorskip("matplotlib.figure")
+    result, path = results[kind], tmp_path / "picture.png"
+    for of in [(), *((one,) for one in PICTURES[kind])]:
+        assert isinstance(result.plot(*of), figures.Figure) and not path.exists()
+        assert isinstance(result.plot(*of, path=path), figures.Figure)
+        assert path.read_bytes().startswith(b"\x89PNG")
+        path.unlink()
+    if PICTURES[kind]:
+        with pytest.raises(ValueError, match=r"^kind: expected '.*' or '.*', given 'pie'"):
+            result.plot("pie")
+
+
+def test_what_cannot_be_drawn_is_told(results: dict[str, Any], tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    with pytest.raises(ValueError, match="path: expected the ending of a picture"):
+        results["Design"].plot(path=tmp_path / "points.txt")
+    results["Fit"].profile("k").plot(path=tmp_path / "k")
+    assert (tmp_path / "k.png").exists()
+    static = fp.SymbolicModel([], ["a*u"], {}, {"u": "1"}, {"a": "1"}, {"y": "1"})
+    prior, region = fp.GaussianPrior({"a": 1.0}, {"a": 0.1}), fp.ExperimentRegion({"u": (1.0, 2.0)})
+    design = fp.exchange(fp.DesignProblem(static, prior, region), 2, max_iterations=2, references=False)
+    with pytest.raises(ValueError, match="kind: expected a model with states for 'trajectories'"):
+        design.plot("trajectories")
+    with pytest.raises(ValueError, match="noise_std: expected the sensor noise"):
+        design.plot("standard_errors")
 
 
 def test_a_campaign_is_saved_only_once(results: dict[str, Any], tmp_path: Path) -> None:

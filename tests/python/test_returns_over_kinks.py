@@ -71,7 +71,7 @@ def test_a_record_that_swings_over_a_kink() -> None:
     model = fp.SymbolicModel(["v", "-9 * (x - c)", "abs(x - 0.5)"], ["z"], {"x": "1", "v": "1", "z": "1"}, {}, {"c": "1"})
     for centre in np.linspace(0.3, 0.7, 21):
         t = np.linspace(0.0, 10.0, 26)
-        record = fp.simulate_record(model, {"c": centre}, t, np.zeros((26, 0)), (centre + 0.4, 0.0, 0.0), rtol=1e-6)
+        record = fp.simulate_record(model, t, np.zeros((26, 0)), {"c": centre}, (centre + 0.4, 0.0, 0.0), rtol=1e-6)
         assert record.status == fp.Status.ok
         inner = np.concatenate([[0.0], np.cumsum([_swing(centre, a, b) for a, b in pairwise(t)])])
         np.testing.assert_allclose(record.y[:, 0], inner, atol=1e-4)

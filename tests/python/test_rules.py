@@ -23,7 +23,7 @@ EVERY_RULE = [
     fp.TensorGrid(edges=(-2.0, -0.5, 0.5, 2.0)),
     fp.GaussHermite(3),
     fp.SparseGaussHermite(2),
-    fp.Sobol(64, 3),
+    fp.Sobol(64, seed=3),
     fp.Unscented(),
     fp.Linearized(),
 ]
@@ -90,7 +90,7 @@ def test_rules_have_the_moments_of_a_log_normal_prior() -> None:
     """Mean and covariance are those of the parameters themselves, and no node is negative, however wide the prior."""
     covariance = [[0.8**2, 0.3, 0.05], [0.3, 1.0, -0.1], [0.05, -0.1, 0.04]]
     prior = fp.GaussianPrior({"a": 1.0, "b": 3.0, "c": 0.5}, covariance=covariance, log=["a", "c"])
-    for rule, tolerance in ((fp.GaussHermite(20), 1e-9), (fp.SparseGaussHermite(7), 1e-4), (fp.Sobol(2**16, 1), 5e-3)):
+    for rule, tolerance in ((fp.GaussHermite(20), 1e-9), (fp.SparseGaussHermite(7), 1e-4), (fp.Sobol(2**16, seed=1), 5e-3)):
         theta, _ = rule.nodes(prior)
         assert (theta[:, [0, 2]] > 0).all()
         np.testing.assert_allclose(expectation(rule, prior, lambda t: t), [1.0, 3.0, 0.5], rtol=tolerance)
@@ -105,7 +105,7 @@ def test_log_normal_moments_by_hand() -> None:
     theta, _ = fp.GaussHermite(3).nodes(prior)
     expected = [2.0 * exp(-(sigma**2) / 2 + z * sigma) for z in (-sqrt(3), 0.0, sqrt(3))]
     np.testing.assert_allclose(theta[:, 0], expected, rtol=1e-14)
-    theta, _ = fp.TensorGrid(3, 1.5).nodes(prior)
+    theta, _ = fp.TensorGrid(3, span=1.5).nodes(prior)
     np.testing.assert_allclose(theta[:, 0], [2.0 * exp(-(sigma**2) / 2 + z * sigma) for z in (-1.5, 0.0, 1.5)], rtol=1e-14)
 
 
@@ -142,7 +142,7 @@ def test_the_unscented_points_are_the_sparse_rule_of_level_1(p: int) -> None:
 
 
 def test_sobol_points_repeat_by_seed_and_have_the_moments() -> None:
-    first, again, other = (fp.Sobol(4096, seed).nodes(CORRELATED)[0] for seed in (1, 1, 2))
+    first, again, other = (fp.Sobol(4096, seed=seed).nodes(CORRELATED)[0] for seed in (1, 1, 2))
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, other)
     np.testing.assert_allclose(first.mean(axis=0), [10.0, -5.0, 2.0], atol=2e-3)
@@ -164,7 +164,7 @@ def test_equidistant_edges_are_the_equidistant_grid(levels: int, span: float) ->
     half = span / (levels - 1)
     edges = np.linspace(-span - half, span + half, levels + 1)
     for prior in (PRIOR.marginal(NAMES[:3]), CORRELATED):
-        grid, cells = fp.TensorGrid(levels, span).nodes(prior), fp.TensorGrid(edges=edges.tolist()).nodes(prior)
+        grid, cells = fp.TensorGrid(levels, span=span).nodes(prior), fp.TensorGrid(edges=edges.tolist()).nodes(prior)
         np.testing.assert_allclose(cells[0], grid[0], rtol=1e-13)
         np.testing.assert_allclose(cells[1], grid[1], rtol=1e-13)
 
@@ -179,21 +179,21 @@ def test_the_cells_of_two_correlated_parameters_lie_along_their_principal_axes()
     """Correlation r: axes (1, 1)/sqrt(2) and (1, -1)/sqrt(2) with variances 1 + r and 1 - r."""
     r = 0.6
     prior = fp.GaussianPrior({"a": 1.0, "b": 2.0}, covariance=[[0.04, r * 0.06], [r * 0.06, 0.09]])
-    theta, weights = fp.TensorGrid(3, 1.5).nodes(prior)
+    theta, weights = fp.TensorGrid(3, span=1.5).nodes(prior)
     z = (theta - [1.0, 2.0]) / [0.2, 0.3]
     one, other = np.array([1.0, 1.0]) / sqrt(2), np.array([1.0, -1.0]) / sqrt(2)
     expected = [i * sqrt(1 + r) * one + j * sqrt(1 - r) * other for i in (-1.5, 0, 1.5) for j in (-1.5, 0, 1.5)]
     # The second axis may point either way.
     np.testing.assert_allclose(np.sort(z.round(12), axis=0), np.sort(np.round(expected, 12), axis=0), atol=1e-11)
-    np.testing.assert_allclose(weights, fp.TensorGrid(3, 1.5).nodes(THREE.marginal(["a", "b"]))[1], rtol=1e-15)
-    assert abs(fp.TensorGrid(41, 6.0).second_moments(prior)[0, 1] - r) < 0.02
+    np.testing.assert_allclose(weights, fp.TensorGrid(3, span=1.5).nodes(THREE.marginal(["a", "b"]))[1], rtol=1e-15)
+    assert abs(fp.TensorGrid(41, span=6.0).second_moments(prior)[0, 1] - r) < 0.02
 
 
 def test_parameters_without_correlation_keep_their_own_axes() -> None:
     covariance = np.diag([4.0, 9.0, 1.0])
     covariance[0, 2] = covariance[2, 0] = 0.8
     prior = fp.GaussianPrior({"a": 0.0, "b": 0.0, "c": 0.0}, covariance=covariance)
-    rule = fp.TensorGrid({"a": 2, "b": 5, "c": 2}, 1.0)
+    rule = fp.TensorGrid({"a": 2, "b": 5, "c": 2}, span=1.0)
     theta, _ = rule.nodes(prior)
     assert sorted(set(theta[:, 1].tolist())) == [-3.0, -1.5, 0.0, 1.5, 3.0]
     with pytest.raises(ValueError, match="levels: expected the same cells for the correlated a, c"):
@@ -217,7 +217,7 @@ def test_one_level_is_the_mean_also_of_a_log_normal_parameter() -> None:
 # --- what they are as objects -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("rule", [*EVERY_RULE, fp.TensorGrid({"a": 2}, 1.0), fp.TensorGrid(edges={"a": [0, 1]})], ids=repr)
+@pytest.mark.parametrize("rule", [*EVERY_RULE, fp.TensorGrid({"a": 2}, span=1.0), fp.TensorGrid(edges={"a": [0, 1]})], ids=repr)
 def test_rules_can_be_compared_hashed_sent_and_rebuilt_from_their_text(rule: fp.Rule) -> None:
     copy = pickle.loads(pickle.dumps(rule))
     assert copy == rule and hash(copy) == hash(rule) and copy in {rule}
@@ -247,13 +247,13 @@ def test_the_default_is_the_sparse_rule_of_level_2() -> None:
         (lambda: fp.SparseGaussHermite(8).nodes(PRIOR), "level: expected a rule of at most 1048576 nodes, given 8 with"),
         (lambda: fp.Sobol(1000), "n: expected a power of two of at most 1048576, given 1000"),
         (lambda: fp.Sobol(2**21), "n: expected a power of two of at most"),
-        (lambda: fp.Sobol(4, -1), "seed: expected a whole number of at least 0, given -1"),
+        (lambda: fp.Sobol(4, seed=-1), "seed: expected a whole number of at least 0, given -1"),
         (lambda: fp.TensorGrid(edges=[1.0]), "edges: expected at least two ascending numbers"),
         (lambda: fp.TensorGrid(edges=[1.0, 1.0]), "edges: expected at least two ascending numbers"),
         (lambda: fp.TensorGrid(edges={"a": [0.0, float("inf")]}), r"edges\['a'\]: expected finite numbers, given inf"),
-        (lambda: fp.TensorGrid(edges=[40.0, 41.0]), "edges: expected cells that have a probability"),
-        (lambda: fp.TensorGrid(3, edges=[0.0, 1.0]), "levels: expected none beside edges, given 3"),
-        (lambda: fp.TensorGrid(span=1.0, edges=[0.0, 1.0]), "span: expected none beside edges, given 1.0"),
+        (lambda: fp.TensorGrid(edges=[40.0, 41.0]), "edges: expected cells with a probability above zero"),
+        (lambda: fp.TensorGrid(3, edges=[0.0, 1.0]), "levels: expected none together with edges, given 3"),
+        (lambda: fp.TensorGrid(span=1.0, edges=[0.0, 1.0]), "span: expected none together with edges, given 1.0"),
         (lambda: fp.TensorGrid(edges={"a": [0.0, 1.0]}).nodes(THREE), "edges: expected a value for 'b', given none"),
     ],
 )

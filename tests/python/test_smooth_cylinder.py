@@ -217,7 +217,7 @@ def test_models_with_equations_have_no_such_key(tmp_path: Path) -> None:
     path = tmp_path / "model.toml"
     equations = '[model.parameters]\nk = "1/s"\n[model.states]\nc = "1"\n[model.outputs]\nc = "1"\n[model.equations]\nc = "-k*c"\n'
     path.write_text(f'[model]\nname = "decay"\nsmooth = {{ v = 1e-3 }}\n{equations}')
-    with pytest.raises(ConfigError, match=r"model\.smooth: expected only of a model that comes with the package"):
+    with pytest.raises(ConfigError, match=r"model\.smooth: expected only with a built-in model"):
         fp.load_model(path)
 
 

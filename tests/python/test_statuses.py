@@ -310,8 +310,8 @@ def test_the_counts_of_a_design_are_those_of_its_draws(kinks: str, local: float,
     def record(name: str) -> None:
         original = getattr(fp.ExperimentRegion, name)
 
-        def recorded(self: fp.ExperimentRegion, *arguments: Any) -> fp.Experiments:
-            drawn.append(original(self, *arguments))
+        def recorded(self: fp.ExperimentRegion, *arguments: Any, **options: Any) -> fp.Experiments:
+            drawn.append(original(self, *arguments, **options))
             return drawn[-1]
 
         monkeypatch.setattr(fp.ExperimentRegion, name, recorded)
@@ -354,12 +354,12 @@ def test_the_counts_of_a_design_are_those_of_its_draws(kinks: str, local: float,
 def test_draws_on_a_surface_are_counted_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
     original = fp.ExperimentRegion.draw
 
-    def some_on_surfaces(self: fp.ExperimentRegion, *arguments: Any) -> fp.Experiments:
-        points = original(self, *arguments)
+    def some_on_surfaces(self: fp.ExperimentRegion, *arguments: Any, **options: Any) -> fp.Experiments:
+        points = original(self, *arguments, **options)
         x0 = points.x0.copy()
         x0[0, 1], x0[1, 4] = 0.0, 0.0
         x0[2, [1, 4]] = 0.0  # on both: counted once
-        return fp.Experiments(x0, points.u, points.dt, points.columns)
+        return fp.Experiments(x0, points.u, points.dt, columns=points.columns)
 
     monkeypatch.setattr(fp.ExperimentRegion, "draw", some_on_surfaces)
     design = fp.exchange(problem(output_covariance="pooled"), n_experiments=3, n_candidates=4, max_iterations=2, references=False)

@@ -51,7 +51,7 @@ def cylinder() -> tuple[fp.DesignProblem, fp.Experiments]:
 
 
 def test_a_linear_model_keeps_its_promise() -> None:
-    found = fp.validate({"spread": SPREAD, "narrow": at(0.9, 1.0, 1.1, 1.2)}, line(), n=2000)
+    found = fp.validate(line(), {"spread": SPREAD, "narrow": at(0.9, 1.0, 1.1, 1.2)}, runs=2000)
     for name, points in (("spread", SPREAD), ("narrow", at(0.9, 1.0, 1.1, 1.2))):
         design = found.designs[name]
         promised = fp.evaluate_under_noise(line(), points)
@@ -66,7 +66,7 @@ def test_a_linear_model_keeps_its_promise() -> None:
 
 
 def test_the_error_bars_are_those_of_repetition() -> None:
-    values = [fp.validate({"d": SPREAD}, line(), n=100, seed=seed).designs["d"].parameters["b"] for seed in range(40)]
+    values = [fp.validate(line(), {"d": SPREAD}, runs=100, seed=seed).designs["d"].parameters["b"] for seed in range(40)]
     for label in ("bias", "achieved", "typical", "rmse", "coverage"):
         figures = [getattr(of, label) for of in values]
         spread = np.std([figure.value for figure in figures], ddof=1)
@@ -74,7 +74,7 @@ def test_the_error_bars_are_those_of_repetition() -> None:
 
 
 def test_the_prior_takes_part_where_it_is_asked_to() -> None:
-    found = fp.validate({"d": at(0.1, 0.2)}, line(), n=1500, use_prior=True).designs["d"]
+    found = fp.validate(line(), {"d": at(0.1, 0.2)}, runs=1500, use_prior=True).designs["d"]
     matrix = np.stack([np.ones(2), [0.1, 0.2]], axis=1)
     expected = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix / 0.01 + np.linalg.inv(PRIOR.covariance))))
     for of, error in zip(found.parameters.values(), expected, strict=True):
@@ -83,7 +83,7 @@ def test_the_prior_takes_part_where_it_is_asked_to() -> None:
 
 
 def test_a_wrong_model_shows_as_bias_and_lost_coverage() -> None:
-    found = fp.validate({"d": SPREAD}, line(), n=400, truth=BENT).designs["d"].parameters["b"]
+    found = fp.validate(line(), {"d": SPREAD}, runs=400, truth=BENT).designs["d"].parameters["b"]
     u = SPREAD.u[:, 0]
     expected = np.linalg.lstsq(np.stack([np.ones(5), u], axis=1), 0.3 * u**2)[0][1]
     assert sigmas(found.bias, float(expected)) < 4
@@ -91,7 +91,7 @@ def test_a_wrong_model_shows_as_bias_and_lost_coverage() -> None:
 
 
 def test_estimated_noise_of_one_output_gives_students_intervals() -> None:
-    found = fp.validate({"d": SPREAD}, line(), n=1500, noise="estimated").designs["d"]
+    found = fp.validate(line(), {"d": SPREAD}, runs=1500, noise="estimated").designs["d"]
     for of in found.parameters.values():
         assert sigmas(of.coverage, 0.95) < 4
         # E s = sigma sqrt(2/nu) Gamma((nu+1)/2)/Gamma(nu/2), nu = 3.
@@ -126,10 +126,10 @@ def test_correlated_weights_do_not_change_with_the_axes() -> None:
 
 
 def test_log_normal_truths_stay_positive_and_are_recovered() -> None:
-    found = fp.validate({"d": at(0.2, 0.5, 1.0, 1.5, 2.0, 3.0)}, line(DECAY, LOG), n=500)
+    found = fp.validate(line(DECAY, LOG), {"d": at(0.2, 0.5, 1.0, 1.5, 2.0, 3.0)}, runs=500)
     design = found.designs["d"]
-    assert design.runs is not None and (design.runs.truth > 0).all() and found.redrawn == 0
-    logs = np.log(design.runs.truth)
+    assert design.per_run is not None and (design.per_run.truth > 0).all() and found.redrawn == 0
+    logs = np.log(design.per_run.truth)
     assert logs.std(axis=0) == pytest.approx(LOG.normal_std, rel=0.15)
     assert sum(design.failures.values()) <= 10
     for of in design.parameters.values():
@@ -143,7 +143,7 @@ def test_correlated_truths_follow_the_prior() -> None:
 
 
 def test_parameters_that_are_not_estimated_stay_at_their_mean() -> None:
-    found = fp.validate({"d": SPREAD}, line(parameters=["b"]), n=50).designs["d"]
+    found = fp.validate(line(parameters=["b"]), {"d": SPREAD}, runs=50).designs["d"]
     assert list(found.parameters) == ["b"]
     truths, _ = truths_of(line(parameters=["b"]), "prior", 50, 0)
     assert (truths[:, 0] == 1.0).all() and truths[:, 1].std() > 0.1
@@ -159,16 +159,16 @@ def test_draws_without_sense_are_left_out_and_counted() -> None:
 
 
 def test_too_few_points_are_told_and_not_fitted() -> None:
-    found = fp.validate({"one": at(1.0, 1.0), "two": SPREAD}, line(), n=50)
-    assert found.designs["one"].runs is None and found.designs["one"].null_directions
+    found = fp.validate(line(), {"one": at(1.0, 1.0), "two": SPREAD}, runs=50)
+    assert found.designs["one"].per_run is None and found.designs["one"].null_directions
     text = str(found)
     assert "not determined" in text and "nan" not in text.lower()
     assert found.to_pandas().loc["one"].ratio.isna().all() and found.to_pandas().loc["two"].ratio.notna().all()
 
 
 def test_too_few_fits_for_figures_are_told() -> None:
-    assert "no figures: expected at least 10 fits" in str(fp.validate({"d": SPREAD}, line(), n=9))
-    assert "no figures" not in str(fp.validate({"d": SPREAD}, line(), n=10))
+    assert "no figures: expected at least 10 fits" in str(fp.validate(line(), {"d": SPREAD}, runs=9))
+    assert "no figures" not in str(fp.validate(line(), {"d": SPREAD}, runs=10))
 
 
 def test_estimated_weights_never_make_a_fit_more_precise() -> None:
@@ -186,7 +186,7 @@ def test_what_is_determined_is_shown_beside_what_is_not() -> None:
         [], ["a", "b*c*u"], {}, {"u": "1"}, {"a": "1", "b": "1", "c": "1"}, {"y": "1", "w": "1"}, nominal={"a": 1, "b": 1, "c": 1}
     )
     prior = fp.GaussianPrior({"a": 1, "b": 1, "c": 1}, relative_std={"a": 0.2, "b": 0.2, "c": 0.2})
-    found = fp.validate({"d": SPREAD}, fp.DesignProblem(model, prior, None, {"y": 0.1, "w": 0.1}), n=800).designs["d"]
+    found = fp.validate(fp.DesignProblem(model, prior, None, noise_std={"y": 0.1, "w": 0.1}), {"d": SPREAD}, runs=800).designs["d"]
     assert sigmas(found.parameters["a"].ratio, 1) < 4
     assert np.isnan(found.parameters["b"].ratio.value) and np.isnan(found.parameters["c"].promised)
 
@@ -194,14 +194,16 @@ def test_what_is_determined_is_shown_beside_what_is_not() -> None:
 def test_outputs_without_noise_are_not_measured(cylinder: tuple[fp.DesignProblem, fp.Experiments]) -> None:
     given, points = cylinder
     pressures = {name: NOISE[name] for name in ("p_A", "p_B")}
-    some, all_of = (fp.validate({"d": points}, given, std, n=60, theta="mean").designs["d"] for std in (pressures, NOISE))
+    some, all_of = (
+        fp.validate(given, {"d": points}, noise_std=std, runs=60, theta="mean").designs["d"] for std in (pressures, NOISE)
+    )
     assert some.parameters["m_q"].promised > all_of.parameters["m_q"].promised
     assert some.fits == 60
 
 
 def test_the_cylinder_keeps_its_promise_at_the_mean(cylinder: tuple[fp.DesignProblem, fp.Experiments]) -> None:
     given, points = cylinder
-    found = fp.validate({"d": points}, given, n=400, theta="mean").designs["d"]
+    found = fp.validate(given, {"d": points}, runs=400, theta="mean").designs["d"]
     promised = fp.evaluate_under_noise(given, points)
     assert promised is not None and promised.standard_errors is not None
     good = [of for of in found.parameters.values() if of.well_determined]
@@ -215,9 +217,9 @@ def test_fits_do_not_depend_on_chunks_threads_or_neighbours(
     cylinder: tuple[fp.DesignProblem, fp.Experiments], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     given, points = cylinder
-    whole = fp.validate({"d": points}, given, n=30, threads=2).to_pandas()
+    whole = fp.validate(given, {"d": points}, runs=30, threads=2).to_pandas()
     monkeypatch.setattr(fits, "MOST_NUMBERS", 7 * 14 * 4 * 9)
-    parts = fp.validate({"other": points[:9], "d": points}, given, n=30, threads=1).to_pandas()
+    parts = fp.validate(given, {"other": points[:9], "d": points}, runs=30, threads=1).to_pandas()
     np.testing.assert_allclose(parts.loc["d"], whole.loc["d"], rtol=1e-6)
 
 
@@ -248,7 +250,7 @@ def test_the_fits_are_those_of_least_squares(cylinder: tuple[fp.DesignProblem, f
 def test_starts_that_deviate_are_part_of_the_promise(cylinder: tuple[fp.DesignProblem, fp.Experiments]) -> None:
     given, points = cylinder
     deviating = given.replace(initial_state_std={"p_A": 4e4, "v": 1e-4})
-    exact, found = (fp.validate({"d": points}, one, n=200, theta="mean").designs["d"] for one in (given, deviating))
+    exact, found = (fp.validate(one, {"d": points}, runs=200, theta="mean").designs["d"] for one in (given, deviating))
     for name, of in found.parameters.items():
         assert of.promised > exact.parameters[name].promised
         if of.well_determined:
@@ -257,9 +259,9 @@ def test_starts_that_deviate_are_part_of_the_promise(cylinder: tuple[fp.DesignPr
 
 def test_the_headline_says_what_deviates() -> None:
     model = fp.SymbolicModel([], ["a + b*u + c"], {}, **MODEL, constants={"c": 0.0}, nominal={"a": 1.0, "b": 1.0})
-    said = str(fp.validate({"d": SPREAD}, line(model, uncertain={"c": 0.1}), n=10))
+    said = str(fp.validate(line(model, uncertain={"c": 0.1}), {"d": SPREAD}, runs=10))
     assert "c off by an error that all points of an experiment share" in said and "starts off" not in said
-    assert " off by" not in str(fp.validate({"d": SPREAD}, line(model), n=10))
+    assert " off by" not in str(fp.validate(line(model), {"d": SPREAD}, runs=10))
 
 
 def test_truths_whose_trajectories_fail_are_counted_by_status() -> None:
@@ -268,7 +270,7 @@ def test_truths_whose_trajectories_fail_are_counted_by_status() -> None:
     )
     prior = fp.GaussianPrior({"k": 0.5}, std={"k": 0.25})
     points = fp.Experiments([[1.0], [0.8]], np.empty((2, 0)), [2.0, 1.0])
-    found = fp.validate({"d": points}, fp.DesignProblem(tank, prior, None, {"h_m": 0.01}), n=200).designs["d"]
+    found = fp.validate(fp.DesignProblem(tank, prior, None, noise_std={"h_m": 0.01}), {"d": points}, runs=200).designs["d"]
     assert found.failures["the true trajectory: left_domain"] > 5
     assert found.fits + sum(found.failures.values()) == 200
     assert abs(found.parameters["k"].coverage.value - 0.95) < 0.05
@@ -296,13 +298,13 @@ def test_figures() -> None:
         ({"problem": line(DECAY, LOG), "theta": {"a": -1.0}}, r"theta\['a'\]: expected a positive value of a log-normal"),
         ({"noise": "estimated", "designs": {"d": SPREAD[:2]}}, r"designs\['d'\]: noise_std: .* more than 2 numbers .* given 2"),
         ({"noise": "both"}, "noise: expected 'known' or 'estimated', given 'both'"),
-        ({"n": 0}, "n: expected"),
+        ({"runs": 0}, "runs: expected"),
         ({"truth": fp.HydraulicCylinder()}, "truth: expected the states"),
         ({"problem": fp.HydraulicCylinder()}, "problem: expected DesignProblem"),
     ],
 )
 def test_misuse_is_named(changes: dict[str, Any], message: str) -> None:
-    arguments: dict[str, Any] = {"designs": {"d": SPREAD}, "problem": line(), "n": 10}
+    arguments: dict[str, Any] = {"designs": {"d": SPREAD}, "problem": line(), "runs": 10}
     with pytest.raises((TypeError, ValueError), match=message):
         fp.validate(**(arguments | changes))
 

@@ -16,7 +16,7 @@ POINTS = valid_points(6)
 
 
 def rig(**changes: Any) -> fp.VirtualRig:
-    return fp.VirtualRig(**({"model": MODEL, "theta_true": MODEL.nominal, "noise_std": NOISE} | changes))
+    return fp.VirtualRig(**({"model": MODEL, "theta": MODEL.nominal, "noise_std": NOISE} | changes))
 
 
 def test_the_same_seed_and_calls_give_the_same_data(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -95,7 +95,7 @@ def test_what_fails_is_counted_with_its_reason_and_not_measured() -> None:
 
 
 def test_nothing_measured_at_all_is_an_error() -> None:
-    with pytest.raises(ValueError, match="expected some of which the trajectory reaches its end, given none: left_domain 1"):
+    with pytest.raises(ValueError, match="expected at least one whose trajectory reaches its end, given none: left_domain 1"):
         rig().measure(point(p_A=1e5))
     with pytest.raises(ValueError, match="given none: no points"):
         rig().measure(POINTS[:0])
@@ -109,9 +109,9 @@ def test_nothing_measured_at_all_is_an_error() -> None:
         ({"noise_std": {"q": -1.0}}, r"noise_std\['q'\]: expected a standard deviation of at least 0, given -1"),
         ({"noise_std": {"q": np.inf}}, r"noise_std\['q'\]: expected finite numbers"),
         ({"initial_state_std": {"u": 1.0}}, "initial_state_std: expected names of q, v, p_A, p_B, x_v; given unknown 'u'"),
-        ({"theta_true": {"m_q": 1.0}}, "theta: expected a value for 'a_tau'"),
-        ({"theta_true": np.ones((2, 9))}, r"theta_true: expected shape \(9,\), given \(2, 9\)"),
-        ({"theta_true": dict(MODEL.nominal) | {"m_q": -1.0}}, "m_q: expected a positive number"),
+        ({"theta": {"m_q": 1.0}}, "theta: expected a value for 'a_tau'"),
+        ({"theta": np.ones((2, 9))}, r"theta: expected shape \(9,\), given \(2, 9\)"),
+        ({"theta": dict(MODEL.nominal) | {"m_q": -1.0}}, "m_q: expected a positive number"),
         ({"seed": -1}, "seed: expected a whole number of at least 0"),
         ({"rtol": 1.0}, "rtol: expected a tolerance"),
     ],

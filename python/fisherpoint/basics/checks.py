@@ -138,6 +138,11 @@ def check_positive_int(value: Any, name: str, least: int = 1, most: int = LARGES
     return int(value)
 
 
+def as_generator(seed: Any) -> np.random.Generator:
+    """Random numbers that follow from a seed; a generator goes on from where it is."""
+    return seed if isinstance(seed, np.random.Generator) else np.random.default_rng(check_positive_int(seed, "seed", 0))
+
+
 def check_flag(value: Any, name: str) -> bool:
     """Return `value`, which is True or False."""
     if not isinstance(value, bool | np.bool_):

@@ -39,14 +39,14 @@ class CsvTable:
         Where it is no text, has no rows, a column twice, or a row with a wrong number of entries.
     """
 
-    _comma_hint = "; decimal commas need semicolons between the entries"
+    _comma_hint = "; use semicolons as separators with decimal commas"
 
     def __init__(self, given: str | Path) -> None:
         self.path = path = printable(as_path(given, "path"))
         try:
             text = read_bytes(Path(given)).decode("utf-8-sig")
         except UnicodeDecodeError as error:
-            raise ValueError(f"{path}: expected a CSV text file in UTF-8, given bytes that are no text: {error}") from error
+            raise ValueError(f"{path}: expected a CSV text file in UTF-8, given bytes that are not text: {error}") from error
         lines = io.StringIO(text, newline="")  # keeps the line breaks as they are, as csv wants them
         first = next((line for line in lines if line.strip()), "")
         lines.seek(0)
@@ -55,14 +55,14 @@ class CsvTable:
             read = csv.reader(lines, delimiter=self.separator, skipinitialspace=True, strict=True)
             header, *rows = [row for row in read if row not in ([], [""])] or [[]]
         except csv.Error as error:
-            raise ValueError(f"{path}: expected a whole CSV file, given one that breaks: {error}") from error
+            raise ValueError(f"{path}: expected a complete CSV file, given one that breaks: {error}") from error
         if not rows:
             raise ValueError(f"{path}: expected a header and at least one row, given {'a header alone' if header else 'none'}")
         for k, row in enumerate(rows):
             if len(row) != len(header):
                 hint = self._comma_hint if self.separator == "," and len(row) > len(header) else ""
                 if k + 1 == len(rows) and text[-1] not in "\r\n":
-                    hint = ", where the file ends without a line break: was it cut off?"
+                    hint = ", at the end of the file, which has no line break: is it cut off?"
                 raise ValueError(f"{path}: row {k + 1}: expected {len(header)} entries, given {len(row)}{hint}")
         for k, entry in enumerate(header):
             if not entry.isprintable():
@@ -94,7 +94,7 @@ class CsvTable:
             last = self._texts[self.names[-1]][-1]
             raise ValueError(
                 f"{self.path}: row {len(self)}: expected a line break at the end of the file, given {shown(last)} there: "
-                "was it cut off within that? (where it was not, add the line break)"
+                "is the file cut off? If not, add a line break"
             )
 
     def texts(self, name: str) -> list[str]:
@@ -120,7 +120,7 @@ class CsvTable:
         if len(found) == 2:
             (row, name, comma), (_, _, point) = found[","], found["."]
             raise self.error(
-                row, name, f"expected decimal commas or points alone in a file, given {shown(comma)} and {shown(point)}"
+                row, name, f"expected either decimal commas or decimal points in a file, given {shown(comma)} and {shown(point)}"
             )
         self._decimal_comma = "," in found
 

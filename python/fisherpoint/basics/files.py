@@ -171,7 +171,9 @@ def parse_json(path: Path, given: bytes, kind: str, version: int, sealed_since: 
         seal = data.pop("sha256", None) if isinstance(data, dict) else None
         sha256 = _sha256(data)
     except (ValueError, RecursionError) as error:
-        raise ValueError(f"{printable(path)}: expected a whole JSON file, given one that ends or breaks at: {error}") from error
+        raise ValueError(
+            f"{printable(path)}: expected a whole JSON file, given one that is cut off or malformed at: {error}"
+        ) from error
     if not isinstance(data, dict) or data.get("format") != kind:
         raise ValueError(f"{printable(path)}: expected a file of format {kind!r}, given another")
     given_version = data.get("format_version")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 from .checks import as_positive
 from .messages import shortened, shown
@@ -22,6 +22,7 @@ class Quantity:
     name: str
     unit: str
     description: str = ""
+    _: KW_ONLY
     scale: float | None = None
 
     def __post_init__(self) -> None:

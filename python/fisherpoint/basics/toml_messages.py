@@ -79,7 +79,7 @@ def _describe(problem: ErrorDetails, keys_of: KeysOf) -> str:
         expected = "a whole number, or one for each parameter by name"
     if key.startswith("rule.edges") and kind in ("list_type", "dict_type"):
         expected = "a list of ascending numbers, or one for each parameter by name"
-    if key.startswith("campaign.rse") and kind in ("float_type", "dict_type"):
+    if key.startswith("campaign.targets") and kind in ("float_type", "dict_type"):
         expected = "a number > 0, or one for each parameter by name"
     return f"{key}: expected {expected}, given {toml(problem['input'])}"
 

@@ -32,6 +32,7 @@ from .state import Batch, State, relative
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 
 class Campaign(Shown):
@@ -52,7 +53,7 @@ class Campaign(Shown):
     seed : int
         Batch k is designed with a seed that follows from this and k.
     directory : path, optional
-        Where every change is saved at once; made where needed. `Campaign.load` goes on from there.
+        Where every change is saved at once; created if necessary. `Campaign.load` continues from there.
     threads : int, optional
         The result does not depend on it.
     **settings
@@ -68,6 +69,7 @@ class Campaign(Shown):
         self,
         problem: DesignProblem,
         batch: int = 6,
+        *,
         targets: Mapping[str, float] | float | None = None,
         seed: int = 0,
         directory: str | Path | None = None,
@@ -94,11 +96,11 @@ class Campaign(Shown):
 
     @staticmethod
     def is_in(directory: str | Path) -> bool:
-        """Whether a campaign was begun in `directory`: `load` goes on with it."""
+        """Whether `directory` contains a campaign, which `load` continues."""
         return CampaignFiles.path_in(directory).exists()
 
     @classmethod
-    def load(cls, directory: str | Path, threads: int | None = None) -> Campaign:
+    def load(cls, directory: str | Path, *, threads: int | None = None) -> Campaign:
         """Go on with a campaign that was saved in `directory`, at any moment: with the same points, to the same result.
 
         Raises
@@ -130,12 +132,12 @@ class Campaign(Shown):
 
     @property
     def history(self) -> tuple[Batch, ...]:
-        """What was told, with the estimates after it."""
+        """The data of each batch, with the estimates after it."""
         return self._state.batches
 
     @property
     def planned(self) -> Experiments | None:
-        """Points that were designed and not yet told."""
+        """Points that were designed and whose data are still missing."""
         return self._state.planned
 
     @property
@@ -196,7 +198,7 @@ class Campaign(Shown):
             self._fit = self._estimated(self.history[:-1], self.history[-1].data)
         return self._fit
 
-    def next(self, progress: Callable[[Progress], None] | None = None) -> Experiments:
+    def next(self, *, progress: Callable[[Progress], None] | None = None) -> Experiments:
         """Return the next points to measure: those that are planned, or else newly designed ones.
 
         Parameters
@@ -259,7 +261,7 @@ class Campaign(Shown):
             raise ValueError(f"data: expected {expected} states, inputs and outputs of {model.name}, given {given}")
         told = self.told(data)
         if told is not None:
-            raise ValueError(f"data: expected new measurements, given those of batch {told} once more")
+            raise ValueError(f"data: expected new measurements, given those of batch {told} again")
         self._refuse_rows_again(data)
         fit = self._estimated(self.history, data)
         batch = Batch(
@@ -287,10 +289,10 @@ class Campaign(Shown):
         number = int(np.isfinite(self.history[k - 1].data.y).any(axis=1).sum())
         if count == 1:
             row = min(again[k])
-            warnings.warn(f"data: row {row} was told with batch {k} too; it counts as measured once more", stacklevel=3)
+            warnings.warn(f"data: row {row} is also in batch {k}; it counts as a repeated measurement", stacklevel=3)
             return
         which = "those" if len(again[k]) >= number else f"{len(again[k])} of the {number} rows"
-        raise ValueError(f"data: expected new measurements alone, given {which} of batch {k} among them once more")
+        raise ValueError(f"data: expected new measurements only, given {which} of batch {k} among them")
 
     def told(self, data: Measurements) -> int | None:
         """The number, from 1, of the batch that has exactly these data; None where they are new."""
@@ -316,13 +318,23 @@ class Campaign(Shown):
         """Relative standard errors over the batches, targets and what is met."""
         return campaign_report(self._state, self.met, self.done)
 
-    def plot(self, path: str | Path) -> None:
-        """Draw the relative standard errors over the batches, with the targets as lines; needs matplotlib."""
+    def plot(self, *, path: str | Path | None = None) -> Figure:
+        """Draw the relative standard errors over the batches, with the targets as lines; needs matplotlib.
+
+        Parameters
+        ----------
+        path : path, optional
+            Where the picture is also written; the ending says the format, PNG where there is none.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
         with needed_for("plot"):
-            from ..show.style import save_figure
+            from ..show.style import drawn
             from .pictures import plot_campaign
 
-        save_figure(plot_campaign(self._state.rse, self.targets), path)
+        return drawn(plot_campaign(self._state.rse, self.targets), path)
 
     def __repr__(self) -> str:
         stage = "all targets met" if self.done else "a batch to measure" if self.planned is not None else "a batch to design"

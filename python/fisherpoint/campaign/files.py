@@ -67,7 +67,7 @@ class CampaignFiles:
         """Write the first state into a directory that has none."""
         if self.path.exists():
             given = printable(self.directory)
-            raise ValueError(f"directory: expected one without a campaign, given {given}; Campaign.load goes on with the one in it")
+            raise ValueError(f"directory: expected one without a campaign, given {given}; Campaign.load continues it")
         self.directory.mkdir(parents=True, exist_ok=True)
         self._write(state)
 
@@ -113,8 +113,8 @@ class CampaignFiles:
                 write_whole(path, text)
             elif read_bytes(path) != text.encode():
                 raise ValueError(
-                    f"{printable(path)}: expected the data that were told, given a file that was changed since; "
-                    "delete it to get them again"
+                    f"{printable(path)}: expected the data as they were read, given a file that was changed; "
+                    "delete it to restore them"
                 )
 
     def _check_alone(self) -> None:

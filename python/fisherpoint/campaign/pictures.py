@@ -45,7 +45,7 @@ def plot_campaign(series: Sequence[Mapping[str, float]], targets: Mapping[str, f
         first.yaxis.set_minor_formatter(NullFormatter())
         first.set_xlim(-0.3, max(batches[-1], 1) + 0.3)
         first.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=6))
-        figure.supxlabel("batch; 0: before the first", fontsize=9)
+        figure.supxlabel("batch (0: before the first)", fontsize=9)
         figure.supylabel("relative standard error", fontsize=9)
         handles = {label: handle for axes in panels.flat for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
         figure.legend(handles.values(), handles.keys(), loc="outside upper center", ncols=3)

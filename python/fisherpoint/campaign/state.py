@@ -63,7 +63,7 @@ class State:
     targets : mapping of name to float
     batches : tuple of Batch
     planned : Experiments or None
-        Points that were designed and not yet told.
+        Points that were designed and whose data are still missing.
     """
 
     problem: DesignProblem

@@ -71,7 +71,7 @@ def read_measurements(path: str | Path, model: Model) -> tuple[Experiments, Arra
         raise ValueError(f"{table.path}: expected at least one measured output, given none in {listed(outputs.values())}")
 
     refuse_implausible(table, model, outputs, np.column_stack([planned, u, dt]), x0, u, y)
-    return Experiments(x0, u, dt, (*names_of(model.states), *names_of(model.inputs))), y
+    return Experiments(x0, u, dt, columns=(*names_of(model.states), *names_of(model.inputs))), y
 
 
 def _axes(model: Model) -> tuple[str, ...]:

@@ -68,7 +68,7 @@ def _refuse_starts(table: CsvTable, model: Model, x0: Array, u: Array) -> None:
     columns = [states[i] if f"x0_{states[i]}" not in table else f"x0_{states[i]}" for i in named]
     given = ", ".join(f"{states[i]} = {x0[row, i]:g} {model.states[i].unit}".removesuffix(" 1") for i in named)
     wanted = f"{model.domain[limit]} {'other than 0' if limit < poles else '> 0'}"
-    what = f"expected a start with {wanted} at the model's nominal parameters, given {given}: in another unit?"
+    what = f"expected a start with {wanted} at the model's nominal parameters, given {given}: is the unit wrong?"
     raise table.error(row, ", ".join(columns), what)
 
 
@@ -91,7 +91,9 @@ def _refuse_above(table: CsvTable, column: str, y: Array, size: float, what: str
         rows = np.flatnonzero(np.abs(y) > TOO_LARGE * size)
     if len(rows):
         limit = f"at most {TOO_LARGE:g} times {what}, {size:g}"
-        raise table.error(int(rows[0]), column, f"expected {limit}, given {y[rows[0]]:g}: in another unit, or mistyped?")
+        raise table.error(
+            int(rows[0]), column, f"expected {limit}, given {y[rows[0]]:g}: is the unit wrong, or the number mistyped?"
+        )
 
 
 def _replicates(planned: Array) -> tuple[Places, Places]:

@@ -48,7 +48,7 @@ class Record:
     t: Array
     u: Array
     y: Array
-    x0: Mapping[str, float] = field(default_factory=dict)
+    x0: Mapping[str, float] = field(default_factory=dict, kw_only=True)
 
     def __post_init__(self) -> None:
         t = checked_times(self.t)
@@ -72,8 +72,8 @@ class Record:
             raise TypeError(f"samples: expected a slice, given {shown(samples)}")
         first, last, step = cast(slice, as_index(samples, len(self), "samples")).indices(len(self))
         if step != 1 or not first < last:
-            raise ValueError(f"samples: expected a slice of following samples, at least one, given {shown(samples)}")
-        return Record(self.t[first:last], self.u[first:last], self.y[first:last], self.x0 if first == 0 else {})
+            raise ValueError(f"samples: expected a slice of consecutive samples, at least one, given {shown(samples)}")
+        return Record(self.t[first:last], self.u[first:last], self.y[first:last], x0=self.x0 if first == 0 else {})
 
     def __repr__(self) -> str:
         measured = int(np.isfinite(self.y).sum())
@@ -99,7 +99,7 @@ class Record:
         write_whole(path, csv_text(header, np.column_stack([self.t, self.u, self.y])))
 
     @classmethod
-    def from_csv(cls, path: str | Path, model: Model, x0: Mapping[str, float] | None = None) -> Record:
+    def from_csv(cls, path: str | Path, model: Model, *, x0: Mapping[str, float] | None = None) -> Record:
         """Read a record of `model` from a file with the columns t, its inputs, and its measured outputs.
 
         Parameters
@@ -131,7 +131,7 @@ class Record:
             if quantity.name in columns:
                 y[:, i] = table.numbers(columns[quantity.name], quantity.unit)
         try:
-            record = cls(t, u, y, {} if x0 is None else x0)
+            record = cls(t, u, y, x0={} if x0 is None else x0)
         except ValueError as error:
             raise ValueError(f"{table.path}: {error}") from error
         record.check(model)

@@ -31,10 +31,11 @@ class RecordTrajectory(NamedTuple):
 
 def simulate_record(
     model: Model,
-    theta: Mapping[str, float] | ArrayLike,
     t: ArrayLike,
     u: ArrayLike,
+    theta: Mapping[str, float] | ArrayLike,
     x0: Mapping[str, float] | ArrayLike = (),
+    *,
     rtol: float = 1e-6,
 ) -> RecordTrajectory:
     """Simulate one long trajectory under inputs that are held from sample to sample.
@@ -43,12 +44,12 @@ def simulate_record(
     ----------
     model : Model
         With jumps only where the trajectory meets none: they end it. Kinks are crossed.
-    theta : mapping by name, or array_like (p,)
-        Parameters, SI units.
     t : array_like, (N,)
         Times of the samples, s, increasing.
     u : array_like, (N, n_u)
         u[n] is held from t[n] to t[n+1]; (N,) is taken for a single input.
+    theta : mapping by name, or array_like (p,)
+        Parameters, SI units.
     x0 : mapping by name, or array_like (n_x,)
         State at t[0], SI units; none for a model without states.
     rtol : float

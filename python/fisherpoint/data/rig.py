@@ -22,13 +22,13 @@ MAX_POINTS = 10**8
 
 
 class VirtualRig:
-    """A rig that is a simulation: y = g(x(dt), u, theta_true) + v, v normal with standard deviations `noise_std`, (4).
+    """A rig that is a simulation: y = g(x(dt), u, theta) + v, v normal with standard deviations `noise_std`, (4).
 
     Parameters
     ----------
     model : Model
-    theta_true : mapping by name, or array_like (p,)
-        The truth, SI units.
+    theta : mapping by name, or array_like (p,)
+        The true parameters, SI units.
     noise_std : mapping of output name to float
         Standard deviations of the sensor noise, SI units; 0 for a sensor without noise. Outputs left out are not measured.
     initial_state_std : mapping of state name to float, optional
@@ -52,17 +52,18 @@ class VirtualRig:
     def __init__(
         self,
         model: Model,
-        theta_true: Mapping[str, float] | ArrayLike,
+        theta: Mapping[str, float] | ArrayLike,
         noise_std: Mapping[str, float],
+        *,
         initial_state_std: Mapping[str, float] | None = None,
         seed: int = 0,
         rtol: float = 1e-10,
     ) -> None:
         check_type(model, Model, "model")
         self.model, self.rtol = model, check_rtol(rtol)
-        self.theta_true = model.theta(theta_true)
-        if self.theta_true.ndim != 1:
-            raise ValueError(f"theta_true: expected shape ({len(model.parameters)},), given {self.theta_true.shape}")
+        self.theta = model.theta(theta)
+        if self.theta.ndim != 1:
+            raise ValueError(f"theta: expected shape ({len(model.parameters)},), given {self.theta.shape}")
         self._noise_std = _stds(noise_std, names_of(model.outputs), "noise_std", left_out=np.nan)
         if np.isnan(self._noise_std).all():
             raise ValueError("noise_std: expected at least one output that is measured, given none")
@@ -77,7 +78,7 @@ class VirtualRig:
     def failures(self) -> Mapping[str, int]:
         return FrozenMapping(self._failures)
 
-    def measure(self, points: Experiments, repeats: int = 1) -> Measurements:
+    def measure(self, points: Experiments, *, repeats: int = 1) -> Measurements:
         """Carry out all points, one after the other, and that `repeats` times.
 
         Returns
@@ -97,14 +98,16 @@ class VirtualRig:
         noise = self._noise_std * self._noise.standard_normal((len(planned), len(self.model.outputs)))
         if planned.x0.shape[1] != len(self.model.states):
             raise ValueError(f"x0: expected shape (K, {len(self.model.states)}), given {planned.x0.shape}")
-        true = Experiments(planned.x0 + deviation, planned.u, planned.dt, planned.columns)
-        done = simulate(self.model, true, self.theta_true, rtol=self.rtol)
+        true = Experiments(planned.x0 + deviation, planned.u, planned.dt, columns=planned.columns)
+        done = simulate(self.model, true, self.theta, rtol=self.rtol)
         failed = done.status != Status.ok
         counts = Counter(Status(int(code)).name for code in done.status[failed])
         self._failures += counts
         reasons = ", ".join(f"{name} {count}" for name, count in counts.items())
         if failed.all():
-            raise ValueError(f"points: expected some of which the trajectory reaches its end, given none: {reasons or 'no points'}")
+            raise ValueError(
+                f"points: expected at least one whose trajectory reaches its end, given none: {reasons or 'no points'}"
+            )
         if counts:
             warnings.warn(f"{failed.sum()} of {len(true)} points are not measured: {reasons}", RuntimeWarning, stacklevel=2)
         return Measurements(planned, np.where(failed[:, None], np.nan, done.y + noise))

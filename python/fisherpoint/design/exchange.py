@@ -7,6 +7,7 @@ leaves the largest Phi leaves. That may be the candidate itself, so Phi never fa
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from ..basics.checks import check_type
 from ..information.evaluation import Evaluation
@@ -22,12 +23,12 @@ from .search import ExchangeSearch, Progress
 def exchange(
     problem: DesignProblem,
     n_experiments: int = 12,
+    *,
     n_candidates: int = 50,
     max_iterations: int = 200,
     seed: int = 0,
     threads: int | None = None,
     progress: Callable[[Progress], None] | None = None,
-    *,
     patience: int | None = None,
     time_limit: float | None = None,
     max_redraws: int = 1,
@@ -82,7 +83,16 @@ def exchange(
     """
     check_type(problem, DesignProblem, "problem")
     settings = ExchangeSettings(
-        n_experiments, n_candidates, max_iterations, seed, patience, time_limit, max_redraws, references, screen, local
+        n_experiments=n_experiments,
+        n_candidates=n_candidates,
+        max_iterations=max_iterations,
+        seed=seed,
+        patience=patience,
+        time_limit=time_limit,
+        max_redraws=max_redraws,
+        references=references,
+        screen=screen,
+        local=local,
     )
     if progress is not None and not callable(progress):
         raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
@@ -106,18 +116,7 @@ def _references(search: ExchangeSearch, under_noise: Evaluation | None) -> Effic
         return efficiency_of(search.problem, search.criterion, search.best.log_det, None, None, None)
     problem = search.problem.replace(output_covariance="noise")
     settings = search.settings
-    other = ExchangeSettings(
-        settings.n_experiments,
-        settings.n_candidates,
-        settings.max_iterations,
-        settings.seed + 1,
-        settings.patience,
-        settings.time_limit,
-        0,
-        False,
-        False,
-        settings.local,
-    )
+    other = replace(settings, seed=settings.seed + 1, max_redraws=0, references=False, screen=False)
     reference = ExchangeSearch(problem, other, search.threads, search.previous)
     if reference.run(None) == "interrupted":
         raise KeyboardInterrupt

@@ -61,7 +61,9 @@ def design_to_json(design: FoundDesign) -> dict[str, Any]:
 def design_from_json(data: dict[str, Any]) -> dict[str, Any]:
     """The fields of a design."""
     points = data["points"]
-    evaluation = evaluation_from_json(data["evaluation"])
+    n_previous = check_positive_int(data.get("n_previous", 0), "n_previous", 0)  # older files do not have it
+    n_points = n_previous + len(points["dt"])
+    evaluation = evaluation_from_json(data["evaluation"], n_points)
     if evaluation is None:
         raise KeyError("evaluation")
     settings, rejected = ExchangeSettings(**data["settings"]), dict(data["rejected"])
@@ -70,7 +72,7 @@ def design_from_json(data: dict[str, Any]) -> dict[str, Any]:
     for name, count in (("drawn", data["drawn"]), ("accepted", data["accepted"]), *rejected.items()):
         check_positive_int(count, name, 0)
     if data["drawn"] != data["accepted"] + sum(rejected.values()):
-        raise ValueError(f"drawn: expected accepted and rejected to add up to it, given {data['drawn']}")
+        raise ValueError(f"drawn: expected the sum of accepted and rejected, given {data['drawn']}")
     if data["stop_reason"] not in STOP_REASONS:
         raise ValueError(f"stop_reason: expected one of {', '.join(STOP_REASONS)}; given {shown(data['stop_reason'])}")
     return dict(
@@ -78,7 +80,7 @@ def design_from_json(data: dict[str, Any]) -> dict[str, Any]:
         settings=settings,
         points=points_from_json(points),
         evaluation=evaluation,
-        under_noise=evaluation_from_json(data["under_noise"]),
+        under_noise=evaluation_from_json(data["under_noise"], n_points),
         efficiency=_efficiency_from_json(data["efficiency"]),
         trace=tuple(TraceRecord(**{**record, "log_det": log_det_from_json(record["log_det"])}) for record in data["trace"]),
         rejected=FrozenMapping(rejected),
@@ -86,7 +88,7 @@ def design_from_json(data: dict[str, Any]) -> dict[str, Any]:
         accepted=data["accepted"],
         stop_reason=data["stop_reason"],
         seconds=data["seconds"],
-        n_previous=check_positive_int(data.get("n_previous", 0), "n_previous", 0),  # older files have neither
+        n_previous=n_previous,
         previous_left_out=FrozenMapping(
             {
                 reason: check_positive_int(count, "previous_left_out", 0)

@@ -21,7 +21,7 @@ _LEAST = {"n_experiments": 1, "n_candidates": 1, "max_iterations": 0, "seed": 0,
 MOST = {"n_experiments": 10**6, "n_candidates": 10**6, "max_iterations": 10**9, "patience": 10**9, "max_redraws": 10**6}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ExchangeSettings:
     """The arguments of `exchange` that decide its result."""
 
@@ -87,7 +87,7 @@ class FoundDesign:
     n_previous : int
         Points whose information was already collected: the evaluations count them, `points` does not have them.
     previous_left_out : mapping of reason to int
-        Previous points that are none at the prior mean, and say nothing.
+        Previous points that are not valid at the prior mean, and are not used.
     """
 
     problem: DesignProblem

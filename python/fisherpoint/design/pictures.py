@@ -10,19 +10,19 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator, NullFormatter, PercentFormatter
+from matplotlib.ticker import MaxNLocator
 
-from ..information.evaluation import Evaluation
-from ..show.correlation import draw_correlation
-from ..show.numbers import computed
+from ..basics.checks import check_choice
+from ..show.standard_errors import standard_error_figure
 from ..show.style import CRITERION, NOISE, PRIOR, STYLE, save_figure
 from .evaluated import Evaluated
+from .found import FoundDesign
 from .pictures_points import plot_points, plot_trajectories
-from .result import Design
 
 __all__ = [
     "plot_correlation",
     "plot_criterion",
+    "plot_of",
     "plot_points",
     "plot_standard_errors",
     "plot_trajectories",
@@ -30,7 +30,7 @@ __all__ = [
 ]
 
 
-def plot_criterion(design: Design) -> Figure:
+def plot_criterion(design: FoundDesign) -> Figure:
     """log det F over the iterations of the exchange, with the references where they are of the same D."""
     iteration = np.array([record.iteration for record in design.trace])
     log_det = np.array([record.log_det for record in design.trace])
@@ -68,65 +68,31 @@ def plot_standard_errors(design: Evaluated) -> Figure:
     evaluation = design.under_noise
     if evaluation is None:
         raise ValueError("noise_std: expected the sensor noise, from which standard errors follow; given none")
-    names = evaluation.parameters
     units = {quantity.name: quantity.unit for quantity in design.problem.model.parameters}
-    rows, errors = np.arange(len(names)), evaluation.standard_errors
-
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(8.0, 1.7 + 0.4 * len(names)), layout="constrained")
-        axes = figure.subplots()
-        axes.axvline(1.0, color=PRIOR, linewidth=1.5, label="prior")
-        axes.axvline(0.5, color=PRIOR, linewidth=1.0, linestyle=":", label="half the prior")
-        label = "under the sensor noise"
-        if errors is None:
-            axes.plot([], [], "o", color=NOISE, label=f"{label}: F is singular")
-        else:
-            share = np.array([errors[name] / evaluation.prior_std[name] for name in names])
-            axes.hlines(rows, np.minimum(share, 1.0), np.maximum(share, 1.0), color=NOISE, alpha=0.4)
-            axes.plot(share, rows, "o", color=NOISE, markersize=6, label=label)
-        axes.set_xscale("log")
-        axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=None))
-        axes.xaxis.set_minor_formatter(NullFormatter())
-        axes.set_xlim(left=min(axes.get_xlim()[0], 0.08))  # a decade at least, so that there are two labels
-        axes.set_yticks(rows, names)
-        axes.set_ylim(len(names) - 0.5, -0.5)
-        axes.set_xlabel("standard error, share of the prior std")
-        axes.grid(axis="y", visible=False)
-        # What that means in units, beside the axis.
-        for row, name in zip(rows, names, strict=True):
-            prior = f"{computed(float(evaluation.prior_std[name]))} {units[name]}"
-            error = "" if errors is None else f"{computed(float(errors[name]))} of "
-            axes.annotate(
-                error + prior,
-                (1.0, float(row)),
-                xycoords=("axes fraction", "data"),
-                xytext=(8, 0),
-                textcoords="offset points",
-                va="center",
-                color=NOISE,
-            )
-        figure.legend(loc="outside upper left", ncols=2, title="Prior against predicted standard errors", alignment="left")
-    return figure
+    return standard_error_figure(evaluation.standard_errors, evaluation.prior_std, "under the sensor noise", units)
 
 
 def plot_correlation(design: Evaluated) -> Figure:
     """Correlation of the estimates, under the sensor noise where it is known."""
-    shown = design.under_noise or design.evaluation
-    names, count = shown.parameters, len(shown.parameters)
-    where = "the sensor noise" if design.under_noise is not None else _criterion_d(shown)
-    with mpl.rc_context({**STYLE, "axes.grid": False}):
-        size = (6.0, 1.5) if shown.correlation is None else (2.2 + 0.52 * count, 1.6 + 0.5 * count)
-        figure = Figure(figsize=size, layout="constrained")
-        axes = figure.subplots()
-        axes.set_title(f"Correlation of the estimates under {where}")
-        if shown.correlation is None:
-            text = f"F is singular: rank {shown.rank} of {count}"
-            axes.text(0.5, 0.5, text, ha="center", va="center", transform=axes.transAxes)
-            axes.set_axis_off()
-            return figure
-        correlation = np.asarray(shown.correlation)
-        draw_correlation(axes, correlation, names)
-    return figure
+    return (design.under_noise or design.evaluation).plot("correlation")
+
+
+PLOTS: dict[str, Callable[[Any], Figure]] = {
+    "criterion": plot_criterion,
+    "points": plot_points,
+    "standard_errors": plot_standard_errors,
+    "correlation": plot_correlation,
+    "trajectories": plot_trajectories,
+}
+"""The pictures of a design by their kind; of evaluated points, all but the first."""
+
+
+def plot_of(design: FoundDesign, kind: str) -> Figure:
+    """The picture of this kind; see `Design.plot`."""
+    check_choice(kind, tuple(PLOTS), "kind")
+    if kind == "trajectories" and not design.problem.model.states:
+        raise ValueError("kind: expected a model with states for 'trajectories', given one without")
+    return PLOTS[kind](design)
 
 
 def save_all(design: Evaluated, directory: str | Path) -> list[Path]:
@@ -144,27 +110,18 @@ def save_all(design: Evaluated, directory: str | Path) -> list[Path]:
     list of Path
         The files.
     """
-    plots: dict[str, Callable[[Any], Figure]] = {
-        "points": plot_points,
-        "standard_errors": plot_standard_errors,
-        "correlation": plot_correlation,
-        "trajectories": plot_trajectories,
-    }
+    plots = dict(PLOTS)
+    if not isinstance(design, FoundDesign):
+        del plots["criterion"]
     if design.under_noise is None:
         del plots["standard_errors"]
     if not design.problem.model.states:
         del plots["trajectories"]  # nothing moves
-    if isinstance(design, Design):
-        plots = {"criterion": plot_criterion, **plots}
     paths = []
     for name, plot in plots.items():
         paths.append(Path(directory) / f"{name}.png")
         save_figure(plot(design), paths[-1])
     return paths
-
-
-def _criterion_d(evaluation: Evaluation) -> str:
-    return f'the D of the criterion ("{evaluation.output_covariance_kind}")'
 
 
 def _reference(axes: Axes, value: float | None, label: str, style: str) -> None:

@@ -20,6 +20,7 @@ from .report import design_report
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -29,6 +30,33 @@ class Design(FoundDesign, Shown):
     def report(self) -> Report:
         """Points, parameters, criterion, efficiency and search as tables."""
         return design_report(self)
+
+    def plot(self, kind: str = "points", *, path: str | Path | None = None) -> Figure:
+        """Draw the points, how they were found, or what they are worth; needs matplotlib.
+
+        Parameters
+        ----------
+        kind : {"points", "criterion", "standard_errors", "correlation", "trajectories"}
+            The points; log det F over the iterations; standard errors under the sensor noise next to the prior's; the correlation
+            of the estimates; the outputs over time with their spread over the prior.
+        path : path, optional
+            Where the picture is also written; the ending says the format, PNG where there is none.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        ValueError
+            For another kind, "standard_errors" where the sensor noise is not known, "trajectories" of a model without states, or
+            the ending of no format of pictures.
+        """
+        with needed_for("plot"):
+            from ..show.style import drawn
+            from .pictures import plot_of
+
+        return drawn(plot_of(self, kind), path)
 
     def to_pandas(self) -> pd.DataFrame:
         """One row per parameter: unit, mean, prior_std, and under the sensor noise standard_error, rse and of_prior."""

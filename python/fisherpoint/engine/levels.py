@@ -79,7 +79,7 @@ def available_isas() -> tuple[str, ...]:
 def _choose() -> str:
     available = available_isas()
     if not available:
-        raise ImportError(f"expected kernels for one of {_core.supported_isas()}, given none: install fisherpoint anew")
+        raise ImportError(f"expected kernels for one of {_core.supported_isas()}, given none: reinstall fisherpoint")
     wanted = os.environ.get("FISHERPOINT_ISA")
     if wanted is None:
         return available[-1]

@@ -39,10 +39,10 @@ def estimate(
     model: Model,
     data: Any,
     prior: GaussianPrior | None = None,
+    *,
     start: Mapping[str, float] | GaussianPrior | None = None,
     parameters: Sequence[str] | None = None,
     noise_std: Mapping[str, float] | None = None,
-    *,
     bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
     uncertain: Mapping[str, float] | None = None,
     initial_state_std: Mapping[str, float] | None = None,
@@ -137,7 +137,7 @@ def estimate(
         noise = KnownNoise(model, parts, sensors, uncertain, initial_state_std, assumed_rule, rtol, threads)
         found = search_with_known_noise(residuals, z0, noise)
     elif uncertain or initial_state_std:
-        raise ValueError("noise_std: expected the sensor noise beside uncertain or initial_state_std, given none")
+        raise ValueError("noise_std: expected the sensor noise together with uncertain or initial_state_std, given none")
     else:
         check_noise_can_be_told(observed, prior)
         found = search_with_unknown_noise(residuals, z0)

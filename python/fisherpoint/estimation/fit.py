@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..basics.checks import check_choice
 from ..basics.extras import needed_for
 from ..prior.gaussian import GaussianPrior
 from ..show.section import Report
@@ -20,16 +21,17 @@ from .summary import fit_report
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit(FitStatistics, Shown):
     """What `estimate` found; see `FitStatistics` for its attributes."""
 
-    def profile(self, name: str, level: float = 0.95) -> Profile:
+    def profile(self, name: str, *, level: float = 0.95) -> Profile:
         """The profile likelihood of one unknown, and the confidence interval by it; it is right where `intervals` are too linear.
 
-        All other unknowns are estimated anew at each value of this one, on values outward from the estimate until the deviance
+        All other unknowns are estimated again at each value of this one, on values outward from the estimate until the deviance
         passes its threshold on both sides, or an end is shown not to be bounded: the quantile of chi-square with one degree of
         freedom where the noise is known, and its counterpart by Student's t where it was estimated. A prior takes part.
 
@@ -60,12 +62,40 @@ class Fit(FitStatistics, Shown):
         """
         return posterior_of(self)
 
-    def report(self, profiles: Sequence[ProfileCurve] = ()) -> Report:
+    def report(self, *, profiles: Sequence[ProfileCurve] = ()) -> Report:
         """The fit as tables, with the profile likelihoods that were computed."""
         return fit_report(self, profiles)
 
     def __repr__(self) -> str:
         return f"Fit({', '.join(f'{name}={value:.6g}' for name, value in self.estimate.items())})"
+
+    def plot(self, kind: str = "parity", *, path: str | Path | None = None) -> Figure:
+        """Draw how well the fit describes the data, or how well it knows the parameters; needs matplotlib.
+
+        Parameters
+        ----------
+        kind : {"parity", "residuals", "time", "correlation", "ellipses", "profiles"}
+            Measured against predicted outputs; residuals in units of the noise; records over time; the correlation of the
+            estimates; joint confidence ellipses; the profile likelihood of every unknown, which takes a while.
+        path : path, optional
+            Where the picture is also written; the ending says the format, PNG where there is none.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        ValueError
+            For another kind, or the ending of no format of pictures.
+        """
+        with needed_for("plot"):
+            from ..show.style import drawn
+            from .pictures import PLOTS, plot_profiles
+
+        if check_choice(kind, (*PLOTS, "profiles"), "kind") == "profiles":
+            return drawn(plot_profiles([self.profile(name) for name in self.parameters]), path)
+        return drawn(PLOTS[kind](self), path)
 
     def to_pandas(self) -> pd.DataFrame:
         """One row per unknown: unit, estimate, standard_error, rse, and the ends lower_95 and upper_95 of `intervals`."""
@@ -93,7 +123,7 @@ class Fit(FitStatistics, Shown):
 
     @classmethod
     def load(cls, directory: str | Path) -> Fit:
-        """Read a fit that `save` wrote, with its model, data and prior; its trajectories are computed anew.
+        """Read a fit that `save` wrote, with its model, data and prior; its trajectories are computed again.
 
         Raises
         ------

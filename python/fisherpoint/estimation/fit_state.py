@@ -54,7 +54,7 @@ def fit_state(fit: FitStatistics) -> dict[str, Any]:
 
 
 def fit_from_state(data: dict[str, Any]) -> dict[str, Any]:
-    """The fields of the fit of which this is the state; its trajectories are computed anew."""
+    """The fields of the fit of which this is the state; its trajectories are computed again."""
     model, parts = model_from_json(data["model"]), tuple(_data_from_json(part) for part in data["data"])
     prior = None if data["prior"] is None else prior_from_json(data["prior"])
     theta, values = _numbers(data["theta"]), _numbers(data["values"])
@@ -97,7 +97,7 @@ def _data_from_json(data: dict[str, Any]) -> Measurements | Record:
     y = np.array([[np.nan if value is None else value for value in row] for row in data["y"]], dtype=np.float64)
     u = _numbers(data["u"]).reshape(len(y), -1)
     if "t" in data:
-        return Record(_numbers(data["t"]), u, y, data["x0"])
+        return Record(_numbers(data["t"]), u, y, x0=data["x0"])
     return Measurements(points_from_json(data), y)
 
 

@@ -57,9 +57,17 @@ class KnownNoise:
         for part in self.parts:
             if not isinstance(part, Measurements):
                 label = "uncertain" if self.uncertain else "initial_state_std"
-                raise ValueError(f"{label}: expected measurements of points, given a record; estimate there what is not exact")
-            given = (part.points, theta, self.uncertain, self.initial_state_std, self.rtol, self.threads)
-            share, status = assumed_covariance(self.model, *given, rule=self.rule)
+                raise ValueError(f"{label}: expected measurements of points, given a record; there, estimate what is uncertain")
+            share, status = assumed_covariance(
+                self.model,
+                part.points,
+                theta,
+                uncertain=self.uncertain,
+                initial_state_std=self.initial_state_std,
+                rtol=self.rtol,
+                threads=self.threads,
+                rule=self.rule,
+            )
             if status.any():
                 k = int(np.argmax(status != Status.ok))
                 raise ValueError(f"points: expected trajectories that are ok, given points[{k}] ({Status(status[k]).name})")

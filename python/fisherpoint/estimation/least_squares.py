@@ -21,10 +21,10 @@ ENDS = {
     LIMIT: "no minimum within the allowed evaluations",
     STALLED: "no further step lowers the residuals, and their gradient is not zero",
     NOT_EVALUABLE: "a trajectory at the start is not ok",
-    UNNOTICED: "no measured output notices an unknown there, and the gradient says nothing of it",
-    ROUGH: "the gradient comes no closer to zero than rounding, or the tolerance of the trajectories, lets it",
-    UNSETTLED: "the weights, which follow from the estimate, do not come to rest",
-    RAN_OFF: "an unknown ran off to where trajectories mean nothing",
+    UNNOTICED: "some unknown does not change any measured output there, so its gradient is zero",
+    ROUGH: "rounding, or the tolerance of the trajectories, keeps the gradient from zero",
+    UNSETTLED: "the weights, which depend on the estimate, do not converge",
+    RAN_OFF: "an unknown diverged to values at which trajectories have no meaning",
 }
 
 TOLERANCE = 1e-8

@@ -68,7 +68,7 @@ class Observed:
             first = len(names)
             of_part = {f"x0_{state}" + (f"_{number}" if number > 1 else ""): (state, part) for state in starts}
             for name in (name for name in of_part if name in (*names_of(model.parameters), *names)):
-                raise ValueError(f"states: expected names by which starts of records can be told apart, given two called {name!r}")
+                raise ValueError(f"states: expected different names for the starts of records, given two called {name!r}")
             self.starts |= of_part
             names += of_part
             self._parts.append((respond, len(part), slice(first, len(names))))

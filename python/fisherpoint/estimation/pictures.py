@@ -206,6 +206,16 @@ def plot_time(fit: FitStatistics) -> Figure:
     return figure
 
 
+PLOTS: dict[str, Callable[[FitStatistics], Figure]] = {
+    "parity": plot_parity,
+    "residuals": plot_residuals,
+    "time": plot_time,
+    "correlation": plot_correlation,
+    "ellipses": plot_ellipses,
+}
+"""The pictures of a fit by their kind, but for profiles, which are computed first."""
+
+
 def save_all(fit: FitStatistics, directory: str | Path, profiles: Sequence[ProfileCurve] = ()) -> list[Path]:
     """Write every picture that the fit has something to show in, as PNG, into an existing directory; return the files."""
     plots: dict[str, Callable[[], Figure]] = {

@@ -23,7 +23,7 @@ def posterior_of(fit: FitStatistics) -> GaussianPrior:
     estimated = [name for name in names if name in unknowns.names]
     missing = [name for name in names if name not in estimated and (fit.prior is None or name not in fit.prior.names)]
     if missing:
-        raise ValueError(f"posterior: expected a prior of what was not estimated, given none of {listed(missing)}")
+        raise ValueError(f"posterior: expected a prior for the parameters that were not estimated, given none of {listed(missing)}")
     p = len(names)
     mean, covariance, log = fit.theta.copy(), np.zeros((p, p)), np.zeros(p, dtype=bool)
     kept = [names.index(name) for name in names if name not in estimated]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -50,12 +51,23 @@ SETTLED = 1e-5
 class Profile(ProfileCurve):
     """The likelihood of one unknown; see `ProfileCurve` for its attributes."""
 
-    def plot(self) -> Figure:
-        """The deviance over the unknown, beside the parabola of the linear interval; needs matplotlib."""
+    def plot(self, *, path: str | Path | None = None) -> Figure:
+        """Draw the deviance over the unknown, beside the parabola of the linear interval; needs matplotlib.
+
+        Parameters
+        ----------
+        path : path, optional
+            Where the picture is also written; the ending says the format, PNG where there is none.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
         with needed_for("plot"):
+            from ..show.style import drawn
             from .pictures import plot_profiles
 
-        return plot_profiles([self])
+        return drawn(plot_profiles([self]), path)
 
     def __str__(self) -> str:
         unit = "" if self.unit == "1" else f" {self.unit}"

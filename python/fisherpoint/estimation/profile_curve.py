@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..basics.values import Array
 
-FOUND, BOUND, OPEN, FAILED = "found", "at its bound", "not bounded", "trajectories are not ok further out"
+FOUND, BOUND, OPEN, FAILED = "found", "at its bound", "not bounded", "trajectories are not valid beyond this value"
 
 BETTER = 1e-4
 """Fall of the deviance below that of the fit from which on the fit was not at the minimum."""
@@ -38,7 +38,7 @@ class ProfileCurve:
     interval : tuple of float
         Where the deviance reaches the threshold; -inf, or 0 of a positive unknown, and inf where it does not.
     ends : tuple of str
-        What each end of the interval is: "found", "at its bound", "not bounded", or "trajectories are not ok further out".
+        What each end of the interval is: "found", "at its bound", "not bounded", or "trajectories are not valid beyond this value".
     linear_interval : tuple of float
         From the standard error, as `Fit.intervals`.
     """

@@ -64,7 +64,7 @@ class RecordResponse:
         self.columns = np.array(columns, dtype=np.intp).reshape(-1)
         p = len(model.parameters)
         if len(set(self.columns.tolist())) < len(self.columns) or not ((self.columns >= 0) & (self.columns < p)).all():
-            raise ValueError(f"columns: expected different places below {p}, given {self.columns.tolist()}")
+            raise ValueError(f"columns: expected different indices below {p}, given {self.columns.tolist()}")
         self._free = np.array([i for i, name in enumerate(names_of(model.states)) if name not in record.x0], dtype=np.intp)
         self.starts = tuple(names_of(model.states)[i] for i in self._free)
         self._settings: Settings = (rtol, True, "fastest", resolve_threads(threads))

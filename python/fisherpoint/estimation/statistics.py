@@ -113,7 +113,9 @@ class FitStatistics:
 
     @property
     def information(self) -> Array:
-        """A-posteriori Fisher information (P, P) in its sum form, with the prior's where it took part; standardised."""
+        """A-posteriori Fisher information (P, P) in its sum form, with the prior's where it took part; standardised.
+
+        `Evaluation.information` has the same form, and predicts it."""
         return self.precision.information
 
     @property

@@ -130,6 +130,7 @@ def assumed_covariance(
     model: Model,
     points: Experiments,
     theta: Mapping[str, float] | ArrayLike,
+    *,
     uncertain: Mapping[str, float] | None = None,
     initial_state_std: Mapping[str, float] | None = None,
     rtol: float = 1e-6,

@@ -62,13 +62,13 @@ class CandidateSource:
         while have < count:
             if tried >= max(MAX_DRAWN_PER_CANDIDATE, MAX_DRAWN_PER_CANDIDATE // 20 * count):
                 raise ValueError(
-                    f"region: expected points that survive, given {have} of {tried} drawn ({self._since(before)}): "
+                    f"region: expected valid points, given {have} of {tried} drawn ({self._since(before)}): "
                     "widen or move the region"
                 )
             share = max(self.accepted / self.drawn, 0.05) if self.drawn else 0.7
             batch = round(np.clip(4 * count / share, SMALLEST_BATCH, LARGEST_BATCH))
             tried += batch
-            survivors, _ = self._survivors(self._region.draw(self._problem.model, batch, self._rng))
+            survivors, _ = self._survivors(self._region.draw(self._problem.model, batch, seed=self._rng))
             found.append(survivors)
             have += len(survivors)
         joined = PointInformation.join(found) if len(found) > 1 else found[0]
@@ -78,7 +78,7 @@ class CandidateSource:
     def draw_near(self, points: Experiments, each: int) -> tuple[PointInformation, IntArray]:
         """Return what is valid at the prior mean of `each` candidates near every point, and the point of each."""
         near = np.repeat(np.arange(len(points), dtype=np.int32), each)
-        survivors, kept = self._survivors(self._region.draw_near(self._problem.model, points[near], self._rng))
+        survivors, kept = self._survivors(self._region.draw_near(self._problem.model, points[near], seed=self._rng))
         return survivors, near[kept]
 
     def confirm(self, chosen: PointInformation) -> PointInformation:
@@ -106,7 +106,7 @@ class CandidateSource:
         while (have := sum(map(len, found))) < count:
             if tried >= MAX_DRAWN_PER_CANDIDATE + 20 * count:
                 raise ValueError(
-                    f"region: expected points that survive on the prior grid, given {have} of {tried} tried "
+                    f"region: expected points that are valid over the prior, given {have} of {tried} tried "
                     f"({self._since(before)}): widen or move it"
                 )
             batch = self.draw(count - have)

@@ -137,7 +137,7 @@ class RuleComparison(Shown, Kept):
 
 
 def compare_rules(
-    problem: DesignProblem, points: Experiments, rules: Sequence[Rule] | None = None, threads: int | None = None
+    problem: DesignProblem, points: Experiments, rules: Sequence[Rule] | None = None, *, threads: int | None = None
 ) -> RuleComparison:
     """Compare rules on a problem's points: error against a converged rule, and cost. Takes about a second for five points.
 
@@ -168,8 +168,16 @@ def compare_rules(
             raise TypeError(f"rules: expected rules such as fisherpoint.SparseGaussHermite(2), given {type(rule).__name__}")
 
     def run(rule: Rule) -> PredictiveCovariance:
-        names, settings = problem.estimated, (problem.rtol, threads, problem.kinks)
-        return predictive_covariance(problem.model, points, problem.prior, rule, *settings, names)
+        return predictive_covariance(
+            problem.model,
+            points,
+            problem.prior,
+            rule,
+            rtol=problem.rtol,
+            threads=threads,
+            kinks=problem.kinks,
+            parameters=problem.estimated,
+        )
 
     converged, seconds = _timed(lambda: run(CONVERGED))
     if not (converged.status == 0).any():

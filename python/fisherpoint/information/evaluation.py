@@ -5,11 +5,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..basics.checks import check_type
+from ..basics.checks import check_choice, check_type
 from ..basics.extras import needed_for
 from ..basics.kept import Kept
 from ..basics.quantity import names_of
@@ -28,6 +29,7 @@ from .problem import DesignProblem
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 RANK_TOLERANCE = 1e-9
 """Singular values of the whitened, column-scaled sensitivities below this share of the largest count as zero."""
@@ -47,7 +49,7 @@ class Evaluation(Shown, Kept):
     log_det : float
         log det of `fisher`, by Cholesky, or from singular values where that would lose digits; -inf where it is singular.
     fisher : ndarray, (p, p)
-        (7) with its factor 2/L, for parameters divided by their prior standard deviations.
+        (7) with its factor 2/L, for parameters divided by their prior standard deviations; `information` is without the factor.
     output_covariance_kind : str
     output_covariance : ndarray, (n, n), or (K, n, n) where each point has its own
         D over `outputs`, in squared output units: one for each point, previous ones first, for "pointwise" and where constants or
@@ -64,6 +66,8 @@ class Evaluation(Shown, Kept):
     null_directions : tuple of mappings of parameter name to float
         Combinations of standardised parameters that the design says nothing about.
     prior_std : mapping of parameter name to float
+    n_points : int
+        L of (7): the points that were evaluated, previous ones with them.
     """
 
     parameters: tuple[str, ...]
@@ -80,6 +84,15 @@ class Evaluation(Shown, Kept):
     rank: int
     null_directions: tuple[Mapping[str, float], ...]
     prior_std: Mapping[str, float]
+    n_points: int
+
+    @property
+    def information(self) -> Array:
+        """Fisher information (p, p) in its sum form, sum_k S_k^T D^-1 S_k, in the units of `fisher`, as `Fit.information` has it.
+
+        It adds up over points and grows with their number, while `fisher` is a mean over them.
+        """
+        return self.fisher * (self.n_points / 2)
 
     @property
     def weak_parameters(self) -> tuple[str, ...]:
@@ -87,6 +100,38 @@ class Evaluation(Shown, Kept):
         if self.standard_errors is None:
             return self.parameters
         return tuple(name for name in self.parameters if self.standard_errors[name] > 0.5 * self.prior_std[name])
+
+    def plot(self, kind: str = "standard_errors", *, path: str | Path | None = None) -> Figure:
+        """Draw the standard errors or their correlation; needs matplotlib.
+
+        Parameters
+        ----------
+        kind : {"standard_errors", "correlation"}
+        path : path, optional
+            Where the picture is also written; the ending says the format, PNG where there is none.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        ValueError
+            For another kind, or the ending of no format of pictures.
+        """
+        check_choice(kind, ("standard_errors", "correlation"), "kind")
+        with needed_for("plot"):
+            from ..show.correlation import correlation_figure
+            from ..show.standard_errors import standard_error_figure
+            from ..show.style import drawn
+
+        own_d = f'the D of the criterion ("{self.output_covariance_kind}")'
+        where = "the sensor noise" if self.output_covariance_kind == "noise" else own_d
+        if kind == "standard_errors":
+            return drawn(standard_error_figure(self.standard_errors, self.prior_std, f"under {where}", {}), path)
+        title = f"Correlation of the estimates under {where}"
+        singular = f"F is singular: rank {self.rank} of {len(self.parameters)}"
+        return drawn(correlation_figure(self.correlation, self.parameters, title, singular), path)
 
     def to_pandas(self) -> pd.DataFrame:
         """One row per parameter, SI units: prior_std, standard_error, rse, of_prior; NaN where F is singular."""
@@ -122,7 +167,7 @@ class Evaluation(Shown, Kept):
 
 
 def evaluate_design(
-    problem: DesignProblem, points: Experiments, threads: int | None = None, previous: Previous | None = None
+    problem: DesignProblem, points: Experiments, *, threads: int | None = None, previous: Previous | None = None
 ) -> Evaluation:
     """Evaluate any design, also one with fewer points than parameters.
 
@@ -154,21 +199,21 @@ def evaluate_design(
     known, left_out = previous_information(problem, previous, threads)
     if left_out:
         reasons = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
-        warnings.warn(f"previous: expected experiment points at the prior mean, left out {reasons}", stacklevel=2)
+        warnings.warn(f"previous: expected points that are valid at the prior mean, left out {reasons}", stacklevel=2)
     if known is not None:
         information = PointInformation.join([known, information])
     return evaluate_information(problem, information, criterion(problem, information, threads))
 
 
 def evaluate_under_noise(
-    problem: DesignProblem, points: Experiments, threads: int | None = None, previous: Previous | None = None
+    problem: DesignProblem, points: Experiments, *, threads: int | None = None, previous: Previous | None = None
 ) -> Evaluation | None:
     """Evaluate a design with D = R, or R_k, whatever the problem's D is; None where the sensor noise is not known."""
     check_type(problem, DesignProblem, "problem")
     check_type(points, Experiments, "points")
     if problem.noise_std is None:
         return None
-    return evaluate_design(problem.replace(output_covariance="noise"), points, threads, previous)
+    return evaluate_design(problem.replace(output_covariance="noise"), points, threads=threads, previous=previous)
 
 
 def evaluate_information(problem: DesignProblem, information: PointInformation, d: Criterion) -> Evaluation:
@@ -231,6 +276,7 @@ def evaluate_information(problem: DesignProblem, information: PointInformation, 
         rank=rank,
         null_directions=null,
         prior_std=FrozenMapping(dict(zip(names, std.tolist(), strict=True))),
+        n_points=len(prepared),
     )
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..basics.checks import names_among
+from ..basics.checks import check_positive_int, names_among
 from ..basics.values import Array, FrozenMapping
 from ..models.files import model_from_json, model_to_json
 from ..points.region import ExperimentRegion
@@ -84,10 +84,13 @@ def evaluation_to_json(evaluation: Evaluation | None) -> dict[str, Any] | None:
     return data
 
 
-def evaluation_from_json(data: dict[str, Any] | None) -> Evaluation | None:
+def evaluation_from_json(data: dict[str, Any] | None, n_points: int) -> Evaluation | None:
+    """The evaluation of which this is the JSON; files from before this was kept lack `n_points`."""
     if data is None:
         return None
+    data = {"n_points": n_points} | data
     values = {field.name: data[field.name] for field in fields(Evaluation)}
+    values["n_points"] = check_positive_int(values["n_points"], "n_points")
     for name in ("parameters", "outputs", "outputs_left_out"):
         values[name] = tuple(values[name])
     for name in ("fisher", "output_covariance", "covariance", "correlation"):

@@ -121,6 +121,7 @@ def identifiability(
     model: Model,
     prior: GaussianPrior | None = None,
     region: ExperimentRegion | None = None,
+    *,
     n_points: int | None = None,
     n_theta: int = 5,
     seed: int = 0,
@@ -279,7 +280,7 @@ def _hidden(model: Model, region: ExperimentRegion, theta: Array, changes: Mappi
     assert isinstance(equations, SymbolicModel)
     if not met and not jumps_by_value(equations):
         return ""
-    points = region.draw(model, 64, np.random.default_rng(0))
+    points = region.draw(model, 64, seed=0)
     change = np.array([changes.get(name, 0.0) for name in names_of(model.parameters)])
     relative = np.abs(change) / np.where(theta != 0, np.abs(theta), 1.0)
     change[relative <= 1e-12 * relative.max()] = 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -32,7 +32,7 @@ LARGEST_SENSITIVITY = 1e140
 
 @dataclass(frozen=True, eq=False)
 class DesignProblem:
-    """Everything that a design depends on, but for the search's settings.
+    """Everything that a design depends on, except for the settings of the search.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class DesignProblem:
     Attributes
     ----------
     derived : tuple of str
-        Options that were not told: `output_covariance` and `parameters` follow from the others then.
+        Options that were not given: `output_covariance` and `parameters` follow from the others then.
 
     Raises
     ------
@@ -78,6 +78,7 @@ class DesignProblem:
     model: Model
     prior: GaussianPrior
     region: ExperimentRegion | None
+    _: KW_ONLY
     noise_std: Mapping[str, float] | None = None
     rule: Rule = DEFAULT_RULE
     output_covariance: str | None = None
@@ -144,7 +145,7 @@ class DesignProblem:
                 ) from error
 
     def replace(self, **changes: Any) -> DesignProblem:
-        """Return a copy with some arguments changed; options that were not told follow from the others anew."""
+        """Return a copy with some arguments changed; options that were not given are derived again from the others."""
         known = [one.name for one in dataclasses.fields(self) if one.init]
         for unknown in (name for name in changes if name not in known):
             raise TypeError(f"replace: expected names of {', '.join(known)}; given unknown {shown(unknown)}")

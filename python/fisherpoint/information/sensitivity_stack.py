@@ -110,7 +110,7 @@ class Sampler:
             if len(parts) == MAX_ROUNDS:
                 found = sum(len(x0) for x0, _, _ in parts)
                 reasons = ", ".join(f"{reason} {n}" for reason, n in self.left_out.most_common())
-                raise ValueError(f"region: expected points that survive, given {found} of {MAX_ROUNDS * count} drawn ({reasons})")
+                raise ValueError(f"region: expected valid points, given {found} of {MAX_ROUNDS * count} drawn ({reasons})")
             parts.append(self._draw(theta, count))
         x0, near, far = (np.concatenate(of)[:count] for of in zip(*parts, strict=True))
         scale = self._scale(theta)
@@ -127,7 +127,7 @@ class Sampler:
 
     def _draw(self, theta: Array, count: int) -> tuple[Array, Array, Array]:
         """Starts (n, n_x) of at most `count` points, with scaled samples at both tolerances, (n, samples, n_y, p + q) each."""
-        points = self._region.draw(self._model, count, self._rng, decades=True)
+        points = self._region.draw(self._model, count, seed=self._rng, decades=True)
         keep = self._region.satisfied(self._model, points)
         self.left_out.update(constraint=int((~keep).sum()))
         for rows in on_surface(self._model, points, theta).values():
@@ -140,7 +140,7 @@ class Sampler:
             np.repeat(points.x0, samples, axis=0), np.repeat(points.u, samples, axis=0), np.outer(points.dt, shares).ravel()
         )
         full = np.append(theta, np.zeros(len(self._starts)))
-        results = [sensitivities(self._freed, records, full, rtol, self._threads) for rtol in (TIGHT, LOOSE)]
+        results = [sensitivities(self._freed, records, full, rtol=rtol, threads=self._threads) for rtol in (TIGHT, LOOSE)]
         status = np.max([result.status.reshape(-1, samples) for result in results], axis=(0, 2), initial=0)
         shape = (len(points), samples, len(self._model.outputs), len(self._all_columns))
         near, far = (result.dy_dtheta[:, :, self._all_columns].reshape(shape) for result in results)
@@ -218,7 +218,7 @@ def default_region(model: Model, theta: Array) -> ExperimentRegion:
 def _rates(model: Model, bounds: Mapping[str, tuple[float, float]], theta: Array) -> Array:
     """f (n, n_x) at those of 200 random points at which the model has a value."""
     dt = {"dt": (1.0, 1.0)} if model.states else {}
-    sample = ExperimentRegion({**bounds, **dt}).draw(model, 200, np.random.default_rng(0))
+    sample = ExperimentRegion({**bounds, **dt}).draw(model, 200, seed=0)
     arguments = (sample.x0, sample.u, np.tile(theta, (len(sample), 1)))
     rates, output, limits = (function(*arguments) for function in (model.core.rhs, model.core.output, model.core.limits))
     inside = np.isfinite(rates).all(axis=1) & np.isfinite(output).all(axis=1) & (limits[:, len(model.poles) :] > 0).all(axis=1)

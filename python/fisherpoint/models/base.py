@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 def quantities(described: Iterable[tuple[str, str, str, float]]) -> tuple[Quantity, ...]:
     """Quantities as the core describes them."""
-    return tuple(Quantity(name, unit, text, scale) for name, unit, text, scale in described)
+    return tuple(Quantity(name, unit, text, scale=scale) for name, unit, text, scale in described)
 
 
 class Model(ABC):

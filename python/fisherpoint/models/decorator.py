@@ -55,7 +55,7 @@ def model(
     """Make a model of a function ``(x, u, p) -> f, g`` or ``(x, u, p) -> f, g, domain``.
 
     The function is called once, with the symbols of the states, the inputs, and the parameters and known constants as attributes;
-    it uses + - * / ** and the functions ``fisherpoint.sqrt``, ``fisherpoint.where`` and so on. `domain` lists what must stay
+    it uses + - * / ** and the functions of `fisherpoint.math`, as ``fp.math.sqrt``. `domain` lists what must stay
     positive beside the arguments of roots and logarithms. A model without states returns ``None`` or ``[]`` for f.
 
     Arguments and errors are those of `SymbolicModel`; the name is by default the function's.
@@ -79,7 +79,18 @@ def model(
             Namespace("p", [*names["parameters"], *(q.name for q in known)]),
         )
         f, g, domain = _returned(function, spaces, own_name)
-        return SymbolicModel(f, g, states or {}, inputs or {}, parameters, outputs, constants, domain, own_name, nominal)
+        return SymbolicModel(
+            f,
+            g,
+            states or {},
+            inputs or {},
+            parameters,
+            outputs,
+            constants=constants,
+            domain=domain,
+            name=own_name,
+            nominal=nominal,
+        )
 
     return make
 
@@ -94,7 +105,7 @@ def _returned(function: Callable[..., Any], spaces: tuple[Namespace, ...], name:
     except (TypeError, AttributeError, ValueError, ZeroDivisionError) as error:
         what = shortened(" ".join(str(error).split()), 300)
         if not isinstance(error, UnknownName):
-            what = f"expected + - * / ** and functions such as fisherpoint.sqrt and fisherpoint.where, given: {what}"
+            what = f"expected + - * / ** and functions of fisherpoint.math such as sqrt and where, given: {what}"
         raise ValueError(f"{name}{_line(error, getattr(function, '__code__', None))}: {what}") from error
     if not isinstance(result, tuple) or len(result) not in (2, 3):
         raise ValueError(f"{name}: expected it to return f, g or f, g, domain; given {shown(result, 80)}")

@@ -1,6 +1,6 @@
 """The functions that the equations of a model may use, on SymPy expressions.
 
-They are reached as ``fp.sqrt``, ``fp.where`` and so on. SymPy is imported when the first of them is asked for.
+`fisherpoint.math` offers them.
 """
 
 from __future__ import annotations

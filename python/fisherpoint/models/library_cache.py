@@ -54,7 +54,7 @@ class LibraryCache:
 
     def discard(self, path: Path, complaint: str) -> None:
         """Delete an entry that is not what it should be."""
-        self.remarks.append(f"expected a library as it was built, given {complaint}; it is built anew")
+        self.remarks.append(f"expected a library as it was built, given {complaint}; it is built again")
         with contextlib.suppress(OSError):
             path.unlink()
 
@@ -84,8 +84,8 @@ class LibraryCache:
 
     def _not_kept(self, complaint: str) -> None:
         self.remarks.append(
-            f"expected a cache to which this user alone can write, given {complaint}; what is built lasts as long as this process; "
-            "FISHERPOINT_CACHE can name another directory"
+            f"expected a cache to which this user alone can write, given {complaint}; compiled models last as long as this "
+            "process; FISHERPOINT_CACHE can name another directory"
         )
 
 
@@ -114,7 +114,7 @@ def distrust(path: Path) -> str | None:
         # Where the sticky bit is set, as for /tmp, others cannot rename what is not theirs.
         sticky = place != path and found.st_mode & stat.S_ISVTX
         if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH) and not sticky:
-            return f"{place}, to which others can write (mode {stat.S_IMODE(found.st_mode):o}, which chmod go-w ends)"
+            return f"{place}, which others can write to (mode {stat.S_IMODE(found.st_mode):o}, which chmod go-w ends)"
     return None
 
 

@@ -88,7 +88,9 @@ def _name(key: Any, kind: str) -> str:
     if not isinstance(name, str) or len(name) > LONGEST_NAME or not _is_plain(name):
         raise ValueError(f"{place}: expected a name of letters, digits and _ that starts with a letter, given {shown(key)}")
     if keyword.iskeyword(name) or name in RESERVED:
-        raise ValueError(f"{place}: expected a name that is free, given {shown(name)}, which means something else in equations")
+        raise ValueError(
+            f"{place}: expected a name that is not in use, given {shown(name)}, which means something else in equations"
+        )
     return name
 
 
@@ -117,4 +119,4 @@ def _quantity(name: str, entry: Any, place: str) -> Quantity:
     check_unit(unit, place)
     if scale is not None:
         scale = as_positive(scale, f"{place}.scale")
-    return Quantity(name, unit, description, scale)
+    return Quantity(name, unit, description, scale=scale)

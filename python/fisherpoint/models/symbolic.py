@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Hashable, Iterable, Mapping, Set
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import sympy
@@ -69,6 +69,7 @@ class SymbolicModel(Model):
         inputs: Described,
         parameters: Described,
         outputs: Described | None = None,
+        *,
         constants: Mapping[str, Any] | None = None,
         domain: Iterable[Any] = (),
         name: str = "model",
@@ -202,7 +203,18 @@ class SymbolicModel(Model):
         constants = {q.name: (self.constants[q.name], q) for q in self.constant_quantities}
         parameters = (*self.parameters, *offsets)
         nominal = {**self.nominal, **dict.fromkeys(names_of(offsets), 0.0)}
-        return SymbolicModel(f, g, self.states, self.inputs, parameters, self.outputs, constants, domain, self.name, nominal)
+        return SymbolicModel(
+            f,
+            g,
+            self.states,
+            self.inputs,
+            parameters,
+            self.outputs,
+            constants=constants,
+            domain=domain,
+            name=self.name,
+            nominal=nominal,
+        )
 
     def _replaced(
         self,
@@ -213,7 +225,18 @@ class SymbolicModel(Model):
     ) -> SymbolicModel:
         constants = {q.name: (values[q.name], replace(q, scale=None)) for q in constant_quantities}
         f, g, domain = self.texts
-        return SymbolicModel(f, g, self.states, self.inputs, parameters, self.outputs, constants, domain, self.name, nominal)
+        return SymbolicModel(
+            f,
+            g,
+            self.states,
+            self.inputs,
+            parameters,
+            self.outputs,
+            constants=constants,
+            domain=domain,
+            name=self.name,
+            nominal=nominal,
+        )
 
     def _quantities(self) -> tuple[tuple[Quantity, ...], ...]:
         return self.states, self.inputs, self.parameters, self.constant_quantities
@@ -269,8 +292,9 @@ class SymbolicModel(Model):
 
     def __reduce__(self) -> tuple[Any, ...]:
         constants = {q.name: (self.constants[q.name], q) for q in self.constant_quantities}
-        quantities = (self.states, self.inputs, self.parameters, self.outputs, constants)
-        return (SymbolicModel, (*self.texts[:2], *quantities, self.texts[2], self.name, dict(self.nominal)))
+        f, g, domain = self.texts
+        options: dict[str, Any] = dict(constants=constants, domain=domain, name=self.name, nominal=dict(self.nominal))
+        return (partial(SymbolicModel, **options), (f, g, self.states, self.inputs, self.parameters, self.outputs))
 
     def __repr__(self) -> str:
         counts = ((len(of), kind) for of, kind in zip((*self._quantities()[:3], self.outputs), _KINDS, strict=True))

@@ -17,7 +17,7 @@ def model_of_table(table: ModelTable) -> SymbolicModel:
         One line that names the key below [model].
     """
     described = {
-        kind: {name: Quantity(name, entry.unit, entry.description, entry.scale) for name, entry in entries.items()}
+        kind: {name: Quantity(name, entry.unit, entry.description, scale=entry.scale) for name, entry in entries.items()}
         for kind, entries in table.quantities.items()
     }
     constants = {

@@ -73,7 +73,7 @@ class ModelTable(Table):
             for key in (*(kind for kind, given in self.quantities.items() if given), *(["domain"] if self.domain else [])):
                 fail(f"model.{key}: expected only with a table [model.equations], given without")
         elif self.smooth is not None:
-            fail("model.smooth: expected only of a model that comes with the package, given with [model.equations]")
+            fail("model.smooth: expected only with a built-in model, given with [model.equations]")
         return self
 
     @property

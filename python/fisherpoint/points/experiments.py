@@ -38,7 +38,7 @@ class Experiments:
         For wrong shapes, numbers that are not finite, or a duration that is not positive.
     """
 
-    def __init__(self, x0: ArrayLike, u: ArrayLike, dt: ArrayLike | None = None, columns: tuple[str, ...] | None = None) -> None:
+    def __init__(self, x0: ArrayLike, u: ArrayLike, dt: ArrayLike | None = None, *, columns: tuple[str, ...] | None = None) -> None:
         self.x0, self.u = as_floats(x0, "x0"), as_floats(u, "u")
         if self.x0.ndim != 2:
             raise ValueError(f"x0: expected shape (K, n_x), given {self.x0.shape}")
@@ -139,7 +139,7 @@ class Experiments:
         numbers = [table.complete(quantity, name) for quantity, name in zip(quantities, columns, strict=False)]
         rows = np.column_stack(numbers)
         dt = rows[:, -1] if "dt" in columns else None
-        return cls(rows[:, :n_x], rows[:, n_x : n_x + n_u], dt, _columns(model))
+        return cls(rows[:, :n_x], rows[:, n_x : n_x + n_u], dt, columns=_columns(model))
 
 
 def points_csv(points: Experiments, model: Model | None) -> str:

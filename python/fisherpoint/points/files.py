@@ -17,4 +17,4 @@ def points_to_json(points: Experiments) -> dict[str, Any]:
 def points_from_json(data: dict[str, Any]) -> Experiments:
     count = len(data["dt"])  # of models without state or input the rows are empty
     x0, u = (np.array(data[name], dtype=np.float64).reshape(count, -1 if count and data[name][0] else 0) for name in ("x0", "u"))
-    return Experiments(x0, u, data["dt"], tuple(data["columns"] or ()) or None)
+    return Experiments(x0, u, data["dt"], columns=tuple(data["columns"] or ()) or None)

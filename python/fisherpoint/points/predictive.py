@@ -57,6 +57,7 @@ def predictive_covariance(
     points: Experiments,
     prior: GaussianPrior,
     rule: Rule,
+    *,
     rtol: float = 1e-6,
     threads: int | None = None,
     kinks: str = "cross",
@@ -97,7 +98,7 @@ def predictive_covariance(
     varied = some_names_among(names if parameters is None else parameters, names, "parameters")
     theta = model.theta({name: prior.mean[name] for name in names})
     if isinstance(rule, Linearized):
-        result = sensitivities(model, points, theta, rtol, threads, kinks, method)
+        result = sensitivities(model, points, theta, rtol=rtol, threads=threads, kinks=kinks, method=method)
         ordered = prior.marginal(names)
         with np.errstate(over="ignore"):  # what overflows is given a status
             scaled = result.dy_dtheta * np.array(list(ordered.std.values()))

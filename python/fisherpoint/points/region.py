@@ -7,7 +7,18 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..basics.checks import as_float, as_floats, as_sequence, check_mapping, check_name, check_names, check_positive_int, check_type
+from ..basics.checks import (
+    as_float,
+    as_floats,
+    as_generator,
+    as_sequence,
+    check_flag,
+    check_mapping,
+    check_name,
+    check_names,
+    check_positive_int,
+    check_type,
+)
 from ..basics.messages import shown
 from ..basics.quantity import names_of
 from ..basics.values import Array, FrozenMapping
@@ -75,15 +86,29 @@ class ExperimentRegion:
                 if self.bounds.get(zero) == (0.0, 0.0):
                     raise ValueError(f"region[{zero!r}]: expected bounds off the {kind} {zero} = 0, given (0, 0)")
 
-    def draw(self, model: Model, count: int, rng: np.random.Generator, decades: bool = False) -> Experiments:
-        """Draw `count` points uniformly from the box; the constraints are not looked at.
+    def draw(self, model: Model, count: int, *, seed: int | np.random.Generator = 0, decades: bool = False) -> Experiments:
+        """Draw points uniformly from the box; the constraints are not looked at.
 
-        With `decades`, durations that span more than one are drawn logarithmically, so that none of these is left out.
+        Parameters
+        ----------
+        model : Model
+        count : int
+            Number of points.
+        seed : int or numpy.random.Generator
+            The same integer gives the same points; a generator gives others each time.
+        decades : bool
+            Whether durations that span more than a decade are drawn logarithmically, so that none of these is left out.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For a model that the region is not of, and a count or a seed that is none.
         """
         check_type(model, Model, "model")
         check_names(self.bounds, names_of(model.axes), "region")
+        decades = check_flag(decades, "decades")
         count = check_positive_int(count, "count", 0, MOST_DRAWN)
-        check_type(rng, np.random.Generator, "rng")
+        rng = as_generator(seed)
         order, n_x, n_u = names_of(model.axes), len(model.states), len(model.inputs)
         lower, upper = np.array([self.bounds[name] for name in order]).T
         share = rng.random((count, len(order)))
@@ -92,14 +117,15 @@ class ExperimentRegion:
             table[:, -1] = lower[-1] * (upper[-1] / lower[-1]) ** share[:, -1]
         table = np.clip(table, lower, upper)
         dt = table[:, -1] if n_x else None
-        return Experiments(table[:, :n_x], table[:, n_x : n_x + n_u], dt, order[: n_x + n_u])
+        return Experiments(table[:, :n_x], table[:, n_x : n_x + n_u], dt, columns=order[: n_x + n_u])
 
-    def draw_near(self, model: Model, points: Experiments, rng: np.random.Generator) -> Experiments:
+    def draw_near(self, model: Model, points: Experiments, *, seed: int | np.random.Generator = 0) -> Experiments:
         """Draw a point near each given one: some coordinates are moved, and those that would leave the box stay on its bounds.
 
         How far is drawn too, from the width of the box to a `NEAREST`-th of it, every order of magnitude alike: a search that draws
         often comes as close to an optimum as it can use, without a schedule of steps.
         """
+        rng = as_generator(seed)
         n_x, n_u = len(model.states), len(model.inputs)
         lower, upper = np.array([self.bounds[name] for name in names_of(model.axes)]).T
         table = points.table[:, : len(lower)].copy()
@@ -111,7 +137,7 @@ class ExperimentRegion:
             step = reach * (upper - lower)[free] * rng.standard_normal(moved.shape)
             table[:, free] = np.clip(table[:, free] + np.where(moved, step, 0.0), lower[free], upper[free])
         dt = table[:, -1] if n_x else None
-        return Experiments(table[:, :n_x], table[:, n_x : n_x + n_u], dt, points.columns)
+        return Experiments(table[:, :n_x], table[:, n_x : n_x + n_u], dt, columns=points.columns)
 
     def satisfied(self, model: Model, points: Experiments) -> NDArray[np.bool_]:
         """Return which points satisfy all constraints, (K,)."""

@@ -39,9 +39,9 @@ class Status(IntEnum):
 _ADVICE = {
     Status.ok: "The trajectory reached its end.",
     Status.met_jump: "The right-hand side jumps on the way, at one of the model's jumps: start further from it or sample earlier.",
-    Status.left_domain: "The state reached a limit past which the model has no value: start further inside or sample earlier.",
-    Status.step_limit: "The tolerance asks for more or smaller steps than allowed: loosen rtol or sample earlier.",
-    Status.not_finite: "A rate, an output or what follows from it overflowed: check constants, parameters and standard deviations.",
+    Status.left_domain: "The state reached a limit beyond which the model has no value: start further inside or sample earlier.",
+    Status.step_limit: "The tolerance requires more or smaller steps than allowed: increase rtol or sample earlier.",
+    Status.not_finite: "A rate, an output or what depends on it overflowed: check constants, parameters and standard deviations.",
     Status.met_kink: "The trajectory crosses one of the model's kinks, which kinks='exclude' forbids.",
 }
 
@@ -75,6 +75,7 @@ def simulate(
     model: Model,
     points: Experiments,
     theta: Mapping[str, float] | ArrayLike,
+    *,
     rtol: float = 1e-6,
     threads: int | None = None,
     kinks: str = "cross",
@@ -119,6 +120,7 @@ def sensitivities(
     model: Model,
     points: Experiments,
     theta: Mapping[str, float] | ArrayLike,
+    *,
     rtol: float = 1e-6,
     threads: int | None = None,
     kinks: str = "cross",

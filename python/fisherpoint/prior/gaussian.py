@@ -58,8 +58,8 @@ class GaussianPrior:
         self,
         mean: Mapping[str, float],
         std: Mapping[str, float] | None = None,
-        relative_std: Mapping[str, float] | None = None,
         *,
+        relative_std: Mapping[str, float] | None = None,
         covariance: ArrayLike | None = None,
         log: Iterable[str] = (),
     ) -> None:

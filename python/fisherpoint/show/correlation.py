@@ -4,11 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from ..basics.values import Array
-from .style import TEXT
+from .style import STYLE, TEXT
+
+
+def correlation_figure(correlation: Array | None, names: Sequence[str], title: str, otherwise: str) -> Figure:
+    """A picture of a correlation matrix (p, p) alone; where there is none, a sentence."""
+    count = len(names)
+    with mpl.rc_context({**STYLE, "axes.grid": False}):
+        size = (6.0, 1.5) if correlation is None else (2.2 + 0.52 * count, 1.6 + 0.5 * count)
+        figure = Figure(figsize=size, layout="constrained")
+        axes = figure.subplots()
+        axes.set_title(title)
+        if correlation is None:
+            axes.text(0.5, 0.5, otherwise, ha="center", va="center", transform=axes.transAxes)
+            axes.set_axis_off()
+        else:
+            draw_correlation(axes, np.asarray(correlation), names)
+    return figure
 
 
 def draw_correlation(axes: Axes, correlation: Array, names: Sequence[str]) -> None:

@@ -50,6 +50,13 @@ def scale(quantity: Quantity, values: ArrayLike) -> tuple[float, str]:
     return 1.0, quantity.unit
 
 
+def drawn(figure: Figure, path: str | Path | None) -> Figure:
+    """The picture, which is also written where a path is given."""
+    if path is not None:
+        save_figure(figure, path)
+    return figure
+
+
 def save_figure(figure: Figure, path: str | Path) -> None:
     """Write a picture, whole or not at all; the ending says the format, PNG where there is none."""
     path = as_path(path, "path")

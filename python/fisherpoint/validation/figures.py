@@ -49,7 +49,7 @@ class ParameterFigures:
     achieved : Figure
         Standard deviation of the errors about their mean: the empirical standard error.
     typical : Figure
-        Median of |error| over 0.6745, which is the standard deviation were the errors normal. A few fits that run away, as those of
+        Median of |error| over 0.6745, which is the standard deviation were the errors normal. A few diverging fits, as those of
         weakly determined parameters do, hardly move it.
     rmse : Figure
         Root mean square of the errors, over the prior std.

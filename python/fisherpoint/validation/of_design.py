@@ -25,7 +25,7 @@ class DesignValidation:
     failures : mapping of reason to int
     null_directions : tuple of str
         Changes of the parameters that the points do not notice at the prior mean.
-    runs : Runs or None
+    per_run : Runs or None
         Truths, estimates and standard errors of every run; None where the points determine no parameter, and nothing was fitted.
     """
 
@@ -34,7 +34,7 @@ class DesignValidation:
     fits: int
     failures: Mapping[str, int]
     null_directions: tuple[str, ...]
-    runs: Runs | None
+    per_run: Runs | None
 
     @property
     def rmse(self) -> float:

@@ -29,7 +29,11 @@ def plot_validation(designs: Mapping[str, DesignValidation]) -> Figure:
             _errors(errors, design)
             _coverage(coverage, design)
             failed = sum(design.failures.values())
-            fits = f"{design.fits} fits, {failed} failed" if design.runs is not None else "nothing determined, nothing fitted"
+            fits = (
+                f"{design.fits} fits, {failed} failed"
+                if design.per_run is not None
+                else "no parameter is determined, nothing was fitted"
+            )
             errors.set_title(f"{name}: {len(design.points)} points, {fits}")
         left, right = panels[-1]
         left.set_xscale("log")
@@ -44,7 +48,7 @@ def plot_validation(designs: Mapping[str, DesignValidation]) -> Figure:
             labels,
             loc="outside upper left",
             ncols=4,
-            title="What designs promise, and what they achieve",
+            title="Promised and achieved standard errors",
             alignment="left",
         )
     return figure

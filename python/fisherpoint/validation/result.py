@@ -23,6 +23,7 @@ from .fits import Runs
 from .of_design import DesignValidation
 
 if TYPE_CHECKING:
+    import matplotlib.figure
     import pandas as pd
 
 
@@ -45,8 +46,8 @@ class Validation(Shown, Kept):
     designs : mapping of name to DesignValidation
     noise_std : mapping of output name to float
         Of the outputs that were measured.
-    n : int
-        Runs of each design.
+    runs : int
+        Virtual experiments with each design.
     theta : "prior", "mean" or mapping of parameter name to float
     seed : int
     redrawn : int
@@ -61,7 +62,7 @@ class Validation(Shown, Kept):
     problem: DesignProblem
     designs: Mapping[str, DesignValidation]
     noise_std: Mapping[str, float]
-    n: int
+    runs: int
     theta: str | Mapping[str, float]
     seed: int
     redrawn: int
@@ -97,17 +98,27 @@ class Validation(Shown, Kept):
                 rows.append(row | {"at_bound": of.at_bound, "fits": design.fits, "failed": sum(design.failures.values())})
         return pd.DataFrame(rows).set_index(["design", "parameter"])
 
-    def plot(self, path: str | Path) -> None:
-        """Draw promised against achieved standard errors and the coverage of every design; the ending says the format."""
+    def plot(self, *, path: str | Path | None = None) -> matplotlib.figure.Figure:
+        """Draw promised against achieved standard errors, and the coverage of the intervals, of every design; needs matplotlib.
+
+        Parameters
+        ----------
+        path : path, optional
+            Where the picture is also written; the ending says the format, PNG where there is none.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
         with needed_for("plot"):
-            from ..show.style import save_figure
+            from ..show.style import drawn
             from .pictures import plot_validation
 
-        save_figure(plot_validation(self.designs), path)
+        return drawn(plot_validation(self.designs), path)
 
     def report(self) -> Report:
         """One table per design, headed by what was done."""
-        sections = [_section(name, design, self.n) for name, design in self.designs.items()]
+        sections = [_section(name, design, self.runs) for name, design in self.designs.items()]
         return Report(headline(self), [*sections, Section("", notes=LEGEND)])
 
 
@@ -117,7 +128,7 @@ def headline(validation: Validation) -> str:
     truth = {"prior": "true parameters from the prior", "mean": "true parameters at the prior mean"}
     said = truth[theta] if isinstance(theta, str) else "true parameters as given"
     kind = "maximum a posteriori" if validation.use_prior else "weighted least squares"
-    parts = [f"{validation.n} virtual experiments each, {said}, noise {validation.noise}, {kind}, seed {validation.seed}"]
+    parts = [f"{validation.runs} virtual experiments each, {said}, noise {validation.noise}, {kind}, seed {validation.seed}"]
     if validation.truth is not None:
         parts.append(f"data made by another model ({validation.truth.name})")
     if validation.problem.uncertain and validation.truth is None:
@@ -134,7 +145,7 @@ def _section(name: str, design: DesignValidation, n: int) -> Section:
     notes = [f"{count} of {n}: {reason}" for reason, count in design.failures.items()]
     notes += [f"not determined: {direction}" for direction in design.null_directions]
     title = f"{name}: {len(design.points)} points, {design.fits} fits, {failed} failed"
-    if design.runs is None:
+    if design.per_run is None:
         return Section(title, notes=[*notes, "nothing was fitted: the points determine no parameter"])
     if design.fits < FEWEST:
         notes.append(f"no figures: expected at least {FEWEST} fits that did not fail")

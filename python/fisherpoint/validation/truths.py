@@ -103,7 +103,7 @@ class Rig:
         rows = np.flatnonzero(sensible(model, true))
         if len(rows):
             many = points[np.tile(np.arange(n_points), count)[rows]]
-            done = simulate(model, many, true[rows], TRUTH_RTOL, threads)
+            done = simulate(model, many, true[rows], rtol=TRUTH_RTOL, threads=threads)
             y[rows], status[rows] = done.y, done.status
         of_runs = status.reshape(count, n_points)
         worst = of_runs[np.arange(count), np.argmax(of_runs != Status.ok, axis=1)]

@@ -30,38 +30,38 @@ MOST_RUNS = 10**6
 
 
 def validate(
-    designs: Mapping[str, Experiments],
     problem: DesignProblem,
+    designs: Mapping[str, Experiments],
+    *,
     noise_std: Mapping[str, float] | None = None,
-    n: int = 1000,
+    runs: int = 1000,
     theta: str | Mapping[str, float] = "prior",
     seed: int = 0,
-    *,
     truth: Model | None = None,
     noise: str = "known",
     use_prior: bool = False,
     rtol: float = 1e-9,
     threads: int | None = None,
 ) -> Validation:
-    """Measure designs virtually, n times, estimate the parameters each time, and compare with what the designs promise.
+    """Measure designs virtually many times, estimate the parameters each time, and compare with what the designs promise.
 
     Every run has true parameters, data y(theta) + v with v normal of standard deviations `noise_std`, and a fit that starts from
     the prior mean. All fits of a design advance together.
 
     Parameters
     ----------
-    designs : mapping of name to Experiments or Design
-        They share the true parameters and the random numbers.
     problem : DesignProblem
         With `uncertain`, the constants of every run deviate, and with `initial_state_std` the start of every point does; the fits
         take the covariance that this adds to the outputs at the prior mean.
+    designs : mapping of name to Experiments or Design
+        They share the true parameters and the random numbers.
     noise_std : mapping of output name to float, optional
         Standard deviations of the sensor noise, SI units. Outputs that are left out are not measured. Default: the problem's.
-    n : int
-        Number of runs.
+    runs : int
+        Number of virtual experiments with each design.
     theta : "prior", "mean", or mapping of parameter name to float
         The truth: drawn from the prior for each run, or the same for all runs; what a mapping leaves out is at the prior mean.
-        Draws that make no sense to the model, such as a negative mass, are left out and counted.
+        Draws for which the model has no meaning, such as a negative mass, are left out and counted.
     seed : int
         The same seed gives the same figures on any number of threads.
     truth : Model, optional
@@ -87,7 +87,7 @@ def validate(
     named = _designs(designs)
     threads = resolve_threads(threads)
     rtol = check_rtol(rtol)
-    count, seed = check_positive_int(n, "n", most=MOST_RUNS), check_positive_int(seed, "seed", 0)
+    count, seed = check_positive_int(runs, "runs", most=MOST_RUNS), check_positive_int(seed, "seed", 0)
     check_choice(noise, ("known", "estimated"), "noise")
     use_prior = check_flag(use_prior, "use_prior")
     if noise == "estimated" and problem.assumed is not None:
@@ -102,10 +102,10 @@ def validate(
             estimator = Estimator.of(problem, points, std, noise == "known", use_prior, rtol, threads)
         except ValueError as error:
             raise ValueError(f"designs[{name!r}]: {error}") from error
-        runs = None
+        per_run = None
         if estimator.promise.determined.any():
-            runs = run(estimator, rig, points, thetas, seed, threads)
-        validations[name] = _validation(problem, points, estimator, runs)
+            per_run = run(estimator, rig, points, thetas, seed, threads)
+        validations[name] = _validation(problem, points, estimator, per_run)
     described = theta if isinstance(theta, str) else FrozenMapping({key: float(value) for key, value in theta.items()})
     seconds = perf_counter() - begin
     return Validation(

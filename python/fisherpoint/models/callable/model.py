@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -58,6 +58,7 @@ class CallableModel(Model):
         inputs: Described | None,
         parameters: Described,
         outputs: Described | None = None,
+        *,
         constants: Mapping[str, Any] | None = None,
         domain: Mapping[str, Function] | None = None,
         jumps: Mapping[str, Function] | None = None,
@@ -119,12 +120,12 @@ class CallableModel(Model):
             self.inputs,
             (*self.parameters, *offsets),
             self.outputs,
-            {q.name: (self.constants[q.name], q) for q in self.constant_quantities},
-            domain,
-            jumps,
-            kinks,
-            self.name,
-            {**self.nominal, **dict.fromkeys(names_of(offsets), 0.0)},
+            constants={q.name: (self.constants[q.name], q) for q in self.constant_quantities},
+            domain=domain,
+            jumps=jumps,
+            kinks=kinks,
+            name=self.name,
+            nominal={**self.nominal, **dict.fromkeys(names_of(offsets), 0.0)},
         )
 
     def to_toml(self) -> str:
@@ -142,8 +143,10 @@ class CallableModel(Model):
     def __reduce__(self) -> tuple[Any, ...]:
         jumps, kinks, domain = map(dict, self._given)
         constants = {q.name: (self.constants[q.name], q) for q in self.constant_quantities}
-        quantities = (self.states, self.inputs, self.parameters, self.outputs, constants)
-        return (CallableModel, (self.f, self.g, *quantities, domain, jumps, kinks, self.name, dict(self.nominal)))
+        options: dict[str, Any] = dict(
+            constants=constants, domain=domain, jumps=jumps, kinks=kinks, name=self.name, nominal=dict(self.nominal)
+        )
+        return (partial(CallableModel, **options), (self.f, self.g, self.states, self.inputs, self.parameters, self.outputs))
 
     def __repr__(self) -> str:
         kinds = {"state": self.states, "input": self.inputs, "parameter": self.parameters, "output": self.outputs}

@@ -100,7 +100,7 @@ def check_size(expression: Any, place: str) -> None:
         depth[part] = 1 + max((depth[argument] for argument in part.args), default=0)
     for what, given, most in (
         ("operations", size[expression], MAX_OPERATIONS),
-        ("operations inside each other", depth[expression], MAX_NESTED),
+        ("nested operations", depth[expression], MAX_NESTED),
     ):
         if given > most:
             raise ValueError(f"{place}: expected at most {most} {what}, given {given}{' or more' * (given == _COUNTED)}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -31,6 +31,7 @@ class Sobol(Rule):
     """
 
     n: int = 1024
+    _: KW_ONLY
     seed: int = 0
 
     def __post_init__(self) -> None:

@@ -28,7 +28,7 @@ class SparseGaussHermite(Rule):
     """Smolyak's combination of small tensor products of Gauss-Hermite rules with 1, 3, 5, ... nodes.
 
     Exact for polynomials up to total degree 2 level + 1 in the coordinates of the Cholesky factor. For nine parameters level 1 has
-    19 nodes, level 2 has 199 and level 3 has 1501. Negative weights can make a covariance that is none: see
+    19 nodes, level 2 has 199 and level 3 has 1501. Negative weights can make a matrix that is not a covariance: see
     `PredictiveCovariance.projection`.
 
     Parameters

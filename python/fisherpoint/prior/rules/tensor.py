@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import lru_cache
 from math import prod
 from typing import ClassVar
@@ -56,6 +56,7 @@ class TensorGrid(Rule):
     """
 
     levels: int | Mapping[str, int] | None = None
+    _: KW_ONLY
     span: float | None = None
     edges: Sequence[float] | Mapping[str, Sequence[float]] | None = None
 
@@ -66,7 +67,7 @@ class TensorGrid(Rule):
         if self.edges is not None:
             for name in ("levels", "span"):
                 if getattr(self, name) is not None:
-                    raise ValueError(f"{name}: expected none beside edges, given {shown(getattr(self, name))}")
+                    raise ValueError(f"{name}: expected none together with edges, given {shown(getattr(self, name))}")
             if isinstance(self.edges, Mapping):
                 by_name = {
                     check_name(name, "edges"): _checked_edges(edges, f"edges[{shown(name)}]") for name, edges in self.edges.items()
@@ -201,5 +202,5 @@ def _checked_edges(given: Sequence[float], name: str) -> Edges:
     if edges.ndim != 1 or len(edges) < 2 or not (edges[1:] > edges[:-1]).all():
         raise ValueError(f"{name}: expected at least two ascending numbers of standard deviations, given {shown(given, 80)}")
     if not _core.cells_between(edges)[1].sum() > 0:
-        raise ValueError(f"{name}: expected cells that have a probability, given {shown(given, 80)}")
+        raise ValueError(f"{name}: expected cells with a probability above zero, given {shown(given, 80)}")
     return tuple(edges.tolist())

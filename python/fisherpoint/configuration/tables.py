@@ -1,4 +1,4 @@
-"""The tables of the command line's TOML file, each with what may stand in it."""
+"""The tables of the TOML file, each with what may stand in it."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from fisherpoint.basics.messages import listed
-from fisherpoint.basics.toml_messages import fail, toml
-from fisherpoint.basics.toml_tables import Constant, Count, Number, Positive, Table
-from fisherpoint.design.found import MOST
-from fisherpoint.prior.rules import DEFAULT_RULE, RULES, Rule
+from ..basics.messages import listed
+from ..basics.toml_messages import fail, toml
+from ..basics.toml_tables import Constant, Count, Number, Positive, Table
+from ..design.found import MOST
+from ..prior.rules import DEFAULT_RULE, RULES, Rule
 
 Correlation = Annotated[float, Field(gt=-1, lt=1)]
 
@@ -126,4 +126,11 @@ class CampaignTable(Table):
     """A campaign: how many points a batch has, and the relative standard errors to reach, one for all or by parameter."""
 
     batch: Annotated[int, Field(ge=1, le=MOST["n_experiments"])] | None = None
-    rse: Positive | dict[str, Positive] | None = None
+    targets: Positive | dict[str, Positive] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _old_name(cls, given: Any) -> Any:
+        if isinstance(given, dict) and "rse" in given:
+            fail("campaign.rse: expected campaign.targets, which is the name of this key now")
+        return given

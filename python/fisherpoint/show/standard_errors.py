@@ -1,0 +1,55 @@
+"""Standard errors beside those of the prior, as a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter, PercentFormatter
+
+from .numbers import computed
+from .style import NOISE, PRIOR, STYLE
+
+
+def standard_error_figure(
+    errors: Mapping[str, float] | None, prior_std: Mapping[str, float], label: str, units: Mapping[str, str]
+) -> Figure:
+    """Standard errors as shares of the prior's on a logarithmic axis, with their values beside it; None where F is singular."""
+    names = list(prior_std)
+    rows = np.arange(len(names))
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(8.0, 1.7 + 0.4 * len(names)), layout="constrained")
+        axes = figure.subplots()
+        axes.axvline(1.0, color=PRIOR, linewidth=1.5, label="prior")
+        axes.axvline(0.5, color=PRIOR, linewidth=1.0, linestyle=":", label="half the prior")
+        if errors is None:
+            axes.plot([], [], "o", color=NOISE, label=f"{label}: F is singular")
+        else:
+            share = np.array([errors[name] / prior_std[name] for name in names])
+            axes.hlines(rows, np.minimum(share, 1.0), np.maximum(share, 1.0), color=NOISE, alpha=0.4)
+            axes.plot(share, rows, "o", color=NOISE, markersize=6, label=label)
+        axes.set_xscale("log")
+        axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=None))
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.set_xlim(left=min(axes.get_xlim()[0], 0.08))  # a decade at least, so that there are two labels
+        axes.set_yticks(rows, names)
+        axes.set_ylim(len(names) - 0.5, -0.5)
+        axes.set_xlabel("standard error, share of the prior std")
+        axes.grid(axis="y", visible=False)
+        # What that means in units, beside the axis.
+        for row, name in zip(rows, names, strict=True):
+            prior = f"{computed(float(prior_std[name]))} {units.get(name, '')}".rstrip()
+            error = "" if errors is None else f"{computed(float(errors[name]))} of "
+            axes.annotate(
+                error + prior,
+                (1.0, float(row)),
+                xycoords=("axes fraction", "data"),
+                xytext=(8, 0),
+                textcoords="offset points",
+                va="center",
+                color=NOISE,
+            )
+        figure.legend(loc="outside upper left", ncols=2, title="Prior against predicted standard errors", alignment="left")
+    return figure

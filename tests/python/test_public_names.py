@@ -1,0 +1,126 @@
+"""What `fisherpoint` offers: its names, what they need, which arguments may be positional, and that types are known."""
+
+from __future__ import annotations
+
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import fisherpoint as fp
+
+ROOT = Path(__file__).parents[2]
+ALIASES = {
+    *(
+        "abs",
+        "acos",
+        "asin",
+        "atan",
+        "atan2",
+        "cos",
+        "cosh",
+        "exp",
+        "heaviside",
+        "log",
+        "max",
+        "min",
+        "sign",
+        "sin",
+        "sinh",
+        "sqrt",
+    ),
+    *("tan", "tanh", "where"),
+}
+
+OPTIONAL_AND_POSITIONAL = {
+    "Campaign": ["batch"],
+    "Experiments": ["dt"],
+    "ExperimentRegion": ["constraints"],
+    "GaussHermite": ["levels"],
+    "GaussianPrior": ["std"],
+    "Quantity": ["description"],
+    "Sobol": ["n"],
+    "SparseGaussHermite": ["level"],
+    "SymbolicModel": ["outputs"],
+    "CallableModel": ["outputs"],
+    "TensorGrid": ["levels"],
+    "compare_rules": ["rules"],
+    "estimate": ["prior"],
+    "exchange": ["n_experiments"],
+    "identifiability": ["prior", "region"],
+    "simulate_record": ["x0"],
+}
+"""Arguments that may be left out and are still clear without their names; all others have them."""
+
+RESULTS = ("Design", "DesignValidation", "Evaluation", "Identifiability", "RuleComparison", "Status", "Validation")
+"""What functions return, and nobody else makes."""
+
+
+def test_every_public_name_is_there_and_shown() -> None:
+    assert fp.__all__ == sorted(fp.__all__) and len(set(fp.__all__)) == len(fp.__all__)
+    assert all(hasattr(fp, name) for name in fp.__all__)
+    assert {*fp.__all__, *ALIASES, "math"} <= set(dir(fp))
+    with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
+        _ = fp.nothing  # type: ignore[attr-defined]
+
+
+def test_functions_of_equations_have_short_names_that_hide_nothing() -> None:
+    pytest.importorskip("sympy")
+    assert set(fp.math.__all__) == ALIASES and not ALIASES & set(fp.__all__) and "math" not in fp.__all__
+    assert all(getattr(fp, name) is getattr(fp.math, name) for name in ALIASES)
+    assert all(inspect.getdoc(getattr(fp.math, name)) for name in ALIASES)
+    code = "from fisherpoint import *; import math; assert max is __builtins__.max and math.pi; exchange, model, SymbolicModel"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize("call", ["", "fisherpoint.nothing", "hasattr(fisherpoint, 'nothing')", "dir(fisherpoint)"])
+def test_slow_packages_are_imported_only_where_they_are_needed(call: str) -> None:
+    code = f"""
+import sys, fisherpoint
+try:
+    {call or "pass"}
+except AttributeError:
+    pass
+assert not {{"sympy", "pandas", "matplotlib", "pydantic", "rich", "typer"}} & set(sys.modules)
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize("name", [name for name in fp.__all__ if name != "Constraint"])
+def test_options_have_names(name: str) -> None:
+    pytest.importorskip("sympy")
+    public = getattr(fp, name)
+    if name in RESULTS or (isinstance(public, type) and issubclass(public, tuple)):
+        return
+    parameters = inspect.signature(public).parameters.values()
+    positional = [one for one in parameters if one.kind is inspect.Parameter.POSITIONAL_OR_KEYWORD]
+    optional = [one.name for one in positional if one.default is not inspect.Parameter.empty]
+    assert optional == OPTIONAL_AND_POSITIONAL.get(name, [])
+
+
+def test_types_are_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the names too that are imported when they are asked for."""
+    api = pytest.importorskip("mypy.api")
+    monkeypatch.chdir(ROOT)
+    program = tmp_path / "program.py"
+    program.write_text("""
+from pathlib import Path
+from typing import Any, assert_type
+import fisherpoint as fp
+
+@fp.model(states={"c": "mol/L"}, parameters={"k": "1/s"}, outputs={"c": "mol/L"})
+def decay(x: Any, u: Any, p: Any) -> Any:
+    return [-p.k * fp.math.sqrt(x.c)], [fp.sqrt(x.c)]
+
+assert_type(decay, fp.SymbolicModel)
+assert_type(fp.load_model(Path("model.toml")), fp.Model)
+model: fp.Model = decay.compile()
+other: type[fp.Model] = fp.CallableModel
+fp.math.sqrt(1, 2)  # wrong
+fp.nothing  # wrong
+""")
+    out, _, _ = api.run(["--config-file", str(ROOT / "pyproject.toml"), "--strict", "--warn-unused-ignores", str(program)])
+    errors = [line.split(": ", 1)[0].rpartition(":")[2] for line in out.splitlines() if ": error: " in line]
+    assert errors == ["14", "15"], out
