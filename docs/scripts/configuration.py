@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import fisherpoint as fp
-from fisherpoint_command.config import Config
+from fisherpoint.design.configuration import Config
 
 PAGE = Path(__file__).resolve().parents[1] / "reference" / "configuration.md"
 

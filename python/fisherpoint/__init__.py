@@ -32,29 +32,29 @@ from .validation.result import Validation
 from .validation.validate import validate
 
 if TYPE_CHECKING:
-    from . import math as math
-    from .configuration.config import load_problem
-    from .math import abs as abs
-    from .math import acos as acos
-    from .math import asin as asin
-    from .math import atan as atan
-    from .math import atan2 as atan2
-    from .math import cos as cos
-    from .math import cosh as cosh
-    from .math import exp as exp
-    from .math import heaviside as heaviside
-    from .math import log as log
-    from .math import max as max
-    from .math import min as min
-    from .math import sign as sign
-    from .math import sin as sin
-    from .math import sinh as sinh
-    from .math import sqrt as sqrt
-    from .math import tan as tan
-    from .math import tanh as tanh
-    from .math import where as where
+    from .design.configuration import load_problem
+    from .models import math as math
     from .models.callable.model import CallableModel
     from .models.decorator import model
+    from .models.math import abs as abs
+    from .models.math import acos as acos
+    from .models.math import asin as asin
+    from .models.math import atan as atan
+    from .models.math import atan2 as atan2
+    from .models.math import cos as cos
+    from .models.math import cosh as cosh
+    from .models.math import exp as exp
+    from .models.math import heaviside as heaviside
+    from .models.math import log as log
+    from .models.math import max as max
+    from .models.math import min as min
+    from .models.math import sign as sign
+    from .models.math import sin as sin
+    from .models.math import sinh as sinh
+    from .models.math import sqrt as sqrt
+    from .models.math import tan as tan
+    from .models.math import tanh as tanh
+    from .models.math import where as where
     from .models.symbolic import SymbolicModel
     from .models.toml import load_model
 
@@ -121,7 +121,7 @@ _LAZY = {
     "CallableModel": ".models.callable.model",
     "SymbolicModel": ".models.symbolic",
     "load_model": ".models.toml",
-    "load_problem": ".configuration.config",
+    "load_problem": ".design.configuration",
     "model": ".models.decorator",
 }
 """What needs SymPy or pydantic, which are slow to import, and the modules that have it."""
@@ -158,7 +158,7 @@ if not TYPE_CHECKING:  # for which every name would exist
 
         if name == "math" or name in _LAZY or name in _FUNCTIONS:
             with needed_for(name):
-                module = import_module(_LAZY.get(name, ".math"), __name__)
+                module = import_module(_LAZY.get(name, ".models.math"), __name__)
             return module if name == "math" else getattr(module, name)
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 

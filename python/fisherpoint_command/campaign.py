@@ -12,9 +12,9 @@ import fisherpoint as fp
 from fisherpoint.basics.extras import needed_for
 from fisherpoint.basics.files import write_whole
 from fisherpoint.basics.messages import printable
+from fisherpoint.design.configuration import Config, ConfigError, load_config
 from fisherpoint.information.files import problem_to_json
 
-from .config import Config, ConfigError, load_config
 from .terminal import as_file, make_directory, read_data
 
 INTERRUPTED = 130

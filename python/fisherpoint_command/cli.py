@@ -31,13 +31,13 @@ try:
     )
 
     from fisherpoint.basics.files import write_together, write_whole
+    from fisherpoint.design.configuration import ConfigError, load_config
     from fisherpoint.design.evaluated import Evaluated, evaluate_points
     from fisherpoint.design.files import PICTURES
     from fisherpoint.design.frames import parameter_frame, simulation_frame
     from fisherpoint.design.report import evaluation_report, simulation_report
 
     from .campaign import campaign
-    from .config import ConfigError, load_config
     from .estimate import estimate
     from .terminal import as_file, check_file, make_directory, read_data, say, show
     from .validate import validate

@@ -13,11 +13,10 @@ from rich.console import Console
 import fisherpoint as fp
 from fisherpoint.basics.files import check_writable
 from fisherpoint.basics.messages import printable
+from fisherpoint.design.configuration import ConfigError
 from fisherpoint.show.console import to_rich
 from fisherpoint.show.section import Report
 from fisherpoint.show.text import to_text
-
-from .config import ConfigError
 
 Read = TypeVar("Read")
 

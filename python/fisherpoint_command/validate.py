@@ -12,8 +12,8 @@ import fisherpoint as fp
 from fisherpoint.basics.extras import needed_for
 from fisherpoint.basics.files import write_together
 from fisherpoint.basics.messages import listed, printable
+from fisherpoint.design.configuration import ConfigError, load_config
 
-from .config import ConfigError, load_config
 from .terminal import as_file, make_directory, read_data, say, show
 
 

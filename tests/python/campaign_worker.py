@@ -19,7 +19,7 @@ import scipy.optimize  # whatever is imported before the fork need not be after 
 import scipy.stats  # noqa: F401
 
 import fisherpoint as fp
-from fisherpoint_command.config import load_config
+from fisherpoint.design.configuration import load_config
 
 BATCHES = 2
 

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 import fisherpoint as fp
+from fisherpoint.design.configuration import ConfigError, load_config
 from fisherpoint_command import cli
-from fisherpoint_command.config import ConfigError, load_config
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 

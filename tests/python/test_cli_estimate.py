@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
+from fisherpoint.design.configuration import load_config
 from fisherpoint_command.cli import main
-from fisherpoint_command.config import load_config
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 DECAY = EXAMPLES / "exponential_decay.toml"

@@ -9,7 +9,7 @@ import pytest
 
 import fisherpoint as fp
 
-config = pytest.importorskip("fisherpoint_command.config", reason="needs the extras", exc_type=ImportError)
+config = pytest.importorskip("fisherpoint.design.configuration", reason="needs the extras", exc_type=ImportError)
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 RECOMMENDED, PAPER = ((EXAMPLES / name).read_text() for name in ("cylinder.toml", "paper.toml"))

@@ -12,8 +12,8 @@ import pytest
 from scipy.signal import savgol_filter
 
 import fisherpoint as fp
+from fisherpoint.design.configuration import load_config
 from fisherpoint_command import cli
-from fisherpoint_command.config import load_config
 from oracle import Floats
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"

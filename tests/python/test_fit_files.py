@@ -14,7 +14,7 @@ import pytest
 
 import fisherpoint as fp
 from fisherpoint.basics.files import sealed_json
-from fisherpoint_command.config import load_config
+from fisherpoint.design.configuration import load_config
 from fit_cases import EXAMPLES, decay
 
 

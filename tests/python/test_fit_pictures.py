@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import chi2, f
 
 import fisherpoint as fp
-from fisherpoint_command.config import load_config
+from fisherpoint.design.configuration import load_config
 from fit_cases import EXAMPLES, cylinder, decay
 
 

@@ -9,8 +9,8 @@ import pytest
 
 import fisherpoint as fp
 from defaults import MODEL
+from fisherpoint.design.configuration import ConfigError, load_config
 from fisherpoint_command import cli
-from fisherpoint_command.config import ConfigError, load_config
 
 TEXT = """\
 [model]

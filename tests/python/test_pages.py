@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 import fisherpoint as fp
+from fisherpoint.design.configuration import Config, load_config
 from fisherpoint_command import cli
-from fisherpoint_command.config import Config, load_config
 from pages import LANGUAGES, ROOT, blocks, commands, is_whole_model, laid_over, pages
 
 DOCS = ROOT / "docs"

@@ -12,9 +12,9 @@ import sympy
 from scipy.stats import chi2, f
 
 import fisherpoint as fp
+from fisherpoint.design.configuration import load_config
 from fisherpoint.estimation import profile as profiles
 from fisherpoint.estimation.least_squares import minimise
-from fisherpoint_command.config import load_config
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

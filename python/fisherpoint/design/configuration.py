@@ -22,7 +22,7 @@ from ..information.problem import DesignProblem
 from ..models.toml import ModelFile, keys_of
 from ..points.region import ExperimentRegion
 from ..prior.gaussian import GaussianPrior
-from .tables import Bounds, CampaignTable, Correlation, DesignTable, PriorEntry, RegionTable, RuleTable, Std
+from .configuration_tables import Bounds, CampaignTable, Correlation, DesignTable, PriorEntry, RegionTable, RuleTable, Std
 
 __all__ = ["Config", "ConfigError", "load_config", "load_problem"]
 

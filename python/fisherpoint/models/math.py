@@ -9,7 +9,7 @@ defined, the core ends its steps there or ends the trajectory: see the statuses.
 
 from typing import Any
 
-from .models.functions import FUNCTIONS as _FUNCTIONS
+from .functions import FUNCTIONS as _FUNCTIONS
 
 __all__ = [
     "abs",

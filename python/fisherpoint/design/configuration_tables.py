@@ -11,8 +11,8 @@ from pydantic_core import PydanticCustomError
 from ..basics.messages import listed
 from ..basics.toml_messages import fail, toml
 from ..basics.toml_tables import Constant, Count, Number, Positive, Table
-from ..design.found import MOST
 from ..prior.rules import DEFAULT_RULE, RULES, Rule
+from .found import MOST
 
 Correlation = Annotated[float, Field(gt=-1, lt=1)]
 
