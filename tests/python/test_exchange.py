@@ -318,7 +318,7 @@ def test_a_region_in_which_nothing_survives_is_an_error_that_counts_the_reasons(
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_region_in_which_nothing_survives_on_the_grid_is_an_error(kind: str) -> None:
     region = fp.ExperimentRegion(REGION | {"p_A": (0.55e6, 0.6e6), "v": (-0.25, -0.2), "dt": (1e-5, 2e-5)})
-    with pytest.raises(ValueError, match=r"region: expected valid points.*given 0 of"):
+    with pytest.raises(ValueError, match=r"region: expected points that are valid over the prior, given 0 of"):
         fp.exchange(problem(region=region, rule=grid(p_t=3), output_covariance=kind), **QUICK)
 
 
