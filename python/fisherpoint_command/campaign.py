@@ -21,8 +21,10 @@ INTERRUPTED = 130
 
 
 def campaign(
-    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Model, prior, sensor noise, region and [campaign].")],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Where the campaign is, or is to be.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Model, prior, sensor noise, region and \\[campaign].")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", help="Directory of the campaign; created if it does not exist.")
+    ],
     data: Annotated[
         Path | None,
         typer.Option(
@@ -30,9 +32,9 @@ def campaign(
             help="The measured batch: the columns of batch_<k>.csv, and y_<output> for each measured output.",
         ),
     ] = None,
-    threads: Annotated[int | None, typer.Option(min=1, metavar="N", help="Threads; the result is the same.")] = None,
+    threads: Annotated[int | None, typer.Option(min=1, metavar="N", help="Number of threads; does not change the result.")] = None,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no picture.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No report on the terminal.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print no report.")] = False,
 ) -> int:
     """Design, measure and estimate in batches, until the relative standard errors are at their targets.
 
@@ -52,7 +54,7 @@ def campaign(
     except RuntimeError as error:  # another process
         raise ConfigError(str(error)) from error
     except KeyboardInterrupt:
-        print("fisherpoint: interrupted before there was a batch; the same command goes on", file=sys.stderr)
+        print("fisherpoint: interrupted before a batch was found; run the same command to continue", file=sys.stderr)
         return INTERRUPTED
     if run.history:
         write_whole(output / "report.txt", as_file(run.report()))

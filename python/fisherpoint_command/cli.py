@@ -77,12 +77,12 @@ def _main(
 @app.command(epilog="Example: fisherpoint design examples/cylinder.toml -o run/")
 def design(
     file: File,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Where design and report go.")],
-    threads: Annotated[int | None, typer.Option(min=1, metavar="N", help="Threads; the result is the same.")] = None,
-    seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Instead of the file's.")] = None,
-    max_iterations: Annotated[int | None, typer.Option(min=1, metavar="N", help="Instead of the file's.")] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Directory for design, report and pictures.")],
+    threads: Annotated[int | None, typer.Option(min=1, metavar="N", help="Number of threads; does not change the result.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Overrides the value in the file.")] = None,
+    max_iterations: Annotated[int | None, typer.Option(min=1, metavar="N", help="Overrides the value in the file.")] = None,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no pictures.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar, no report on the terminal.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress bar and no report.")] = False,
 ) -> int:
     """Find the experiment points that determine the parameters best.
 
@@ -102,7 +102,7 @@ def design(
     try:
         found = _exchange(problem, settings, threads, show=not quiet)
     except KeyboardInterrupt:
-        _complain("interrupted before there was a design; nothing is saved")
+        _complain("interrupted before a design was found; nothing was saved")
         return INTERRUPTED
     found.save(output)
     report = found.report()
@@ -126,7 +126,7 @@ def evaluate(
     file: File,
     points: Points,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Where report, table and pictures go.")
+        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Directory for report, table and pictures.")
     ] = None,
 ) -> int:
     """Tell what given experiment points are worth: standard errors, correlation, what they do not determine."""
@@ -151,7 +151,7 @@ def simulate(
     file: File,
     points: Points,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE.csv", help="Where points, outputs and statuses go.")
+        Path | None, typer.Option("-o", "--output", metavar="FILE.csv", help="File for points, outputs and statuses.")
     ] = None,
 ) -> int:
     """Simulate given experiment points at the prior mean: the outputs after dt, and what went wrong where."""
@@ -217,7 +217,7 @@ def _run(arguments: list[str]) -> int:
         if _came_of_an_interrupt(error):
             return _interrupted()
         pictures = error.name == "matplotlib"
-        return _fail(f"{error}, or leave pictures out with --no-plots" if pictures else str(error))
+        return _fail(f"{error}, or use --no-plots" if pictures else str(error))
     except ConfigError as error:
         return _fail(str(error))
     except BrokenPipeError:  # the reader of a pipe has left
@@ -280,7 +280,7 @@ def _exchange(problem: fp.DesignProblem, settings: dict[str, Any], threads: int 
             rejected = now.rejected / now.drawn if now.drawn else 0.0
             state = f"log det {now.log_det:.3f}, {now.exchanges} exchanges, {rate:.0f} candidates/s, {rejected:.0%} rejected"
             if now.iteration == now.max_iterations:
-                state = "comparing with the noise-only optimum and random designs"
+                state = "comparing with the best design for the sensor noise and with random designs"
             bar.update(task, completed=now.iteration, total=now.max_iterations, state=state)
 
         return fp.exchange(problem, **settings, threads=threads, progress=progress)

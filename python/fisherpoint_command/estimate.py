@@ -35,19 +35,20 @@ def estimate(
             help="Measurements: the columns of a design.csv, and y_<output> for each measured output; with a column t, a record.",
         ),
     ],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Where estimate, report and pictures go.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Directory for estimates, report and pictures.")],
     noise: Annotated[
-        Noise | None, typer.Option(help="Known: [noise_std]; estimated: from the residuals. Default: known where the file has it.")
+        Noise | None, typer.Option(help="Known: \\[noise_std]; estimated: from the residuals. Default: known if the file has it.")
     ] = None,
     no_prior: Annotated[
-        bool, typer.Option("--no-prior", help="The prior gives starts and known parameters, but no information.")
+        bool,
+        typer.Option(
+            "--no-prior", help="Use the prior for starts and for parameters that are not estimated, but not as information."
+        ),
     ] = False,
-    profiles: Annotated[
-        bool, typer.Option("--profiles", help="Confidence intervals by profile likelihood too, of every unknown.")
-    ] = False,
-    threads: Annotated[int | None, typer.Option(min=1, metavar="N", help="Threads; the result is the same.")] = None,
+    profiles: Annotated[bool, typer.Option("--profiles", help="Also compute confidence intervals by profile likelihood.")] = False,
+    threads: Annotated[int | None, typer.Option(min=1, metavar="N", help="Number of threads; does not change the result.")] = None,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no pictures.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No report on the terminal.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print no report.")] = False,
 ) -> int:
     """Estimate the parameters from measured data, and tell how good the fit is.
 

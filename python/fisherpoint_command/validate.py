@@ -34,15 +34,15 @@ class Noise(StrEnum):
 def validate(
     file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Model, prior and sensor noise.")],
     designs: Annotated[list[Path], typer.Argument(metavar="DESIGN.csv...", help="Points, with the columns of a design.csv.")],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Where table, report and picture go.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Directory for table, report and picture.")],
     runs: Annotated[int, typer.Option("-n", "--runs", min=1, metavar="N", help="Virtual experiments with each design.")] = 1000,
     theta: Annotated[Truth, typer.Option(help="True parameters: drawn from the prior for each run, or its mean.")] = Truth.prior,
-    noise: Annotated[Noise, typer.Option(help="Whether the fits know [noise_std] or estimate it.")] = Noise.known,
-    use_prior: Annotated[bool, typer.Option("--use-prior", help="Let the prior take part in the fits and the promise.")] = False,
+    noise: Annotated[Noise, typer.Option(help="Whether the fits know \\[noise_std] or estimate it.")] = Noise.known,
+    use_prior: Annotated[bool, typer.Option("--use-prior", help="Use the prior in the fits and in the promise.")] = False,
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="The same seed gives the same figures.")] = 0,
-    threads: Annotated[int | None, typer.Option(min=1, metavar="N", help="Threads; the result is the same.")] = None,
+    threads: Annotated[int | None, typer.Option(min=1, metavar="N", help="Number of threads; does not change the result.")] = None,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no picture.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No report on the terminal.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print no report.")] = False,
 ) -> int:
     """Measure designs virtually many times, fit each time, and compare with what the designs promise.
 
@@ -51,7 +51,7 @@ def validate(
     config = load_config(file)
     problem = config.problem()
     if problem.noise_std is None:
-        raise config.error("noise_std", "missing; expected the noise of every output, without which there is no promise")
+        raise config.error("noise_std", "missing; expected the noise of every output, from which the promise is computed")
     points = {name: read_data(path, "points", fp.Experiments.from_csv, problem.model) for name, path in _named(designs).items()}
     if not no_plots:
         with needed_for("pictures"):

@@ -94,7 +94,7 @@ def test_the_report_says_what_is_uncertain() -> None:
         "A_A 2e-6 m2, p_s 1e5 Pa, T_1 0.00022 s",
         "starts deviate by",
         "v 0.02 m/s",
-        "of each point what is uncertain",
+        "plus the uncertainty of constants and starts at each point",
         "(R_k)",
         "To first order in what is uncertain",
     ):

@@ -125,7 +125,7 @@ def test_interrupted_before_there_is_a_design(run: Any, file: Path, tmp_path: Pa
     monkeypatch.setattr(fp, "exchange", interrupted)
     result = run("design", file, "-o", tmp_path / "run")
     assert (result.code, result.out) == (130, "")
-    assert result.err == "fisherpoint: interrupted before there was a design; nothing is saved\n"
+    assert result.err == "fisherpoint: interrupted before a design was found; nothing was saved\n"
 
 
 def test_evaluate(run: Any, file: Path, tmp_path: Path) -> None:

@@ -164,7 +164,7 @@ def test_an_interrupt_leaves_a_campaign_to_go_on_with(
     with monkeypatch.context() as patch:
         patch.setattr(fp.Campaign, "next", interrupted)
         code, _, err = run("campaign", file, "-o", tmp_path / "run")
-    assert code == 130 and "the same command goes on" in err
+    assert code == 130 and "run the same command to continue" in err
     assert run("campaign", file, "-o", tmp_path / "run", "--no-plots")[0] == 0
     assert (tmp_path / "run" / "batch_1.csv").exists()
 

@@ -71,7 +71,9 @@ def test_an_interrupt_at_any_time_is_one_line(delay: float, tmp_path: Path) -> N
     assert (process.returncode, out) == (130, "")
     saved = (tmp_path / "run" / "design.json").exists()
     assert err in (
-        ("",) if saved else ("fisherpoint: interrupted\n", "fisherpoint: interrupted before there was a design; nothing is saved\n")
+        ("",)
+        if saved
+        else ("fisherpoint: interrupted\n", "fisherpoint: interrupted before a design was found; nothing was saved\n")
     )
 
 
@@ -169,8 +171,7 @@ def test_pictures_without_their_package(tmp_path: Path) -> None:
     done = run(*design, program=MISSING.format(package="matplotlib"))
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == (
-        "fisherpoint: pictures: expected the package matplotlib, given none: pip install 'fisherpoint[all]', "
-        "or leave pictures out with --no-plots\n"
+        "fisherpoint: pictures: expected the package matplotlib, given none: pip install 'fisherpoint[all]', or use --no-plots\n"
     )
     assert not (tmp_path / "run").exists()
 

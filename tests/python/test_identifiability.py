@@ -248,8 +248,8 @@ def test_what_leaves_the_equations_as_they_are_is_null_whatever_meets_a_jump() -
     ("f", "g", "why"),
     [
         (["a", "heaviside(z - 1)"], ["y"], "points that meet a jump were left out"),  # a moves z alone, which turns y on
-        (["1", "b"], ["y", "heaviside(z - a)"], "it may move where the model jumps"),
-        (["1", "b*heaviside(u - a)"], ["y"], "it may move where the model jumps"),
+        (["1", "b"], ["y", "heaviside(z - a)"], "it may change where the model jumps"),
+        (["1", "b*heaviside(u - a)"], ["y"], "it may change where the model jumps"),
     ],
 )
 def test_what_moves_a_jump_alone_is_not_known(f: list[str], g: list[str], why: str) -> None:

@@ -53,7 +53,7 @@ def _chance(state: State) -> float:
 
 def _warnings(state: State) -> list[str]:
     if state.batches and not state.batches[-1].converged:
-        return ["The last estimate is not a minimum: its standard errors mean little"]
+        return ["The last fit has not converged: its standard errors are not reliable"]
     return []
 
 

@@ -144,7 +144,7 @@ def _describe_covariance(problem: DesignProblem) -> str:
         "pooled": f"pooled: D = {noise}mean predictive covariance of the points, (17)",
         "pointwise": f"pointwise: D_k = {noise}predictive covariance of the point itself",
     }[problem.output_covariance or ""]
-    return form if problem.assumed is None else f"{form}; and of each point what is uncertain"
+    return form if problem.assumed is None else f"{form}; plus the uncertainty of constants and starts at each point"
 
 
 def _efficiency(design: FoundDesign) -> Iterator[Section]:
@@ -192,14 +192,14 @@ def _search(design: FoundDesign) -> Section:
     ]
     if design.previous_left_out:
         lost = ", ".join(f"{reason} {count}" for reason, count in design.previous_left_out.items())
-        facts.append(("previous points left out", f"{lost}: none at the prior mean, they say nothing"))
+        facts.append(("previous points left out", f"{lost}: not valid at the prior mean, not used"))
     return Section("Search", (), facts)
 
 
-_CONSTRAINT = "The point breaks a constraint of the region: bounds that fit the constraints waste fewer draws."
+_CONSTRAINT = "The point violates a constraint of the region; tighter bounds would waste fewer draws."
 
 
-_NEAR = "A deviation of the start, three of initial_state_std, may put the point past it: start further off."
+_NEAR = "A deviation of the start, three of initial_state_std, may move the point across it: start further away."
 
 
 def _counts(title: str, counts: Mapping[str, int], total: int, share: str) -> Section:
@@ -221,7 +221,7 @@ def _warnings(evaluated: Evaluated) -> Iterator[str]:
         kind = evaluated.evaluation.output_covariance_kind
         yield (
             f"Under the sensor noise this design is worse than the median random design. The criterion's D "
-            f'("{kind}") does not see the size of a signal; use output_covariance = "noise".'
+            f'("{kind}") ignores the size of the signals; use output_covariance = "noise".'
         )
     if evaluated.evaluation.covariance is None:
         yield (
@@ -231,5 +231,5 @@ def _warnings(evaluated: Evaluated) -> Iterator[str]:
     elif evaluated.under_noise is not None and evaluated.under_noise.weak_parameters:
         yield (
             f"The standard error stays above half the prior std for {', '.join(evaluated.under_noise.weak_parameters)}: these "
-            "experiments say little about them. More points, a longer dt or wider bounds may."
+            "experiments add little information about them. More points, a longer dt or wider bounds may help."
         )

@@ -73,7 +73,7 @@ def facts(fit: FitStatistics) -> Iterator[tuple[str, str]]:
 def warnings(fit: FitStatistics) -> Iterator[str]:
     """What the user should not miss, each as a sentence."""
     if not fit.converged:
-        hint = "standard errors mean nothing" if fit.noise_not_told else "other starts may help"
+        hint = "standard errors are not valid" if fit.noise_not_told else "other starts may help"
         yield f"not converged: {fit.message.rstrip('.')}; {hint}"
     for direction in fit.null_directions:
         yield f"not determined: {direction}, no measured output changes"
@@ -84,7 +84,7 @@ def warnings(fit: FitStatistics) -> Iterator[str]:
     for name in (name for name in fit.parameters if fit.prior is not None and name in fit.prior.names):
         off = shift(fit, fit.prior, name) if fit.prior is not None else 0.0
         if abs(off) > FAR_OFF:
-            yield f"{name} is {abs(off):.1f} prior std from its prior mean: the prior, the model or the data are wrong"
+            yield f"{name} is {abs(off):.1f} prior std from its prior mean: the prior, the model or the data may be wrong"
     for name, test in fit.tests.items():
         if test.p_value is not None and test.p_value < OFF:
             per = number(test.per_degree_of_freedom, 3)
@@ -94,9 +94,9 @@ def warnings(fit: FitStatistics) -> Iterator[str]:
             yield f"{name}: chi-square per degree of freedom {per}: the noise of this output is smaller than given"
     yield from _beside_numerical_error(fit)
     for name in fit.noise_not_told:
-        yield f"{name}: the unknowns fit it whatever its noise is, which cannot be estimated: give noise_std, or measure more"
+        yield f"{name}: the unknowns fit it exactly, so its noise cannot be estimated: give noise_std, or measure more"
     if fit.starts > 1 and fit.reached == 1:
-        yield f"only one of {fit.starts} starts came to this minimum: more starts may find a better one"
+        yield f"only one of {fit.starts} starts reached this minimum: more starts may find a better one"
     if not fit.noise_known and fit.degrees_of_freedom < 3:
         yield (
             f"the noise is estimated with {_degrees(fit.degrees_of_freedom)} left: standard errors are rough; give noise_std, "
@@ -104,7 +104,7 @@ def warnings(fit: FitStatistics) -> Iterator[str]:
         )
     names, correlation = fit.parameters, fit.correlation
     for i, j in zip(*np.nonzero(np.triu(np.abs(correlation) > STRONG, 1)), strict=True):
-        yield f"{names[i]} and {names[j]} are told together only: their correlation is {correlation[i, j]:.3f}"
+        yield f"{names[i]} and {names[j]} cannot be separated: their correlation is {correlation[i, j]:.3f}"
 
 
 def _beside_numerical_error(fit: FitStatistics) -> Iterator[str]:
@@ -120,8 +120,8 @@ def _beside_numerical_error(fit: FitStatistics) -> Iterator[str]:
             f"the tolerance of the trajectories, rtol = {observed.rtol:g}" if fit.model.states else "the rounding of its numbers"
         )
         size = f"only {number(stds[i] / error, 2)} times" if stds[i] > 3 * error else "no larger than"
-        advice = "; a smaller rtol would tell" if fit.model.states else ""
-        yield f"{name}: the estimated noise, {number(stds[i], 2)}, is {size} {source}: standard errors may be those of that{advice}"
+        advice = "; check with a smaller rtol" if fit.model.states else ""
+        yield f"{name}: the estimated noise, {number(stds[i], 2)}, is {size} {source}: standard errors may be due to that{advice}"
 
 
 # Tables

@@ -127,7 +127,7 @@ class RuleComparison(Shown, Kept):
         columns = ("rule", "nodes", "median", "90 %", "worst", "us/point", "excluded", "projected")
         rows = [*map(_cells, self.rows), _cells(self.converged)]
         cheapest = self.cheapest()
-        enough = "none of these" if cheapest is None else f"{cheapest.rule}, the fastest that is"
+        enough = "none of these" if cheapest is None else f"{cheapest.rule}, the fastest such rule"
         notes = [
             f"The errors of {self.converged.rule} are its distance to {self.next_lower}",
             f"within 1 % at the 90th percentile: {enough}",

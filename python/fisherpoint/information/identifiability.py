@@ -103,7 +103,7 @@ class Identifiability(Shown, Kept):
         rows += [("open", text) for text in self.not_known]
         rows += [("weak", text) for text in self.weak]
         if self.idle:
-            rows.append(("idle", f"{', '.join(self.idle)}: no influence on any output"))
+            rows.append(("idle", f"{', '.join(self.idle)}: does not influence any output"))
         if len(self.blocks) > 1:
             rows.append(("blocks", ", ".join(f"{{{', '.join(block)}}}" for block in self.blocks)))
         if self.unknown_start:
@@ -286,7 +286,7 @@ def _hidden(model: Model, region: ExperimentRegion, theta: Array, changes: Mappi
     change[relative <= 1e-12 * relative.max()] = 0.0
     if leaves_equations(equations, theta, change, points.x0, points.u):
         return ""
-    return said if met else "it may move where the model jumps, which sensitivities do not see"
+    return said if met else "it may change where the model jumps, which sensitivities do not show"
 
 
 def _weak(generic: Generic, null: int) -> tuple[str, ...]:
