@@ -243,11 +243,12 @@ class Integrator {
     if (any(running_ & !taken)) stop_stuck(running_ & !taken & (step_ <= 1e-13 * duration), duration);
 
     // Step control: error per step, never twice up and down in a row. An estimate that vanishes by chance asks for a step that
-    // the one before did not.
+    // the one before did not. What asks for more than may be given says nothing, nor does a step that was cut short.
     const P wish = min(0.9 * inverse_root(squared_error_ + 1e-20), most_wished * wished_ / step_);
-    const P wished =
-        select(step_ < step_size_, max(wish * step_, wished_), wish * step_);  // one that was cut short says little
-    wished_ = select(running_ & (squared_error_ < P(infinity)), wished, wished_);
+    const Mask told = running_ & (squared_error_ < P(infinity)), much = wish >= P(Method::most_growth),
+               cut = step_ < step_size_;
+    const P wished = select(cut, max(wished_, select(much, zero, wish * step_)), select(much, P(infinity), wish * step_));
+    wished_ = select(told, wished, wished_);
     const P longest = select(rejected_, P(1.0), P(Method::most_growth));
     const P factor = min(max(select(squared_error_ < P(1e100), wish, zero), P(0.2)), longest);
     const P grown = factor * step_;
