@@ -108,7 +108,7 @@ def find_compiler() -> str | None:
 
 def _include_directory() -> Path | None:
     package = Path(__file__).resolve().parents[1]
-    for directory in (package / "include", package.parents[1] / "cpp" / "include"):  # installed, or in a source tree
+    for directory in (package / "engine" / "include", package.parents[1] / "cpp" / "include"):  # installed, or in a source tree
         if (directory / "fisherpoint" / "compiled" / "c_kernels.hpp").exists():
             return directory
     return None
