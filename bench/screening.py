@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fisherpoint.design.found import ExchangeSettings
 from fisherpoint.design.search import SHORTLIST, ExchangeSearch
+from fisherpoint.design.settings import ExchangeSettings
 from fisherpoint.engine import _core
 from fisherpoint.information.point_information import PointInformation, with_linearized_covariance
 from fisherpoint.points.trajectories import resolve_threads

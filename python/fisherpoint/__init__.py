@@ -8,9 +8,10 @@ from .campaign.campaign import Campaign
 from .data import Measurements, Record, RecordTrajectory, VirtualRig, simulate_record
 from .design.efficiency import Efficiency
 from .design.exchange import exchange
-from .design.found import ExchangeSettings, TraceRecord
+from .design.found import TraceRecord
 from .design.result import Design
 from .design.search import Progress
+from .design.settings import ExchangeSettings
 from .engine.levels import available_isas, isa
 from .estimation.estimate import estimate
 from .estimation.fit import Fit
@@ -27,7 +28,7 @@ from .points.region import ExperimentRegion
 from .points.trajectories import Sensitivities, Status, Trajectories, sensitivities, simulate
 from .prior.gaussian import GaussianPrior
 from .prior.rules import GaussHermite, Linearized, Rule, Sobol, SparseGaussHermite, TensorGrid, Unscented
-from .validation.of_design import DesignValidation
+from .validation.design_validation import DesignValidation
 from .validation.result import Validation
 from .validation.validate import validate
 
@@ -127,26 +128,9 @@ _LAZY = {
 """What needs SymPy or pydantic, which are slow to import, and the modules that have it."""
 
 _FUNCTIONS = (
-    *(
-        "abs",
-        "acos",
-        "asin",
-        "atan",
-        "atan2",
-        "cos",
-        "cosh",
-        "exp",
-        "heaviside",
-        "log",
-        "max",
-        "min",
-        "sign",
-        "sin",
-        "sinh",
-        "sqrt",
-    ),
-    *("tan", "tanh", "where"),
-)
+    "abs", "acos", "asin", "atan", "atan2", "cos", "cosh", "exp", "heaviside", "log", "max", "min", "sign", "sin", "sinh", "sqrt",
+    "tan", "tanh", "where",
+)  # fmt: skip
 """The names of `fisherpoint.math`. They and `math` are not in `__all__`: Python has a `max` and a `math` of its own."""
 
 

@@ -13,7 +13,7 @@ from fisherpoint.basics.extras import needed_for
 from fisherpoint.basics.files import write_whole
 from fisherpoint.basics.messages import printable
 from fisherpoint.design.configuration import Config, ConfigError, load_config
-from fisherpoint.information.files import problem_to_json
+from fisherpoint.information.codec import problem_to_json
 
 from .terminal import as_file, make_directory, read_data
 

@@ -11,7 +11,7 @@ import pytest
 import fisherpoint as fp
 from fisherpoint.basics.values import Array
 from fisherpoint.estimation import search, unknown_noise
-from fisherpoint.estimation.summary import warnings
+from fisherpoint.estimation.report import warnings
 
 LINE = fp.SymbolicModel([], ["a + b*x"], {}, {"x": "1"}, {"a": "1", "b": "1"}, {"y": "1"}, nominal={"a": 1.0, "b": 1.0})
 X = np.linspace(0.0, 10.0, 40)

@@ -14,8 +14,8 @@ import pytest
 
 import fisherpoint as fp
 from fisherpoint.basics.values import Array
+from fisherpoint.estimation.report import warnings
 from fisherpoint.estimation.search import MOST_EVALUATIONS
-from fisherpoint.estimation.summary import warnings
 
 PROBLEMS = {one["name"]: one for one in json.loads((Path(__file__).parent / "data" / "nist_strd.json").read_text())}
 CASES = [(name, start) for name in PROBLEMS for start in (0, 1)]

@@ -9,7 +9,7 @@ import pytest
 
 import fisherpoint as fp
 from defaults import MODEL, NOISE, problem
-from fisherpoint.information.files import problem_from_json, problem_to_json
+from fisherpoint.information.codec import problem_from_json, problem_to_json
 
 
 def copies(given: fp.DesignProblem) -> list[fp.DesignProblem]:

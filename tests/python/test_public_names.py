@@ -10,29 +10,10 @@ from pathlib import Path
 import pytest
 
 import fisherpoint as fp
+from fisherpoint.models.functions import NAMES
 
 ROOT = Path(__file__).parents[2]
-ALIASES = {
-    *(
-        "abs",
-        "acos",
-        "asin",
-        "atan",
-        "atan2",
-        "cos",
-        "cosh",
-        "exp",
-        "heaviside",
-        "log",
-        "max",
-        "min",
-        "sign",
-        "sin",
-        "sinh",
-        "sqrt",
-    ),
-    *("tan", "tanh", "where"),
-}
+ALIASES = set(NAMES)  # of equations as text
 
 OPTIONAL_AND_POSITIONAL = {
     "Campaign": ["batch"],

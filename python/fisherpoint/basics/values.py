@@ -1,9 +1,9 @@
-"""Arrays of numbers, and mappings that do not change."""
+"""Arrays of numbers, also as JSON has them, and mappings that do not change."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,3 +33,8 @@ class FrozenMapping(Mapping[str, Value]):
 
     def __repr__(self) -> str:
         return repr(self._values)
+
+
+def finite_or_none(values: Array) -> list[Any]:
+    """The numbers of an array as nested lists, None for what is not finite, which JSON does not have."""
+    return [finite_or_none(row) if row.ndim else float(row) if np.isfinite(row) else None for row in np.asarray(values)]

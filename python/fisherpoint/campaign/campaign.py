@@ -14,12 +14,12 @@ from ..basics.extras import needed_for
 from ..basics.values import Array, FrozenMapping
 from ..data import Measurements
 from ..design.exchange import exchange
-from ..design.found import ExchangeSettings
 from ..design.search import Progress
+from ..design.settings import ExchangeSettings
 from ..estimation.estimate import estimate
 from ..estimation.fit import Fit
 from ..estimation.precision import quantile
-from ..information.files import problem_from_json, problem_to_json
+from ..information.codec import problem_from_json, problem_to_json
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from ..points.trajectories import check_type, resolve_threads

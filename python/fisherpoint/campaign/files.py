@@ -22,14 +22,14 @@ import numpy as np
 from ..basics.checks import as_path
 from ..basics.files import built_from, parse_json, read_bytes, sealed_json, write_whole
 from ..basics.messages import printable
-from ..basics.values import FrozenMapping
+from ..basics.values import FrozenMapping, finite_or_none
 from ..data import Measurements
 from ..data.measurement_files import measurements_csv
-from ..design.found import ExchangeSettings
+from ..design.settings import ExchangeSettings
 from ..engine.versions import versions
-from ..information.files import problem_from_json
+from ..information.codec import problem_from_json
 from ..models import Model
-from ..points.files import points_from_json, points_to_json
+from ..points.codec import points_from_json, points_to_json
 from .state import Batch, State
 
 FORMAT = "fisherpoint campaign"
@@ -159,7 +159,7 @@ def _state_from_json(data: dict[str, Any]) -> State:
 def _batch_to_json(batch: Batch) -> dict[str, Any]:
     return {
         "planned": _or_none(points_to_json, batch.planned),
-        "data": {"points": points_to_json(batch.data.points), "y": _with_none(batch.data.y)},
+        "data": {"points": points_to_json(batch.data.points), "y": finite_or_none(batch.data.y)},
         "estimate": dict(batch.estimate),
         "standard_errors": {name: value if np.isfinite(value) else None for name, value in batch.standard_errors.items()},
         "chi_square": batch.chi_square,
@@ -180,11 +180,6 @@ def _batch_from_json(data: dict[str, Any]) -> Batch:
         degrees_of_freedom=data["degrees_of_freedom"],
         converged=data["converged"],
     )
-
-
-def _with_none(values: Any) -> list[list[float | None]]:
-    """Rows of numbers, None for NaN, which JSON does not have."""
-    return [[None if value != value else value for value in row] for row in values.tolist()]
 
 
 def _or_none(function: Callable[[Any], Any], given: Any) -> Any:

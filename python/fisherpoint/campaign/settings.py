@@ -14,7 +14,7 @@ from ..basics.messages import shown
 from ..basics.quantity import names_of
 from ..basics.values import FrozenMapping
 from ..design.exchange import exchange
-from ..design.found import ExchangeSettings
+from ..design.settings import ExchangeSettings
 from ..information.problem import DesignProblem
 
 _NOT_SETTINGS = ("n_experiments", "seed", "time_limit")

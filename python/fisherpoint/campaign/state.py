@@ -9,7 +9,7 @@ import numpy as np
 
 from ..basics.values import FrozenMapping
 from ..data import Measurements
-from ..design.found import ExchangeSettings
+from ..design.settings import ExchangeSettings
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 

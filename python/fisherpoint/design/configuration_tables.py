@@ -12,7 +12,7 @@ from ..basics.messages import listed
 from ..basics.toml_messages import fail, toml
 from ..basics.toml_tables import Constant, Count, Number, Positive, Table
 from ..prior.rules import DEFAULT_RULE, RULES, Rule
-from .found import MOST
+from .settings import MOST
 
 Correlation = Annotated[float, Field(gt=-1, lt=1)]
 

@@ -15,9 +15,9 @@ from ..information.previous import Previous, previous_information
 from ..information.problem import DesignProblem
 from ..points.trajectories import resolve_threads
 from .efficiency import Efficiency, efficiency_of, median_of, random_designs
-from .found import ExchangeSettings
 from .result import Design
 from .search import ExchangeSearch, Progress
+from .settings import ExchangeSettings
 
 
 def exchange(

@@ -14,7 +14,7 @@ from ..basics.messages import shown
 from ..basics.quantity import names_of
 from ..basics.values import FrozenMapping
 from ..engine.versions import versions
-from ..information.files import (
+from ..information.codec import (
     evaluation_from_json,
     evaluation_to_json,
     log_det_from_json,
@@ -22,9 +22,10 @@ from ..information.files import (
     problem_from_json,
     problem_to_json,
 )
-from ..points.files import points_from_json, points_to_json
+from ..points.codec import points_from_json, points_to_json
 from .efficiency import Efficiency
-from .found import STOP_REASONS, ExchangeSettings, FoundDesign, TraceRecord
+from .found import STOP_REASONS, FoundDesign, TraceRecord
+from .settings import ExchangeSettings
 
 FORMAT = "fisherpoint design"
 FORMAT_VERSION = 2  # 1 had no checksum

@@ -7,48 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..basics.checks import LARGEST_INT, as_float, as_positive, check_flag, check_positive_int
 from ..basics.values import FrozenMapping
 from ..information.evaluation import Evaluation
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from .efficiency import Efficiency
+from .settings import ExchangeSettings
 
 STOP_REASONS = ("max_iterations", "patience", "time_limit", "interrupted")
-
-
-_LEAST = {"n_experiments": 1, "n_candidates": 1, "max_iterations": 0, "seed": 0, "patience": 1, "max_redraws": 0}
-MOST = {"n_experiments": 10**6, "n_candidates": 10**6, "max_iterations": 10**9, "patience": 10**9, "max_redraws": 10**6}
-
-
-@dataclass(frozen=True, kw_only=True)
-class ExchangeSettings:
-    """The arguments of `exchange` that decide its result."""
-
-    n_experiments: int
-    n_candidates: int
-    max_iterations: int
-    seed: int
-    patience: int | None
-    time_limit: float | None
-    max_redraws: int
-    references: bool
-    screen: bool = False  # as in files that do not say
-    local: float = 0.0
-
-    def __post_init__(self) -> None:
-        set_field = object.__setattr__
-        for name, least in _LEAST.items():
-            value = getattr(self, name)
-            if value is not None or name != "patience":
-                set_field(self, name, check_positive_int(value, name, least, MOST.get(name, LARGEST_INT)))
-        if self.time_limit is not None:
-            set_field(self, "time_limit", as_positive(self.time_limit, "time_limit", "number of seconds"))
-        set_field(self, "references", check_flag(self.references, "references"))
-        set_field(self, "screen", check_flag(self.screen, "screen"))
-        set_field(self, "local", as_float(self.local, "local"))
-        if not 0 <= self.local <= 1:
-            raise ValueError(f"local: expected a share between 0 and 1, given {self.local:g}")
 
 
 @dataclass(frozen=True)

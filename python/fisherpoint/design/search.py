@@ -25,7 +25,8 @@ from ..information.output_covariance import Criterion, criterion, needs_covarian
 from ..information.point_information import PointInformation
 from ..information.problem import DesignProblem
 from .efficiency import Efficiency
-from .found import ExchangeSettings, FoundDesign, TraceRecord
+from .found import FoundDesign, TraceRecord
+from .settings import ExchangeSettings
 
 SHORTLIST = 10
 """Candidates that screening leaves for the rule; the best under the rule is nearly always among them (`bench/screening.py`)."""

@@ -16,8 +16,8 @@ from .fit_files import fit_dict, load_fit, save_fit
 from .posterior import posterior_of
 from .profile import Profile, profile_of
 from .profile_curve import ProfileCurve
+from .report import fit_report
 from .statistics import FitStatistics
-from .summary import fit_report
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -15,7 +15,7 @@ from ..basics.checks import as_path
 from ..basics.files import built_from, parse_json, read_bytes, sealed_json, write_together
 from ..basics.quantity import names_of
 from ..basics.values import Array
-from . import summary
+from . import report
 from .fit_state import fit_from_state, fit_state
 from .statistics import FitStatistics
 
@@ -65,7 +65,7 @@ def fit_dict(fit: FitStatistics) -> dict[str, Any]:
             "null_directions": list(fit.null_directions),
             "weak_directions": list(fit.weak_directions),
             "at_bounds": list(fit.at_bounds),
-            "warnings": list(summary.warnings(fit)),
+            "warnings": list(report.warnings(fit)),
             "converged": fit.converged,
             "message": fit.message,
             "evaluations": fit.evaluations,

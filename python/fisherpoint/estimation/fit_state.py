@@ -8,13 +8,13 @@ import numpy as np
 
 from ..basics.messages import listed
 from ..basics.quantity import names_of
-from ..basics.values import Array
+from ..basics.values import Array, finite_or_none
 from ..data.measurements import Measurements
 from ..data.record import Record
-from ..models.files import model_from_json, model_to_json
-from ..points.files import points_from_json, points_to_json
+from ..models.codec import model_from_json, model_to_json
+from ..points.codec import points_from_json, points_to_json
 from ..points.trajectories import resolve_threads
-from ..prior.files import prior_from_json, prior_to_json
+from ..prior.codec import prior_from_json, prior_to_json
 from .observed import Observed
 from .statistics import FitStatistics
 from .unknowns import Unknowns, prior_factor
@@ -40,7 +40,7 @@ def fit_state(fit: FitStatistics) -> dict[str, Any]:
             "center": unknowns.center.tolist(),
             "scale": unknowns.scale.tolist(),
             "log": unknowns.log.tolist(),
-            **{side: _with_none(getattr(unknowns, side)) for side in BOUNDS},
+            **{side: finite_or_none(getattr(unknowns, side)) for side in BOUNDS},
         },
         "weights": fit.problem.covariance.tolist(),
         "noise_known": fit.noise_known,
@@ -87,7 +87,7 @@ def fit_from_state(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def _data_to_json(part: Any) -> dict[str, Any]:
-    y = [_with_none(row) for row in part.y]
+    y = finite_or_none(part.y)
     if isinstance(part, Record):
         return {"t": part.t.tolist(), "u": part.u.tolist(), "y": y, "x0": dict(part.x0)}
     return points_to_json(part.points) | {"y": y}
@@ -99,11 +99,6 @@ def _data_from_json(data: dict[str, Any]) -> Measurements | Record:
     if "t" in data:
         return Record(_numbers(data["t"]), u, y, x0=data["x0"])
     return Measurements(points_from_json(data), y)
-
-
-def _with_none(values: Array) -> list[float | None]:
-    """Numbers, None for what is not finite, which JSON does not have."""
-    return [value if np.isfinite(value) else None for value in values.tolist()]
 
 
 def _numbers(values: Any) -> Array:

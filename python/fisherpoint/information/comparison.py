@@ -15,7 +15,7 @@ from ..basics.kept import Codec, Kept
 from ..basics.values import Array
 from ..points.experiments import Experiments
 from ..points.predictive import PredictiveCovariance, predictive_covariance
-from ..prior.files import rule_from_json, rule_to_json
+from ..prior.codec import rule_from_json, rule_to_json
 from ..prior.rules import GaussHermite, Linearized, Rule, Sobol, SparseGaussHermite, TensorGrid, Unscented
 from ..show.numbers import counted
 from ..show.section import Report, Section

@@ -12,8 +12,8 @@ from matplotlib.ticker import NullFormatter, PercentFormatter
 
 from ..basics.values import Array
 from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT
+from .design_validation import DesignValidation
 from .figures import LEVEL
-from .of_design import DesignValidation
 
 BANDS = 2.0
 """Monte Carlo standard errors that an error bar reaches to either side."""

@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 from ..basics.extras import needed_for
 from ..basics.kept import Codec, Kept
-from ..information.files import problem_from_json, problem_to_json
+from ..information.codec import problem_from_json, problem_to_json
 from ..information.problem import DesignProblem
 from ..models import Model
-from ..models.files import model_from_json, model_to_json
+from ..models.codec import model_from_json, model_to_json
+from ..points.codec import points_from_json, points_to_json
 from ..points.experiments import Experiments
-from ..points.files import points_from_json, points_to_json
 from ..show.numbers import computed, with_error
 from ..show.section import Report, Section
 from ..show.shown import Shown
+from .design_validation import DesignValidation
 from .figures import FEWEST, Figure, ParameterFigures
 from .fits import Runs
-from .of_design import DesignValidation
 
 if TYPE_CHECKING:
     import matplotlib.figure

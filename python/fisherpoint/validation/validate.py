@@ -19,9 +19,9 @@ from ..information.problem import DesignProblem
 from ..models import Model
 from ..points.experiments import Experiments
 from ..points.trajectories import check_rtol, check_type, resolve_threads
+from .design_validation import DesignValidation
 from .figures import parameter_figures
 from .fits import Estimator, Runs, run
-from .of_design import DesignValidation
 from .result import Validation
 from .truths import Rig, truths_of
 

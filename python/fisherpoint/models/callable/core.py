@@ -54,7 +54,7 @@ class CallableCore:
         self.name, self.n_jumps = model.name, len(jumps)
         self._states, self._inputs, self._parameters = map(names_of, (model.states, model.inputs, model.parameters))
         self._outputs, self._constants = names_of(model.outputs), model.constants
-        self.n_x, self.n_y, self.n_surfaces, self.n_limits = len(self._states), len(self._outputs), len(self._surfaces), len(domain)
+        self.n_x, self.n_y, self.n_surfaces = len(self._states), len(self._outputs), len(self._surfaces)
         self.scale = np.array([q.scale or 1.0 for q in model.states])
         self.by_complex_step: bool | None = None  # not tried yet
         self.warned: set[str] = set()

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from ..basics.checks import check_positive_int, names_among
 from ..basics.values import Array, FrozenMapping
-from ..models.files import model_from_json, model_to_json
+from ..models.codec import model_from_json, model_to_json
 from ..points.region import ExperimentRegion
-from ..prior.files import prior_from_json, prior_to_json, rule_from_json, rule_to_json
+from ..prior.codec import prior_from_json, prior_to_json, rule_from_json, rule_to_json
 from .evaluation import Evaluation
 from .problem import DERIVED, DesignProblem
 

@@ -1,0 +1,30 @@
+// What the stepping loop tells: the steps that were taken, and how the trajectories of a pack ended.
+#pragma once
+
+#include <array>
+
+#include "fisherpoint/integration/status.hpp"
+#include "fisherpoint/numbers/lanes.hpp"
+#include "fisherpoint/numbers/shelves.hpp"
+
+namespace fisherpoint {
+
+// A step that the lanes of a pack took together; of size 0 in the lanes that took none.
+template <class Equation>
+struct Step {
+  typename Equation::Number size;
+  typename Equation::Side side;
+};
+
+template <class Equation>
+using Steps = ShelfVector<Step<Equation>>;
+
+template <class P>
+struct Outcome {
+  std::array<Status, lanes_of<P>::width> status{};
+  P first_step{0.0};  // the first step that was taken: a good start for a similar trajectory
+  P next_step{0.0};   // what step control would try next: a good start for the trajectory's continuation
+  int attempts = 0;   // of the slowest lane
+};
+
+}  // namespace fisherpoint
