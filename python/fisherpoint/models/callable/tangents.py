@@ -59,7 +59,8 @@ def tangents(
     if by_complex_step:
         return np.real(values[0]), np.imag(values[1:]).T / COMPLEX_STEP
     values = np.real(values)
-    return values[0], ((values[1 : p + 1] - values[p + 1 :]) / (2 * step)[:, None]).T
+    with np.errstate(over="ignore", invalid="ignore"):  # both values of a difference may be infinite
+        return values[0], ((values[1 : p + 1] - values[p + 1 :]) / (2 * step)[:, None]).T
 
 
 def complex_step_works(functions: Sequence[Callable[..., Any]], scale: Array, x: Array, u: Array, theta: Array) -> bool:
