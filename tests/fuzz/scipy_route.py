@@ -390,7 +390,7 @@ def slope(
     taken = reading.output_branches(nominal.x.tolist(), u, p)
     middle = np.concatenate([nominal.x, reading.output(nominal.x.tolist(), u, p) or np.full(reading.n_y, np.nan)])
     central, bends = [], []
-    for step in (h, h / 2, h / 4):
+    for step in (h, h / 2, h / 4, h / 64):
         ends = []
         for sign in (1.0, -1.0):
             moved = [*p[:j], p[j] + sign * step, *p[j + 1 :]]
@@ -403,10 +403,14 @@ def slope(
             ends.append(np.concatenate([beside.x, y]))
         central.append((ends[0] - ends[1]) / (2 * step))
         bends.append(np.abs(ends[0] + ends[1] - 2 * middle) / (2 * step))
+    narrow = central.pop()
     once = [(4 * b - a) / 3 for a, b in itertools.pairwise(central)]
     twice = (16 * once[1] - once[0]) / 15
     # The ends themselves are as good as SciPy's tolerance.
-    error = np.abs(twice - once[1]) + NOISE * FINE * np.maximum(np.abs(ends[0]), 1e-3 * np.abs(ends[0]).max()) / (h / 4)
+    noise = NOISE * FINE * np.maximum(np.abs(ends[0]), 1e-3 * np.abs(ends[0]).max())
+    error = np.abs(twice - once[1]) + noise / (h / 4)
+    # Where ends oscillate with the parameter, wide differences may agree with each other and be wrong.
+    error = np.where(np.abs(narrow - twice) > 3 * error + noise / (h / 64), np.inf, error)
     first, second = (np.abs(b - a) for a, b in itertools.pairwise(central))
     stuck = second > 0.6 * first  # by noise, or a jump or kink of a parameter between the trajectories
     error = np.where(stuck, np.where(second > 1e-6 * np.abs(central[2]), np.inf, np.maximum(error, second)), error)

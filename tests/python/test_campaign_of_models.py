@@ -43,6 +43,15 @@ def test_a_kink_is_crossed_and_differentiated() -> None:
     assert beside is not None and beside.x == pytest.approx([0.0, 0.5], abs=1e-8)
 
 
+def test_differences_over_an_oscillation_are_not_believed() -> None:
+    """Next to a blow-up the ends are many radians apart; wide differences agree with each other, and not with narrow ones."""
+    reading = Reading(["p*x*x + 0.3753225806/(1.2 + sin(x))"], ["x"], ["x"], [], ["p"], {})
+    start, p = np.array([0.2691]), np.array([0.06633])
+    done = course(reading, start, np.empty(0), p, 11.43, np.ones(1))
+    beside = slope(reading, done, start, np.empty(0), p.tolist(), 11.43, np.ones(1), 0)
+    assert beside is not None and beside.x_error == np.inf
+
+
 @pytest.mark.parametrize(
     ("rate", "end", "at"),
     [("sign(x - 2)*x + 2*x", End.jump, np.log(2.0)), ("-1/(2*x)", End.domain, 1.0), ("x**2", End.blow_up, 1.0)],
