@@ -157,7 +157,7 @@ def _errors_over_the_grid(stride: int) -> Array:
 def grid_outputs(points: fp.Experiments, rtol: float = DEFAULT_RTOL) -> Array:
     """Outputs at every node of the grid as the covariances take them, (K, R, n_y)."""
     theta, threads = MODEL.theta(PRIOR.mean), resolve_threads(None)
-    arguments = (points.x0, points.u, points.dt, theta, RULE.core_nodes(PRIOR), rtol, True, "fastest", threads)
+    arguments = (points.x0, points.u, points.dt, theta, RULE.core_nodes(PRIOR), rtol, True, False, "fastest", threads)
     return kernels.predictive_covariance(MODEL.core, *arguments, keep_outputs=True)[3]
 
 

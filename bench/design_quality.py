@@ -116,7 +116,7 @@ def measured(candidate: Candidate, case: Case, noise: float, theta: Array) -> tu
     one = candidate.data
     x0 = np.tile([one.x0[state.name] for state in MODEL.states], (len(theta), 1))
     true = fp.HydraulicCylinder(**constants, smooth=SMOOTH)
-    _, y, status, _ = record_trajectories(true, theta, x0, one.t, one.u, (TRUTH_RTOL, True, "fastest", resolve_threads(None)))
+    _, y, status, _ = record_trajectories(true, theta, x0, one.t, one.u, (TRUTH_RTOL, True, True, "fastest", resolve_threads(None)))
     return y + np.array(list((asked.noise_std or {}).values())) * streams.noise.standard_normal(y.shape) + 0 * one.y, status
 
 

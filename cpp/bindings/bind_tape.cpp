@@ -23,9 +23,11 @@ std::vector<Instruction> instructions(const Rows& rows, const char* name) {
 
 TapeModel tape_model(const std::vector<double>& scales, int inputs, int outputs, int parameters, int jumps, int kinks,
                      int poles, int limits, Program rates, Program output, Program surfaces, Program surface_rates,
-                     Program rate_jacobian, Program output_jacobian, const std::vector<std::pair<int, int>>& rate_entries,
-                     const std::vector<std::pair<int, int>>& output_entries, std::vector<bool> varying_states,
-                     std::vector<bool> varying_outputs, std::vector<bool> varying_surfaces) {
+                     Program rate_jacobian, Program output_jacobian, Program jump_jacobian,
+                     const std::vector<std::pair<int, int>>& rate_entries,
+                     const std::vector<std::pair<int, int>>& output_entries,
+                     const std::vector<std::pair<int, int>>& jump_entries, std::vector<bool> varying_states,
+                     std::vector<bool> varying_outputs, std::vector<bool> varying_surfaces, std::vector<bool> crossable) {
   const Shape<TapeModel> shape{
       static_cast<int>(scales.size()), inputs, outputs, parameters, jumps, jumps + kinks, jumps + kinks + poles,
       jumps + kinks + limits};
@@ -36,9 +38,9 @@ TapeModel tape_model(const std::vector<double>& scales, int inputs, int outputs,
   };
   return TapeModel(shape, scales,
                    {std::move(rates), std::move(output), std::move(surfaces), std::move(surface_rates),
-                    std::move(rate_jacobian), std::move(output_jacobian)},
-                   entries(rate_entries), entries(output_entries),
-                   {std::move(varying_states), std::move(varying_outputs), std::move(varying_surfaces)});
+                    std::move(rate_jacobian), std::move(output_jacobian), std::move(jump_jacobian)},
+                   entries(rate_entries), entries(output_entries), entries(jump_entries),
+                   {std::move(varying_states), std::move(varying_outputs), std::move(varying_surfaces), std::move(crossable)});
 }
 
 using P = Pack<16>;
@@ -89,7 +91,8 @@ void bind_tape(py::module_& m) {
       .def(
           py::init(&tape_model), "scales"_a, "inputs"_a, "outputs"_a, "parameters"_a, "jumps"_a, "kinks"_a, "poles"_a,
           "limits"_a, "rates"_a, "output"_a, "surfaces"_a, "surface_rates"_a, "rate_jacobian"_a, "output_jacobian"_a,
-          "rate_entries"_a, "output_entries"_a, "varying_states"_a, "varying_outputs"_a, "varying_surfaces"_a,
+          "jump_jacobian"_a, "rate_entries"_a, "output_entries"_a, "jump_entries"_a, "varying_states"_a, "varying_outputs"_a,
+          "varying_surfaces"_a, "crossable"_a,
           "Scales of the states, how many there are of what (the poles among the limits), and the programs with their entries.")
       .def(
           "rhs",

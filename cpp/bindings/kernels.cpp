@@ -27,8 +27,8 @@ void run(int threads, const std::function<void(const Workers&)>& work) {
   }
 }
 
-Tolerance tolerance_of(double rtol, bool cross_kinks, const std::string& method) {
-  Tolerance tolerance{.relative = rtol, .cross_kinks = cross_kinks};
+Tolerance tolerance_of(double rtol, bool cross_kinks, bool cross_jumps, const std::string& method) {
+  Tolerance tolerance{.relative = rtol, .cross_kinks = cross_kinks, .cross_jumps = cross_jumps};
   if (method == "RK45")
     tolerance.method = MethodName::RK45;
   else if (method == "DOP853")
@@ -69,7 +69,7 @@ void bind_model(py::module_& m) {
   m.def(
       "simulate",
       [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& theta, double rtol, bool cross_kinks,
-         const std::string& method, int threads) {
+         bool cross_jumps, const std::string& method, int threads) {
         const auto [n_x, n_y, p] = sizes_of(model);
         const Points points = checked_points(model, x0, u, dt);
         const auto count = static_cast<py::ssize_t>(points.count);
@@ -78,16 +78,16 @@ void bind_model(py::module_& m) {
         py::array_t<std::int32_t> status(count);
         const Trajectories out{x.mutable_data(), y.mutable_data(), reinterpret_cast<Status*>(status.mutable_data())};
         run(threads, [&](const Workers& workers) {
-          simulate(model, points, parameters, tolerance_of(rtol, cross_kinks, method), workers, out);
+          simulate(model, points, parameters, tolerance_of(rtol, cross_kinks, cross_jumps, method), workers, out);
         });
         return py::make_tuple(x, y, status);
       },
-      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "method"_a, "threads"_a);
+      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "cross_jumps"_a, "method"_a, "threads"_a);
 
   m.def(
       "sensitivities",
       [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& theta, double rtol, bool cross_kinks,
-         const std::string& method, int threads, bool whole_first) {
+         bool cross_jumps, const std::string& method, int threads, bool whole_first) {
         const auto [n_x, n_y, p] = sizes_of(model);
         const Points points = checked_points(model, x0, u, dt);
         const auto count = static_cast<py::ssize_t>(points.count);
@@ -96,17 +96,18 @@ void bind_model(py::module_& m) {
         py::array_t<std::int32_t> status(count);
         const SensitiveTrajectories out{x.mutable_data(), y.mutable_data(), dx.mutable_data(), dy.mutable_data(),
                                         reinterpret_cast<Status*>(status.mutable_data())};
-        Tolerance tolerance = tolerance_of(rtol, cross_kinks, method);
+        Tolerance tolerance = tolerance_of(rtol, cross_kinks, cross_jumps, method);
         tolerance.whole_first = whole_first;
         run(threads, [&](const Workers& workers) { sensitivities(model, points, parameters, tolerance, workers, out); });
         return py::make_tuple(x, y, dx, dy, status);
       },
-      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "method"_a, "threads"_a, "whole_first"_a = false);
+      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "cross_jumps"_a, "method"_a, "threads"_a,
+      "whole_first"_a = false);
 
   m.def(
       "simulate_records",
       [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& theta, double rtol, bool cross_kinks,
-         const std::string& method, int threads) {
+         bool cross_jumps, const std::string& method, int threads) {
         const auto [n_x, n_y, p] = sizes_of(model);
         const py::ssize_t count = x0.ndim() == 2 ? x0.shape(0) : -1, pieces = dt.ndim() == 1 ? dt.shape(0) : -1;
         check_shape(x0, {count, n_x}, "x0");
@@ -120,11 +121,11 @@ void bind_model(py::module_& m) {
         const RecordStates out{x.mutable_data(), reinterpret_cast<Status*>(status.mutable_data()), reached.mutable_data()};
         run(threads, [&](const Workers& workers) {
           simulate_records(model, records, static_cast<std::size_t>(pieces), parameters,
-                           tolerance_of(rtol, cross_kinks, method), workers, out);
+                           tolerance_of(rtol, cross_kinks, cross_jumps, method), workers, out);
         });
         return py::make_tuple(x, status, reached);
       },
-      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "method"_a, "threads"_a,
+      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "cross_jumps"_a, "method"_a, "threads"_a,
       "States (B, pieces + 1, n_x) of records with the starts x0 (B, n_x) under the inputs u (pieces, n_u), each held for its "
       "dt "
       "(pieces,); statuses, and how many pieces were completed. A jump ends a record.");
@@ -132,7 +133,8 @@ void bind_model(py::module_& m) {
   m.def(
       "predictive_covariance",
       [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& nominal, const PriorNodes& nodes,
-         double rtol, bool cross_kinks, const std::string& method, int threads, double max_lost, bool keep_outputs) {
+         double rtol, bool cross_kinks, bool cross_jumps, const std::string& method, int threads, double max_lost,
+         bool keep_outputs) {
         const auto [n_x, n_y, p] = sizes_of(model);
         const Points points = checked_points(model, x0, u, dt);
         const auto count = static_cast<py::ssize_t>(points.count);
@@ -147,13 +149,13 @@ void bind_model(py::module_& m) {
         const PredictiveCovariances out{covariance.mutable_data(), reinterpret_cast<Status*>(status.mutable_data()),
                                         redone.mutable_data(), lost.mutable_data(), keep_outputs ? y.mutable_data() : nullptr};
         run(threads, [&](const Workers& workers) {
-          predictive_covariance(model, points, nominal.data(), nodes, max_lost, tolerance_of(rtol, cross_kinks, method),
-                                workers, out);
+          predictive_covariance(model, points, nominal.data(), nodes, max_lost,
+                                tolerance_of(rtol, cross_kinks, cross_jumps, method), workers, out);
         });
         return py::make_tuple(covariance, status, redone, y, lost);
       },
-      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "nodes"_a, "rtol"_a, "cross_kinks"_a, "method"_a, "threads"_a,
-      "max_lost"_a = 0.0, "keep_outputs"_a = false,
+      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "nodes"_a, "rtol"_a, "cross_kinks"_a, "cross_jumps"_a, "method"_a,
+      "threads"_a, "max_lost"_a = 0.0, "keep_outputs"_a = false,
       "Predictive covariances, statuses, nodes for which the planned steps did not do, outputs (K, R, n_y) where kept, and the "
       "lost shares of the absolute weight.");
 }

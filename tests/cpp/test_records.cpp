@@ -25,7 +25,8 @@ struct Valve {
     const auto& [T, slower] = theta;
     return [=](const auto& x, const auto& u, const auto& side) {
       const auto& [position] = x;
-      const auto over = position * heaviside(side[0]);
+      const auto& [above] = side;
+      const auto over = position * heaviside(above);
       return std::tuple{(u[0] - position + (1.0 - slower) * over) / T};
     };
   }

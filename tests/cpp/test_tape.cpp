@@ -43,14 +43,18 @@ TapeModel ball(Kind kind, double floor, bool pole = false) {
   }
   const Program surfaces{literals, {}, {{O::sub, height, s, bottom, 0}}, {height}, registers};
   const Shape<TapeModel> shape{2, 1, 1, 2, kind == Kind::jump, kind != Kind::limit, kind != Kind::limit || pole, 1};
-  return TapeModel(shape, {1.0, 1.0},
-                   {rates,
-                    {literals, {}, {}, {s}, registers},
-                    surfaces,
-                    {literals, {}, {}, {ds_at}, registers},
-                    rate_jacobian,
-                    {literals, {}, {}, {s, one}, registers}},
-                   entries, {{0, 0}}, {{true, true}, {true}, std::vector<bool>(kind != Kind::limit, true)});
+  return TapeModel(
+      shape, {1.0, 1.0},
+      {rates,
+       {literals, {}, {}, {s}, registers},
+       surfaces,
+       {literals, {}, {}, {ds_at}, registers},
+       rate_jacobian,
+       {literals, {}, {}, {s, one}, registers},
+       kind == Kind::jump ? Program{literals, {}, surfaces.stage, {height, one}, registers}
+                          : Program{literals, {}, {}, {}, registers}},
+      entries, {{0, 0}}, std::vector<Entry>(kind == Kind::jump, Entry{0, 0}),
+      {{true, true}, {true}, std::vector<bool>(kind != Kind::limit, true), std::vector<bool>(kind == Kind::jump, true)});
 }
 
 struct Throws {
@@ -174,8 +178,8 @@ TEST_CASE("lists that would read or write what they must not are refused") {
   const Shape<TapeModel> shape{1, 0, 1, 1, 0, 0, 0, 0};
   const auto model = [&](const Program& rates) {
     const Program none{{}, {}, {}, {}, 3}, x{{}, {}, {}, {1}, 3}, jacobian{{}, {}, {}, {1, 0}, 3};
-    return TapeModel(shape, {1.0}, {rates, x, none, none, jacobian, {{}, {}, {}, {1, 1}, 3}}, {{0, 1}}, {{0, 0}},
-                     {{true}, {true}, {}});
+    return TapeModel(shape, {1.0}, {rates, x, none, none, jacobian, {{}, {}, {}, {1, 1}, 3}, none}, {{0, 1}}, {{0, 0}}, {},
+                     {{true}, {true}, {}, {}});
   };
   // theta, x, dx, then what is computed.
   CHECK_NOTHROW(model({{}, {}, {{O::mul, 3, 0, 1, 0}}, {3}, 4}));

@@ -114,7 +114,7 @@ def over_table(theta: Floats, weights: Floats, threads: int) -> tuple[Any, ...]:
     """Covariance, status, redone nodes, outputs and lost weight of one point; steps are planned on three nodes near the mean."""
     nodes = _core.NodeTable(theta, weights, near_theta(3, 10))
     one = point(x_v=0.2, u=0.5)  # passes x_v = 0
-    settings = (1e-6, True, "fastest", threads)
+    settings = (1e-6, True, False, "fastest", threads)
     return kernels.predictive_covariance(
         MODEL.core, one.x0, one.u, one.dt, NOMINAL, nodes, *settings, max_lost=1.0, keep_outputs=True
     )

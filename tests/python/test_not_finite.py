@@ -125,7 +125,7 @@ def test_nodes_whose_outputs_overflow_are_lost_and_no_more() -> None:
     rule, prior = fp.TensorGrid(3, span=1.0), fp.GaussianPrior({"p": 1.0}, std={"p": 1000.0})
     _, weights = rule.nodes(prior)
     nodes = rule.core_nodes(prior)
-    arguments = (growth.core, np.empty((1, 0)), np.ones((1, 1)), np.ones(1), np.ones(1), nodes, 1e-6, True, "fastest", 1)
+    arguments = (growth.core, np.empty((1, 0)), np.ones((1, 1)), np.ones(1), np.ones(1), nodes, 1e-6, True, False, "fastest", 1)
     for max_lost, status in ((0.5, fp.Status.ok), (0.1, fp.Status.not_finite)):
         covariance, statuses, _, outputs, lost = growth.kernels.predictive_covariance(
             *arguments, max_lost=max_lost, keep_outputs=True

@@ -115,7 +115,7 @@ def test_steps_planned_for_stored_nodes_reach_the_tolerance(workload: dict[str, 
     for rule in (fp.Unscented(), fp.SparseGaussHermite(2)):
         nodes = rule.core_nodes(prior)
         theta = nodes.nodes()[0]
-        arguments = (model.core, points.x0, points.u, points.dt, model.theta(mean), nodes, 1e-6, True, "fastest", 2)
+        arguments = (model.core, points.x0, points.u, points.dt, model.theta(mean), nodes, 1e-6, True, False, "fastest", 2)
         y = kernels.predictive_covariance(*arguments, max_lost=1.0, keep_outputs=True)[3]
         rows = np.repeat(np.arange(len(points)), len(theta))
         tight = fp.simulate(model, points[rows], np.tile(theta, (len(points), 1)), rtol=1e-12)
@@ -187,7 +187,18 @@ def test_covariances_of_rules_with_negative_weights_are_semidefinite_and_say_how
 def test_rules_with_positive_weights_are_as_the_kernel_sums_them(rule: fp.Rule) -> None:
     points = valid_points(10, seed=5)
     result = fp.predictive_covariance(MODEL, points, PRIOR, rule, threads=1)
-    arguments = (points.x0, points.u, points.dt, MODEL.theta(MODEL.nominal), rule.core_nodes(PRIOR), 1e-6, True, "fastest", 1)
+    arguments = (
+        points.x0,
+        points.u,
+        points.dt,
+        MODEL.theta(MODEL.nominal),
+        rule.core_nodes(PRIOR),
+        1e-6,
+        True,
+        False,
+        "fastest",
+        1,
+    )
     plain = kernels.predictive_covariance(MODEL.core, *arguments, max_lost=rule.max_lost_weight)[0]
     assert same_bits(result.covariance, plain) and not result.projection.any()
 
@@ -210,18 +221,18 @@ def test_a_lost_node_excludes_its_point_only_above_the_share(sign: float) -> Non
     nodes = spread_of_friction(350.0, 6000.0, sign * 0.01)
     share = 0.01 / 1.01
     covariance, status, _, _, lost = kernels.predictive_covariance(
-        MODEL.core, *arguments, nodes, 1e-6, True, "fastest", 1, max_lost=share * 1.01
+        MODEL.core, *arguments, nodes, 1e-6, True, False, "fastest", 1, max_lost=share * 1.01
     )
     assert status[0] == fp.Status.ok and lost[0] == pytest.approx(share, rel=1e-12)
     without = spread_of_friction(350.0, 400.0, 0.0)
     np.testing.assert_allclose(
-        covariance, kernels.predictive_covariance(MODEL.core, *arguments, without, 1e-6, True, "fastest", 1)[0], rtol=1e-9
+        covariance, kernels.predictive_covariance(MODEL.core, *arguments, without, 1e-6, True, False, "fastest", 1)[0], rtol=1e-9
     )
     covariance, status, _, _, lost = kernels.predictive_covariance(
-        MODEL.core, *arguments, nodes, 1e-6, True, "fastest", 1, max_lost=share * 0.99
+        MODEL.core, *arguments, nodes, 1e-6, True, False, "fastest", 1, max_lost=share * 0.99
     )
     assert status[0] == fp.Status.met_jump and lost[0] == pytest.approx(share, rel=1e-12) and not covariance.any()
-    covariance, status, _, _, lost = kernels.predictive_covariance(MODEL.core, *arguments, nodes, 1e-6, True, "fastest", 1)
+    covariance, status, _, _, lost = kernels.predictive_covariance(MODEL.core, *arguments, nodes, 1e-6, True, False, "fastest", 1)
     assert status[0] == fp.Status.met_jump and lost[0] == 1.0 and not covariance.any()
 
 

@@ -37,7 +37,7 @@ def test_what_is_not_named_stays_sharp() -> None:
     for model, jumps, kinks in ((friction, (), ("x_v",)), (valve, ("v",), ())):
         assert (model.jumps, model.kinks) == (model.symbolic().jumps, model.symbolic().kinks) == (jumps, kinks)
     with pytest.raises(ValueError, match="switching surface x_v = 0"):
-        fp.simulate(friction, REST, THETA)
+        fp.simulate(friction, REST, THETA, kinks="exclude")
     assert fp.simulate(valve, TURNING, THETA).status[0] == fp.Status.met_jump
     assert fp.HydraulicCylinder(smooth={}) == MODEL
 

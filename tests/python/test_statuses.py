@@ -47,13 +47,14 @@ def test_a_start_on_a_switching_surface_is_refused_by_name(surface: str, zero: f
     points = fp.Experiments(table[:, :5], table[:, 5:6], table[:, 6])
     message = rf"surface {surface} = 0.*given {surface} = 0 in points.1., points.3."
     with pytest.raises(ValueError, match=message):
-        fp.simulate(MODEL, points, MODEL.nominal)
+        fp.simulate(MODEL, points, MODEL.nominal, kinks="exclude")
     with pytest.raises(ValueError, match=message):
-        fp.sensitivities(MODEL, points, MODEL.nominal)
+        fp.sensitivities(MODEL, points, MODEL.nominal, kinks="exclude")
     with pytest.raises(ValueError, match=message):
-        fp.predictive_covariance(MODEL, points, PRIOR, SMALL)
+        fp.predictive_covariance(MODEL, points, PRIOR, SMALL, kinks="exclude")
     with pytest.raises(ValueError, match=message):
-        fp.evaluate_design(problem(), points)
+        fp.evaluate_design(problem(kinks="exclude"), points)
+    assert not fp.sensitivities(MODEL, points, MODEL.nominal, jumps="cross").status.any()
 
 
 @pytest.mark.parametrize("tiny", [1e-300, -1e-300, 1e-20, -1e-20, 1e-12, -1e-12])
@@ -362,13 +363,16 @@ def test_draws_on_a_surface_are_counted_by_its_name(monkeypatch: pytest.MonkeyPa
         return fp.Experiments(x0, points.u, points.dt, columns=points.columns)
 
     monkeypatch.setattr(fp.ExperimentRegion, "draw", some_on_surfaces)
-    design = fp.exchange(problem(output_covariance="pooled"), n_experiments=3, n_candidates=4, max_iterations=2, references=False)
+    design = fp.exchange(
+        problem(output_covariance="pooled", kinks="exclude"), n_experiments=3, n_candidates=4, max_iterations=2, references=False
+    )
     assert design.rejected["starts on v = 0"] == 2 * design.rejected["starts on x_v = 0"] > 0
     assert design.drawn == design.accepted + sum(design.rejected.values())
     assert np.all(design.points.x0[:, [1, 4]] != 0)
 
 
 def test_every_status_has_advice() -> None:
-    assert [status.name for status in Status] == ["ok", "met_jump", "left_domain", "step_limit", "not_finite", "met_kink"]
+    reasons = ["met_jump", "left_domain", "step_limit", "not_finite", "met_kink", "grazes_jump", "on_jump", "two_jumps", "chatters"]
+    assert [status.name for status in Status] == ["ok", *reasons]
     assert len({status.advice for status in Status}) == len(Status)
     assert all(status.advice.endswith(".") for status in Status)

@@ -192,7 +192,11 @@ def test_a_kink_is_crossed_and_a_jump_ends_the_trajectory() -> None:
     assert done.status.tolist() == [fp.Status.ok]
     assert done.x[0, 0] == pytest.approx((np.exp(0.5) - 1) / 0.5, rel=1e-8)  # starts at 0 after one second
     jump = model("", f=["where(v > 0, 2*a, b)", "0*x", "1"], **settings)
-    assert fp.simulate(jump, points, [1.0, 0.5]).status.tolist() == [fp.Status.met_jump]
+    threshold = model("", f=["where(v > b, 2*a, b)", "0*x", "1"], **settings)
+    assert fp.simulate(threshold, points, [1.0, 0.5]).status.tolist() == [fp.Status.met_jump]
+    # The time of this one does not depend on the parameters.
+    done = fp.simulate(jump, points, [1.0, 0.5])
+    assert done.status.tolist() == [fp.Status.ok] and done.x[0, 0] == pytest.approx(-1 + 0.5 + 2.0, rel=1e-9)
 
 
 def test_a_root_that_ends_on_a_surface_ends_the_trajectory_there_and_nowhere_else() -> None:

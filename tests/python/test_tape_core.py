@@ -23,11 +23,13 @@ def core_values(program: Program, x: np.ndarray) -> np.ndarray:
     model = _core.TapeModel(
         [1.0, 1.0, 1.0],
         *(0, 1, 1, 0, 0, 0, 0),
-        *map(to_core, (x_leaf, program, none, none, x_leaf, program)),
+        *map(to_core, (x_leaf, program, none, none, x_leaf, program, none)),
+        [],
         [],
         [],
         [True, True, True],
         [True],
+        [],
         [],
     )
     return model.output(x, np.empty((len(x), 0)), np.ones((len(x), 1)))

@@ -43,7 +43,7 @@ def simulate_record(
     Parameters
     ----------
     model : Model
-        With jumps only where the trajectory meets none: they end it. Kinks are crossed.
+        Kinks and jumps are crossed.
     t : array_like, (N,)
         Times of the samples, s, increasing.
     u : array_like, (N, n_u)
@@ -74,7 +74,7 @@ def simulate_record(
     if inputs.shape[1] != len(model.inputs):
         raise ValueError(f"u: expected shape ({len(times)}, {len(model.inputs)}), given {inputs.shape}")
     start = in_order(x0, names, "x0") if isinstance(x0, Mapping) else as_floats_of_shape(x0, (len(names),), "x0")
-    x, y, status, reached = record_trajectories(model, theta[None], start[None], times, inputs, (rtol, True, "fastest", 1))
+    x, y, status, reached = record_trajectories(model, theta[None], start[None], times, inputs, (rtol, True, True, "fastest", 1))
     warn_of_small_states(model, "the trajectory keeps", x[0, : reached[0] + 1])
     return RecordTrajectory(x[0], y[0], Status(int(status[0])), int(reached[0]))
 

@@ -99,7 +99,7 @@ class VirtualRig:
         if planned.x0.shape[1] != len(self.model.states):
             raise ValueError(f"x0: expected shape (K, {len(self.model.states)}), given {planned.x0.shape}")
         true = Experiments(planned.x0 + deviation, planned.u, planned.dt, columns=planned.columns)
-        done = simulate(self.model, true, self.theta, rtol=self.rtol)
+        done = simulate(self.model, true, self.theta, rtol=self.rtol, jumps="cross")
         failed = done.status != Status.ok
         counts = Counter(Status(int(code)).name for code in done.status[failed])
         self._failures += counts

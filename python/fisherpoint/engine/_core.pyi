@@ -131,15 +131,20 @@ class TapeModel:
         surface_rates: Program,
         rate_jacobian: Program,
         output_jacobian: Program,
+        jump_jacobian: Program,
         rate_entries: collections.abc.Sequence[
             tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex]
         ],
         output_entries: collections.abc.Sequence[
             tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex]
         ],
+        jump_entries: collections.abc.Sequence[
+            tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex]
+        ],
         varying_states: collections.abc.Sequence[bool],
         varying_outputs: collections.abc.Sequence[bool],
         varying_surfaces: collections.abc.Sequence[bool],
+        crossable: collections.abc.Sequence[bool],
     ) -> None:
         """
         Scales of the states, how many there are of what (the poles among the limits), and the programs with their entries.

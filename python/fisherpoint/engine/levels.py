@@ -23,7 +23,17 @@ class Kernels(Protocol):
     """What runs models: the compiled kernels do, and what stands in for them where a model is not made of operations."""
 
     def simulate(
-        self, model: Any, x0: Any, u: Any, dt: Any, theta: Any, rtol: float, cross_kinks: bool, method: str, threads: int
+        self,
+        model: Any,
+        x0: Any,
+        u: Any,
+        dt: Any,
+        theta: Any,
+        rtol: float,
+        cross_kinks: bool,
+        cross_jumps: bool,
+        method: str,
+        threads: int,
     ) -> tuple[Any, ...]:
         """x, y, status."""
 
@@ -36,6 +46,7 @@ class Kernels(Protocol):
         theta: Any,
         rtol: float,
         cross_kinks: bool,
+        cross_jumps: bool,
         method: str,
         threads: int,
         whole_first: bool = False,
@@ -43,7 +54,17 @@ class Kernels(Protocol):
         """x, y, dx_dtheta, dy_dtheta, status; with `whole_first` dt is the first step that is tried."""
 
     def simulate_records(
-        self, model: Any, x0: Any, u: Any, dt: Any, theta: Any, rtol: float, cross_kinks: bool, method: str, threads: int
+        self,
+        model: Any,
+        x0: Any,
+        u: Any,
+        dt: Any,
+        theta: Any,
+        rtol: float,
+        cross_kinks: bool,
+        cross_jumps: bool,
+        method: str,
+        threads: int,
     ) -> tuple[Any, ...]:
         """x, status, reached of records; u and dt are of their pieces."""
 
@@ -57,6 +78,7 @@ class Kernels(Protocol):
         nodes: _core.PriorNodes,
         rtol: float,
         cross_kinks: bool,
+        cross_jumps: bool,
         method: str,
         threads: int,
         max_lost: float = 0.0,

@@ -60,7 +60,7 @@ class Observed:
         self.starts: dict[str, tuple[str, Any]] = {}
         for part in data:
             if isinstance(part, Measurements):
-                settings = checked_arguments(model, part.points, theta, rtol, threads, "cross", None)
+                settings = checked_arguments(model, part.points, theta, rtol, threads, "cross", "cross", None)
                 self._parts.append((_points_response(model, part.points, self._columns, settings), len(part), slice(0)))
                 continue
             respond, starts = _record_response(model, part, self._columns, rtol, threads)

@@ -67,7 +67,7 @@ class RecordResponse:
             raise ValueError(f"columns: expected different indices below {p}, given {self.columns.tolist()}")
         self._free = np.array([i for i, name in enumerate(names_of(model.states)) if name not in record.x0], dtype=np.intp)
         self.starts = tuple(names_of(model.states)[i] for i in self._free)
-        self._settings: Settings = (rtol, True, "fastest", resolve_threads(threads))
+        self._settings: Settings = (rtol, True, True, "fastest", resolve_threads(threads))
 
     def __call__(self, theta: Array, x0: Array) -> Response:
         """Respond to B sets of unknowns.

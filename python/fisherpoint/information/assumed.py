@@ -136,13 +136,14 @@ def assumed_covariance(
     rtol: float = 1e-6,
     threads: int | None = None,
     kinks: str = "cross",
+    jumps: str = "exclude",
     rule: Rule | None = None,
 ) -> AssumedCovariance:
     """Share of the output covariance that comes from what is assumed: G P G^T, with the exact tangents G, or (16).
 
     Parameters
     ----------
-    model, points, theta, rtol, threads, kinks
+    model, points, theta, rtol, threads, kinks, jumps
         As in `simulate`.
     uncertain : mapping of name to float, optional
         Standard deviations, SI units, of constants and of parameters that are not estimated.
@@ -165,7 +166,7 @@ def assumed_covariance(
     check_type(model, Model, "model")
     values = model.theta(theta)
     assumed = assumed_of(model, uncertain, initial_state_std)
-    settings = checked_arguments(model, points, values, rtol, threads, kinks, None)
+    settings = checked_arguments(model, points, values, rtol, threads, kinks, jumps, None)
     if rule is not None and not isinstance(rule, Linearized):
         check_type(rule, Rule, "rule")
         return AssumedCovariance(*assumed.predictive(points, values, rule, settings))

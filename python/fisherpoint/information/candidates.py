@@ -125,7 +125,7 @@ class CandidateSource:
             keep = self._region.satisfied(problem.model, points)
             rejected["constraint"] += int((~keep).sum())
         inside = np.flatnonzero(keep)
-        for surface, rows in on_surface(problem.model, points[inside], problem.theta).items():
+        for surface, rows in on_surface(problem.model, points[inside], problem.theta, problem.crossed).items():
             rejected[f"starts on {surface} = 0"] += int(keep[inside[rows]].sum())
             keep[inside[rows]] = False
         if problem.initial_state_std:

@@ -34,6 +34,7 @@ def problem_to_json(problem: DesignProblem) -> dict[str, Any]:
         "output_covariance": problem.output_covariance,
         "parameters": list(problem.estimated),
         "kinks": problem.kinks,
+        "jumps": problem.jumps,
         "rtol": problem.rtol,
         "uncertain": None if problem.uncertain is None else dict(problem.uncertain),
         "initial_state_std": None if problem.initial_state_std is None else dict(problem.initial_state_std),
@@ -54,6 +55,7 @@ def problem_from_json(data: dict[str, Any]) -> DesignProblem:
         output_covariance=data["output_covariance"],
         parameters=data["parameters"],
         kinks=data["kinks"],
+        jumps=data["jumps"],
         rtol=data["rtol"],
         uncertain=data.get("uncertain"),  # older files have none of these
         initial_state_std=data.get("initial_state_std"),

@@ -144,7 +144,7 @@ def compare_rules(
     Parameters
     ----------
     problem : DesignProblem
-        Its model, prior, estimated parameters, tolerance and kinks are taken, and its rule where no rules are given.
+        Its model, prior, estimated parameters, tolerance, kinks and jumps are taken, and its rule where no rules are given.
     points : Experiments
         At least one; about twenty random points of the region say what is typical.
     rules : sequence of Rule, optional
@@ -176,6 +176,7 @@ def compare_rules(
             rtol=problem.rtol,
             threads=threads,
             kinks=problem.kinks,
+            jumps=problem.jumps,
             parameters=problem.estimated,
         )
 

@@ -16,6 +16,7 @@ from ..points.predictive import covariance_over_nodes, linearized, nodes_of
 from ..points.trajectories import (
     Settings,
     Status,
+    check_jumps,
     check_kinks,
     checked_arguments,
     checked_sensitivities,
@@ -104,7 +105,7 @@ def point_sensitivities(problem: DesignProblem, points: Experiments, threads: in
 
 
 def _settings(problem: DesignProblem, threads: int | None) -> Settings:
-    return float(problem.rtol), check_kinks(problem.kinks), "fastest", resolve_threads(threads)
+    return float(problem.rtol), check_kinks(problem.kinks), check_jumps(problem.jumps), "fastest", resolve_threads(threads)
 
 
 def with_covariance(problem: DesignProblem, given: PointInformation, threads: int | None) -> tuple[PointInformation, IntArray]:
@@ -139,7 +140,7 @@ def point_information(problem: DesignProblem, points: Experiments, grid: bool, t
     ValueError
         Where a trajectory, nominal or (with `grid`) over the prior, is not ok; the message names the points and reasons.
     """
-    checked_arguments(problem.model, points, problem.theta, problem.rtol, threads, problem.kinks, None)
+    checked_arguments(problem.model, points, problem.theta, problem.rtol, threads, problem.kinks, problem.jumps, None)
     information, status = point_sensitivities(problem, points, threads)
     if grid and not status.any():
         information, status = with_covariance(problem, information, threads)

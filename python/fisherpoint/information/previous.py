@@ -78,7 +78,7 @@ def _of_part(problem: DesignProblem, part: Any, threads: int | None) -> tuple[Po
         )
     lost: Counter[str] = Counter()
     keep = np.ones(len(points), dtype=bool)
-    for surface, rows in on_surface(model, points, problem.theta).items():
+    for surface, rows in on_surface(model, points, problem.theta, problem.crossed).items():
         lost[f"starts on {surface} = 0"] += int(keep[rows].sum())
         keep[rows] = False
     kept = np.flatnonzero(keep)

@@ -17,7 +17,7 @@ from ..basics.values import Array, FrozenMapping
 from ..models import Model
 from ..points.natural_sizes import warn_of_small_states
 from ..points.region import ExperimentRegion
-from ..points.trajectories import check_kinks, check_rtol
+from ..points.trajectories import check_jumps, check_kinks, check_rtol, crossed_surfaces
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import DEFAULT_RULE, Rule
 from .assumed import Assumed, assumed_of, checked_stds
@@ -52,6 +52,8 @@ class DesignProblem:
         Names of the parameters to estimate; the others are known to be at their mean. Default: all.
     kinks : {"cross", "exclude"}
         Whether points that cross a kink are allowed; "exclude" is the strict reading of (21).
+    jumps : {"exclude", "cross"}
+        Whether points that meet a jump are excluded, as in (21), or cross it, as in `simulate`.
     rtol : float
         Tolerance of the trajectories.
     uncertain : mapping of name to float, optional
@@ -84,6 +86,7 @@ class DesignProblem:
     output_covariance: str | None = None
     parameters: Sequence[str] | None = None
     kinks: str = "cross"
+    jumps: str = "exclude"
     rtol: float = 1e-6
     uncertain: Mapping[str, float] | None = None
     initial_state_std: Mapping[str, float] | None = None
@@ -104,10 +107,11 @@ class DesignProblem:
         self.model.theta(self.prior.mean)
         self.rule.check(self.prior)
         check_kinks(self.kinks)
+        check_jumps(self.jumps)
         set_field = object.__setattr__
         set_field(self, "rtol", check_rtol(self.rtol))
         if self.region is not None:
-            self.region.check(self.model)
+            self.region.check(self.model, self.crossed)
             bounds = [self.region.bounds[quantity.name] for quantity in self.model.states]
             warn_of_small_states(self.model, "the region keeps", np.array(bounds).reshape(-1, 2).T, stacklevel=4)
         if self.noise_std is not None:
@@ -125,6 +129,11 @@ class DesignProblem:
             raise ValueError("noise_std: expected the sensor noise for output_covariance='noise', given none")
         if self.output_covariance == "region" and self.region is None:
             raise ValueError("region: expected a region for output_covariance='region', given None")
+
+    @property
+    def crossed(self) -> tuple[str, ...]:
+        """Names of the surfaces that trajectories cross, and may start on."""
+        return crossed_surfaces(self.model, check_kinks(self.kinks), check_jumps(self.jumps))
 
     def _check_assumed(self, everything: tuple[str, ...]) -> None:
         known = (*names_of(self.model.constant_quantities), *everything)

@@ -36,6 +36,8 @@ class Model(ABC):
         A usual value of each parameter; empty where none is known.
     jumps, kinks : tuple of str
         What is zero where f itself jumps, and where f has a corner.
+    crossable : tuple of str
+        The jumps that trajectories can cross or slide along: none of a `CallableModel`, and none that another condition reads.
     domain : tuple of str
         What must stay positive so that f and g have a value.
     poles : tuple of str
@@ -52,6 +54,7 @@ class Model(ABC):
     kinks: tuple[str, ...] = ()
     domain: tuple[str, ...] = ()
     poles: tuple[str, ...] = ()
+    crossable: tuple[str, ...] = ()
     nominal: Mapping[str, float] = FrozenMapping({})
 
     @property

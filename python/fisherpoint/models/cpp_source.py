@@ -54,6 +54,8 @@ struct {name} {{
   static constexpr std::array<bool, {n_x}> varying_states = {_flags(programs.varying_states)};
   static constexpr std::array<bool, {len(model.outputs)}> varying_outputs = {_flags(programs.varying_outputs)};
   static constexpr std::array<bool, {sides}> varying_surfaces = {_flags(programs.varying_surfaces)};
+  static constexpr std::array<bool, {len(model.jumps)}> crossable = {_flags(programs.crossable)};
+  static constexpr std::array<Variables, {n_x}> read_through_jumps = {_variables(programs.rate_entries, n_x)};
 
   auto dynamics(const auto& parameters) const {{
     {_taken("theta", p, "parameters")}
@@ -92,6 +94,14 @@ struct {name} {{
 
 }}  // namespace fisherpoint
 """
+
+
+def _variables(entries: Iterable[tuple[int, int]], rows: int) -> str:
+    """The variables that each row reads, as bits."""
+    read = [0] * rows
+    for row, variable in entries:
+        read[row] |= 1 << variable
+    return f"{{{', '.join(f'{bits:#x}u' for bits in read)}}}"
 
 
 def _flags(flags: Sequence[bool]) -> str:

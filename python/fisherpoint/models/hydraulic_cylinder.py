@@ -95,6 +95,7 @@ class HydraulicCylinder(Model):
             raise ValueError(f"q_max: expected more than q_min = {self._core.q_min}, given {self._core.q_max}")
         self.smooth = _checked_widths(smooth, (*type(self).jumps, *type(self).kinks))
         self.jumps, self.kinks = (tuple(name for name in names if name not in self.smooth) for names in (self.jumps, self.kinks))
+        self.crossable = self.jumps
 
     @property
     def core(self) -> Any:

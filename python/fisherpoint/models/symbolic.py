@@ -106,6 +106,7 @@ class SymbolicModel(Model):
         surfaces, limits = self.structure.surfaces, self.structure.limits
         self.jumps = tuple(surface.name for surface in surfaces if surface.jump)
         self.kinks = tuple(surface.name for surface in surfaces if not surface.jump)
+        self.crossable = tuple(surface.name for surface in surfaces if surface.jump and self.structure.crossable(surface))
         self.domain = tuple(limit.name for limit in limits)
         self.poles = tuple(limit.name for limit in limits if limit.pole)
         if len(surfaces) + len(limits) > LIMIT:
@@ -156,11 +157,14 @@ class SymbolicModel(Model):
             surface_rates=to_core(programs.surface_rates),
             rate_jacobian=to_core(programs.rate_jacobian),
             output_jacobian=to_core(programs.output_jacobian),
+            jump_jacobian=to_core(programs.jump_jacobian),
             rate_entries=programs.rate_entries,
             output_entries=programs.output_entries,
+            jump_entries=programs.jump_entries,
             varying_states=programs.varying_states,
             varying_outputs=programs.varying_outputs,
             varying_surfaces=programs.varying_surfaces,
+            crossable=programs.crossable,
         )
 
     _own_core: Any | None = None

@@ -61,6 +61,7 @@ def predictive_covariance(
     rtol: float = 1e-6,
     threads: int | None = None,
     kinks: str = "cross",
+    jumps: str = "exclude",
     parameters: tuple[str, ...] | None = None,
     method: str | None = None,
 ) -> PredictiveCovariance:
@@ -70,7 +71,7 @@ def predictive_covariance(
 
     Parameters
     ----------
-    model, points, rtol, threads, kinks, method
+    model, points, rtol, threads, kinks, jumps, method
         As in `simulate`.
     prior : GaussianPrior
     rule : TensorGrid, GaussHermite, SparseGaussHermite, Sobol, Unscented or Linearized
@@ -98,13 +99,13 @@ def predictive_covariance(
     varied = some_names_among(names if parameters is None else parameters, names, "parameters")
     theta = model.theta({name: prior.mean[name] for name in names})
     if isinstance(rule, Linearized):
-        result = sensitivities(model, points, theta, rtol=rtol, threads=threads, kinks=kinks, method=method)
+        result = sensitivities(model, points, theta, rtol=rtol, threads=threads, kinks=kinks, jumps=jumps, method=method)
         ordered = prior.marginal(names)
         with np.errstate(over="ignore"):  # what overflows is given a status
             scaled = result.dy_dtheta * np.array(list(ordered.std.values()))
         return linearized(scaled, rule.second_moments(ordered, varied), result.status)
     nodes = nodes_of(rule, prior, names, varied)
-    settings = checked_arguments(model, points, theta, rtol, threads, kinks, method)
+    settings = checked_arguments(model, points, theta, rtol, threads, kinks, jumps, method)
     warn_of_small_states(model, "the starts keep", points.x0)
     return covariance_over_nodes(model, points, theta, nodes, rule, settings)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,13 +77,16 @@ class ExperimentRegion:
             parse_constraint(c, checked) if isinstance(c, str) else c for c in self.constraints
         ]
 
-    def check(self, model: Model) -> None:
-        """Raise unless the region bounds exactly what a point of `model` consists of, and some point may be one."""
+    def check(self, model: Model, crossed: Collection[str] = ()) -> None:
+        """Raise unless the region bounds exactly what a point of `model` consists of, and some point may be one.
+
+        Points may start on the surfaces that are `crossed`.
+        """
         check_type(model, Model, "model")
         check_names(self.bounds, names_of(model.axes), "region")
         for kind, zeros in (("switching surface", (*model.jumps, *model.kinks)), ("pole", model.poles)):
             for zero in zeros:
-                if self.bounds.get(zero) == (0.0, 0.0):
+                if self.bounds.get(zero) == (0.0, 0.0) and zero not in crossed:
                     raise ValueError(f"region[{zero!r}]: expected bounds off the {kind} {zero} = 0, given (0, 0)")
 
     def draw(self, model: Model, count: int, *, seed: int | np.random.Generator = 0, decades: bool = False) -> Experiments:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -29,6 +29,10 @@ class Status(IntEnum):
     step_limit = 3
     not_finite = 4
     met_kink = 5
+    grazes_jump = 6
+    on_jump = 7
+    two_jumps = 8
+    chatters = 9
 
     @property
     def advice(self) -> str:
@@ -38,16 +42,20 @@ class Status(IntEnum):
 
 _ADVICE = {
     Status.ok: "The trajectory reached its end.",
-    Status.met_jump: "The right-hand side jumps on the way, at one of the model's jumps: start further from it or sample earlier.",
+    Status.met_jump: "The right-hand side jumps on the way, which jumps='exclude' forbids: start further off or sample earlier.",
     Status.left_domain: "The state reached a limit beyond which the model has no value: start further inside or sample earlier.",
     Status.step_limit: "The tolerance requires more or smaller steps than allowed: increase rtol or sample earlier.",
     Status.not_finite: "A rate, an output or what depends on it overflowed: check constants, parameters and standard deviations.",
     Status.met_kink: "The trajectory crosses one of the model's kinks, which kinks='exclude' forbids.",
+    Status.grazes_jump: "The trajectory touches a jump along its tangent and has no derivative: change the start or sample earlier.",
+    Status.on_jump: "The trajectory starts or ends on a jump, where it has no derivative: change the start or the duration.",
+    Status.two_jumps: "The trajectory meets two jumps at once: change the start, or sample earlier.",
+    Status.chatters: "The trajectory meets jumps again and again in ever shorter times: sample earlier.",
 }
 
 
-Settings = tuple[float, bool, str, int]
-"""rtol, whether kinks are crossed, the method and the number of threads, as the kernels take them."""
+Settings = tuple[float, bool, bool, str, int]
+"""rtol, whether kinks and jumps are crossed, the method and the number of threads, as the kernels take them."""
 
 
 class Trajectories(NamedTuple):
@@ -79,6 +87,7 @@ def simulate(
     rtol: float = 1e-6,
     threads: int | None = None,
     kinks: str = "cross",
+    jumps: str = "exclude",
     method: str | None = None,
 ) -> Trajectories:
     """Simulate experiment points, (14) and (15).
@@ -96,6 +105,9 @@ def simulate(
         Number of threads; the default is every core. The result does not depend on it.
     kinks : {"cross", "exclude"}
         Whether a kink is crossed by ending a step on it, or ends the trajectory as `Status.met_kink`.
+    jumps : {"exclude", "cross"}
+        Whether a jump ends the trajectory as `Status.met_jump`, or is crossed: behind it the trajectory goes on, or slides along it,
+        as a piston that sticks does. Jumps at times that depend on no parameter are crossed in any case.
     method : {"RK45", "DOP853"}, optional
         The Runge-Kutta method; the default is the faster one, which is DOP853 at every tolerance that was tried.
 
@@ -110,7 +122,7 @@ def simulate(
     """
     check_type(model, Model, "model")
     theta = model.theta(theta)
-    arguments = checked_arguments(model, points, theta, rtol, threads, kinks, method)
+    arguments = checked_arguments(model, points, theta, rtol, threads, kinks, jumps, method)
     result = Trajectories(*model.kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *arguments))
     warn_of_small_states(model, "the trajectories keep", points.x0, result.x)
     return result
@@ -124,6 +136,7 @@ def sensitivities(
     rtol: float = 1e-6,
     threads: int | None = None,
     kinks: str = "cross",
+    jumps: str = "exclude",
     method: str | None = None,
 ) -> Sensitivities:
     """Simulate experiment points with the sensitivities of states and outputs, (8) and (9).
@@ -133,7 +146,7 @@ def sensitivities(
     """
     check_type(model, Model, "model")
     theta = model.theta(theta)
-    arguments = checked_arguments(model, points, theta, rtol, threads, kinks, method)
+    arguments = checked_arguments(model, points, theta, rtol, threads, kinks, jumps, method)
     result = checked_sensitivities(model, points, theta, arguments)
     warn_of_small_states(model, "the trajectories keep", points.x0, result.x)
     return result
@@ -168,6 +181,7 @@ def checked_arguments(
     rtol: float,
     threads: int | None,
     kinks: str,
+    jumps: str,
     method: str | None,
 ) -> Settings:
     """Check points and settings; return the settings as the kernels take them."""
@@ -180,10 +194,11 @@ def checked_arguments(
     if theta.ndim == 2 and len(theta) != len(points):
         raise ValueError(f"theta: expected {len(points)} rows, one for each point, given {len(theta)}")
     rtol = check_rtol(rtol)
-    refuse_starts_on_surfaces(model, points, theta)
+    crosses = check_kinks(kinks), check_jumps(jumps)
+    refuse_starts_on_surfaces(model, points, theta, crossed_surfaces(model, *crosses))
     if method is not None:
         method = check_choice(method, ("RK45", "DOP853"), "method")
-    return rtol, check_kinks(kinks), method or "fastest", resolve_threads(threads)
+    return rtol, *crosses, method or "fastest", resolve_threads(threads)
 
 
 def check_rtol(rtol: float) -> float:
@@ -199,18 +214,29 @@ def check_kinks(kinks: str) -> bool:
     return check_choice(kinks, ("cross", "exclude"), "kinks") == "cross"
 
 
-def on_surface(model: Model, points: Experiments, theta: Array) -> dict[str, NDArray[np.intp]]:
-    """Return for each switching surface, and each divisor, the indices of the points that start where it is zero."""
+def check_jumps(jumps: str) -> bool:
+    """Return whether jumps are crossed."""
+    return check_choice(jumps, ("exclude", "cross"), "jumps") == "cross"
+
+
+def crossed_surfaces(model: Model, kinks: bool, jumps: bool) -> tuple[str, ...]:
+    """Names of the surfaces that trajectories cross, and may start on."""
+    return (model.kinks if kinks else ()) + (model.crossable if jumps else ())
+
+
+def on_surface(model: Model, points: Experiments, theta: Array, crossed: Collection[str] = ()) -> dict[str, NDArray[np.intp]]:
+    """Return for each divisor, and each switching surface that is not `crossed`, the indices of the points that start on it."""
     if not len(points):
         return {}
     surfaces, values = (*model.jumps, *model.kinks, *model.poles), model.switching(points.x0, points.u, theta)
     if model.poles:
         values = np.column_stack([values, model.limits(points.x0, points.u, theta)[:, : len(model.poles)]])
-    return {name: np.flatnonzero(values[:, m] == 0) for m, name in enumerate(surfaces) if (values[:, m] == 0).any()}
+    told = ((m, name) for m, name in enumerate(surfaces) if name not in crossed)
+    return {name: np.flatnonzero(values[:, m] == 0) for m, name in told if (values[:, m] == 0).any()}
 
 
-def refuse_starts_on_surfaces(model: Model, points: Experiments, theta: Array) -> None:
-    for surface, rows in on_surface(model, points, theta).items():
+def refuse_starts_on_surfaces(model: Model, points: Experiments, theta: Array, crossed: Collection[str]) -> None:
+    for surface, rows in on_surface(model, points, theta, crossed).items():
         where = f"off {surface} = 0, a divisor of the model or an argument of its roots"
         if surface in (*model.jumps, *model.kinks):
             where = f"off the switching surface {surface} = 0, where the model is not differentiable"

@@ -6,7 +6,7 @@
 
 extern "C" {
 
-enum : std::int32_t { fisherpoint_interface_version = 1 };
+enum : std::int32_t { fisherpoint_interface_version = 2 };
 enum { fisherpoint_reason_size = 200 };
 enum FisherpointOutcome : std::int32_t { fisherpoint_done, fisherpoint_stopped, fisherpoint_out_of_memory, fisherpoint_failed };
 
@@ -14,7 +14,8 @@ enum FisherpointOutcome : std::int32_t { fisherpoint_done, fisherpoint_stopped, 
 struct FisherpointRequest {
   std::int64_t count;
   const double *x0, *u, *dt, *theta;
-  std::int32_t theta_per_point, cross_kinks, method, whole_first, threads;  // method: 0 the fastest, 1 RK45, 2 DOP853
+  std::int32_t theta_per_point, cross_kinks, cross_jumps, method, whole_first,
+      threads;  // method: 0 the fastest, 1 RK45, 2 DOP853
   double rtol;
   std::int32_t (*interrupted)(const void* asked);  // on the calling thread, now and then; not 0 ends the work
   const void* asked;

@@ -26,6 +26,7 @@ struct Request {
         parameters{r.theta, r.theta_per_point != 0},
         tolerance{.relative = r.rtol,
                   .cross_kinks = r.cross_kinks != 0,
+                  .cross_jumps = r.cross_jumps != 0,
                   .method = static_cast<MethodName>(r.method),
                   .whole_first = r.whole_first != 0},
         workers(r.threads, [r] { return r.interrupted(r.asked) != 0; }) {}

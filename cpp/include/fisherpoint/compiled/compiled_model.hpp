@@ -53,6 +53,7 @@ void ask(Kernel* kernel, const Points& points, const double* theta, bool per_poi
       theta,
       per_point,
       tolerance.cross_kinks,
+      tolerance.cross_jumps,
       static_cast<std::int32_t>(tolerance.method),
       tolerance.whole_first,
       workers.threads(),

@@ -28,6 +28,8 @@ class StateEquation : public Shape<M> {
   void derivative(const State& x, const Side& side, State& dx) const { dx = to_array<P>(dynamics_(x, u_, side)); }
   Output output(const State& x) const { return to_array<P>(model_.output(x, u_, theta_)); }
 
+  static constexpr double inverse_scale(int i) { return 1.0 / M::states[i].scale; }
+
   // Sum over the states of (x / scale)^2.
   P squared_size(const State& x) const {
     P sum(0.0);

@@ -44,6 +44,8 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
     return outputs_of(output_, outputs);
   }
 
+  double inverse_scale(int i) const { return model_.inverse_scale(i); }
+
   P squared_size(const State& x) const {
     P sum(0.0);
     for (int i = 0; i < states; ++i) {
@@ -94,7 +96,8 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
         theta_(theta),
         u_(u),
         rates_(model.programs().rate_jacobian, model.shape(), theta_, u_),
-        output_(model.programs().output_jacobian, model.shape(), theta_, u_) {}
+        output_(model.programs().output_jacobian, model.shape(), theta_, u_),
+        jumps_(model.programs().jump_jacobian, model.shape(), theta_, u_) {}
 
   const Dependence<TapeModel>& dependence;
 
@@ -125,11 +128,23 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
     }
   }
 
+  JumpGradient<TapeModel, P> jump(int which, const State& x) const {
+    JumpGradient<TapeModel, P> h(*this);
+    jumps_.run(x);
+    h.value = jumps_.output(which);
+    int at = jumps_end;
+    for (const auto [m, k] : model_.jump_entries()) {
+      const P slope = jumps_.output(at++);
+      if (m == which) (k < states ? h.by_state[k] : h.by_theta[k - states]) = slope;
+    }
+    return h;
+  }
+
  private:
   const TapeModel& model_;
   Theta theta_;
   Input u_;
-  mutable Machine<P> rates_, output_;
+  mutable Machine<P> rates_, output_, jumps_;
 };
 
 }  // namespace fisherpoint

@@ -23,6 +23,21 @@ struct Jacobian {
 template <class M, class P>
 using Columns = Numbers<P, std::remove_const_t<decltype(Dependence<M>::in_columns)>>;
 
+// A jump's h with its gradient.
+template <class M, class P>
+struct JumpGradient {
+  P value{0.0};
+  typename ArraysOf<M, P>::States by_state;
+  typename ArraysOf<M, P>::Parameters by_theta;
+
+  explicit JumpGradient(const auto& shape) {
+    fit(by_state, shape.states);
+    fit(by_theta, shape.parameters);
+    by_state.fill(P(0.0));
+    by_theta.fill(P(0.0));
+  }
+};
+
 template <class M, class P>
 class VariationalEquation : public Shape<M> {
   using Plain = StateEquation<M, P>;
@@ -77,6 +92,20 @@ class VariationalEquation : public Shape<M> {
         dy_dtheta[i * p + j] = sum;
       });
     });
+  }
+
+  // Of jump `which` in every lane.
+  JumpGradient<M, P> jump(int which, const State& x) const {
+    JumpGradient<M, P> h(*this);
+    const auto all = model_.switching(as_variables<0, n_x, P>(x), u_, as_variables<n_x, p, P>(theta_));
+    for_each_index(Shape<M>::jumps_end, [&](auto m) {
+      if (m != which) return;
+      const auto& h_m = std::get<m>(all);
+      h.value = value_of(h_m);
+      for_each_index<n_x>([&](auto k) { h.by_state[k] = slope_of<k, P>(h_m); });
+      for_each_index<p>([&](auto j) { h.by_theta[j] = slope_of<n_x + j, P>(h_m); });
+    });
+    return h;
   }
 
  private:

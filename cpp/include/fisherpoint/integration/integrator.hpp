@@ -4,7 +4,8 @@
 // tried with the sides of all surfaces held (model.hpp). It is taken if its embedded error is within the tolerance and if
 // every surface stays on its side all along the step's quartic interpolant (quartic.hpp). Otherwise
 //   a kink whose sign changed    the step is tried again so as to end on the kink; there the side is turned;
-//   a jump or a domain limit     ends the trajectory with its status;
+//   a jump                       in the same way; behind it the trajectory goes on, or slides along it (sliding.hpp);
+//   a domain limit               ends the trajectory with its status;
 //   no change of sign, no proof  half the step is tried.
 #pragma once
 
@@ -15,6 +16,7 @@
 
 #include "fisherpoint/integration/outcome.hpp"
 #include "fisherpoint/integration/runge_kutta.hpp"
+#include "fisherpoint/integration/sliding.hpp"
 #include "fisherpoint/integration/status.hpp"
 #include "fisherpoint/integration/step_control.hpp"
 #include "fisherpoint/integration/tolerance.hpp"
@@ -47,6 +49,7 @@ class Integrator {
     fit(end_, f_.states);
     fit(side_, f_.sides);
     fit(landed_, f_.sides);
+    fit(leaving_, f_.sides);
     fit(along_, f_.surfaces);
   }
 
@@ -62,6 +65,10 @@ class Integrator {
     time_ = P(0.0);
     cap_ = wished_ = P(infinity);
     rejected_ = broken_ = Lanes::none();
+    landed_.fill(Lanes::none());
+    leaving_.fill(Lanes::none());
+    slide_ = false;
+    turns_ = P(0.0);
     value_ = f_.surface_values(y);
     // A start on a kink belongs to the side that it moves to; the sign of its rate needs some side first.
     for_each_index(f_.sides, [&](auto m) { side_[m] = select(value_[m] < P(0.0), P(-1.0), P(1.0)); });
@@ -69,7 +76,10 @@ class Integrator {
     rate_ = f_.surface_rates(y, stage_[0]);
     Mask outside = Lanes::none(), on_jump = Lanes::none();
     const auto on_it = [&](int m) { return !((value_[m] < P(0.0)) | (value_[m] > P(0.0))); };
-    for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { on_jump = on_jump | on_it(m); });
+    if (f_.jumps_end > 0 && starts_next_to_jump(duration)) start_on_jumps(y, duration);
+    for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
+      if (!crosses(m)) on_jump = on_jump | on_it(m);
+    });
     for_each_index(f_.jumps_end, f_.kinks_end,
                    [&](auto m) { side_[m] = select(on_it(m) & (rate_[m] < P(0.0)), P(-1.0), side_[m]); });
     for_each_index(f_.kinks_end, f_.sides, [&](auto m) { outside = outside | on_it(m); });
@@ -87,7 +97,7 @@ class Integrator {
     State ahead = y, change;
     fit(change, f_.states);
     for_each_index(f_.states, [&](auto i) { ahead[i] += probe * stage_[0][i]; });
-    f_.derivative(ahead, side_, change);
+    derivative(ahead, change);
     for_each_index(f_.states, [&](auto i) { change[i] -= stage_[0][i]; });
     const P bend = squared_weight() * f_.squared_size(change) / (probe * probe + 1e-300);
     // The formula does not know the unit of time: in fast models it is many time constants, at one of which the error's
@@ -98,6 +108,22 @@ class Integrator {
   }
 
   P squared_weight() const { return P(weight_); }
+
+  // Whether jump m may be crossed. Where its time does not depend on theta, sensitivities stay what they are.
+  bool crosses(auto m) const {
+    return f_.dependence.crossable(m) && (tolerance_.cross_jumps || !f_.dependence.switching_depends(m));
+  }
+
+  // f on the sides where the trajectories run.
+  void derivative(const State& x, State& dx) const {
+    if (f_.jumps_end > 0 && slide_)
+      derivative_sliding(x, side_, dx);
+    else
+      f_.derivative(x, side_, dx);
+  }
+  [[gnu::noinline]] void derivative_sliding(const State& x, const Side& side, State& dx) const {
+    BothSides<Equation>(f_, x, side).slide(f_, side, dx);
+  }
 
   // Of a squared error, the factor by which a step may be longer: both methods' estimates fall faster than the step's
   // power of five and eight.
@@ -113,7 +139,7 @@ class Integrator {
     for_each_index(counted<Equation, last>(), [&](auto previous) {
       const auto s = after(previous);
       for_each_index(f_.states, [&](auto i) { end_[i] = y[i] + step_ * weighted_sum(s, Method::a[s], stage_, i); });
-      f_.derivative(end_, side_, stage_[s]);
+      derivative(end_, stage_[s]);
     });
     State error, middle;
     fit(error, f_.states);
@@ -133,14 +159,17 @@ class Integrator {
       middle[i] = 0.5 * (y[i] + end_[i]) + step_ * (0.125 * (stage_[0][i] - stage_[last][i]) +
                                                     weighted_sum(counted<Equation, last + 1>(), Method::bow, stage_, i));
     });
-    const Surfaces middle_value = f_.surface_values(middle);
+    Surfaces middle_value = f_.surface_values(middle);
     end_value_ = f_.surface_values(end_);
     end_rate_ = f_.surface_rates(end_, stage_[last]);
+    if (f_.jumps_end > 0 && slide_) hold(middle, middle_value);
     const auto along = [&](int m, const P& side) {
       along_[m] = Quartic<P>::through(side * value_[m], side * step_ * rate_[m], side * middle_value[m], side * end_value_[m],
                                       side * step_ * end_rate_[m]);
     };
-    for_each_index(Count<0>{}, f_.sides, [&](auto m) { along(m, side_[m]); });
+    for_each_index(Count<0>{}, f_.jumps_end,
+                   [&](auto m) { along(m, slide_ ? select(slides(side_[m]), P(1.0), side_[m]) : side_[m]); });
+    for_each_index(f_.jumps_end, f_.sides, [&](auto m) { along(m, side_[m]); });
     for_each_index(f_.sides, f_.surfaces, [&](auto m) { along(m, P(1.0)); });
   }
 
@@ -149,9 +178,10 @@ class Integrator {
     const P zero(0.0);
     const Mask good = running_ & (squared_error_ <= P(1.0));  // false where the error is NaN
 
-    Mask to_kink = Lanes::none(), stopped = Lanes::none(), unsure = Lanes::none(), lands = Lanes::none();
+    Mask to_surface = Lanes::none(), stopped = Lanes::none(), unsure = Lanes::none(), lands = Lanes::none();
+    Mask at_kink = Lanes::none(), at_jump = Lanes::none();
     P next_cap(infinity);
-    const Mask short_step = step_ <= brief * duration;
+    const Mask short_step = step_ <= brief * duration, tiny_step = step_ <= briefest * tolerance_.relative * duration;
     for_each_index(f_.surfaces, [&](auto m) {
       const Quartic<P>& h = along_[m];
       Mask crossed = good & !(h.b4 > zero), unclear = good & !crossed & !h.clear();
@@ -175,7 +205,24 @@ class Integrator {
         }
         unclear = unclear | wrong;
         lands = lands | landed_[m];
-        to_kink = to_kink | crossed;
+        to_surface = to_surface | crossed;
+        at_kink = at_kink | landed_[m] | crossed;
+      } else if (m < f_.jumps_end && crosses(m)) {
+        const P slope = 4.0 * (h.b4 - h.b3);
+        landed_[m] = good & !(ends_ & (h.b4 > zero)) & ((abs(h.b4) <= -landing_ * slope) | (crossed & tiny_step));
+        crossed = crossed & !landed_[m];
+        unclear = unclear & !landed_[m];
+        if (any(crossed | unclear)) {
+          // Off a slide the trajectory rises like a parabola, from what rounding has left of zero.
+          unclear = unclear & !(leaving_[m] & (min(h.b2, h.b3) > zero));
+          stop((crossed | unclear) & !slides(side_[m]) & drowned(m, y), Status::grazes_jump);
+          next_cap = select(crossed, min(next_cap, h.zero() * step_), next_cap);
+        }
+        const Mask turns = good & !(landed_[m] | crossed | unclear | leaving_[m]) & (h.b1 <= h.b0) & (h.b3 <= h.b4);
+        if (any(turns)) stop_grazing(m, turns, y);
+        lands = lands | landed_[m];
+        to_surface = to_surface | crossed;
+        at_jump = at_jump | landed_[m];
       } else {
         stopped = stopped | crossed;
       }
@@ -187,16 +234,18 @@ class Integrator {
     for_each_index(f_.kinks_end, f_.sides,
                    [&](auto m) { nearing = nearing | (good & (min(along_[m].b1, along_[m].b4) < 0.87 * along_[m].b0)); });
     if (any(nearing)) unsure = unsure | (nearing & past_pole(y));
-    if (!tolerance_.cross_kinks && any(to_kink | lands)) {
-      stop((to_kink | lands) & !stopped, Status::met_kink);
-      to_kink = lands = Lanes::none();
+    if (!tolerance_.cross_kinks && any(at_kink)) {
+      stop(at_kink & !stopped, Status::met_kink);
+      to_surface = to_surface & !at_kink;
+      lands = lands & !at_kink;
     }
-    stopped = stopped & !to_kink;  // what lies past a kink is seen from the kink
+    stopped = stopped & !to_surface;  // what lies past a surface is seen from there
     if (any(stopped)) stop_crossed(stopped);
-    unsure = unsure & !to_kink;
+    unsure = unsure & !to_surface;
     next_cap = select(unsure, 0.5 * step_, next_cap);
 
-    const Mask taken = good & running_ & !to_kink & !unsure;
+    const Mask taken = good & running_ & !to_surface & !unsure;
+    if (any(at_jump & taken)) land_on_first(taken, duration);
     if (any(lands & taken)) settle(taken);
     const Mask bad = running_ & !good;
     if (any(running_ & !taken)) stop_stuck(running_ & !taken & (step_ <= 1e-13 * duration), duration);
@@ -227,6 +276,7 @@ class Integrator {
       value_[m] = select(taken, end_value_[m], value_[m]);
       rate_[m] = select(taken, end_rate_[m], rate_[m]);
     });
+    for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { leaving_[m] = leaving_[m] & !taken; });
     if (steps_) steps_->push_back({select(taken, step_, zero), side_});
     running_ = running_ & !(taken & ends_);
     if (any(lands & taken & running_)) turn(y, taken);
@@ -235,7 +285,7 @@ class Integrator {
 
   // Moves the ends of steps that landed next to a kink onto it, along the slope there: an error of the second order.
   [[gnu::noinline]] void settle(const Mask& taken) {
-    for_each_index(f_.jumps_end, f_.kinks_end, [&](auto m) {
+    for_each_index(Count<0>{}, f_.kinks_end, [&](auto m) {
       const P newton = -end_value_[m] / end_rate_[m];
       const P rest = select(landed_[m] & taken & (abs(newton) <= 0.5 * step_), newton, P(0.0));  // none at a rate next to zero
       for_each_index(f_.states, [&](auto i) { end_[i] += rest * stage_[last][i]; });
@@ -244,7 +294,7 @@ class Integrator {
     });
   }
 
-  // Turns the sides of the kinks that were landed on, and takes stage 1 anew; the other lanes keep theirs to the last bit.
+  // Turns the sides of the surfaces that were landed on, and takes stage 1 anew; the other lanes keep theirs to the last bit.
   [[gnu::noinline]] void turn(const State& y, const Mask& taken) {
     Mask turned = Lanes::none();
     for_each_index(f_.jumps_end, f_.kinks_end, [&](auto m) {
@@ -252,15 +302,22 @@ class Integrator {
       side_[m] = select(here, -side_[m], side_[m]);
       turned = turned | here;
     });
+    for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
+      const Mask here = landed_[m] & taken & running_;
+      if (any(here)) pass_jump(m, here, y);
+      turned = turned | here;
+    });
+    if (f_.jumps_end > 0 && slide_) check_slides(turned & running_, y);
     State fresh;
     fit(fresh, f_.states);
-    f_.derivative(y, side_, fresh);
+    derivative(y, fresh);
     for_each_index(f_.states, [&](auto i) { stage_[0][i] = select(turned, fresh[i], stage_[0][i]); });
     const Surfaces value = f_.surface_values(y), rate = f_.surface_rates(y, stage_[0]);
     for_each_index(f_.surfaces, [&](auto m) {
       value_[m] = select(turned, value[m], value_[m]);
       rate_[m] = select(turned, rate[m], rate_[m]);
     });
+    if (f_.jumps_end > 0 && slide_) watch_hold(turned, y, step_);
   }
 
   // Where a surface's value all along the step is nothing but the rounding of the states that it reads.
@@ -292,6 +349,19 @@ class Integrator {
     return past;
   }
 
+  // At jumps: jumps.hpp.
+  bool starts_next_to_jump(const P& duration) const;
+  [[gnu::noinline]] void start_on_jumps(const State& y, const P& duration);
+  [[gnu::noinline]] void hold(const State& middle, Surfaces& middle_value);
+  P hold_rate(const State& x, const State& rates, const P& span) const;
+  [[gnu::noinline]] void watch_hold(const Mask& lanes, const State& y, const P& span);
+  [[gnu::noinline]] void land_on_first(const Mask& taken, const P& duration);
+  [[gnu::noinline]] void pass_jump(auto m, const Mask& lanes, const State& y);
+  [[gnu::noinline]] void check_slides(const Mask& lanes, const State& y);
+  [[gnu::noinline]] void stop_grazing(auto m, const Mask& lanes, const State& y);
+  [[gnu::noinline]] void note_end(const P& duration);
+  P natural_size(auto m, const State& y) const;
+
   void stop(const Mask& lanes, Status status) {
     if (!any(lanes)) return;
     for (int lane = 0; lane < Lanes::width; ++lane)
@@ -304,7 +374,7 @@ class Integrator {
     P first(infinity);
     Mask by_jump = Lanes::none();
     for_each_index(f_.surfaces, [&](auto m) {
-      if (m >= f_.jumps_end && m < f_.kinks_end) return;
+      if (m < f_.kinks_end && (m >= f_.jumps_end || crosses(m))) return;
       const P at = along_[m].b0 / (along_[m].b0 - along_[m].b4);
       const Mask earlier = !(along_[m].b4 > P(0.0)) & (at < first);
       first = select(earlier, at, first);
@@ -338,7 +408,9 @@ class Integrator {
     const Mask good = squared_error_ <= P(1.0), finite = squared_error_ < P(infinity);
     for_each_index(f_.surfaces, [&](auto m) {
       if (m >= f_.jumps_end && m < f_.kinks_end) return;
-      stop(lanes & good & running_ & !along_[m].clear(), m < f_.jumps_end ? Status::met_jump : Status::left_domain);
+      const Mask touches = lanes & good & running_ & !along_[m].clear();
+      if (m < f_.jumps_end && crosses(m)) stop(touches & (turns_ >= P(many_turns)), Status::chatters);
+      stop(touches, m >= f_.jumps_end ? Status::left_domain : crosses(m) ? Status::grazes_jump : Status::met_jump);
     });
     stop(lanes & finite & running_ & (to_limits() <= brink * duration), Status::left_domain);  // as at a pole, which f rises to
     stop(lanes & finite & running_, Status::step_limit);
@@ -358,7 +430,11 @@ class Integrator {
   P time_, step_size_, cap_;  // cap: a limit for the next try alone
   P wished_;                  // the size that the error of the last try asked for
   Side side_;
-  Surfaces value_, rate_;  // of the surfaces at the start of the step, rates per second
+  Surfaces value_,
+      rate_;            // of the surfaces at the start of the step, rates per second; of a slide, what holds it (sliding.hpp)
+  bool slide_ = false;  // any lane slides on a jump
+  P turns_;             // how many jumps were met
+  Retyped<Side, Mask> leaving_;  // a slide on this jump has just ended
 
   // The step that is tried.
   Mask ends_;  // it reaches the end of the trajectory
@@ -377,6 +453,7 @@ auto Integrator<Equation, Method>::run(State& y, const P& duration, const P& fir
   begin(y, duration, first_step);
   while (any(running_)) {
     if (++outcome_.attempts > tolerance_.max_attempts) {
+      stop(running_ & (turns_ > P(0.05 * tolerance_.max_attempts)), Status::chatters);
       stop(running_, Status::step_limit);
       break;
     }
@@ -384,7 +461,10 @@ auto Integrator<Equation, Method>::run(State& y, const P& duration, const P& fir
     control(y, duration);
   }
   outcome_.next_step = step_size_;
+  if (f_.jumps_end > 0) note_end(duration);
   return outcome_;
 }
 
 }  // namespace fisherpoint
+
+#include "fisherpoint/integration/jumps.hpp"  // IWYU pragma: export

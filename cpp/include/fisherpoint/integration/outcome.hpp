@@ -9,7 +9,8 @@
 
 namespace fisherpoint {
 
-// A step that the lanes of a pack took together; of size 0 in the lanes that took none.
+// A step that the lanes of a pack took together; of size 0 in the lanes that took none. A side is 1 or -1, or 0 of a jump that
+// the trajectory slides on.
 template <class Equation>
 struct Step {
   typename Equation::Number size;
@@ -25,6 +26,8 @@ struct Outcome {
   P first_step{0.0};  // the first step that was taken: a good start for a similar trajectory
   P next_step{0.0};   // what step control would try next: a good start for the trajectory's continuation
   int attempts = 0;   // of the slowest lane
+  // Where a trajectory starts off a jump, or ends next to one, to the tolerance: there may be no derivative.
+  mask_of_lanes<P> starts_on_jump = lanes_of<P>::none(), ends_on_jump = lanes_of<P>::none();
 };
 
 }  // namespace fisherpoint

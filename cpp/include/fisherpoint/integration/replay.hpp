@@ -35,7 +35,7 @@ struct Replayed {
 
 // A surface whose crossings are the same for every theta; the plan ends a stretch there.
 constexpr bool planned(const auto& shape, const auto& dependence, auto m) {
-  return m >= shape.jumps_end && m < shape.kinks_end && !dependence.switching_depends(m);
+  return m < shape.kinks_end && (m >= shape.jumps_end || dependence.crossable(m)) && !dependence.switching_depends(m);
 }
 
 // Where the values come from that a state takes at the stages if it does not depend on theta, and so is the same in every lane.

@@ -12,6 +12,24 @@ inline constexpr double rounding = 1e-10;
 // On which side of a kink f is taken does not matter for this share of the duration: f is continuous there.
 inline constexpr double brief = 1e-9;
 
+// A jump is met within this share of the duration and of the tolerance.
+inline constexpr double briefest = 1e-3;
+
+// A start is on a jump where h is below this share of what states of their natural sizes make of it.
+inline constexpr double on_surface = 1e-13;
+
+// Next to a jump, in tolerances of the time: whether a trajectory has crossed it is not sure.
+inline constexpr double next_to_jump = 10.0;
+
+// A crossing's h' is known to a two hundredth where its square is this many times what the tolerance makes of it.
+inline constexpr double graze = 100.0;
+
+// Of a step, over which it is seen how fast what holds a slide changes.
+inline constexpr double hold_span = 1e-2;
+
+// A trajectory that gets stuck after so many jumps meets them in ever shorter times.
+inline constexpr int many_turns = 25;
+
 // A surface's value is nothing but rounding where it is below this share of what it changes by if a state is taken twice.
 inline constexpr double noise = 1e-13;
 

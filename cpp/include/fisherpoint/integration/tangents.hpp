@@ -7,6 +7,7 @@
 
 #include "fisherpoint/equations/variational_equation.hpp"
 #include "fisherpoint/integration/runge_kutta.hpp"
+#include "fisherpoint/integration/sliding_tangents.hpp"
 #include "fisherpoint/numbers/unroll.hpp"
 
 namespace fisherpoint {
@@ -15,6 +16,7 @@ template <class M, class P, class Method>
 class Tangents {
   using Equation = VariationalEquation<M, P>;
   using State = typename Equation::State;
+  using Side = typename Equation::Side;
   static constexpr int last = Method::stages - 1;
   static constexpr int stages = last + end_counts<Method>();  // that take part in S
 
@@ -22,7 +24,7 @@ class Tangents {
   State x;
   Columns<M, P> s;
 
-  Tangents(const Equation& equation, const State& x0) : x(x0), f_(equation) {
+  Tangents(const Equation& equation, const State& x0, double tolerance) : x(x0), f_(equation), tolerance_(tolerance) {
     fit(s, f_.dependence.in_columns);
     fit(squared_column_error_, f_.parameters);
     fit(squared_column_size_, f_.parameters);
@@ -48,12 +50,14 @@ class Tangents {
   }
 
   // A lane whose step is 0 stays as it is.
-  FISHERPOINT_HOT void advance(const P& step, const typename Equation::Side& side) {
+  FISHERPOINT_HOT void advance(const P& step, const Side& side) {
+    slide_ = f_.jumps_end > 0 && any(any_slides<P>(f_, side));
+    if (slide_ && sliding_.empty()) prepare_slides();
     State rate[Method::stages], ahead;
     fit_all(rate, ahead);
     for_each_index(counted<Equation, stages>(), [&](auto s) {
       for_each_index(f_.states, [&](auto i) { ahead[i] = weighted_sum(s, x[i], Method::a[s], rate, i); });
-      linearise(ahead, side, step, rate[s], jacobian_[s]);
+      linearise(ahead, side, step, rate[s], s);
     });
     Estimate estimate;
     for_each_index(f_.states, [&](auto i) { estimate.add(finish(x[i], rate, i), f_.inverse_scale(i)); });
@@ -64,11 +68,86 @@ class Tangents {
     });
   }
 
+  // From one jump to the other side of it, or onto it to slide: where `before` and `after` differ. With G = h_x S + h_theta, S
+  // grows by (f_after - f_before) G / (h_x f_before). The trajectory is taken onto the surface for it, and back in time.
+  // Returns where the jump is grazed: S grows past all bounds there.
+  [[gnu::noinline]] mask_of_lanes<P> pass(const Side& before, const Side& after) {
+    auto grazes = lanes_of<P>::none();
+    for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
+      const auto here = !slides(before[m]) & (abs(after[m] - before[m]) > P(0.5));
+      if (any(here)) grazes = grazes | pass_jump(m, here, before, after);
+    });
+    return grazes;
+  }
+
  private:
+  mask_of_lanes<P> pass_jump(auto m, const mask_of_lanes<P>& here, const Side& before, const Side& after) {
+    const auto in_time = [&](const P& time, const Side& side) { advance(select(here, time, P(0.0)), side); };
+    const auto growth = [&](const JumpGradient<M, P>& h, const State& rate) {
+      P sum(0.0);
+      for_each_index(f_.states, [&](auto i) { sum += h.by_state[i] * rate[i]; });
+      return sum;
+    };
+    State rate, rate_behind;
+    fit_all_two(rate, rate_behind);
+    const auto off = f_.jump(m, x);
+    rates(x, before, rate);
+    const P growth_off = growth(off, rate), time = select(abs(growth_off) > P(0.0), -off.value / growth_off, P(0.0));
+    in_time(time, before);
+
+    const auto h = f_.jump(m, x);
+    rates(x, before, rate);
+    rates(x, after, rate_behind);
+    const P fall = growth(h, rate), weight = select(here, 1.0 / fall, P(0.0));
+    for (int j = 0; j < f_.parameters; ++j) {
+      P* const column = &s[f_.dependence.column_start[j]];
+      P shift = h.by_theta[j];
+      for_each_row(j, [&](int i, int at) { shift += h.by_state[i] * column[at]; });
+      for_each_row(j, [&](int i, int at) { column[at] += (rate_behind[i] - rate[i]) * (shift * weight); });
+    }
+    // What the state's error makes of `fall` by the time the jump is met.
+    P size(0.0);
+    for_each_index(f_.states, [&](auto i) { size += abs(h.by_state[i]) * (1.0 / f_.inverse_scale(i)); });
+    State ahead = x;
+    const P span = 1e-6 * size / (abs(fall) + P(1e-300));
+    for_each_index(f_.states, [&](auto i) { ahead[i] += span * rate[i]; });
+    State rate_ahead = rate;
+    rates(ahead, before, rate_ahead);
+    const P bend = abs(growth(f_.jump(m, ahead), rate_ahead) - fall) / span;
+    in_time(-time, after);
+    return here & !(fall * fall > graze * tolerance_ * size * bend);
+  }
+
+  void for_each_row(int j, auto&& use) const {
+    int at = 0;
+    for (int i = 0; i < f_.states; ++i)
+      if (f_.dependence.depends(i, j)) use(i, at++);
+  }
+
+  void rates(const State& at, const Side& side, State& rate) const {
+    Jacobian<M, P> jacobian;
+    fit(jacobian.by_state, f_.dependence.by_state);
+    fit(jacobian.by_theta, f_.dependence.by_theta);
+    SlidingStage<M, P> stage;
+    stage.fit_to(f_);
+    if (any(any_slides<P>(f_, side)))
+      linearise_sliding(f_, at, side, P(0.0), rate, jacobian, stage);
+    else
+      f_.linearise(at, side, rate, jacobian);
+  }
+
+  [[gnu::noinline]] void prepare_slides() {
+    sliding_.resize(stages);
+    for (auto& stage : sliding_) stage.fit_to(f_);
+  }
+
   // All that the stage adds up, per step; once in the code for all stages, which would overflow the instruction cache.
-  FISHERPOINT_HOT void linearise(const State& at, const typename Equation::Side& side, const P& step, State& rate,
-                                 Jacobian<M, P>& jacobian) const {
-    f_.linearise(at, side, rate, jacobian);
+  FISHERPOINT_HOT void linearise(const State& at, const Side& side, const P& step, State& rate, int s) {
+    Jacobian<M, P>& jacobian = jacobian_[s];
+    if (slide_)
+      linearise_sliding(f_, at, side, step, rate, jacobian, sliding_[s]);
+    else
+      f_.linearise(at, side, rate, jacobian);
     for (P& entry : rate) entry *= step;
     for (P& entry : jacobian.by_state) entry *= step;
     for (P& entry : jacobian.by_theta) entry *= step;
@@ -95,6 +174,10 @@ class Tangents {
 
   static P square(const P& a) { return a * a; }
 
+  void fit_all_two(State& a, State& b) const {
+    fit(a, f_.states);
+    fit(b, f_.states);
+  }
   void fit_all(State (&rate)[Method::stages], State& ahead) const {
     for (State& one : rate) fit(one, f_.states);
     fit(ahead, f_.states);
@@ -121,6 +204,7 @@ class Tangents {
         });
         rate[s][i] = sum;
       });
+      if (slide_) slide_column(rows, ahead, k, sliding_[s], rate[s]);
     });
     Estimate estimate;
     P size(0.0);
@@ -133,7 +217,24 @@ class Tangents {
     squared_column_size_[k] = max(squared_column_size_[k], size);
   }
 
+  [[gnu::noinline]] void slide_column(auto rows, const State& column, int k, const SlidingStage<M, P>& stage, State& rate) {
+    P sum = stage.drift[k], cancelled(0.0);
+    for_each_variable(rows, [&](auto i) { sum += stage.normal[i] * rate[i] + stage.turn[i] * column[i]; });
+    const P share = -sum * stage.inverse;
+    for_each_variable(rows, [&](auto i) {
+      const P change = stage.d[i] * share;
+      rate[i] += change;
+      cancelled += square(change * f_.inverse_scale(i));
+    });
+    // A column that the surface holds at zero consists of rounding, which is no error.
+    const double part = 1e-14 / tolerance_;
+    squared_column_size_[k] = max(squared_column_size_[k], (part * part) * cancelled);
+  }
+
   const Equation& f_;
+  double tolerance_;
+  bool slide_ = false;                       // any lane slides in this step
+  ShelfVector<SlidingStage<M, P>> sliding_;  // of every stage
   // Squared estimates, summed over the steps, in units of the states' scales: of the error of x, and of the error and the
   // largest size of every column.
   P squared_error_{0.0};

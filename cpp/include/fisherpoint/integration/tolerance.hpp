@@ -19,8 +19,11 @@ struct Tolerance {
   double relative = 1e-6;    // of x(dt), in units of the states' scales
   int max_attempts = 20000;  // tried steps of one trajectory
   bool cross_kinks = true;   // false: a kink ends the trajectory as met_kink
+  bool cross_jumps = false;  // false: a jump whose time depends on theta ends the trajectory as met_jump
   MethodName method = MethodName::fastest;
-  bool whole_first = false;  // of sensitivities: the first step tried is the whole trajectory, for pieces that are short
+  // Of sensitivities of short pieces of a trajectory: the first step tried is the whole piece, and where one starts or ends on
+  // a jump, the derivative is that of the side where it runs.
+  bool whole_first = false;
 };
 
 // The local error of a step is held this far below the requested tolerance, so that the global error meets it.

@@ -97,6 +97,26 @@ PointPath<M> graded(const PointPath<M>& path) {
   return finer;
 }
 
+// A trajectory that ends next to a jump, or starts off one that moves with theta, has no derivative.
+template <class M, class P>
+[[gnu::noinline]] void note_jumps(const M& model, const PointPack<M, P>& pack, const Outcome<P>& outcome,
+                                  std::span<const std::size_t> rows, const SensitiveTrajectories& out) {
+  auto none = outcome.ends_on_jump;
+  if (any(outcome.starts_on_jump)) {
+    const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
+    for_each_index(Count<0>{}, equation.jumps_end, [&](auto m) {
+      const auto h = equation.jump(m, pack.x0);
+      P size(0.0), by_theta(0.0);
+      for_each_index(equation.states, [&](auto i) { size += abs(h.by_state[i]) * (1.0 / equation.inverse_scale(i)); });
+      for (const P& slope : h.by_theta) by_theta += abs(slope);
+      none = none | (outcome.starts_on_jump & (abs(h.value) <= on_surface * size) & (by_theta > P(0.0)));
+    });
+  }
+  if (!any(none)) return;
+  for (int lane = 0; lane < pack.used; ++lane)
+    if (out.status[rows[lane]] == Status::ok && lanes_of<P>::get(none, lane)) out.status[rows[lane]] = Status::on_jump;
+}
+
 // Into the paths of points[rows[0]], points[rows[1]], ...: as many as the pack has lanes.
 template <class P, class Method, class M>
 void find_paths(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
@@ -114,6 +134,7 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
   const auto outcome =
       Integrator<Equation, Method>(equation, tolerance).run(x, pack.dt, tolerance.whole_first ? pack.dt : P(0.0), &steps);
   store_ends<P>(x, equation.output(x), outcome.status, rows, out);
+  if (shape.jumps_end > 0 && !tolerance.whole_first) note_jumps<M, P>(model, pack, outcome, rows, out);
   for (int lane = 0; lane < pack.used; ++lane) {
     const std::size_t k = rows[lane];
     std::fill_n(out.dx_dtheta + k * n_x * p, n_x * p, 0.0);
@@ -129,6 +150,15 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
   }
 }
 
+// The sides from which a trajectory comes that starts on these: to slide on a jump, from either.
+void set_start(auto& sides, int lane, const double* start) {
+  for (auto& side : sides) {
+    using P = std::remove_cvref_t<decltype(side)>;
+    lanes_of<P>::set(side, lane, *start == 0.0 ? 1.0 : *start);
+    ++start;
+  }
+}
+
 // S along the paths of points[rows[0]], ...; a path that turns out too coarse is refined instead.
 template <class P, class Method, class M>
 void follow_paths(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
@@ -137,23 +167,29 @@ void follow_paths(const M& model, const Points& points, const Parameters& parame
   const std::size_t n_x = shape.states, n_y = shape.outputs, p = shape.parameters;
   const PointPack<M, P> pack(shape, points, parameters, rows);
   const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
-  Tangents<M, P, Method> tangents(equation, pack.x0);
+  Tangents<M, P, Method> tangents(equation, pack.x0, tolerance.relative);
   std::size_t longest = 0;
   for (const std::size_t k : rows) longest = std::max(longest, paths[k].size());
-  typename VariationalEquation<M, P>::Side side;
+  typename VariationalEquation<M, P>::Side side, before;
   fit(side, shape.sides);
   side.fill(P(1.0));
+  mask_of_lanes<P> grazes = lanes_of<P>::none();
   std::array<std::size_t, lanes_of<P>::width> run{}, run_end{};  // of every lane: which is next, and where the current one ends
   for (std::size_t n = 0; n < longest; ++n) {
     P size(0.0);
+    bool turned = false;
     for (int lane = 0; lane < pack.used; ++lane) {
       const auto& path = paths[rows[lane]];
       if (n >= path.size()) continue;
       lanes_of<P>::set(size, lane, path.sizes[n]);
       if (n < run_end[lane]) continue;
+      if (!turned) before = side;
       set_lane(side, lane, path.runs[run[lane]].side.data());
+      if (n == 0) set_start(before, lane, path.runs[0].side.data());
       run_end[lane] = path.runs[run[lane]++].end;
+      turned = true;
     }
+    if (shape.jumps_end > 0 && turned) grazes = grazes | tangents.pass(before, side);
     tangents.advance(size, side);
   }
 
@@ -173,6 +209,11 @@ void follow_paths(const M& model, const Points& points, const Parameters& parame
   for (int lane = 0; lane < pack.used; ++lane) {
     const std::size_t k = rows[lane];
     const double excess = lanes_of<P>::get(error, lane) / (Method::allowed_estimate * tolerance.relative);
+    if (lanes_of<P>::get(grazes, lane)) {
+      paths[k] = PointPath<M>();
+      out.status[k] = Status::grazes_jump;
+      continue;
+    }
     if (excess <= 1.0) {
       paths[k] = PointPath<M>();
       if (!lanes_of<P>::get(whole, lane)) {

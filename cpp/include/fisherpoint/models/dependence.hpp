@@ -85,13 +85,40 @@ class Dependence {
 
   static constexpr Variables low = (Variables{1} << n_x) - 1;
   template <class Values, int n>
-  static constexpr auto read_by(bool parameters) {
-    return [parameters]<int... i>(std::integer_sequence<int, i...>) {
-      return std::array<Variables, n>{(parameters ? variables_of<std::tuple_element_t<i, Values>> >> n_x
-                                                  : variables_of<std::tuple_element_t<i, Values>> & low)...};
+  static constexpr auto variables_in() {
+    return []<int... i>(std::integer_sequence<int, i...>) {
+      return std::array<Variables, n>{variables_of<std::tuple_element_t<i, Values>>...};
     }(std::make_integer_sequence<int, n>{});
   }
-  static constexpr auto states_read = read_by<Rates, n_x>(false), parameters_read = read_by<Rates, n_x>(true);
+
+  // What the jumps read whose sides f_i reads: through the times at which these are met, state i depends on it.
+  static constexpr std::array<Variables, n_x> read_through_jumps() {
+    if constexpr (requires { M::read_through_jumps; }) {
+      return M::read_through_jumps;
+    } else if constexpr (sizes<M>::jumps == 0) {
+      return {};
+    } else {
+      using Side = decltype(as_variables<0, sizes<M>::sides, double>(std::array<double, sizes<M>::sides>{}));
+      using RatesBySide = decltype(std::declval<const M&>().dynamics(std::declval<std::array<double, p>>())(
+          std::declval<std::array<double, n_x>>(), std::declval<U>(), std::declval<Side>()));
+      constexpr auto sides_read = variables_in<RatesBySide, n_x>();
+      constexpr auto by_surface = variables_in<Switching, sizes<M>::switching>();
+      std::array<Variables, n_x> read{};
+      for (int i = 0; i < n_x; ++i)
+        for (int m = 0; m < sizes<M>::jumps; ++m)
+          if ((sides_read[i] >> m) & 1) read[i] |= by_surface[m];
+      return read;
+    }
+  }
+  static constexpr auto read_by(bool parameters) {
+    auto read = variables_in<Rates, n_x>();
+    for (int i = 0; i < n_x; ++i) {
+      read[i] |= read_through_jumps()[i];
+      read[i] = parameters ? read[i] >> n_x : read[i] & low;
+    }
+    return read;
+  }
+  static constexpr auto states_read = read_by(false), parameters_read = read_by(true);
   static constexpr auto row = detail::reached_parameters(states_read, parameters_read, n_x);
 
   template <class Value>
@@ -153,6 +180,14 @@ class Dependence {
       return M::varying_surfaces[m];
     else if constexpr (m < sizes<M>::switching)
       return varies<std::tuple_element_t<m, Switching>>();
+    else
+      return true;
+  }
+
+  // Whether a trajectory may cross jump m, or slide on it: not where another surface reads its side.
+  static constexpr bool crossable(int m) {
+    if constexpr (requires { M::crossable; })
+      return M::crossable[m];
     else
       return true;
   }

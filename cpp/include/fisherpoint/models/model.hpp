@@ -37,6 +37,10 @@
 // Where f is a quotient whose divisor may have either sign, the divisor is a pole: a limit that the trajectory must not cross,
 // from whichever side it comes. A model's `static constexpr int poles` says how many of its domain limits, the first ones, are.
 //
+// A jump is crossed, or the trajectory slides on it (sliding.hpp). A model of which a surface's value jumps where another jump
+// is crossed says in `crossable`, an array of bool, which jumps may be crossed; and one whose types do not show which sides f_i
+// reads (it chooses by them) says in `read_through_jumps`, an array of Variables, what the jumps read whose sides f_i reads.
+//
 // A model that branches on values of parameters or of states, inside `dynamics` or `output`, says in `varying_states`,
 // `varying_outputs` and `varying_surfaces`, arrays of bool, which of these depend on any parameter: derivatives do not show it.
 //

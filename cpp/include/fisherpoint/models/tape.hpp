@@ -82,9 +82,9 @@ struct Entry {
 };
 
 // Which states, outputs, and jumps and kinks depend on theta in whatever way, by branches too: not those without a derivative
-// alone.
+// alone. And which jumps trajectories may cross (Dependence::crossable).
 struct Varying {
-  std::vector<bool> states, outputs, surfaces;
+  std::vector<bool> states, outputs, surfaces, crossable;
 };
 
 template <>
@@ -120,6 +120,7 @@ class Dependence<TapeModel> {
   bool state_depends(int i) const { return varying_.states[i]; }
   bool output_depends(int i) const { return varying_.outputs[i]; }
   bool switching_depends(int m) const { return varying_.surfaces[m]; }
+  bool crossable(int m) const { return varying_.crossable[m]; }
   int leader(int j) const { return j; }
   int next_alike(int) const { return static_cast<int>(rows_.size()); }
 
@@ -137,25 +138,27 @@ struct TapePrograms {
   Program rates, output, surfaces, surface_rates;
   Program rate_jacobian;    // f, then the entries of f_x row by row, then those of f_theta column by column
   Program output_jacobian;  // g, then the entries of g_x row by row, then those of g_theta column by column
+  Program jump_jacobian;    // h of the jumps, then the entries of its derivatives in the same way
 };
 
 class TapeModel {
  public:
   // Throws std::invalid_argument where a list does not fit the shape.
   TapeModel(const Shape<TapeModel>& shape, std::vector<double> scales, TapePrograms programs, std::vector<Entry> rate_entries,
-            std::vector<Entry> output_entries, Varying varying);
+            std::vector<Entry> output_entries, std::vector<Entry> jump_entries, Varying varying);
 
   const Shape<TapeModel>& shape() const { return shape_; }
   const Dependence<TapeModel>& dependence() const { return dependence_; }
   const TapePrograms& programs() const { return programs_; }
   const std::vector<Entry>& output_entries() const { return output_entries_; }
+  const std::vector<Entry>& jump_entries() const { return jump_entries_; }
   double inverse_scale(int i) const { return inverse_scales_[i]; }
 
  private:
   Shape<TapeModel> shape_;
   std::vector<double> inverse_scales_;
   TapePrograms programs_;
-  std::vector<Entry> output_entries_;
+  std::vector<Entry> output_entries_, jump_entries_;
   Dependence<TapeModel> dependence_;
 };
 
@@ -200,11 +203,13 @@ inline void check(const Program& program, const Shape<TapeModel>& shape, std::si
 }  // namespace detail
 
 inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> scales, TapePrograms programs,
-                            std::vector<Entry> rate_entries, std::vector<Entry> output_entries, Varying varying)
+                            std::vector<Entry> rate_entries, std::vector<Entry> output_entries, std::vector<Entry> jump_entries,
+                            Varying varying)
     : shape_(shape),
       inverse_scales_(std::move(scales)),
       programs_(std::move(programs)),
       output_entries_(std::move(output_entries)),
+      jump_entries_(std::move(jump_entries)),
       dependence_([&] {
         using detail::expect;
         const auto [n_x, n_u, n_y, p, jumps_end, kinks_end, sides, surfaces] = shape;
@@ -214,8 +219,9 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
                "model: expected jumps, kinks, poles and limits in this order");
         expect(static_cast<int>(inverse_scales_.size()) == n_x, "scales: expected one for every state");
         expect(static_cast<int>(varying.states.size()) == n_x && static_cast<int>(varying.outputs.size()) == n_y &&
-                   static_cast<int>(varying.surfaces.size()) == kinks_end,
-               "varying: expected one for every state, output, and jump and kink");
+                   static_cast<int>(varying.surfaces.size()) == kinks_end &&
+                   static_cast<int>(varying.crossable.size()) == jumps_end,
+               "varying: expected one for every state, output, and jump and kink, and crossable one for every jump");
         const auto check_entries = [&](const std::vector<Entry>& entries, int rows, const char* name) {
           for (std::size_t e = 0; e < entries.size(); ++e) {
             const auto [i, k] = entries[e];
@@ -231,12 +237,14 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
         };
         check_entries(rate_entries, n_x, "rate_entries");
         check_entries(output_entries_, n_y, "output_entries");
+        check_entries(jump_entries_, jumps_end, "jump_entries");
         detail::check(programs_.rates, shape, n_x, "rates");
         detail::check(programs_.output, shape, n_y, "output");
         detail::check(programs_.surfaces, shape, surfaces, "surfaces");
         detail::check(programs_.surface_rates, shape, surfaces, "surface_rates");
         detail::check(programs_.rate_jacobian, shape, n_x + rate_entries.size(), "rate_jacobian");
         detail::check(programs_.output_jacobian, shape, n_y + output_entries_.size(), "output_jacobian");
+        detail::check(programs_.jump_jacobian, shape, jumps_end + jump_entries_.size(), "jump_jacobian");
         return Dependence<TapeModel>(shape, rate_entries, std::move(varying));
       }()) {
   for (double& scale : inverse_scales_) scale = 1.0 / scale;

@@ -18,7 +18,16 @@ Settings = tuple[float, bool, str]
 
 
 def simulate(
-    model: CallableCore, x0: Array, u: Array, dt: Array, theta: Array, rtol: float, cross_kinks: bool, method: str, threads: int
+    model: CallableCore,
+    x0: Array,
+    u: Array,
+    dt: Array,
+    theta: Array,
+    rtol: float,
+    cross_kinks: bool,
+    cross_jumps: bool,
+    method: str,
+    threads: int,
 ) -> tuple[Array, Array, IntArray]:
     """x, y, status."""
     rows = _rows(theta, len(dt))
@@ -36,6 +45,7 @@ def sensitivities(
     theta: Array,
     rtol: float,
     cross_kinks: bool,
+    cross_jumps: bool,
     method: str,
     threads: int,
     whole_first: bool = False,
@@ -78,7 +88,16 @@ def sensitivities(
 
 
 def simulate_records(
-    model: CallableCore, x0: Array, u: Array, dt: Array, theta: Array, rtol: float, cross_kinks: bool, method: str, threads: int
+    model: CallableCore,
+    x0: Array,
+    u: Array,
+    dt: Array,
+    theta: Array,
+    rtol: float,
+    cross_kinks: bool,
+    cross_jumps: bool,
+    method: str,
+    threads: int,
 ) -> tuple[Array, IntArray, NDArray[np.int64]]:
     """x (B, pieces + 1, n_x), status, pieces that were completed."""
     count, pieces = len(x0), len(dt)
@@ -104,13 +123,14 @@ def predictive_covariance(
     nodes: _core.PriorNodes,
     rtol: float,
     cross_kinks: bool,
+    cross_jumps: bool,
     method: str,
     threads: int,
     max_lost: float = 0.0,
 ) -> tuple[Array, IntArray, NDArray[np.int64], Array, Array]:
     """covariance (K, n_y, n_y), status, nodes that were redone, no outputs, lost weight; as the compiled kernels have them."""
     count, n_y = len(dt), model.n_y
-    _, nominal_y, status = simulate(model, x0, u, dt, theta, rtol, cross_kinks, method, threads)
+    _, nominal_y, status = simulate(model, x0, u, dt, theta, rtol, cross_kinks, cross_jumps, method, threads)
     at, weights = nodes.nodes()
     covariance, lost = np.zeros((count, n_y, n_y)), np.ones(count)
     start = perf_counter()

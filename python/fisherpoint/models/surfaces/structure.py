@@ -12,7 +12,7 @@ import numpy as np
 from ...basics.values import Array
 from ..tape.parts import reads
 from ..tape.programs import Programs, build_programs
-from .branches import Branches
+from .branches import Branches, Surface
 from .domain import Domain, Limit
 from .evaluate import evaluate
 from .jumps import classified
@@ -78,6 +78,10 @@ class Structure:
                 expected = "a number other than 0" if limit.pole else "a positive number"
                 raise ValueError(f"{place}{limit.name}: expected {expected}, given {given[~holds][0]:g}")
 
+    def crossable(self, jump: Surface) -> bool:
+        """Whether trajectories can cross a jump: another condition that reads its side would jump there too."""
+        return not any(reads(surface.expression, {jump.side}) for surface in self.surfaces)
+
     @property
     def poles(self) -> int:
         return sum(limit.pole for limit in self.limits)
@@ -96,4 +100,5 @@ class Structure:
             [surface.side for surface in self.surfaces],
             equations.constants,
             self.poles,
+            [self.crossable(surface) for surface in self.surfaces if surface.jump],
         )

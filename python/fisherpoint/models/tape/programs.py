@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import or_
 from typing import Any
 
 from .differentiate import gradient, rates_along
@@ -31,12 +33,15 @@ class Programs:
         f (n_x) and g (n_y).
     surfaces, surface_rates : Program
         Values of jumps, kinks and domain limits, and their rates of change where the state moves at the rate dx.
-    rate_jacobian, output_jacobian : Program
-        f or g followed by its derivatives at the entries.
-    rate_entries, output_entries : tuple of (int, int)
-        Derivatives that are not zero by structure, without those by states that no parameter ever reaches.
+    rate_jacobian, output_jacobian, jump_jacobian : Program
+        f, g or what is zero on jumps, followed by its derivatives at the entries.
+    rate_entries, output_entries, jump_entries : tuple of (int, int)
+        Derivatives that are not zero by structure, without those by states that no parameter ever reaches; of f also what it reads
+        through the sides of jumps.
     varying_states, varying_outputs, varying_surfaces : tuple of bool
         Whether each state, output, and jump or kink depends on any parameter, in whatever way: by branches too.
+    crossable : tuple of bool
+        Whether trajectories can cross each jump.
     poles : int
         How many of the domain limits, the first ones, are denominators of either sign.
     """
@@ -47,11 +52,14 @@ class Programs:
     surface_rates: Program
     rate_jacobian: Program
     output_jacobian: Program
+    jump_jacobian: Program
     rate_entries: Entries
     output_entries: Entries
+    jump_entries: Entries
     varying_states: tuple[bool, ...]
     varying_outputs: tuple[bool, ...]
     varying_surfaces: tuple[bool, ...]
+    crossable: tuple[bool, ...]
     poles: int
 
 
@@ -65,6 +73,7 @@ def build_programs(
     sides: Sequence[Any] = (),
     constants: Mapping[Any, float] | None = None,
     poles: int = 0,
+    crossable: Sequence[bool] = (),
 ) -> Programs:
     """Programs of x' = f(x, u, theta), y = g(x, u, theta).
 
@@ -82,6 +91,8 @@ def build_programs(
         Known constants.
     poles : int
         How many of the domain limits, the first ones, are denominators of either sign.
+    crossable : sequence of bool
+        For each jump, which are the first of the surfaces, whether trajectories can cross it.
 
     Raises
     ------
@@ -104,8 +115,11 @@ def build_programs(
             raise ValueError(f"output: expected no side of a surface, given {output[i]}")
 
     variables = [*_reached(graph, f, h[: len(sides)]), *leaves.theta]
-    rate_entries, rate_nodes = _entries(graph, f, variables)
+    jumps = len(crossable)
+    through = [_read_through(graph, node, h[:jumps]) for node in f]
+    rate_entries, rate_nodes = _entries(graph, f, variables, through)
     output_entries, output_nodes = _entries(graph, g, variables)
+    jump_entries, jump_nodes = _entries(graph, h[:jumps], [*leaves.x, *leaves.theta])
     return Programs(
         rates=schedule(graph, f),
         output=schedule(graph, g),
@@ -113,11 +127,14 @@ def build_programs(
         surface_rates=schedule(graph, rates_along(graph, h)),
         rate_jacobian=schedule(graph, f + rate_nodes),
         output_jacobian=schedule(graph, g + output_nodes),
+        jump_jacobian=schedule(graph, h[:jumps] + jump_nodes),
         rate_entries=rate_entries,
         output_entries=output_entries,
+        jump_entries=jump_entries,
         varying_states=tuple(leaf in variables for leaf in leaves.x),
         varying_outputs=tuple(_reads_any(graph, node, variables) for node in g),
         varying_surfaces=tuple(_reads_any(graph, node, variables) for node in h[: len(sides)]),
+        crossable=tuple(crossable),
         poles=poles,
     )
 
@@ -174,12 +191,22 @@ def _reached(graph: Graph, rates: Sequence[int], switching: Sequence[int]) -> li
     return [leaf for leaf in leaves.x if reached >> leaf & 1]
 
 
-def _entries(graph: Graph, nodes: Sequence[int], variables: Sequence[int]) -> tuple[Entries, list[int]]:
+def _read_through(graph: Graph, node: int, jumps: Sequence[int]) -> int:
+    """What the jumps read whose sides a rate reads."""
+    sides = zip(graph.leaves.side, jumps, strict=False)
+    return reduce(or_, (graph.reads[jump] for side, jump in sides if graph.reads[node] >> side & 1), 0)
+
+
+def _entries(
+    graph: Graph, nodes: Sequence[int], variables: Sequence[int], besides: Sequence[int] | None = None
+) -> tuple[Entries, list[int]]:
+    """Places and nodes of derivatives; `besides` has the leaves of further ones, which are zero, for each node."""
     leaves = graph.leaves
     states: dict[tuple[int, int], int] = {}
     parameters: dict[tuple[int, int], int] = {}
     for i, row in enumerate(gradient(graph, nodes, variables)):
-        for leaf, node in row.items():
+        further = {leaf: graph.zero for leaf in variables if besides and besides[i] >> leaf & 1}
+        for leaf, node in (further | row).items():
             if leaf in leaves.x:
                 states[i, leaf - leaves.x.start] = node
             else:

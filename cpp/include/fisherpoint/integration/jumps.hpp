@@ -1,0 +1,176 @@
+// What the stepping loop does at jumps: members of Integrator (integrator.hpp), which come here where a trajectory starts on a
+// jump, ends a step on one, or slides along one. integrator.hpp includes it, at its end.
+#pragma once
+
+#include "fisherpoint/integration/sliding.hpp"
+#include "fisherpoint/integration/step_control.hpp"
+
+namespace fisherpoint {
+
+template <class Equation, class Method>
+bool Integrator<Equation, Method>::starts_next_to_jump(const P& duration) const {
+  Mask next = Lanes::none();
+  for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
+    if (crosses(m)) next = next | (abs(value_[m]) <= 1e-9 * duration * abs(rate_[m]));
+  });
+  return any(next & running_);
+}
+
+// A start on a jump belongs to the side that f leads to, or slides; where f leads away on both sides there are two
+// trajectories.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::start_on_jumps(const State& y, const P& duration) {
+  Mask on = Lanes::none();
+  for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
+    if (!crosses(m)) return;
+    const Mask here = running_ & (abs(value_[m]) <= on_surface * natural_size(m, y));
+    if (!any(here)) return;
+    stop(here & on, Status::two_jumps);
+    on = on | here;
+    Side held = side_;
+    held[m] = select(here, P(0.0), side_[m]);
+    const BothSides<Equation> at(f_, y, held);
+    const Mask up = here & (at.r_plus > P(0.0)) & (at.r_minus > P(0.0)),
+               down = here & (at.r_plus < P(0.0)) & (at.r_minus < P(0.0)), rests = here & at.holds();
+    side_[m] = select(up, P(1.0), select(down, P(-1.0), select(rests, P(0.0), side_[m])));
+    value_[m] = select(here, P(0.0), value_[m]);
+    stop(here & !(up | down | rests), Status::on_jump);
+    outcome_.starts_on_jump = outcome_.starts_on_jump | up | down;
+  });
+  slide_ = any(any_slides<P>(f_, side_) & running_);
+  derivative(y, stage_[0]);
+  rate_ = f_.surface_rates(y, stage_[0]);
+  if (slide_) watch_hold(on, y, 1e-5 * duration);
+}
+
+// How fast what holds a slide changes, by a central difference along the trajectory.
+template <class Equation, class Method>
+auto Integrator<Equation, Method>::hold_rate(const State& x, const State& rates, const P& span) const -> P {
+  State before = x, after = x;
+  const P by = hold_span * span;
+  for_each_index(f_.states, [&](auto i) {
+    before[i] -= by * rates[i];
+    after[i] += by * rates[i];
+  });
+  return (BothSides<Equation>(f_, after, side_).hold() - BothSides<Equation>(f_, before, side_).hold()) / (2.0 * by);
+}
+
+// Of a step's end on a slide: back onto the surface, off which rounding and the step's error have brought it. What is watched
+// is not h, which is zero, but what holds the trajectory there.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::hold(const State& middle, Surfaces& middle_value) {
+  const BothSides<Equation> at(f_, end_, side_), half(f_, middle, side_);
+  const P rate = hold_rate(end_, stage_[last], step_);
+  for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
+    const Mask on = slides(side_[m]);
+    const P back = select(on & at.holds(), end_value_[m] / (at.r_plus - at.r_minus), P(0.0));
+    for_each_index(f_.states, [&](auto i) { end_[i] -= back * (at.plus[i] - at.minus[i]); });
+    middle_value[m] = select(on, half.hold(), middle_value[m]);
+    end_value_[m] = select(on, at.hold(), end_value_[m]);
+    end_rate_[m] = select(on, rate, end_rate_[m]);
+  });
+}
+
+// Of the start of a step on a slide, in these lanes.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::watch_hold(const Mask& lanes, const State& y, const P& span) {
+  const BothSides<Equation> at(f_, y, side_);
+  const P rate = hold_rate(y, stage_[0], span);
+  for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
+    const Mask on = lanes & slides(side_[m]);
+    value_[m] = select(on, at.hold(), value_[m]);
+    rate_[m] = select(on, rate, rate_[m]);
+  });
+}
+
+// A step may end next to several surfaces: the first one is landed on, the others are met from there.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::land_on_first(const Mask& taken, const P& duration) {
+  Mask by_jump = Lanes::none();
+  P first(infinity), count(0.0);
+  const auto when = [&](auto m) {
+    const P newton = -end_value_[m] / end_rate_[m];
+    return select(landed_[m] & taken, select(abs(newton) < P(infinity), newton, P(0.0)), P(infinity));
+  };
+  for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { by_jump = by_jump | (landed_[m] & taken); });
+  for_each_index(Count<0>{}, f_.kinks_end, [&](auto m) { first = min(first, when(m)); });
+  for_each_index(Count<0>{}, f_.kinks_end, [&](auto m) {
+    const P time = when(m);
+    count += select(time <= first + tolerance_.relative * duration, P(1.0), P(0.0));
+    landed_[m] = landed_[m] & !(by_jump & (time > first));
+  });
+  stop(by_jump & (count > P(1.5)), Status::two_jumps);
+}
+
+// Lanes that have landed on jump m go through it, or slide along it; lanes that slid on it leave by the side that opens.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::pass_jump(auto m, const Mask& lanes, const State& y) {
+  const P zero(0.0), side = side_[m];
+  const Mask leaves = lanes & slides(side), arrives = lanes & !slides(side);
+  P rate[2];  // of h on the sides 1 and -1
+  Side tried = side_;
+  State rates;
+  fit(rates, f_.states);
+  for (const int which : {0, 1}) {
+    tried[m] = select(lanes, P(1.0 - 2.0 * which), side);
+    slide_ ? derivative_sliding(y, tried, rates) : f_.derivative(y, tried, rates);
+    rate[which] = f_.surface_rates(y, rates)[m];
+  }
+  const P before = side * select(side > zero, rate[0], rate[1]), behind = side * select(side > zero, rate[1], rate[0]);
+  const Mask comes = arrives & (before < zero), through = comes & (behind < zero), held = comes & (behind > zero);
+  stop(arrives & !(through | held), Status::grazes_jump);
+  stop(held & any_slides<P>(f_, side_), Status::two_jumps);
+  side_[m] = select(through, -side, select(held, zero, side));
+  side_[m] = select(leaves, select(abs(rate[0]) < abs(rate[1]), P(1.0), P(-1.0)), side_[m]);
+  leaving_[m] = leaving_[m] | leaves;
+  turns_ += select(lanes, P(1.0), zero);
+  slide_ = any(any_slides<P>(f_, side_) & running_);
+}
+
+// Behind a jump, what another slide is held by may be gone.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::check_slides(const Mask& lanes, const State& y) {
+  const BothSides<Equation> at(f_, y, side_);
+  const Mask up = (at.r_plus > P(0.0)) & (at.r_minus > P(0.0)), down = (at.r_plus < P(0.0)) & (at.r_minus < P(0.0));
+  stop(lanes & any_slides<P>(f_, side_) & !(at.holds() | up | down), Status::two_jumps);
+  for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
+    const Mask here = lanes & slides(side_[m]);
+    side_[m] = select(here & up, P(1.0), select(here & down, P(-1.0), side_[m]));
+  });
+  slide_ = any(any_slides<P>(f_, side_) & running_);
+}
+
+// What changes of the states by their natural sizes make of h.
+template <class Equation, class Method>
+auto Integrator<Equation, Method>::natural_size(auto m, const State& y) const -> P {
+  State one;
+  fit(one, f_.states);
+  one.fill(P(0.0));
+  P size(0.0);
+  for_each_index(f_.states, [&](auto i) {
+    one[i] = P(1.0 / f_.inverse_scale(i));
+    size += abs(f_.surface_rates(y, one)[m]);
+    one[i] = P(0.0);
+  });
+  return size;
+}
+
+// Where a trajectory turns back so near to a jump that the tolerance cannot tell whether it has crossed it.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::stop_grazing(auto m, const Mask& lanes, const State& y) {
+  const Quartic<P>& h = along_[m];
+  const P nearest = min(min(h.b0, h.b4), h.least_inside());
+  stop(lanes & !slides(side_[m]) & (nearest <= tolerance_.relative * natural_size(m, y)), Status::grazes_jump);
+}
+
+// Next to a jump at its end a trajectory may have crossed it or not.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::note_end(const P& duration) {
+  const P time = next_to_jump * tolerance_.relative * duration;
+  for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
+    if (f_.dependence.switching_depends(m))
+      outcome_.ends_on_jump = outcome_.ends_on_jump | (!slides(side_[m]) & (abs(value_[m]) <= time * abs(rate_[m])));
+  });
+}
+
+}  // namespace fisherpoint

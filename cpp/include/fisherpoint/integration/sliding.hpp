@@ -1,0 +1,75 @@
+// Sliding along a jump, where f points at it from both sides (Filippov): with f+ and f- on the sides of h = 0 and r = h_x f,
+//
+//     x' = f- + a (f+ - f-),    a = r- / (r- - r+),
+//
+// keeps h' = 0, as long as r+ < 0 < r-. A trajectory's side is 0 on the jump that it slides on; it slides on one at a time.
+#pragma once
+
+#include "fisherpoint/models/dependence.hpp"
+#include "fisherpoint/numbers/lanes.hpp"
+#include "fisherpoint/numbers/pack.hpp"
+#include "fisherpoint/numbers/unroll.hpp"
+
+namespace fisherpoint {
+
+template <class P>
+mask_of_lanes<P> slides(const P& side) {
+  return abs(side) < P(0.5);
+}
+
+// The lanes that slide on any jump.
+template <class P>
+mask_of_lanes<P> any_slides(const auto& shape, const auto& side) {
+  auto found = lanes_of<P>::none();
+  for_each_index(Count<0>{}, shape.jumps_end, [&](auto m) { found = found | slides<P>(side[m]); });
+  return found;
+}
+
+// The sides with `side` in the place of 0.
+template <class P, class Sides>
+Sides beside(const auto& shape, Sides sides, double side) {
+  for_each_index(Count<0>{}, shape.jumps_end, [&](auto m) { sides[m] = select(slides<P>(sides[m]), P(side), sides[m]); });
+  return sides;
+}
+
+// f on both sides of the jump that each lane slides on, and how fast h changes there. Lanes that slide on none have the same f
+// twice, and rates of 0.
+template <class Equation>
+class BothSides {
+  using P = typename Equation::Number;
+  using State = typename Equation::State;
+  using Side = typename Equation::Side;
+
+ public:
+  State plus, minus;
+  P r_plus{0.0}, r_minus{0.0};
+
+  BothSides(const Equation& f, const State& x, const Side& side) {
+    fit(plus, f.states);
+    fit(minus, f.states);
+    f.derivative(x, beside<P>(f, side, 1.0), plus);
+    f.derivative(x, beside<P>(f, side, -1.0), minus);
+    const auto up = f.surface_rates(x, plus), down = f.surface_rates(x, minus);
+    for_each_index(Count<0>{}, f.jumps_end, [&](auto m) {
+      const auto here = slides<P>(side[m]);
+      r_plus = select(here, up[m], r_plus);
+      r_minus = select(here, down[m], r_minus);
+    });
+  }
+
+  auto holds() const { return (r_plus < P(0.0)) & (r_minus > P(0.0)); }
+
+  // Positive while it slides: -r+ r-, and negative where f points away on both sides too.
+  P hold() const {
+    const P product = -(r_plus * r_minus);
+    return select(r_plus < r_minus, product, -abs(product));
+  }
+
+  void slide(const Equation& f, const Side& side, State& rates) const {
+    const auto on = any_slides<P>(f, side);
+    const P share = select(on, r_minus / (r_minus - r_plus), P(0.0));
+    for_each_index(f.states, [&](auto i) { rates[i] = select(on, minus[i] + share * (plus[i] - minus[i]), plus[i]); });
+  }
+};
+
+}  // namespace fisherpoint
