@@ -8,13 +8,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ..basics.checks import as_float, as_positive, as_sequence, check_known
+from ..basics.formulas import ARGUMENTS
 from ..basics.messages import shown
 from ..basics.quantity import LONGEST_NAME, Quantity
 from ..basics.units import check_unit
 from .base import Model
-from .functions import NAMES
 
-RESERVED = (*NAMES, "pi", "dt")
+RESERVED = (*ARGUMENTS, "pi", "dt")
 
 Described = Mapping[Any, Any] | Iterable[Any]
 
