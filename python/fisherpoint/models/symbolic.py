@@ -10,7 +10,7 @@ from typing import Any
 
 import sympy
 
-from ..basics.checks import as_float, as_sequence, check_known, check_mapping
+from ..basics.checks import as_float, as_sequence, by_name, check_known
 from ..basics.messages import listed, shown
 from ..basics.quantity import Quantity, names_of
 from ..basics.values import Array, FrozenMapping
@@ -83,7 +83,7 @@ class SymbolicModel(Model):
         self.outputs = quantities_of(_default_outputs(len(given_g)) if outputs is None else outputs, "outputs")
         self._constants = FrozenMapping(values)
         self._check_quantities()
-        self.nominal = FrozenMapping(_checked_nominal(nominal, names_of(self.parameters)))
+        self.nominal = by_name(nominal, names_of(self.parameters), "nominal", as_float)
 
         _check_count(given_f, "f", self.states)
         _check_count(given_g, "g", self.outputs)
@@ -333,12 +333,6 @@ def _check_count(given: list[Any], place: str, quantities: tuple[Quantity, ...])
     if len(given) != len(quantities):
         one_for_each = f", one for each of {listed(names_of(quantities))}" if quantities else ""
         raise ValueError(f"{place}: expected {len(quantities)} equations{one_for_each}; given {len(given)}")
-
-
-def _checked_nominal(nominal: Mapping[str, float] | None, names: tuple[str, ...]) -> dict[str, float]:
-    given = {} if nominal is None else check_mapping(nominal, "nominal")
-    check_known(given, names, "nominal", "the names")
-    return {name: as_float(given[name], f"nominal[{name!r}]") for name in names if name in given}
 
 
 def _equation(given: Any, symbols: Mapping[str, Any], place: str) -> Any:

@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.checks import (
-    as_float,
     as_floats,
     as_generator,
     as_sequence,
+    by_name,
     check_flag,
     check_mapping,
-    check_name,
     check_names,
     check_positive_int,
     check_type,
@@ -51,30 +50,18 @@ class ExperimentRegion:
     """
 
     def __init__(self, bounds: Mapping[str, Sequence[float]], constraints: Iterable[Constraint] = ()) -> None:
-        check_mapping(bounds, "region", "(lower, upper)")
-        checked: dict[str, tuple[float, float]] = {}
-        for name, pair in bounds.items():
-            check_name(name, "region")
-            array = as_floats(pair, f"region[{shown(name)}]")
-            if array.shape != (2,):
-                raise ValueError(f"region[{shown(name)}]: expected a pair (lower, upper), given {shown(pair)}")
-            lower, upper = (as_float(bound, f"region[{shown(name)}]") for bound in pair)
-            if lower > upper:
-                raise ValueError(f"region[{name!r}]: expected lower <= upper, given ({lower:g}, {upper:g})")
-            if not np.isfinite(upper - lower):
-                raise ValueError(f"region[{name!r}]: expected a finite width, given ({lower:g}, {upper:g})")
-            checked[name] = (lower, upper)
-        if "dt" in checked and not checked["dt"][0] > 0:
-            raise ValueError(f"region['dt']: expected positive durations in s, given the lower bound {checked['dt'][0]:g}")
+        given = check_mapping(bounds, "region", "(lower, upper)")
+        self.bounds: Mapping[str, tuple[float, float]] = by_name(given, None, "region", _pair)
+        if "dt" in self.bounds and not self.bounds["dt"][0] > 0:
+            raise ValueError(f"region['dt']: expected positive durations in s, given the lower bound {self.bounds['dt'][0]:g}")
         if isinstance(constraints, str) or callable(constraints):
             constraints = (constraints,)
-        self.bounds: Mapping[str, tuple[float, float]] = FrozenMapping(checked)
         self.constraints: tuple[Constraint, ...] = as_sequence(constraints, "constraints", "texts and functions")
         for constraint in self.constraints:
             if not isinstance(constraint, str) and not callable(constraint):
                 raise TypeError(f"constraints: expected texts and functions, given {shown(constraint)}")
         self._holds: list[Callable[[Mapping[str, Array]], NDArray[np.bool_]]] = [
-            parse_constraint(c, checked) if isinstance(c, str) else c for c in self.constraints
+            parse_constraint(c, self.bounds) if isinstance(c, str) else c for c in self.constraints
         ]
 
     def check(self, model: Model) -> None:
@@ -170,3 +157,16 @@ class ExperimentRegion:
 
     def __repr__(self) -> str:
         return f"ExperimentRegion({dict(self.bounds)!r}, constraints={list(self.constraints)!r})"
+
+
+def _pair(given: Sequence[float], label: str) -> tuple[float, float]:
+    """Bounds of a coordinate."""
+    array = as_floats(given, label)
+    if array.shape != (2,):
+        raise ValueError(f"{label}: expected a pair (lower, upper), given {shown(given)}")
+    lower, upper = array.tolist()
+    if lower > upper:
+        raise ValueError(f"{label}: expected lower <= upper, given ({lower:g}, {upper:g})")
+    if not np.isfinite(upper - lower):
+        raise ValueError(f"{label}: expected a finite width, given ({lower:g}, {upper:g})")
+    return lower, upper

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..basics.checks import as_float, check_known
+from ..basics.checks import as_float, by_name
 from ..basics.messages import shown
 from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
@@ -137,8 +137,7 @@ def truths_of(problem: DesignProblem, theta: str | Mapping[str, float], count: i
         raise ValueError(f"theta: expected 'prior', 'mean' or a mapping of names to values, given {shown(theta)}")
     values = dict(problem.prior.mean)
     if isinstance(theta, Mapping):
-        check_known(theta, values, "theta")
-        values |= {name: as_float(value, f"theta[{name!r}]") for name, value in theta.items()}
+        values |= by_name(theta, values, "theta", as_float)
     for name in (name for name in problem.prior.log if not values[name] > 0):
         raise ValueError(f"theta[{name!r}]: expected a positive value of a log-normal parameter, given {values[name]!r}")
     return np.tile(problem.model.theta(values), (count, 1)), 0

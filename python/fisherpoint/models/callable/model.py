@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...basics.checks import as_float, check_known, check_mapping, check_name
+from ...basics.checks import as_float, by_name
 from ...basics.messages import shown
 from ...basics.quantity import names_of
 from ...basics.values import Array, FrozenMapping
@@ -77,15 +77,12 @@ class CallableModel(Model):
         for kind in ("parameters", "outputs"):
             if not getattr(self, kind):
                 raise ValueError(f"{kind}: expected at least one, given none")
-        own = names_of(self.parameters)
-        usual = {} if nominal is None else check_mapping(nominal, "nominal")
-        check_known(usual, own, "nominal", "the names")
-        self.nominal = FrozenMapping({key: as_float(value, f"nominal[{key!r}]") for key, value in usual.items()})
+        self.nominal = by_name(nominal, names_of(self.parameters), "nominal", as_float)
         if (f is None) != (not self.states):
             raise TypeError(f"f: expected {'a function' if self.states else 'None for a model without states'}, given {shown(f)}")
         self.f, self.g = f, g
         named = {"jumps": jumps, "kinks": kinks, "domain": domain}
-        self._given = tuple(_functions_of(given, kind) for kind, given in named.items())
+        self._given = tuple(by_name(given, None, kind, _checked_function) for kind, given in named.items())
         self.jumps, self.kinks, self.domain = (tuple(of) for of in self._given)
         self.core.check()
 
@@ -155,12 +152,10 @@ class CallableModel(Model):
         )
 
 
-def _functions_of(given: Mapping[str, Function] | None, kind: str) -> FrozenMapping[Function]:
-    functions = {} if given is None else check_mapping(given, kind, "functions")
-    for name, function in functions.items():
-        if not callable(function):
-            raise TypeError(f"{kind}[{shown(name)}]: expected a function of x, u, p, given {shown(function)}")
-    return FrozenMapping({check_name(name, kind): function for name, function in functions.items()})
+def _checked_function(given: Function, label: str) -> Function:
+    if not callable(given):
+        raise TypeError(f"{label}: expected a function of x, u, p, given {shown(given)}")
+    return given
 
 
 class _Shifted:
