@@ -187,8 +187,7 @@ def _held_likelihood(fit: FitStatistics, j: int) -> _Minimum:
         return covariance + np.eye(len(least)) * short[:, :, None], response.status == 0
 
     def likelihood(z: Array, covariance: Array) -> Array:
-        twice: Array = likelihood_deviance(covariance, measured, full) + problem.prior_square(z)
-        return twice
+        return likelihood_deviance(covariance, measured, full) + problem.prior_square(z)
 
     at_fit, _ = covariance_at(fit.z[None])
     least_likelihood = likelihood(fit.z[None], at_fit)

@@ -29,8 +29,7 @@ def residual_covariance(residuals: Array) -> Array:
     measured = np.isfinite(residuals).astype(np.float64)
     filled = np.nan_to_num(residuals)
     count = np.maximum(measured.transpose(0, 2, 1) @ measured, 1.0)
-    covariance: Array = filled.transpose(0, 2, 1) @ filled / count
-    return covariance
+    return filled.transpose(0, 2, 1) @ filled / count
 
 
 def likelihood_deviance(covariance: Array, measured: NDArray[np.bool_], full: bool) -> Array:

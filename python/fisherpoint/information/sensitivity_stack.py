@@ -72,8 +72,7 @@ class Stack:
         by_theta, by_start = np.split(self.tight, [len(self.names)], axis=2)
         undone = -by_theta @ (direction / self.size)
         moves = [np.linalg.lstsq(n, y, rcond=1e-7)[0] for n, y in zip(by_start, undone, strict=True)]
-        changes: Array = np.array(moves).reshape(self.x0.shape) / np.where(self.x0 != 0, self.x0, 1.0)
-        return changes
+        return np.array(moves).reshape(self.x0.shape) / np.where(self.x0 != 0, self.x0, 1.0)
 
 
 class Sampler:
