@@ -91,7 +91,7 @@ class Record:
         """Write one row per sample: t, the inputs, and the outputs as ``y_<name>``, empty where not measured. x0 is not written."""
         self.check(model)
         header = ("t", *names_of(model.inputs), *(f"y_{name}" for name in names_of(model.outputs)))
-        write_whole(path, csv_text(header, np.column_stack([self.t, self.u, self.y])))
+        write_whole(path, csv_text(header, np.column_stack([self.t, self.u, self.y]).tolist()))
 
     @classmethod
     def from_csv(cls, path: str | Path, model: Model, *, x0: Mapping[str, float] | None = None) -> Record:

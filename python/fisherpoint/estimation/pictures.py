@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,9 @@ from numpy.typing import NDArray
 
 from ..basics.quantity import Quantity
 from ..data import Measurements
+from ..show import style
 from ..show.correlation import draw_correlation
-from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, save_figure, scale
+from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, scale
 from .profile_curve import OPEN, ProfileCurve
 from .statistics import FitStatistics
 
@@ -218,22 +220,14 @@ PLOTS: dict[str, Callable[[FitStatistics], Figure]] = {
 
 def save_all(fit: FitStatistics, directory: str | Path, profiles: Sequence[ProfileCurve] = ()) -> list[Path]:
     """Write every picture that the fit has something to show in, as PNG, into an existing directory; return the files."""
-    plots: dict[str, Callable[[], Figure]] = {
-        "parity": lambda: plot_parity(fit),
-        "residuals": lambda: plot_residuals(fit),
-    }
-    if any(not isinstance(part, Measurements) for part in fit.data):
-        plots["time"] = lambda: plot_time(fit)
-    if len(fit.parameters) > 1:
-        plots["correlation"] = lambda: plot_correlation(fit)
-        plots["ellipses"] = lambda: plot_ellipses(fit)
+    plots: dict[str, Callable[[], Figure]] = {name: partial(plot, fit) for name, plot in PLOTS.items()}
+    if all(isinstance(part, Measurements) for part in fit.data):
+        del plots["time"]
+    if len(fit.parameters) == 1:
+        del plots["correlation"], plots["ellipses"]
     if profiles:
         plots["profiles"] = lambda: plot_profiles(profiles)
-    paths = []
-    for name, plot in plots.items():
-        paths.append(Path(directory) / f"{name}.png")
-        save_figure(plot(), paths[-1])
-    return paths
+    return style.save_all(plots, directory)
 
 
 def _grid(count: int, width: float, height: float) -> tuple[Figure, list[Axes]]:

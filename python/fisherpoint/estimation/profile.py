@@ -23,7 +23,15 @@ from .least_squares import CONVERGED, NOT_EVALUABLE, Residuals, minimise
 from .precision import Precision
 from .profile_curve import BOUND, FAILED, FOUND, OPEN, ProfileCurve
 from .statistics import FitStatistics
-from .unknown_noise import MAX_ROUNDS, correlations_can_be_told, floor, likelihood_deviance, residual_covariance
+from .unknown_noise import (
+    MAX_ROUNDS,
+    above_floor,
+    correlations_can_be_told,
+    floor,
+    likelihood_deviance,
+    relative_change,
+    residual_covariance,
+)
 from .unknowns import FARTHEST
 from .weighting import WeightedResiduals
 
@@ -182,9 +190,7 @@ def _held_likelihood(fit: FitStatistics, j: int) -> _Minimum:
 
     def covariance_at(z: Array) -> tuple[Array, NDArray[np.bool_]]:
         response = problem.observed.respond(problem.unknowns.values(z))
-        covariance = residual_covariance(problem.y - response.y) * keep
-        short = np.maximum(least - np.einsum("bii->bi", covariance), 0.0)
-        return covariance + np.eye(len(least)) * short[:, :, None], response.status == 0
+        return above_floor(residual_covariance(problem.y - response.y) * keep, least), response.status == 0
 
     def likelihood(z: Array, covariance: Array) -> Array:
         return likelihood_deviance(covariance, measured, full) + problem.prior_square(z)
@@ -203,10 +209,9 @@ def _held_likelihood(fit: FitStatistics, j: int) -> _Minimum:
             z[active], cost, converged[active] = _minimum(weighted, j, z[active], 0.0, EVALUATIONS)
             ok[active] = np.isfinite(cost)
             update, _ = covariance_at(z[active])
-            scale = np.sqrt(np.einsum("bii->bi", covariance[active]))
-            change = np.abs(update - covariance[active]) / (scale[:, :, None] * scale[:, None, :])
+            change = relative_change(update, covariance[active])
             covariance[active] = update
-            active = active[ok[active] & ((change.max(axis=(1, 2)) > SETTLED) | ~converged[active])]
+            active = active[ok[active] & ((change > SETTLED) | ~converged[active])]
         return z, np.where(ok, likelihood(z, covariance) - least_likelihood, np.inf), converged
 
     return deviance

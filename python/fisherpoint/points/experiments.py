@@ -152,7 +152,7 @@ def points_csv(points: Experiments, model: Model | None) -> str:
     if columns is None:
         columns = _places(*given)
     header = (*columns, "dt") if given[0] else columns
-    return csv_text(header, points.table[:, : len(header)])
+    return csv_text(header, points.table[:, : len(header)].tolist())
 
 
 def _checked_columns(given: tuple[str, ...], count: int) -> tuple[str, ...]:

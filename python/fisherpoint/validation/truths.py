@@ -11,6 +11,7 @@ from ..basics.checks import as_float, by_name
 from ..basics.messages import shown
 from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
+from ..data.record_trajectory import first_failure
 from ..estimation.response import sensible
 from ..information.assumed import Assumed, assumed_of
 from ..information.problem import DesignProblem
@@ -105,9 +106,7 @@ class Rig:
             many = points[np.tile(np.arange(n_points), count)[rows]]
             done = simulate(model, many, true[rows], rtol=TRUTH_RTOL, threads=threads)
             y[rows], status[rows] = done.y, done.status
-        of_runs = status.reshape(count, n_points)
-        worst = of_runs[np.arange(count), np.argmax(of_runs != Status.ok, axis=1)]
-        return y.reshape(count, n_points, -1) + noise, worst
+        return y.reshape(count, n_points, -1) + noise, first_failure(status.reshape(count, n_points))
 
 
 @dataclass(frozen=True, eq=False)
