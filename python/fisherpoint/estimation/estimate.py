@@ -160,7 +160,7 @@ def estimate(
         evaluations=found.evaluations,
         starts=len(z0),
         reached=found.reached,
-        problem=found.residuals,
+        weighted=found.residuals,
     )
     return fit if fit.noise_known else _with_unbiased_noise(fit)
 
@@ -228,4 +228,4 @@ def _with_unbiased_noise(fit: Fit) -> Fit:
         )
     counts = np.isfinite(fit.residuals).sum(axis=0)
     covariance = unbiased(fit.noise_covariance[None], fit.output_degrees_of_freedom[None], counts)[0]
-    return replace(fit, noise_covariance=covariance, problem=replace(fit.problem, covariance=covariance))
+    return replace(fit, noise_covariance=covariance, weighted=replace(fit.weighted, covariance=covariance))

@@ -127,7 +127,7 @@ def plot_ellipses(fit: FitStatistics, level: float = 0.95) -> Figure:
 
     The quantile is that of chi-square with two degrees of freedom; where the noise was estimated, twice that of F.
     """
-    names, unknowns, told = fit.parameters, fit.problem.unknowns, fit.precision.determined
+    names, unknowns, told = fit.parameters, fit.weighted.unknowns, fit.precision.determined
     pairs = [pair for pair in combinations(range(len(names)), 2) if told[list(pair)].all()]
     pairs = sorted(sorted(pairs, key=lambda pair: -abs(fit.correlation[pair]))[:MOST_PAIRS])
     degrees = np.array(list(fit.quantile_degrees_of_freedom.values()))

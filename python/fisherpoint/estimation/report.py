@@ -41,7 +41,7 @@ def headline(fit: FitStatistics) -> str:
     count, samples = int(np.isfinite(fit.residuals).sum()), len(fit.residuals)
     kind = "least squares" if len(fit.tests) == 1 else "least log det of the residual covariance (10)"
     kind = "weighted least squares" if fit.noise_known else kind
-    if fit.problem.prior_factor is not None:
+    if fit.weighted.prior_factor is not None:
         kind = f"maximum a posteriori, {'noise given' if fit.noise_known else 'noise estimated'}"
     unknowns = counted(len(fit.parameters), "unknown")
     return f"Fit of {fit.model.name}: {unknowns} from {counted(count, 'number')} in {counted(samples, 'sample')}, {kind}"
@@ -50,7 +50,7 @@ def headline(fit: FitStatistics) -> str:
 def sections(fit: FitStatistics, level: float = 0.95) -> Iterator[Section]:
     """The tables: unknowns, outputs, and noise beside residuals."""
     yield _unknowns(fit, level)
-    if fit.prior is not None and fit.problem.prior_factor is not None:
+    if fit.prior is not None and fit.weighted.prior_factor is not None:
         yield _beside_prior(fit, fit.prior)
     yield _outputs(fit)
     if len(fit.tests) > 1 and not fit.noise_known:
@@ -111,7 +111,7 @@ def _beside_numerical_error(fit: FitStatistics) -> Iterator[str]:
     """Outputs of which the estimated noise is hardly larger than the numerical error of what is fitted."""
     if fit.noise_known:
         return
-    observed, stds = fit.problem.observed, np.sqrt(np.diag(fit.noise_covariance))
+    observed, stds = fit.weighted.observed, np.sqrt(np.diag(fit.noise_covariance))
     for name, i in ((name, names_of(fit.model.outputs).index(name)) for name in fit.tests):
         error = max(observed.precision * float(np.sqrt(np.nanmean(np.square(observed.y[:, i])))), TINY**0.5)
         if stds[i] > NUMERICAL * error:

@@ -66,6 +66,8 @@ class DesignProblem:
 
     Attributes
     ----------
+    estimated : tuple of str
+        `parameters` as they are in any case: names in the model's order, also where none were given.
     derived : tuple of str
         Options that were not given: `output_covariance` and `parameters` follow from the others then.
 
