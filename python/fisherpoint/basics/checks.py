@@ -284,12 +284,7 @@ def some_names_among(given: Iterable[str], known: tuple[str, ...], label: str) -
 
 
 def by_name(
-    given: Any,
-    known: Iterable[str] | None,
-    label: str,
-    check: Callable[[Any, str], Checked],
-    *,
-    complete: bool = False,
+    given: Any, known: Iterable[str] | None, label: str, check: Callable[[Any, str], Checked], *, complete: bool = False
 ) -> FrozenMapping[Checked]:
     """Return what `check`, such as `as_float` or `as_std`, makes of each value of a mapping of names.
 

@@ -21,16 +21,6 @@ from .evaluated import Evaluated
 from .found import FoundDesign
 from .pictures_points import plot_points, plot_trajectories
 
-__all__ = [
-    "plot_correlation",
-    "plot_criterion",
-    "plot_of",
-    "plot_points",
-    "plot_standard_errors",
-    "plot_trajectories",
-    "save_all",
-]
-
 
 def plot_criterion(design: FoundDesign) -> Figure:
     """log det F over the iterations of the exchange, with the references where they are of the same D."""

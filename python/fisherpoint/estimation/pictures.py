@@ -23,17 +23,6 @@ from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, scale
 from .profile_curve import OPEN, ProfileCurve
 from .statistics import FitStatistics
 
-__all__ = [
-    "ellipse",
-    "plot_correlation",
-    "plot_ellipses",
-    "plot_parity",
-    "plot_profiles",
-    "plot_residuals",
-    "plot_time",
-    "save_all",
-]
-
 MANY = 150
 """Samples from which on they are drawn as small dots."""
 

@@ -18,8 +18,6 @@ from ..basics.formulas import ARGUMENTS
 from ..basics.messages import shown
 from .tape.parts import cases, check_size
 
-__all__ = ["FUNCTIONS", "heaviside", "sign", "sqrt", "tanh", "where"]
-
 heaviside, sign, sqrt, tanh = sympy.Heaviside, sympy.sign, sympy.sqrt, sympy.tanh
 
 

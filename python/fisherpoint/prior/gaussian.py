@@ -7,16 +7,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..basics.checks import (
-    LARGEST_STD,
-    as_float,
-    as_floats_of_shape,
-    as_sequence,
-    as_std,
-    by_name,
-    check_known,
-    names_among,
-)
+from ..basics.checks import LARGEST_STD, as_float, as_floats_of_shape, as_sequence, as_std, by_name, check_known, names_among
 from ..basics.messages import listed
 from ..basics.values import Array, FrozenMapping
 
