@@ -194,6 +194,16 @@ def as_sequence(given: Any, name: str, what: str) -> tuple[Any, ...]:
     return entries
 
 
+def as_parts(given: Any, kind: type) -> tuple[Any, ...]:
+    """Return what is to be joined: one or more of a kind."""
+    parts = as_sequence(given, "parts", kind.__name__)
+    if not parts:
+        raise ValueError("parts: expected at least one, given none")
+    for k, part in enumerate(parts):
+        check_type(part, kind, f"parts[{k}]")
+    return parts
+
+
 def as_index(index: Any, count: int, name: str) -> slice | NDArray[Any]:
     """Return which of `count` rows are meant, as numpy takes it: a slice, places, or a flag for each row.
 

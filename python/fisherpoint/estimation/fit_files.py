@@ -13,7 +13,7 @@ from ..basics.csv_table import csv_text
 from ..basics.files import built_from, parse_json, read_bytes, sealed_json, write_together
 from ..basics.quantity import names_of
 from . import report
-from .fit_state import fit_from_state, fit_state
+from .fit_state import PLAIN, fit_from_state, fit_state
 from .statistics import FitStatistics
 
 FORMAT, FORMAT_VERSION = "fisherpoint fit", 1
@@ -53,7 +53,6 @@ def fit_dict(fit: FitStatistics) -> dict[str, Any]:
             "correlation": fit.correlation,
             "information": fit.information,
             "outputs": outputs,
-            "noise_known": fit.noise_known,
             "noise_covariance": fit.noise_covariance,
             "residual_covariance": fit.residual_covariance,
             "chi_square": fit.chi_square,
@@ -63,11 +62,7 @@ def fit_dict(fit: FitStatistics) -> dict[str, Any]:
             "weak_directions": list(fit.weak_directions),
             "at_bounds": list(fit.at_bounds),
             "warnings": list(report.warnings(fit)),
-            "converged": fit.converged,
-            "message": fit.message,
-            "evaluations": fit.evaluations,
-            "starts": fit.starts,
-            "reached": fit.reached,
+            **{name: getattr(fit, name) for name in PLAIN},
         }
     )
     return plain

@@ -23,6 +23,9 @@ from .weighting import WeightedResiduals
 BOUNDS = {"lower": -np.inf, "upper": np.inf}
 """What null stands for in JSON."""
 
+PLAIN = {"noise_known": bool, "converged": bool, "message": str, "evaluations": int, "starts": int, "reached": int}
+"""Fields of a fit that JSON has as they are."""
+
 
 def fit_state(fit: FitStatistics) -> dict[str, Any]:
     """All that is not computed from the rest; a TypeError for a model of functions, which no file can hold."""
@@ -43,13 +46,8 @@ def fit_state(fit: FitStatistics) -> dict[str, Any]:
             **{side: finite_or_none(getattr(unknowns, side)) for side in BOUNDS},
         },
         "weights": fit.weighted.covariance.tolist(),
-        "noise_known": fit.noise_known,
         "noise_covariance": fit.noise_covariance.tolist(),
-        "converged": fit.converged,
-        "message": fit.message,
-        "evaluations": fit.evaluations,
-        "starts": fit.starts,
-        "reached": fit.reached,
+        **{name: getattr(fit, name) for name in PLAIN},
     }
 
 
@@ -75,14 +73,9 @@ def fit_from_state(data: dict[str, Any]) -> dict[str, Any]:
         values=values,
         predicted=response.y[0],
         residuals=observed.y - response.y[0],
-        noise_known=bool(data["noise_known"]),
         noise_covariance=_numbers(data["noise_covariance"]),
-        converged=bool(data["converged"]),
-        message=str(data["message"]),
-        evaluations=int(data["evaluations"]),
-        starts=int(data["starts"]),
-        reached=int(data["reached"]),
         weighted=weighted,
+        **{name: kind(data[name]) for name, kind in PLAIN.items()},
     )
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..basics.checks import as_floats, as_index, as_rows, as_sequence, check_alike, check_name, check_type
+from ..basics.checks import as_floats, as_index, as_parts, as_rows, as_sequence, check_alike, check_name, check_type
 from ..basics.csv_table import CsvTable, csv_text
 from ..basics.files import write_whole
 from ..basics.messages import listed, shown
@@ -78,11 +78,7 @@ class Experiments:
     @staticmethod
     def join(parts: Sequence[Experiments]) -> Experiments:
         """Return the points of all parts, one after the other."""
-        parts = as_sequence(parts, "parts", "Experiments")
-        if not parts:
-            raise ValueError("parts: expected at least one, given none")
-        for k, part in enumerate(parts):
-            check_type(part, Experiments, f"parts[{k}]")
+        parts = as_parts(parts, Experiments)
         check_alike([(part.x0.shape[1], part.u.shape[1]) for part in parts], "states and inputs")
         x0, u, dt = (np.concatenate([getattr(part, name) for part in parts]) for name in ("x0", "u", "dt"))
         return Experiments._of(x0, u, dt, parts[0].columns)
