@@ -24,7 +24,7 @@ from .surfaces.domain import MOST
 from .surfaces.printing import to_text
 from .surfaces.structure import Equations, Structure
 from .tape.parts import replaced
-from .tape.program import to_core
+from .tape.program import Program, to_core
 from .tape.programs import LIMIT
 from .text import parse_equation
 from .toml_text import equations_toml
@@ -134,6 +134,8 @@ class SymbolicModel(DescribedModel):
     @cached_property
     def _tape(self) -> Any:
         programs = self.structure.programs
+        # By the names that the core has for them too.
+        parts: dict[str, Any] = {name: to_core(of) if isinstance(of, Program) else of for name, of in vars(programs).items()}
         return _core.TapeModel(
             scales=[quantity.scale or 1.0 for quantity in self.states],
             inputs=len(self.inputs),
@@ -141,19 +143,8 @@ class SymbolicModel(DescribedModel):
             parameters=len(self.parameters),
             jumps=len(self.jumps),
             kinks=len(self.kinks),
-            poles=programs.poles,
             limits=len(self.domain),
-            rates=to_core(programs.rates),
-            output=to_core(programs.output),
-            surfaces=to_core(programs.surfaces),
-            surface_rates=to_core(programs.surface_rates),
-            rate_jacobian=to_core(programs.rate_jacobian),
-            output_jacobian=to_core(programs.output_jacobian),
-            rate_entries=programs.rate_entries,
-            output_entries=programs.output_entries,
-            varying_states=programs.varying_states,
-            varying_outputs=programs.varying_outputs,
-            varying_surfaces=programs.varying_surfaces,
+            **parts,
         )
 
     _own_core: Any | None = None

@@ -101,6 +101,12 @@ class Experiments:
         """All numbers, one row per point: x0, u, dt; shape (K, n_x + n_u + 1)."""
         return np.column_stack([self.x0, self.u, self.dt])
 
+    @classmethod
+    def of_table(cls, model: Model, table: Array) -> Experiments:
+        """Points of `model` from such rows, of which dt may be left out where there is no state."""
+        n_x, n = len(model.states), len(model.states) + len(model.inputs)
+        return cls(table[:, :n_x], table[:, n_x:n], table[:, n] if table.shape[1] > n else None, columns=_columns(model))
+
     def to_csv(self, path: str | Path, model: Model | None = None) -> None:
         """Write one row per point under a header of the state and input names and dt; every digit is kept.
 
@@ -133,9 +139,7 @@ class Experiments:
         table.read_decimal_commas(columns)
         quantities = (*model.states, *model.inputs, DURATION)
         numbers = [table.complete(quantity, name) for quantity, name in zip(quantities, columns, strict=False)]
-        rows = np.column_stack(numbers)
-        dt = rows[:, -1] if "dt" in columns else None
-        return cls(rows[:, :n_x], rows[:, n_x : n_x + n_u], dt, columns=_columns(model))
+        return cls.of_table(model, np.column_stack(numbers))
 
 
 def points_csv(points: Experiments, model: Model | None) -> str:

@@ -96,15 +96,13 @@ class ExperimentRegion:
         decades = check_flag(decades, "decades")
         count = check_positive_int(count, "count", 0, MOST_DRAWN)
         rng = as_generator(seed)
-        order, n_x, n_u = names_of(model.axes), len(model.states), len(model.inputs)
+        order = names_of(model.axes)
         lower, upper = np.array([self.bounds[name] for name in order]).T
         share = rng.random((count, len(order)))
         table = lower + (upper - lower) * share
-        if decades and n_x and upper[-1] > 10.001 * lower[-1]:
+        if decades and model.states and upper[-1] > 10.001 * lower[-1]:
             table[:, -1] = lower[-1] * (upper[-1] / lower[-1]) ** share[:, -1]
-        table = np.clip(table, lower, upper)
-        dt = table[:, -1] if n_x else None
-        return Experiments(table[:, :n_x], table[:, n_x : n_x + n_u], dt, columns=order[: n_x + n_u])
+        return Experiments.of_table(model, np.clip(table, lower, upper))
 
     def draw_near(self, model: Model, points: Experiments, *, seed: int | np.random.Generator = 0) -> Experiments:
         """Draw a point near each given one: some coordinates are moved, and those that would leave the box stay on its bounds.
@@ -113,7 +111,6 @@ class ExperimentRegion:
         often comes as close to an optimum as it can use, without a schedule of steps.
         """
         rng = as_generator(seed)
-        n_x, n_u = len(model.states), len(model.inputs)
         lower, upper = np.array([self.bounds[name] for name in names_of(model.axes)]).T
         table = points.table[:, : len(lower)].copy()
         free = np.flatnonzero(upper > lower)
@@ -123,8 +120,7 @@ class ExperimentRegion:
             moved[np.arange(len(table)), rng.integers(len(free), size=len(table))] = True
             step = reach * (upper - lower)[free] * rng.standard_normal(moved.shape)
             table[:, free] = np.clip(table[:, free] + np.where(moved, step, 0.0), lower[free], upper[free])
-        dt = table[:, -1] if n_x else None
-        return Experiments(table[:, :n_x], table[:, n_x : n_x + n_u], dt, columns=points.columns)
+        return Experiments.of_table(model, table)
 
     def satisfied(self, model: Model, points: Experiments) -> NDArray[np.bool_]:
         """Return which points satisfy all constraints, (K,)."""
