@@ -14,7 +14,7 @@ from ..basics.quantity import names_of
 from ..basics.values import FrozenMapping
 from ..models import Model
 from ..points.experiments import Experiments
-from ..points.trajectories import Status, check_rtol, check_type, simulate
+from ..points.trajectories import Status, check_rtol, check_type, failures_of, simulate
 from .measurements import Measurements
 
 MAX_POINTS = 10**8
@@ -103,7 +103,7 @@ class VirtualRig:
         true = Experiments(planned.x0 + deviation, planned.u, planned.dt, columns=planned.columns)
         done = simulate(self.model, true, self.theta, rtol=self.rtol)
         failed = done.status != Status.ok
-        counts = Counter(Status(int(code)).name for code in done.status[failed])
+        counts = failures_of(done.status)
         self._failures += counts
         reasons = ", ".join(f"{name} {count}" for name, count in counts.items())
         if failed.all():

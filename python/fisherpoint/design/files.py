@@ -77,26 +77,22 @@ def design_from_json(data: dict[str, Any]) -> dict[str, Any]:
         raise ValueError(f"drawn: expected the sum of accepted and rejected, given {data['drawn']}")
     if data["stop_reason"] not in STOP_REASONS:
         raise ValueError(f"stop_reason: expected one of {', '.join(STOP_REASONS)}; given {shown(data['stop_reason'])}")
+    efficiency: Any = data["efficiency"] and {
+        name: float(value) if isinstance(value, str) else value for name, value in data["efficiency"].items()
+    }
     return dict(
         problem=problem_from_json(data["problem"]),
         settings=settings,
         points=points_from_json(points),
         evaluation=evaluation,
         under_noise=evaluation_from_json(data["under_noise"], n_points),
-        efficiency=_efficiency_from_json(data["efficiency"]),
+        efficiency=efficiency and Efficiency(**efficiency),
         trace=tuple(TraceRecord(**{**record, "log_det": log_det_from_json(record["log_det"])}) for record in data["trace"]),
         rejected=FrozenMapping(rejected),
         n_previous=n_previous,
         previous_left_out=by_name(data.get("previous_left_out"), None, "previous_left_out", partial(check_positive_int, least=0)),
         **{name: data[name] for name in PLAIN},
     )
-
-
-def _efficiency_from_json(data: dict[str, Any] | None) -> Efficiency | None:
-    if data is None:
-        return None
-    values: dict[str, Any] = {name: float(value) if isinstance(value, str) else value for name, value in data.items()}
-    return Efficiency(**values)
 
 
 def has_points_of(design: FoundDesign, path: Path) -> bool:

@@ -136,7 +136,7 @@ def plot_ellipses(fit: FitStatistics, level: float = 0.95) -> Figure:
             curve = unknowns.values(z)[:, [i, j]]
             labels, factors = [], []
             for column, k in enumerate((i, j)):
-                factor, unit = _unit(fit, names[k], curve[:, column])
+                factor, unit = scale(Quantity(names[k], fit.units[names[k]]), curve[:, column])
                 factors.append(factor)
                 labels.append(f"{names[k]} [{unit}]" if unit != "1" else names[k])
             x, y = (factors[c] * fit.values[k] for c, k in enumerate((i, j)))
@@ -237,10 +237,6 @@ def _nothing(text: str) -> Figure:
 
 def _measured_outputs(fit: FitStatistics) -> Iterator[tuple[int, Quantity]]:
     return ((i, quantity) for i, quantity in enumerate(fit.model.outputs) if quantity.name in fit.tests)
-
-
-def _unit(fit: FitStatistics, name: str, values: Any) -> tuple[float, str]:
-    return scale(Quantity(name, fit.units[name], ""), values)
 
 
 def _joint_quantile(level: float, degrees: float) -> float:

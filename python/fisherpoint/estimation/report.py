@@ -86,11 +86,10 @@ def warnings(fit: FitStatistics) -> Iterator[str]:
         if abs(off) > FAR_OFF:
             yield f"{name} is {abs(off):.1f} prior std from its prior mean: the prior, the model or the data may be wrong"
     for name, test in fit.tests.items():
+        per = number(test.per_degree_of_freedom, 3)
         if test.p_value is not None and test.p_value < OFF:
-            per = number(test.per_degree_of_freedom, 3)
             yield f"{name}: chi-square per degree of freedom {per}: the model or the noise of this output is wrong"
         elif test.p_value is not None and test.p_value > 1 - OFF:
-            per = number(test.per_degree_of_freedom, 3)
             yield f"{name}: chi-square per degree of freedom {per}: the noise of this output is smaller than given"
     yield from _beside_numerical_error(fit)
     for name in fit.noise_not_told:

@@ -71,7 +71,8 @@ def checked(expression: Any, symbols: Mapping[str, sympy.Symbol], place: str) ->
         _known(unknown.name, symbols, place)
     expression = replaced(expression, {part: _number(part, place) for part in parts(expression) if _is_number(part)})
     # A root that is written with a decimal number is a root all the same.
-    expression = rebuilt(expression, lambda _, now: _root(now) if _is_decimal_root(now) else now)
+    halves = sympy.Rational(1, 2)
+    expression = rebuilt(expression, lambda _, now: now.base ** (int(2 * now.exp) * halves) if _is_decimal_root(now) else now)
     for part in parts(expression):
         if part.is_Number:
             _number(part, place)
@@ -84,10 +85,6 @@ def checked(expression: Any, symbols: Mapping[str, sympy.Symbol], place: str) ->
 
 def _is_number(part: Any) -> bool:
     return bool(part.is_number and isinstance(part, sympy.Expr) and not isinstance(part, sympy.Integer | sympy.Rational))
-
-
-def _root(power: Any) -> Any:
-    return power.base ** sympy.Rational(int(2 * power.exp), 2)
 
 
 def _is_decimal_root(part: Any) -> bool:

@@ -154,15 +154,11 @@ class HydraulicCylinder(Model):
         return (self.name, *self.constants.values(), *self.smooth.items())
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return (_rebuild, (type(self), dict(self.constants), dict(self.smooth)))
+        return partial(type(self), smooth=dict(self.smooth), **self.constants), ()
 
     def __repr__(self) -> str:
         given = [f"{name}={value!r}" for name, value in self.constants.items()]
         return f"HydraulicCylinder({', '.join([*given, *([f'smooth={dict(self.smooth)}'] if self.smooth else [])])})"
-
-
-def _rebuild(kind: type[HydraulicCylinder], constants: dict[str, float], smooth: dict[str, float]) -> HydraulicCylinder:
-    return kind(smooth=smooth, **constants)
 
 
 MODELS: dict[str, type[HydraulicCylinder]] = {HydraulicCylinder.name: HydraulicCylinder}

@@ -97,7 +97,7 @@ class SymbolicModel(DescribedModel):
             tuple(rates), tuple(output), tuple(conditions), **of, constants={symbols[n]: v for n, v in self.constants.items()}
         )
         self.texts = tuple(
-            tuple(_text(e, new) for e, new in zip(given, news, strict=True))
+            tuple(e if isinstance(e, str) else to_text(new) for e, new in zip(given, news, strict=True))
             for given, news in ((given_f, rates), (given_g, output), (given_domain, conditions))
         )
         self.structure = Structure(self.equations)
@@ -273,7 +273,3 @@ def _condition(given: Any, symbols: Mapping[str, Any], place: str) -> Any:
     elif isinstance(given, sympy.StrictLessThan | sympy.LessThan):
         given = given.rhs - given.lhs
     return _equation(given, symbols, place)
-
-
-def _text(given: Any, expression: Any) -> str:
-    return given if isinstance(given, str) else to_text(expression)

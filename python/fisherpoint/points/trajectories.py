@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Mapping
 from enum import IntEnum
 from typing import NamedTuple
@@ -44,6 +45,12 @@ _ADVICE = {
     Status.not_finite: "A rate, an output or what depends on it overflowed: check constants, parameters and standard deviations.",
     Status.met_kink: "The trajectory crosses one of the model's kinks, which kinks='exclude' forbids.",
 }
+
+
+def failures_of(status: IntArray) -> Counter[str]:
+    """How many trajectories ended otherwise than ok, by the names of their statuses."""
+    counts = np.bincount(status, minlength=len(Status))
+    return Counter({Status(value).name: int(n) for value, n in enumerate(counts) if n and value != Status.ok})
 
 
 Settings = tuple[float, bool, str, int]

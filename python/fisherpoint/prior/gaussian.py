@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -162,16 +163,13 @@ class GaussianPrior:
         return hash((self._mean, self._std, frozenset(self._log)))
 
     def __reduce__(self) -> tuple[object, ...]:
-        return (_prior, (dict(self._mean), dict(self._std), self._covariance, self._log))
+        std = dict(self._std) if self._covariance is None else None
+        return partial(GaussianPrior, dict(self._mean), std, covariance=self._covariance, log=self._log), ()
 
     def __repr__(self) -> str:
         spread = f"std={dict(self._std)!r}" if self._covariance is None else f"covariance={self._covariance.tolist()!r}"
         log = f", log={list(self._log)!r}" if self._log else ""
         return f"GaussianPrior(mean={dict(self._mean)!r}, {spread}{log})"
-
-
-def _prior(mean: dict[str, float], std: dict[str, float], covariance: Array | None, log: tuple[str, ...]) -> GaussianPrior:
-    return GaussianPrior(mean, std if covariance is None else None, covariance=covariance, log=log)
 
 
 def _checked_covariance(given: ArrayLike, names: tuple[str, ...]) -> Array:

@@ -78,10 +78,6 @@ class Structure:
                 expected = "a number other than 0" if limit.pole else "a positive number"
                 raise ValueError(f"{place}{limit.name}: expected {expected}, given {given[~holds][0]:g}")
 
-    @property
-    def poles(self) -> int:
-        return sum(limit.pole for limit in self.limits)
-
     @cached_property
     def programs(self) -> Programs:
         """All programs of the model."""
@@ -95,5 +91,5 @@ class Structure:
             equations.parameters,
             [surface.side for surface in self.surfaces],
             equations.constants,
-            self.poles,
+            sum(limit.pole for limit in self.limits),
         )
