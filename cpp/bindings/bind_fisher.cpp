@@ -39,15 +39,26 @@ void check_points(const FisherAccumulator& f, const Input& s, const Input& c) {
   check_shape(c, {s.shape(0), f.outputs(), f.outputs()}, "predictive_covariance");
 }
 
-py::array_t<double> changed(const Accumulator& f, int sign, const Input& s, const Input& c, const Input& given, bool pooled,
-                            double ridge) {
-  check_points(f, s, c);
-  auto result = empty({s.shape(0)});
-  const auto count = static_cast<std::size_t>(s.shape(0));
-  const OutputCovariance d{to_matrix(given, f.outputs(), "given"), pooled};
-  double* const out = result.mutable_data();
-  f.unlocked([&] { f.log_det_changed(sign, count, s.data(), c.data(), d, ridge, out); });
-  return result;
+// Adds or removes point after point.
+auto each(void (FisherAccumulator::*change)(const double*, const double*)) {
+  return [change](Accumulator& f, const Input& s, const Input& c) {
+    check_points(f, s, c);
+    f.unlocked([&] {
+      for (py::ssize_t k = 0; k < s.shape(0); ++k) (f.*change)(s.data(k, 0, 0), c.data(k, 0, 0));
+    });
+  };
+}
+
+auto log_det_changed(int sign) {
+  return [sign](const Accumulator& f, const Input& s, const Input& c, const Input& given, bool pooled, double ridge) {
+    check_points(f, s, c);
+    auto result = empty({s.shape(0)});
+    const auto count = static_cast<std::size_t>(s.shape(0));
+    const OutputCovariance d{to_matrix(given, f.outputs(), "given"), pooled};
+    double* const out = result.mutable_data();
+    f.unlocked([&] { f.log_det_changed(sign, count, s.data(), c.data(), d, ridge, out); });
+    return result;
+  };
 }
 
 }  // namespace
@@ -70,24 +81,10 @@ void bind_fisher(py::module_& m) {
            }),
            "outputs"_a, "parameters"_a)
       .def("__len__", [](const Accumulator& f) { return f.unlocked([&] { return f.count(); }); })
-      .def(
-          "add",
-          [](Accumulator& f, const Input& s, const Input& c) {
-            check_points(f, s, c);
-            f.unlocked([&] {
-              for (py::ssize_t k = 0; k < s.shape(0); ++k) f.add(s.data(k, 0, 0), c.data(k, 0, 0));
-            });
-          },
-          "dy_dtheta"_a, "predictive_covariance"_a, "Add points: (K, n_y, p) and (K, n_y, n_y).")
-      .def(
-          "remove",
-          [](Accumulator& f, const Input& s, const Input& c) {
-            check_points(f, s, c);
-            f.unlocked([&] {
-              for (py::ssize_t k = 0; k < s.shape(0); ++k) f.remove(s.data(k, 0, 0), c.data(k, 0, 0));
-            });
-          },
-          "dy_dtheta"_a, "predictive_covariance"_a, "Remove points that were added.")
+      .def("add", each(&FisherAccumulator::add), "dy_dtheta"_a, "predictive_covariance"_a,
+           "Add points: (K, n_y, p) and (K, n_y, n_y).")
+      .def("remove", each(&FisherAccumulator::remove), "dy_dtheta"_a, "predictive_covariance"_a,
+           "Remove points that were added.")
       .def(
           "output_covariance",
           [](const Accumulator& f, const Input& given, bool pooled) {
@@ -102,20 +99,10 @@ void bind_fisher(py::module_& m) {
             return to_array(f.unlocked([&] { return f.fisher(d); }));
           },
           "output_covariance"_a, "F (p, p) by (7).")
-      .def(
-          "log_det_with",
-          [](const Accumulator& f, const Input& s, const Input& c, const Input& given, bool pooled, double ridge) {
-            return changed(f, +1, s, c, given, pooled, ridge);
-          },
-          "dy_dtheta"_a, "predictive_covariance"_a, "given"_a, "pooled"_a, "ridge"_a = 0.0,
-          "log det F with each of the points added alone.")
-      .def(
-          "log_det_without",
-          [](const Accumulator& f, const Input& s, const Input& c, const Input& given, bool pooled, double ridge) {
-            return changed(f, -1, s, c, given, pooled, ridge);
-          },
-          "dy_dtheta"_a, "predictive_covariance"_a, "given"_a, "pooled"_a, "ridge"_a = 0.0,
-          "log det F with each of the points removed alone.");
+      .def("log_det_with", log_det_changed(+1), "dy_dtheta"_a, "predictive_covariance"_a, "given"_a, "pooled"_a,
+           "ridge"_a = 0.0, "log det F with each of the points added alone.")
+      .def("log_det_without", log_det_changed(-1), "dy_dtheta"_a, "predictive_covariance"_a, "given"_a, "pooled"_a,
+           "ridge"_a = 0.0, "log det F with each of the points removed alone.");
 }
 
 }  // namespace fisherpoint::bindings

@@ -9,6 +9,5 @@ void bind_models(pybind11::module_& m);
 void bind_tape(pybind11::module_& m);
 void bind_prior_nodes(pybind11::module_& m);
 void bind_fisher(pybind11::module_& m);
-void bind_instruction_sets(pybind11::module_& m);
 
 }  // namespace fisherpoint::bindings

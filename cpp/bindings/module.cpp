@@ -1,4 +1,7 @@
+#include <pybind11/stl.h>
+
 #include "bindings.hpp"
+#include "fisherpoint/kernels/supported_levels.hpp"
 
 PYBIND11_MODULE(_core, m) {
   m.doc() = "What the core does once, whatever the instruction set: models, prior nodes, Fisher accumulator.";
@@ -6,5 +9,5 @@ PYBIND11_MODULE(_core, m) {
   fisherpoint::bindings::bind_tape(m);
   fisherpoint::bindings::bind_prior_nodes(m);
   fisherpoint::bindings::bind_fisher(m);
-  fisherpoint::bindings::bind_instruction_sets(m);
+  m.def("supported_isas", &fisherpoint::supported_levels, "Instruction-set levels that this machine has, the best last.");
 }

@@ -37,25 +37,7 @@ if TYPE_CHECKING:
     from .models import math as math
     from .models.callable.model import CallableModel
     from .models.decorator import model
-    from .models.math import abs as abs
-    from .models.math import acos as acos
-    from .models.math import asin as asin
-    from .models.math import atan as atan
-    from .models.math import atan2 as atan2
-    from .models.math import cos as cos
-    from .models.math import cosh as cosh
-    from .models.math import exp as exp
-    from .models.math import heaviside as heaviside
-    from .models.math import log as log
-    from .models.math import max as max
-    from .models.math import min as min
-    from .models.math import sign as sign
-    from .models.math import sin as sin
-    from .models.math import sinh as sinh
-    from .models.math import sqrt as sqrt
-    from .models.math import tan as tan
-    from .models.math import tanh as tanh
-    from .models.math import where as where
+    from .models.math import *  # noqa: F403  as __getattr__ has them
     from .models.symbolic import SymbolicModel
     from .models.toml import load_model
 

@@ -15,16 +15,12 @@ from fisherpoint.basics.messages import printable
 from fisherpoint.design.configuration import Config, ConfigError, load_config
 from fisherpoint.information.codec import problem_to_json
 
-from .terminal import as_file, make_directory, read_data
-
-INTERRUPTED = 130
+from .terminal import INTERRUPTED, NoPlots, Output, Quiet, Threads, as_file, make_directory, read_data
 
 
 def campaign(
     file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Model, prior, sensor noise, region and \\[campaign].")],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="DIR", help="Directory of the campaign; created if it does not exist.")
-    ],
+    output: Output,
     data: Annotated[
         Path | None,
         typer.Option(
@@ -32,9 +28,9 @@ def campaign(
             help="The measured batch: the columns of batch_<k>.csv, and y_<output> for each measured output.",
         ),
     ] = None,
-    threads: Annotated[int | None, typer.Option(min=1, metavar="N", help="Number of threads; does not change the result.")] = None,
-    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no picture.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print no report.")] = False,
+    threads: Threads = None,
+    no_plots: NoPlots = False,
+    quiet: Quiet = False,
 ) -> int:
     """Design, measure and estimate in batches, until the relative standard errors are at their targets.
 

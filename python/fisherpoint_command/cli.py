@@ -39,7 +39,21 @@ try:
 
     from .campaign import campaign
     from .estimate import estimate
-    from .terminal import as_file, check_file, make_directory, read_data, say, show
+    from .terminal import (
+        INTERRUPTED,
+        MISUSE,
+        READER_LEFT,
+        NoPlots,
+        Output,
+        Quiet,
+        Threads,
+        as_file,
+        check_file,
+        make_directory,
+        read_data,
+        say,
+        show,
+    )
     from .validate import validate
 except ModuleNotFoundError as missing:
     if (missing.name or "").startswith("fisherpoint"):
@@ -47,8 +61,6 @@ except ModuleNotFoundError as missing:
     package = (missing.name or "").partition(".")[0]
     print(f"fisherpoint: the command line needs {package}: pip install 'fisherpoint[all]'", file=sys.stderr)
     raise SystemExit(2) from None
-
-READER_LEFT, MISUSE, INTERRUPTED = 1, 2, 130
 
 app = typer.Typer(
     help="Which short experiments to run so that the parameters of a nonlinear state space model come out precise.",
@@ -77,12 +89,12 @@ def _main(
 @app.command(epilog="Example: fisherpoint design examples/cylinder.toml -o run/")
 def design(
     file: File,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Directory for design, report and pictures.")],
-    threads: Annotated[int | None, typer.Option(min=1, metavar="N", help="Number of threads; does not change the result.")] = None,
+    output: Output,
+    threads: Threads = None,
     seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Overrides the value in the file.")] = None,
     max_iterations: Annotated[int | None, typer.Option(min=1, metavar="N", help="Overrides the value in the file.")] = None,
-    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no pictures.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress bar and no report.")] = False,
+    no_plots: NoPlots = False,
+    quiet: Quiet = False,
 ) -> int:
     """Find the experiment points that determine the parameters best.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,14 +15,7 @@ from fisherpoint.basics.extras import needed_for
 from fisherpoint.basics.files import write_whole
 from fisherpoint.design.configuration import ConfigError, load_config
 
-from .terminal import as_file, make_directory, read_data, say, show
-
-
-class Noise(StrEnum):
-    """Whether the file's [noise_std] counts, or the residuals tell the noise."""
-
-    known = "known"
-    estimated = "estimated"
+from .terminal import Noise, NoPlots, Output, Quiet, Threads, as_file, make_directory, read_data, say, show
 
 
 def estimate(
@@ -35,7 +27,7 @@ def estimate(
             help="Measurements: the columns of a design.csv, and y_<output> for each measured output; with a column t, a record.",
         ),
     ],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Directory for estimates, report and pictures.")],
+    output: Output,
     noise: Annotated[
         Noise | None, typer.Option(help="Known: \\[noise_std]; estimated: from the residuals. Default: known if the file has it.")
     ] = None,
@@ -46,9 +38,9 @@ def estimate(
         ),
     ] = False,
     profiles: Annotated[bool, typer.Option("--profiles", help="Also compute confidence intervals by profile likelihood.")] = False,
-    threads: Annotated[int | None, typer.Option(min=1, metavar="N", help="Number of threads; does not change the result.")] = None,
-    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no pictures.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print no report.")] = False,
+    threads: Threads = None,
+    no_plots: NoPlots = False,
+    quiet: Quiet = False,
 ) -> int:
     """Estimate the parameters from measured data, and tell how good the fit is.
 

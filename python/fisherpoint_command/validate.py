@@ -14,7 +14,7 @@ from fisherpoint.basics.files import write_together
 from fisherpoint.basics.messages import listed, printable
 from fisherpoint.design.configuration import ConfigError, load_config
 
-from .terminal import as_file, make_directory, read_data, say, show
+from .terminal import Noise, NoPlots, Output, Quiet, Threads, as_file, make_directory, read_data, say, show
 
 
 class Truth(StrEnum):
@@ -24,25 +24,18 @@ class Truth(StrEnum):
     mean = "mean"
 
 
-class Noise(StrEnum):
-    """Whether the fits know the noise."""
-
-    known = "known"
-    estimated = "estimated"
-
-
 def validate(
     file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Model, prior and sensor noise.")],
     designs: Annotated[list[Path], typer.Argument(metavar="DESIGN.csv...", help="Points, with the columns of a design.csv.")],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Directory for table, report and picture.")],
+    output: Output,
     runs: Annotated[int, typer.Option("-n", "--runs", min=1, metavar="N", help="Virtual experiments with each design.")] = 1000,
     theta: Annotated[Truth, typer.Option(help="True parameters: drawn from the prior for each run, or its mean.")] = Truth.prior,
     noise: Annotated[Noise, typer.Option(help="Whether the fits know \\[noise_std] or estimate it.")] = Noise.known,
     use_prior: Annotated[bool, typer.Option("--use-prior", help="Use the prior in the fits and in the promise.")] = False,
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="The same seed gives the same figures.")] = 0,
-    threads: Annotated[int | None, typer.Option(min=1, metavar="N", help="Number of threads; does not change the result.")] = None,
-    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no picture.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print no report.")] = False,
+    threads: Threads = None,
+    no_plots: NoPlots = False,
+    quiet: Quiet = False,
 ) -> int:
     """Measure designs virtually many times, fit each time, and compare with what the designs promise.
 

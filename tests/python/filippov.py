@@ -194,7 +194,7 @@ class _Run:
 def derivatives(
     system: System, x0: Sequence[float], u: Sequence[float], p: Sequence[float], dt: float, nominal: Course, rtol: float = 1e-12
 ) -> tuple[Array, Array]:
-    """dx/dp (n_x, n_p) by central differences, extrapolated, and an estimate of their errors; NaN where neighbours meet other surfaces."""
+    """dx/dp (n_x, n_p) by extrapolated central differences, and their errors; NaN where neighbours meet other surfaces."""
     n = len(p)
     found, error = np.full((len(nominal.x), n), np.nan), np.full((len(nominal.x), n), np.nan)
     for j in range(n):

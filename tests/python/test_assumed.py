@@ -302,7 +302,7 @@ def test_candidates_near_a_jump_are_rejected_and_counted() -> None:
         (
             {"uncertain": {"T_1": -1e-4}},
             ValueError,
-            r"uncertain\['T_1'\]: expected a standard deviation of at least 0, given -0.0001",
+            r"uncertain\['T_1'\]: expected a positive standard deviation, given -0.0001",
         ),
         ({"uncertain": {"T_1": np.nan}}, ValueError, r"uncertain\['T_1'\]: expected finite numbers"),
         (

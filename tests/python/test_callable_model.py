@@ -371,7 +371,7 @@ def test_a_free_start_shifts_every_function() -> None:
         ({"f": 3}, r"f: expected a function of x, u, p, given int"),
         ({"f": None}, r"f: expected a function, given None"),
         ({"kinks": {"edge": lambda x, u, p: [x.h1, x.h2]}}, r"edge: expected 1 entries, given 2"),
-        ({"nominal": {"k9": 1.0}}, r"nominal: expected the names k1, k2, k3, k4; given unknown 'k9'"),
+        ({"nominal": {"k9": 1.0}}, r"nominal: expected names of k1, k2, k3, k4; given unknown 'k9'"),
         ({"constants": {"k1": (1.0, "1")}}, r"constants.k1: expected a name of its own"),
     ],
 )

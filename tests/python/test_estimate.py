@@ -203,7 +203,7 @@ def test_starts_of_every_record_are_searched_in_their_natural_size() -> None:
     model = fp.SymbolicModel(["-k*x"], ["x"], {"x": ("1", 1e-6)}, {}, {"k": "1/s"}, {"x": "1"}, nominal={"k": 1.0})
     record = fp.Record([0.0, 1.0, 2.0], np.empty((3, 0)), [0.0, 4e-7, 1e-7])
     fit = fp.estimate(model, [record, record], noise_std={"x": 1e-7})
-    np.testing.assert_allclose(fit.problem.unknowns.scale, [1.0, 1e-6, 1e-6])
+    np.testing.assert_allclose(fit.weighted.unknowns.scale, [1.0, 1e-6, 1e-6])
 
 
 def test_what_is_assumed_is_weighed_where_trajectories_are_ok() -> None:

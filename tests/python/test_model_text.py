@@ -11,10 +11,11 @@ import sympy
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from fisherpoint.basics.formulas import MAX_DEPTH
 from fisherpoint.models.expressions import symbol
 from fisherpoint.models.surfaces.evaluate import evaluate
 from fisherpoint.models.surfaces.printing import to_text
-from fisherpoint.models.text import MAX_DEPTH, parse_equation
+from fisherpoint.models.text import parse_equation
 
 SYMBOLS = {name: symbol(name) for name in ("x", "y", "k", "p_A", "N", "E")}
 VALUES = {"x": 0.7, "y": -1.3, "k": 2.5, "p_A": 3.0, "N": 4.0, "E": 5.0}
@@ -126,15 +127,15 @@ REFUSED = {
     "x;y": "column",
     "(x) + y)": "column 8",
     "\ud800x": "expected names",
-    "(" * 100_000 + "x" + ")" * 100_000: "expected an equation of at most 10000 characters",
+    "(" * 100_000 + "x" + ")" * 100_000: "expected a formula of at most 10000 characters",
     "(" * 4000 + "x" + ")" * 4000: f"column {MAX_DEPTH + 1}: expected terms nested at most {MAX_DEPTH} deep",
     "-" * 9000 + "x": "expected",
     "-" * 200 + "x": "expected terms nested",
     "**".join(["x"] * 3000): "expected",
     "not " * 2000 + "x": "expected",
-    "x*" * 10_000 + "x": "expected an equation of at most 10000 characters",
-    None: "expected an equation as text",  # type: ignore[dict-item]
-    3.5: "expected an equation as text",  # type: ignore[dict-item]
+    "x*" * 10_000 + "x": "expected a formula of at most 10000 characters",
+    None: "expected a formula as text",  # type: ignore[dict-item]
+    3.5: "expected a formula as text",  # type: ignore[dict-item]
 }
 
 

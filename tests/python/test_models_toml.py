@@ -110,7 +110,7 @@ MISTAKES = {
     "attribute": ("k4*u", "u.real", "model.equations.h1: column 20: expected names, numbers"),
     "lambda": ("k4*u", "(lambda: 1)()", "model.equations.h1: column 20: expected names, numbers"),
     "power": ("k4*u", "u**1000000", "model.equations.h1: column 20: expected exponents of at most 1000"),
-    "brackets": ("k4*u", "(" * 10**5, "model.equations.h1: expected an equation of at most 10000 characters, given 100019"),
+    "brackets": ("k4*u", "(" * 10**5, "model.equations.h1: expected a formula of at most 10000 characters, given 100019"),
     "unit": ('u = "V"', 'u = "volt"', "model.inputs.u: expected a unit such as"),
     "missing": ('h2 = "k2*h1**0.5 - k3*sqrt(h2)"\n', "", "model.equations.h2: expected the rate of h2 as a text, given none"),
     "one too many": ("[model.equations]", '[model.equations]\nh3 = "1"', "model.equations.h3: expected an equation for each of h1"),

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.models.functions import NAMES
+from fisherpoint.basics.formulas import ARGUMENTS
 
 ROOT = Path(__file__).parents[2]
-ALIASES = set(NAMES)  # of equations as text
+ALIASES = set(ARGUMENTS)  # of equations as text
 
 OPTIONAL_AND_POSITIONAL = {
     "Campaign": ["batch"],

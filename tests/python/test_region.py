@@ -14,6 +14,10 @@ from hypothesis import strategies as st
 import fisherpoint as fp
 from conftest import REGION
 from defaults import MODEL, problem
+from fisherpoint.basics.formulas import ARGUMENTS
+from fisherpoint.models.expressions import symbol
+from fisherpoint.models.text import parse_equation
+from fisherpoint.points.constraints import parse_constraint
 
 NAMES = tuple(REGION)
 
@@ -109,6 +113,10 @@ def test_a_region_bounds_exactly_what_a_point_consists_of() -> None:
         ("  1e-3 < dt*+2 ", lambda x: x["dt"] * 2 > 1e-3),
         ("2**-1 < q*4", lambda x: x["q"] * 4 > 0.5),
         ("1 < 2", lambda x: np.ones(len(x["q"]), dtype=bool)),
+        ("max(q, 0.1, v) > min(q, 0.2)", lambda x: np.maximum(np.maximum(x["q"], 0.1), x["v"]) > np.minimum(x["q"], 0.2)),
+        ("where(v > 0 and not u > 0, q, 2*pi) < 1", lambda x: np.where((x["v"] > 0) & (x["u"] <= 0), x["q"], 2 * np.pi) < 1),
+        ("heaviside(v) + sign(v) > 0.5", lambda x: x["v"] > 0),
+        ("+".join(["v"] * 500) + " > 0", lambda x: x["v"] > 0),
         ("sqrt(v) < 1", lambda x: np.nan_to_num(np.sqrt(np.maximum(x["v"], 0))) * (x["v"] >= 0) < 1e9),
     ],
 )
@@ -120,6 +128,17 @@ def test_a_text_and_a_function_constrain_alike(text: str, function: Any) -> None
         return
     np.testing.assert_array_equal(from_text, holds(function))
     assert from_text.dtype == np.bool_
+
+
+@pytest.mark.parametrize(("name", "count"), [(name, least) for name, (least, _) in ARGUMENTS.items() if name != "where"])
+def test_constraints_and_equations_have_the_same_functions(name: str, count: int) -> None:
+    term = f"{name}({', '.join(['v', 'w'][:count])})"
+    equation = parse_equation(term, {"v": symbol("v"), "w": symbol("w")}, "equation")
+    for v, w in ((0.3, -0.4), (-0.7, 0.2), (0.9, 0.8)):
+        value = complex(equation.subs({symbol("v"): v, symbol("w"): w}))
+        at = {"v": np.array([v]), "w": np.array([w])}
+        for limit in (-0.5, 0.1, 0.6):  # what is no real number is not larger than anything
+            assert parse_constraint(f"{term} > {limit}", at)(at).item() == (value.imag == 0 and value.real > limit)
 
 
 def test_a_point_must_satisfy_all() -> None:

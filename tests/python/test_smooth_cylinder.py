@@ -228,8 +228,8 @@ def test_models_with_equations_have_no_such_key(tmp_path: Path) -> None:
         ({"x_v": -1e-3}, ValueError, r"smooth\['x_v'\]: expected a positive width, given -0.001"),
         ({"v": float("nan")}, ValueError, r"smooth\['v'\]: expected finite numbers"),
         ({"v": "narrow"}, ValueError, r"smooth\['v'\]: expected numbers"),
-        ({"q": 1e-3}, ValueError, "smooth: expected widths of v, x_v; given unknown 'q'"),
-        (1e-3, TypeError, "smooth: expected widths by name"),
+        ({"q": 1e-3}, ValueError, "smooth: expected names of v, x_v; given unknown 'q'"),
+        (1e-3, TypeError, "smooth: expected a mapping of names"),
     ],
 )
 def test_misuse_is_refused(smooth: Any, error: type[Exception], message: str) -> None:

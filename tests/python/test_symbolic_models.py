@@ -145,7 +145,7 @@ MISTAKES: dict[str, Callable[[], Any]] = {
     r"parameters: expected at least one, given none": lambda: make(["-x"], parameters={}),
     r"states: expected a state or an input, given neither": lambda: make([], ["k"], states={}, inputs={}),
     r"states: expected at most 64, given 65": lambda: make(["x"] * 65, states={f"x{i}": "m" for i in range(65)}),
-    r"nominal: expected the names k; given unknown 'q'": lambda: make(nominal={"q": 1.0}),
+    r"nominal: expected names of k; given unknown 'q'": lambda: make(nominal={"q": 1.0}),
     r"domain\[0\]: column 1: expected the names x, u, k; given 'z'": lambda: make(domain=["z"]),
     r"name: expected a name, given ''": lambda: make(name=""),
     r"branching, line 2: expected .*where, given: cannot determine truth value": lambda: decorated(branching),

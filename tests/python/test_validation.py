@@ -293,7 +293,7 @@ def test_figures() -> None:
         ({"designs": {"d": 3}}, r"designs\['d'\]: expected Experiments or a Design, given int"),
         ({"theta": "true"}, "theta: expected 'prior', 'mean' or a mapping"),
         ({"theta": {"z": 1.0}}, "theta: expected names of a, b; given unknown 'z'"),
-        ({"noise_std": {"z": 1.0}}, "noise_std: expected the names y; given unknown 'z'"),
+        ({"noise_std": {"z": 1.0}}, "noise_std: expected names of y; given unknown 'z'"),
         ({"noise_std": {"y": 0.0}}, "noise_std.*expected a positive standard deviation"),
         ({"problem": line(DECAY, LOG), "theta": {"a": -1.0}}, r"theta\['a'\]: expected a positive value of a log-normal"),
         ({"noise": "estimated", "designs": {"d": SPREAD[:2]}}, r"designs\['d'\]: noise_std: .* more than 2 numbers .* given 2"),

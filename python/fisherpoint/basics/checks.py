@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from decimal import Decimal
 from itertools import islice
 from numbers import Real
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .messages import listed, shown
-from .values import Array
+from .values import Array, FrozenMapping
+
+Checked = TypeVar("Checked")
 
 MOST_NAMES = 100_000
 """Names or things of a sequence, past which it counts as one without end."""
@@ -109,17 +111,20 @@ def as_probability(value: Any, name: str) -> float:
     return number
 
 
-def as_std(value: Any, name: str, zero: bool = False) -> float:
-    """Return a standard deviation above zero, on request or zero, of which the square is an ordinary double too."""
-    std = as_float(value, name)
-    if zero and std == 0:
-        return 0.0
-    if not std > 0:
-        expected = "a standard deviation of at least 0" if zero else "a positive standard deviation"
-        raise ValueError(f"{name}: expected {expected}, given {std:g}")
+def as_std(value: Any, name: str) -> float:
+    """Return a standard deviation above zero, of which the square is an ordinary double too."""
+    std = as_positive(value, name, "standard deviation")
     if not SMALLEST_STD <= std <= LARGEST_STD:
         raise ValueError(f"{name}: expected a standard deviation between {SMALLEST_STD:g} and {LARGEST_STD:g}, given {std:g}")
     return std
+
+
+def as_std_or_zero(value: Any, name: str) -> float:
+    """As `as_std`, or 0."""
+    std = as_float(value, name)
+    if std < 0:
+        raise ValueError(f"{name}: expected a standard deviation of at least 0, given {std:g}")
+    return as_std(std, name) if std else 0.0
 
 
 def as_floats_of_shape(values: ArrayLike, shape: tuple[int, ...], name: str) -> Array:
@@ -187,6 +192,16 @@ def as_sequence(given: Any, name: str, what: str) -> tuple[Any, ...]:
     if len(entries) > MOST_NAMES:
         raise ValueError(f"{name}: expected at most {MOST_NAMES:,} {what}, given more")
     return entries
+
+
+def as_parts(given: Any, kind: type) -> tuple[Any, ...]:
+    """Return what is to be joined: one or more of a kind."""
+    parts = as_sequence(given, "parts", kind.__name__)
+    if not parts:
+        raise ValueError("parts: expected at least one, given none")
+    for k, part in enumerate(parts):
+        check_type(part, kind, f"parts[{k}]")
+    return parts
 
 
 def as_index(index: Any, count: int, name: str) -> slice | NDArray[Any]:
@@ -278,8 +293,33 @@ def some_names_among(given: Iterable[str], known: tuple[str, ...], label: str) -
     return chosen
 
 
-def in_order(mapping: Mapping[str, Any], expected: Iterable[str], name: str) -> Array:
-    """Return the values of `mapping` in the order of the `expected` names."""
-    expected = list(expected)
-    check_names(check_mapping(mapping, name), expected, name)
-    return np.array([as_float(mapping[n], f"{name}[{n!r}]") for n in expected])
+def by_name(
+    given: Any, known: Iterable[str] | None, label: str, check: Callable[[Any, str], Checked], *, complete: bool = False
+) -> FrozenMapping[Checked]:
+    """Return what `check`, such as `as_float` or `as_std`, makes of each value of a mapping of names.
+
+    Parameters
+    ----------
+    given : mapping of name to value, or None
+        None is an empty mapping.
+    known : iterable of str, or None
+        The names that may occur, in the order of the result; None for any.
+    label : str
+        Of the mapping, for messages.
+    check : callable
+        Takes a value and its label.
+    complete : bool
+        Whether all of the known names must be there.
+    """
+    given = check_mapping({} if given is None else given, label)
+    if known is None:
+        known = [check_name(name, label) for name in given]
+    else:
+        known = tuple(known)
+        (check_names if complete else check_known)(given, known, label)
+    return FrozenMapping({name: check(given[name], f"{label}[{shown(name)}]") for name in known if name in given})
+
+
+def in_order(mapping: Any, expected: Iterable[str], name: str) -> Array:
+    """Return the numbers of `mapping` in the order of the `expected` names."""
+    return np.array(list(by_name(mapping, expected, name, as_float, complete=True).values()))

@@ -180,13 +180,19 @@ class CsvTable:
             raise self.error(row, name, f"expected a number, given {shown(given, 40)}{hint}") from None
 
 
-def csv_text(header: Sequence[str], table: Array) -> str:
-    """A header and rows of numbers, of which every digit is kept; an entry is empty where it is NaN."""
+def csv_text(header: Sequence[str], rows: Iterable[Iterable[float | str]], line_end: str = "\r\n") -> str:
+    """A header and rows of texts and numbers, of which every digit is kept; an entry is empty where it is NaN."""
     file = io.StringIO()
-    writer = csv.writer(file)
+    writer = csv.writer(file, lineterminator=line_end)
     writer.writerow(header)
-    writer.writerows([["" if value != value else repr(value) for value in row] for row in table.tolist()])
+    writer.writerows([[_text(entry) for entry in row] for row in rows])
     return file.getvalue()
+
+
+def _text(entry: float | str) -> str:
+    if isinstance(entry, str):
+        return entry
+    return "" if np.isnan(entry) else repr(float(entry))
 
 
 def _name_and_unit(entry: str) -> tuple[str, str | None]:

@@ -26,20 +26,14 @@ class Kept:
     """
 
     FORMAT_VERSION: ClassVar[int] = 1
-
-    @classmethod
-    def _inside(cls) -> tuple[type, ...]:
-        return ()
-
-    @classmethod
-    def _codec(cls) -> Codec:
-        return {}
+    _INSIDE: ClassVar[tuple[type, ...]] = ()
+    _CODEC: ClassVar[Codec] = {}
 
     def save(self, path: str | Path) -> None:
         """Write a JSON file with a checksum, whole or not at all."""
         path = as_path(path, "path")
         head = {"format": _format(type(self)), "format_version": self.FORMAT_VERSION}
-        text = sealed_json(head | {"content": _encoded(self, self._codec())})
+        text = sealed_json(head | {"content": _encoded(self, self._CODEC)})
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, text)
 
@@ -56,8 +50,8 @@ class Kept:
         """
         path = as_path(path, "path")
         data = parse_json(path, read_bytes(path), _format(cls), cls.FORMAT_VERSION)
-        kinds = {kind.__name__: kind for kind in (cls, *cls._inside())}
-        codec = {kind.__name__: decode for kind, (_, decode) in cls._codec().items()}
+        kinds = {kind.__name__: kind for kind in (cls, *cls._INSIDE)}
+        codec = {kind.__name__: decode for kind, (_, decode) in cls._CODEC.items()}
         found = built_from(path, cls.__name__, data, lambda whole: _decoded(whole["content"], kinds, codec))
         if not isinstance(found, cls):
             raise ValueError(f"{path}: expected a {cls.__name__}, given {shown(found)}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Protocol, TypeVar
+from typing import Annotated, Any, ClassVar, Protocol, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
@@ -23,24 +23,29 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+class Abbreviated(Table):
+    """A table that may be given as a bare value of its first key."""
 
-
-class Constant(Table):
-    """A known number: a bare one or ``{value, unit}``."""
-
-    value: Number
-    unit: str | None = None
+    bare: ClassVar[tuple[type, ...]]
+    expected: ClassVar[str]
 
     @model_validator(mode="before")
     @classmethod
-    def _bare_number(cls, given: Any) -> Any:
-        if _is_number(given):
-            return {"value": given}
+    def _from_bare(cls, given: Any) -> Any:
+        if isinstance(given, cls.bare) and not isinstance(given, bool):
+            return {next(iter(cls.model_fields)): given}
         if not isinstance(given, dict):
-            raise PydanticCustomError("expected", 'a number or {value = ..., unit = "..."}')
+            raise PydanticCustomError("expected", cls.expected)
         return given
+
+
+class Constant(Abbreviated):
+    """A known number: a bare one or ``{value, unit}``."""
+
+    bare, expected = (int, float), 'a number or {value = ..., unit = "..."}'
+
+    value: Number
+    unit: str | None = None
 
 
 class HasUnit(Protocol):

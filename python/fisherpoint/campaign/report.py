@@ -32,29 +32,21 @@ def campaign_report(state: State, met: Mapping[str, bool], done: bool) -> Report
     so_far = f"{counted(len(history), 'batch', 'batches')}, {counted(measured, 'point')} measured"
     notes = [*_goodness(state), _stage(state, met, done)]
     table = Section("Relative standard errors, shares of the estimate", columns, rows, notes=notes)
-    return Report(f"Campaign on {state.problem.model.name}: {so_far}", [table], _warnings(state))
+    stuck = bool(history) and not history[-1].converged
+    warnings = ["The last fit has not converged: its standard errors are not reliable"] * stuck
+    return Report(f"Campaign on {state.problem.model.name}: {so_far}", [table], warnings)
 
 
 def _goodness(state: State) -> list[str]:
     """Whether the model describes the data, where the noise is known."""
     if state.problem.noise_std is None or not state.batches or not state.batches[-1].degrees_of_freedom > 1e-9:
         return []
-    last, chance = state.batches[-1], _chance(state)
-    degrees = f"{number(last.chi_square)} of {number(last.degrees_of_freedom)} degrees of freedom"
-    return [f"Chi-square {degrees} (p = {number(chance, 2)}){'' if chance > 0.001 else ': the model or the noise is wrong'}"]
-
-
-def _chance(state: State) -> float:
-    """The probability of a larger chi-square of the data so far."""
     from scipy.stats import chi2
 
-    return float(chi2.sf(state.batches[-1].chi_square, state.batches[-1].degrees_of_freedom))
-
-
-def _warnings(state: State) -> list[str]:
-    if state.batches and not state.batches[-1].converged:
-        return ["The last fit has not converged: its standard errors are not reliable"]
-    return []
+    last = state.batches[-1]
+    chance = float(chi2.sf(last.chi_square, last.degrees_of_freedom))  # of a larger one
+    degrees = f"{number(last.chi_square)} of {number(last.degrees_of_freedom)} degrees of freedom"
+    return [f"Chi-square {degrees} (p = {number(chance, 2)}){'' if chance > 0.001 else ': the model or the noise is wrong'}"]
 
 
 def _stage(state: State, met: Mapping[str, bool], done: bool) -> str:

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
+from functools import partial
 from inspect import signature
 from typing import Any
 
 import numpy as np
 
-from ..basics.checks import as_float, check_known, check_positive_int
+from ..basics.checks import as_positive, by_name, check_positive_int
 from ..basics.messages import shown
-from ..basics.quantity import names_of
-from ..basics.values import FrozenMapping
 from ..design.exchange import exchange
 from ..design.settings import ExchangeSettings
 from ..information.problem import DesignProblem
@@ -39,15 +38,6 @@ def batch_settings(batch: int, seed: int, given: Mapping[str, Any]) -> ExchangeS
 
 def checked_targets(given: Mapping[str, float] | float | None, problem: DesignProblem) -> Mapping[str, float]:
     """Targets by name, in the model's order of parameters."""
-    names = problem.estimated
-    if given is None:
-        return FrozenMapping({})
-    targets = dict(given) if isinstance(given, Mapping) else dict.fromkeys(names, given)
-    check_known(targets, names, "targets")
-    checked = {
-        name: as_float(targets[name], f"targets[{name!r}]") for name in names_of(problem.model.parameters) if name in targets
-    }
-    for name, value in checked.items():
-        if not value > 0:
-            raise ValueError(f"targets[{name!r}]: expected a positive share of the estimate, given {value:g}")
-    return FrozenMapping(checked)
+    if given is not None and not isinstance(given, Mapping):
+        given = dict.fromkeys(problem.estimated, given)
+    return by_name(given, problem.estimated, "targets", partial(as_positive, what="share of the estimate"))

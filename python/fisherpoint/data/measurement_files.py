@@ -41,7 +41,7 @@ def measurements_csv(points: Experiments, y: Array, model: Model) -> str:
         raise ValueError(f"model: expected one of {given} states, inputs and outputs, given {model.name} of {expected}")
     if len(set(header)) != len(header):
         raise ValueError(f"model: expected names that differ from y_<output>, given {listed(axes)}")
-    return csv_text(header, np.column_stack([points.table[:, : len(axes)], y]))
+    return csv_text(header, np.column_stack([points.table[:, : len(axes)], y]).tolist())
 
 
 def read_measurements(path: str | Path, model: Model) -> tuple[Experiments, Array]:

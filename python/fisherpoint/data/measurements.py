@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..basics.checks import as_index, as_sequence, check_alike, check_type
+from ..basics.checks import as_index, as_parts, check_alike, check_type
 from ..basics.files import write_whole
 from ..basics.values import Array
 from ..models import Model
@@ -42,8 +42,7 @@ class Measurements:
     y: Array
 
     def __post_init__(self) -> None:
-        if not isinstance(self.points, Experiments):
-            raise TypeError(f"points: expected Experiments, given {type(self.points).__name__}")
+        check_type(self.points, Experiments, "points")
         y = measured_outputs(self.y, len(self.points))
         y.flags.writeable = False
         object.__setattr__(self, "y", y)
@@ -59,11 +58,7 @@ class Measurements:
     @staticmethod
     def join(parts: Sequence[Measurements]) -> Measurements:
         """Return the measurements of all parts, one after the other."""
-        parts = as_sequence(parts, "parts", "Measurements")
-        if not parts:
-            raise ValueError("parts: expected at least one, given none")
-        for k, part in enumerate(parts):
-            check_type(part, Measurements, f"parts[{k}]")
+        parts = as_parts(parts, Measurements)
         sizes = [(part.points.x0.shape[1], part.points.u.shape[1], part.y.shape[1]) for part in parts]
         check_alike(sizes, "states, inputs and outputs")
         return Measurements(Experiments.join([part.points for part in parts]), np.concatenate([part.y for part in parts]))

@@ -10,12 +10,12 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..basics.checks import as_float, as_floats, as_index, as_rows, check_known, check_mapping, check_name, check_type
+from ..basics.checks import as_float, as_floats, as_index, as_rows, by_name, check_known, check_type
 from ..basics.csv_table import CsvTable, csv_text
 from ..basics.files import write_whole
 from ..basics.messages import listed, shown
 from ..basics.quantity import Quantity, names_of
-from ..basics.values import Array, FrozenMapping
+from ..basics.values import Array
 from ..models import Model
 from .measured_outputs import measured_outputs
 
@@ -56,12 +56,7 @@ class Record:
         for name, array in arrays.items():
             array.flags.writeable = False
             object.__setattr__(self, name, array)
-        given = {} if self.x0 is None else check_mapping(self.x0, "x0")
-        object.__setattr__(
-            self,
-            "x0",
-            FrozenMapping({check_name(name, "x0"): as_float(value, f"x0[{shown(name)}]") for name, value in given.items()}),
-        )
+        object.__setattr__(self, "x0", by_name(self.x0, None, "x0", as_float))
 
     def __len__(self) -> int:
         return len(self.t)
@@ -96,7 +91,7 @@ class Record:
         """Write one row per sample: t, the inputs, and the outputs as ``y_<name>``, empty where not measured. x0 is not written."""
         self.check(model)
         header = ("t", *names_of(model.inputs), *(f"y_{name}" for name in names_of(model.outputs)))
-        write_whole(path, csv_text(header, np.column_stack([self.t, self.u, self.y])))
+        write_whole(path, csv_text(header, np.column_stack([self.t, self.u, self.y]).tolist()))
 
     @classmethod
     def from_csv(cls, path: str | Path, model: Model, *, x0: Mapping[str, float] | None = None) -> Record:

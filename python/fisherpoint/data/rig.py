@@ -9,12 +9,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..basics.checks import as_std, check_known, check_mapping, check_positive_int
+from ..basics.checks import as_std_or_zero, by_name, check_positive_int
 from ..basics.quantity import names_of
-from ..basics.values import Array, FrozenMapping
+from ..basics.values import FrozenMapping
 from ..models import Model
 from ..points.experiments import Experiments
-from ..points.trajectories import Status, check_rtol, check_type, simulate
+from ..points.trajectories import Status, check_rtol, check_type, failures_of, simulate
 from .measurements import Measurements
 
 MAX_POINTS = 10**8
@@ -64,11 +64,13 @@ class VirtualRig:
         self.theta = model.theta(theta)
         if self.theta.ndim != 1:
             raise ValueError(f"theta: expected shape ({len(model.parameters)},), given {self.theta.shape}")
-        self._noise_std = _stds(noise_std, names_of(model.outputs), "noise_std", left_out=np.nan)
+        outputs, states = names_of(model.outputs), names_of(model.states)
+        noise = by_name(noise_std, outputs, "noise_std", as_std_or_zero)
+        self._noise_std = np.array([noise.get(name, np.nan) for name in outputs])
         if np.isnan(self._noise_std).all():
             raise ValueError("noise_std: expected at least one output that is measured, given none")
-        start_std: Mapping[str, float] = {} if initial_state_std is None else initial_state_std
-        self._start_std = _stds(start_std, names_of(model.states), "initial_state_std", left_out=0.0)
+        deviations = by_name(initial_state_std, states, "initial_state_std", as_std_or_zero)
+        self._start_std = np.array([deviations.get(name, 0.0) for name in states])
         # Streams of their own: whether starts deviate, and which outputs are measured, does not change the noise of the others.
         seeds = np.random.SeedSequence(check_positive_int(seed, "seed", 0)).spawn(2)
         self._noise, self._starts = (np.random.default_rng(one) for one in seeds)
@@ -101,7 +103,7 @@ class VirtualRig:
         true = Experiments(planned.x0 + deviation, planned.u, planned.dt, columns=planned.columns)
         done = simulate(self.model, true, self.theta, rtol=self.rtol, jumps="cross")
         failed = done.status != Status.ok
-        counts = Counter(Status(int(code)).name for code in done.status[failed])
+        counts = failures_of(done.status)
         self._failures += counts
         reasons = ", ".join(f"{name} {count}" for name, count in counts.items())
         if failed.all():
@@ -115,10 +117,3 @@ class VirtualRig:
     def __repr__(self) -> str:
         measured = [name for name, std in zip(names_of(self.model.outputs), self._noise_std, strict=True) if not np.isnan(std)]
         return f"VirtualRig({self.model.name}, measures {', '.join(measured)})"
-
-
-def _stds(given: Mapping[str, float], names: tuple[str, ...], what: str, left_out: float) -> Array:
-    """Standard deviations in the order of `names`."""
-    check_known(check_mapping(given, what), names, what)
-    stds = {name: as_std(value, f"{what}[{name!r}]", zero=True) for name, value in given.items()}
-    return np.array([stds.get(name, left_out) for name in names])

@@ -10,7 +10,7 @@ from pydantic_core import PydanticCustomError
 
 from ..basics.messages import listed
 from ..basics.toml_messages import fail, toml
-from ..basics.toml_tables import Constant, Count, Number, Positive, Table
+from ..basics.toml_tables import Abbreviated, Constant, Count, Number, Positive, Table
 from ..prior.rules import DEFAULT_RULE, RULES, Rule
 from .settings import MOST
 
@@ -39,20 +39,13 @@ class PriorEntry(Table):
         return self
 
 
-class Bounds(Table):
+class Bounds(Abbreviated):
     """Range of one state, input or of dt: a bare pair or ``{bounds, unit}``; equal bounds fix the value."""
+
+    bare, expected = (list,), 'a pair [lower, upper] or {bounds = [lower, upper], unit = "..."}'
 
     bounds: list[Number]
     unit: str | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _bare_pair(cls, given: Any) -> Any:
-        if isinstance(given, list):
-            return {"bounds": given}
-        if not isinstance(given, dict):
-            raise PydanticCustomError("expected", 'a pair [lower, upper] or {bounds = [lower, upper], unit = "..."}')
-        return given
 
 
 class RegionTable(Table):

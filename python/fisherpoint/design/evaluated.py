@@ -36,6 +36,6 @@ class EvaluatedPoints:
 def evaluate_points(problem: DesignProblem, points: Experiments, threads: int | None = None) -> EvaluatedPoints:
     """Evaluate `points` under the problem's output covariance and, where the noise is known, under it alone."""
     evaluation = evaluate_design(problem, points, threads=threads)
-    if problem.output_covariance == "noise":
-        return EvaluatedPoints(problem, points, evaluation, evaluation)
-    return EvaluatedPoints(problem, points, evaluation, evaluate_under_noise(problem, points, threads=threads))
+    same = problem.output_covariance == "noise"
+    under_noise = evaluation if same else evaluate_under_noise(problem, points, threads=threads)
+    return EvaluatedPoints(problem, points, evaluation, under_noise)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..basics.checks import check_positive_int
+from ..basics.checks import by_name, check_positive_int
 from ..basics.csv_table import CsvTable
 from ..basics.messages import shown
 from ..basics.quantity import names_of
@@ -33,6 +34,10 @@ PICTURES = ("criterion.png", "points.png", "standard_errors.png", "correlation.p
 """What the command line draws of a design; of points that are evaluated, all but the first."""
 
 
+PLAIN = ("drawn", "accepted", "stop_reason", "seconds")
+"""Fields of a design that JSON has as they are."""
+
+
 def design_to_json(design: FoundDesign) -> dict[str, Any]:
     efficiency = design.efficiency and {
         name: str(value) if isinstance(value, float) and not np.isfinite(value) else value  # "-inf" of a singular design
@@ -50,11 +55,7 @@ def design_to_json(design: FoundDesign) -> dict[str, Any]:
         "efficiency": efficiency,
         "trace": [{**asdict(record), "log_det": number_to_json(record.log_det)} for record in design.trace],
         "rejected": dict(design.rejected),
-        "drawn": design.drawn,
-        "accepted": design.accepted,
-        "stop_reason": design.stop_reason,
-        "seconds": design.seconds,
-        "n_previous": design.n_previous,
+        **{name: getattr(design, name) for name in (*PLAIN, "n_previous")},
         "previous_left_out": dict(design.previous_left_out),
     }
 
@@ -70,40 +71,28 @@ def design_from_json(data: dict[str, Any]) -> dict[str, Any]:
     settings, rejected = ExchangeSettings(**data["settings"]), dict(data["rejected"])
     if len(points["dt"]) != settings.n_experiments:
         raise ValueError(f"points: expected n_experiments = {settings.n_experiments} points, given {len(points['dt'])}")
-    for name, count in (("drawn", data["drawn"]), ("accepted", data["accepted"]), *rejected.items()):
+    for name, count in {**rejected, "drawn": data["drawn"], "accepted": data["accepted"]}.items():
         check_positive_int(count, name, 0)
     if data["drawn"] != data["accepted"] + sum(rejected.values()):
         raise ValueError(f"drawn: expected the sum of accepted and rejected, given {data['drawn']}")
     if data["stop_reason"] not in STOP_REASONS:
         raise ValueError(f"stop_reason: expected one of {', '.join(STOP_REASONS)}; given {shown(data['stop_reason'])}")
+    efficiency: Any = data["efficiency"] and {
+        name: float(value) if isinstance(value, str) else value for name, value in data["efficiency"].items()
+    }
     return dict(
         problem=problem_from_json(data["problem"]),
         settings=settings,
         points=points_from_json(points),
         evaluation=evaluation,
         under_noise=evaluation_from_json(data["under_noise"], n_points),
-        efficiency=_efficiency_from_json(data["efficiency"]),
+        efficiency=efficiency and Efficiency(**efficiency),
         trace=tuple(TraceRecord(**{**record, "log_det": log_det_from_json(record["log_det"])}) for record in data["trace"]),
         rejected=FrozenMapping(rejected),
-        drawn=data["drawn"],
-        accepted=data["accepted"],
-        stop_reason=data["stop_reason"],
-        seconds=data["seconds"],
         n_previous=n_previous,
-        previous_left_out=FrozenMapping(
-            {
-                reason: check_positive_int(count, "previous_left_out", 0)
-                for reason, count in data.get("previous_left_out", {}).items()
-            }
-        ),
+        previous_left_out=by_name(data.get("previous_left_out"), None, "previous_left_out", partial(check_positive_int, least=0)),
+        **{name: data[name] for name in PLAIN},
     )
-
-
-def _efficiency_from_json(data: dict[str, Any] | None) -> Efficiency | None:
-    if data is None:
-        return None
-    values: dict[str, Any] = {name: float(value) if isinstance(value, str) else value for name, value in data.items()}
-    return Efficiency(**values)
 
 
 def has_points_of(design: FoundDesign, path: Path) -> bool:

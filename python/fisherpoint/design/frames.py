@@ -31,16 +31,9 @@ def parameter_frame(problem: DesignProblem, under_noise: Evaluation | None) -> p
     """
     units = {quantity.name: quantity.unit for quantity in problem.model.parameters}
     names = list(problem.estimated)
-    errors = (under_noise and under_noise.standard_errors) or {}
-    relative = (under_noise and under_noise.rse) or {}
-    frame = pd.DataFrame(
-        {
-            "unit": [units[name] for name in names],
-            "mean": [float(problem.prior.mean[name]) for name in names],
-            "prior_std": [float(problem.prior.std[name]) for name in names],
-            "standard_error": [float(errors.get(name, np.nan)) for name in names],
-            "rse": [float(relative.get(name, np.nan)) for name in names],
-        },
-        index=pd.Index(names, name="parameter"),
-    )
-    return frame.assign(of_prior=frame.standard_error / frame.prior_std)
+    rows = [(units[name], problem.prior.mean[name], problem.prior.std[name]) for name in names]
+    frame = pd.DataFrame(rows, pd.Index(names, name="parameter"), ["unit", "mean", "prior_std"])
+    predicted = ["standard_error", "rse", "of_prior"]
+    if under_noise is None:
+        return frame.assign(**dict.fromkeys(predicted, np.nan))
+    return frame.join(under_noise.to_pandas()[predicted])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,21 +14,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ..basics.checks import check_choice
+from ..show import style
 from ..show.standard_errors import standard_error_figure
-from ..show.style import CRITERION, NOISE, PRIOR, STYLE, save_figure
+from ..show.style import CRITERION, NOISE, PRIOR, STYLE
 from .evaluated import Evaluated
 from .found import FoundDesign
 from .pictures_points import plot_points, plot_trajectories
-
-__all__ = [
-    "plot_correlation",
-    "plot_criterion",
-    "plot_of",
-    "plot_points",
-    "plot_standard_errors",
-    "plot_trajectories",
-    "save_all",
-]
 
 
 def plot_criterion(design: FoundDesign) -> Figure:
@@ -117,11 +109,7 @@ def save_all(design: Evaluated, directory: str | Path) -> list[Path]:
         del plots["standard_errors"]
     if not design.problem.model.states:
         del plots["trajectories"]  # nothing moves
-    paths = []
-    for name, plot in plots.items():
-        paths.append(Path(directory) / f"{name}.png")
-        save_figure(plot(design), paths[-1])
-    return paths
+    return style.save_all({name: partial(plot, design) for name, plot in plots.items()}, directory)
 
 
 def _reference(axes: Axes, value: float | None, label: str, style: str) -> None:

@@ -78,9 +78,7 @@ def plot_responses(design: Evaluated) -> Figure:
 
 def _outputs(problem: DesignProblem, table: Floats) -> Floats:
     """Outputs (K, n_y) at the prior mean of points given as rows; NaN where a trajectory is not ok."""
-    n_x, n_u = len(problem.model.states), len(problem.model.inputs)
-    points = Experiments(table[:, :n_x], table[:, n_x : n_x + n_u], table[:, n_x + n_u] if n_x else None)
-    done = simulate(problem.model, points, problem.theta)
+    done = simulate(problem.model, Experiments.of_table(problem.model, table), problem.theta)
     return np.where((np.asarray(done.status) == Status.ok)[:, None], done.y, np.nan)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from ..basics.quantity import Quantity
-from ..information.combinations import combination
+from ..information.evaluation import value_of_criterion
 from ..information.problem import DesignProblem
 from ..models import Model
 from ..points.experiments import Experiments
@@ -116,12 +116,7 @@ def _criterion(evaluated: Evaluated) -> Section:
     if evaluation.outputs_left_out:
         left_out = ", ".join(evaluation.outputs_left_out)
         facts.append(("outputs left out", f"{left_out}: no noise is given and no parameter has an influence"))
-    facts += _assumed(evaluated.problem)
-    if evaluation.covariance is None:
-        facts.append(("rank of F", f"{evaluation.rank} of {len(evaluation.parameters)}: singular, log det is -inf"))
-        facts += [("not determined (in prior std)", combination(null)) for null in evaluation.null_directions]
-    else:
-        facts.append(("log det F", f"{evaluation.log_det:.4f} (parameters in units of their prior std, F as in (7))"))
+    facts += [*_assumed(evaluated.problem), *value_of_criterion(evaluation)]
     if evaluated.under_noise is not None and evaluation.output_covariance_kind != "noise":
         facts.append(("log det F under the noise", f"{evaluated.under_noise.log_det:.4f}"))
     return Section("Criterion", (), facts)

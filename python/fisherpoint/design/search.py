@@ -94,17 +94,8 @@ class ExchangeSearch:
                 idle = 0 if exchanged else idle + 1
                 self._record(iteration, exchanged)
                 if progress is not None:
-                    progress(
-                        Progress(
-                            iteration,
-                            settings.max_iterations,
-                            self.best.log_det,
-                            exchanges,
-                            self.source.drawn,
-                            self.source.rejected.total(),
-                            self.seconds,
-                        )
-                    )
+                    candidates = self.source.drawn, self.source.rejected.total()
+                    progress(Progress(iteration, settings.max_iterations, self.best.log_det, exchanges, *candidates, self.seconds))
                 if settings.patience is not None and idle >= settings.patience:
                     return "patience"
                 if settings.time_limit is not None and self.seconds >= settings.time_limit:

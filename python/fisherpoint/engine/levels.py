@@ -20,70 +20,25 @@ if TYPE_CHECKING:
 
 
 class Kernels(Protocol):
-    """What runs models: the compiled kernels do, and what stands in for them where a model is not made of operations."""
+    """What runs models: the compiled kernels do, and what stands in for them where a model is not made of operations.
 
-    def simulate(
-        self,
-        model: Any,
-        x0: Any,
-        u: Any,
-        dt: Any,
-        theta: Any,
-        rtol: float,
-        cross_kinks: bool,
-        cross_jumps: bool,
-        method: str,
-        threads: int,
-    ) -> tuple[Any, ...]:
+    The settings are rtol, whether kinks and jumps are crossed, the method and the number of threads; `_kernels.pyi` has all
+    arguments.
+    """
+
+    def simulate(self, model: Any, x0: Any, u: Any, dt: Any, theta: Any, *settings: Any, **options: Any) -> tuple[Any, ...]:
         """x, y, status."""
 
-    def sensitivities(
-        self,
-        model: Any,
-        x0: Any,
-        u: Any,
-        dt: Any,
-        theta: Any,
-        rtol: float,
-        cross_kinks: bool,
-        cross_jumps: bool,
-        method: str,
-        threads: int,
-        whole_first: bool = False,
-    ) -> tuple[Any, ...]:
-        """x, y, dx_dtheta, dy_dtheta, status; with `whole_first` dt is the first step that is tried."""
+    def sensitivities(self, model: Any, x0: Any, u: Any, dt: Any, theta: Any, *settings: Any, **options: Any) -> tuple[Any, ...]:
+        """x, y, dx_dtheta, dy_dtheta, status; with the option `whole_first` dt is the first step that is tried."""
 
-    def simulate_records(
-        self,
-        model: Any,
-        x0: Any,
-        u: Any,
-        dt: Any,
-        theta: Any,
-        rtol: float,
-        cross_kinks: bool,
-        cross_jumps: bool,
-        method: str,
-        threads: int,
-    ) -> tuple[Any, ...]:
+    def simulate_records(self, model: Any, x0: Any, u: Any, dt: Any, theta: Any, *settings: Any, **options: Any) -> tuple[Any, ...]:
         """x, status, reached of records; u and dt are of their pieces."""
 
     def predictive_covariance(
-        self,
-        model: Any,
-        x0: Any,
-        u: Any,
-        dt: Any,
-        theta: Any,
-        nodes: _core.PriorNodes,
-        rtol: float,
-        cross_kinks: bool,
-        cross_jumps: bool,
-        method: str,
-        threads: int,
-        max_lost: float = 0.0,
+        self, model: Any, x0: Any, u: Any, dt: Any, theta: Any, nodes: _core.PriorNodes, *settings: Any, **options: Any
     ) -> tuple[Any, ...]:
-        """covariance, status, nodes that were redone, outputs where kept, lost weight."""
+        """covariance, status, nodes that were redone, outputs where kept, lost weight; `max_lost` of it is no failure."""
 
 
 LEVELS = ("v2", "v3", "v4", "generic")

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..basics.checks import as_float, check_mapping, check_positive_int, some_names_among
+from ..basics.checks import as_float, by_name, check_mapping, check_positive_int, some_names_among
 from ..basics.messages import listed, shown
 from ..basics.quantity import names_of
 from ..basics.values import Array
@@ -160,7 +160,7 @@ def estimate(
         evaluations=found.evaluations,
         starts=len(z0),
         reached=found.reached,
-        problem=found.residuals,
+        weighted=found.residuals,
     )
     return fit if fit.noise_known else _with_unbiased_noise(fit)
 
@@ -187,7 +187,7 @@ def _first(model: Model, prior: GaussianPrior | None, start: Any, parts: Sequenc
         raise TypeError(f"start: expected a mapping of names to numbers or a GaussianPrior, given {type(start).__name__}")
     given = start.mean if isinstance(start, GaussianPrior) else start or {}
     values = {**model.nominal, **(prior.mean if prior is not None else {})}
-    values |= {name: as_float(value, f"start[{shown(name)}]") for name, value in given.items()}
+    values |= by_name(given, None, "start", as_float)
     for missing in (name for name in names_of(model.parameters) if name not in values):
         raise ValueError(f"start: expected a value of {missing!r}, which has neither a prior nor a nominal value; given none")
     return values
@@ -228,4 +228,4 @@ def _with_unbiased_noise(fit: Fit) -> Fit:
         )
     counts = np.isfinite(fit.residuals).sum(axis=0)
     covariance = unbiased(fit.noise_covariance[None], fit.output_degrees_of_freedom[None], counts)[0]
-    return replace(fit, noise_covariance=covariance, problem=replace(fit.problem, covariance=covariance))
+    return replace(fit, noise_covariance=covariance, weighted=replace(fit.weighted, covariance=covariance))

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..basics.checks import as_path
+from ..basics.csv_table import csv_text
 from ..basics.files import built_from, parse_json, read_bytes, sealed_json, write_together
 from ..basics.quantity import names_of
-from ..basics.values import Array
 from . import report
-from .fit_state import fit_from_state, fit_state
+from .fit_state import PLAIN, fit_from_state, fit_state
 from .statistics import FitStatistics
 
 FORMAT, FORMAT_VERSION = "fisherpoint fit", 1
@@ -56,7 +53,6 @@ def fit_dict(fit: FitStatistics) -> dict[str, Any]:
             "correlation": fit.correlation,
             "information": fit.information,
             "outputs": outputs,
-            "noise_known": fit.noise_known,
             "noise_covariance": fit.noise_covariance,
             "residual_covariance": fit.residual_covariance,
             "chi_square": fit.chi_square,
@@ -66,11 +62,7 @@ def fit_dict(fit: FitStatistics) -> dict[str, Any]:
             "weak_directions": list(fit.weak_directions),
             "at_bounds": list(fit.at_bounds),
             "warnings": list(report.warnings(fit)),
-            "converged": fit.converged,
-            "message": fit.message,
-            "evaluations": fit.evaluations,
-            "starts": fit.starts,
-            "reached": fit.reached,
+            **{name: getattr(fit, name) for name in PLAIN},
         }
     )
     return plain
@@ -119,37 +111,26 @@ def _plain(given: Any) -> Any:
 
 def _estimate_csv(fit: FitStatistics) -> str:
     header = ["parameter", "unit", "estimate", "standard_error", "rse", "lower_95", "upper_95", "prior_mean", "prior_std"]
-    rows: list[list[str]] = []
+    rows: list[list[float | str]] = []
     for name, value in fit.estimate.items():
         prior = fit.prior if fit.prior is not None and name in fit.prior.names else None
         numbers = [value, fit.standard_errors[name], fit.rse.get(name, np.nan), *fit.intervals()[name]]
         numbers += [np.nan, np.nan] if prior is None else [prior.mean[name], prior.std[name]]
-        rows.append([name, fit.units[name], *map(_text, numbers)])
-    return _csv(header, rows)
+        rows.append([name, fit.units[name], *numbers])
+    return csv_text(header, rows, "\n")
 
 
 def _residuals_csv(fit: FitStatistics) -> str:
     """A row per number that was measured: which part of the data, sample within it, output, and what was found."""
     header = ["data", "sample", "output", "measured", "predicted", "residual", "standardised"]
-    standardised, names, rows, first = fit.standardised, names_of(fit.model.outputs), [], 0
+    standardised, names, first = fit.standardised, names_of(fit.model.outputs), 0
+    rows: list[list[float | str]] = []
     for part, data in enumerate(fit.data, start=1):
         for k in range(len(data)):
             n = first + k
             for i, name in enumerate(names):
                 if np.isfinite(fit.residuals[n, i]):
-                    numbers: Array = np.array([data.y[k, i], fit.predicted[n, i], fit.residuals[n, i], standardised[n, i]])
-                    rows.append([str(part), str(k + 1), name, *map(_text, numbers.tolist())])
+                    numbers = (data.y[k, i], fit.predicted[n, i], fit.residuals[n, i], standardised[n, i])
+                    rows.append([str(part), str(k + 1), name, *numbers])
         first += len(data)
-    return _csv(header, rows)
-
-
-def _text(value: float) -> str:
-    return "" if math.isnan(value) else repr(float(value))
-
-
-def _csv(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    file = io.StringIO()
-    writer = csv.writer(file, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(rows)
-    return file.getvalue()
+    return csv_text(header, rows, "\n")

@@ -23,33 +23,31 @@ from .weighting import WeightedResiduals
 BOUNDS = {"lower": -np.inf, "upper": np.inf}
 """What null stands for in JSON."""
 
+PLAIN = {"noise_known": bool, "converged": bool, "message": str, "evaluations": int, "starts": int, "reached": int}
+"""Fields of a fit that JSON has as they are."""
+
 
 def fit_state(fit: FitStatistics) -> dict[str, Any]:
     """All that is not computed from the rest; a TypeError for a model of functions, which no file can hold."""
-    unknowns, names = fit.problem.unknowns, names_of(fit.model.parameters)
+    unknowns, names = fit.weighted.unknowns, names_of(fit.model.parameters)
     return {
         "model": model_to_json(fit.model),
         "data": [_data_to_json(part) for part in fit.data],
         "prior": None if fit.prior is None else prior_to_json(fit.prior),
-        "prior_takes_part": fit.problem.prior_factor is not None,
+        "prior_takes_part": fit.weighted.prior_factor is not None,
         "estimated": [name for name in unknowns.names if name in names],
         "theta": fit.theta.tolist(),
         "values": fit.values.tolist(),
-        "rtol": fit.problem.observed.rtol,
+        "rtol": fit.weighted.observed.rtol,
         "unknowns": {
             "center": unknowns.center.tolist(),
             "scale": unknowns.scale.tolist(),
             "log": unknowns.log.tolist(),
             **{side: finite_or_none(getattr(unknowns, side)) for side in BOUNDS},
         },
-        "weights": fit.problem.covariance.tolist(),
-        "noise_known": fit.noise_known,
+        "weights": fit.weighted.covariance.tolist(),
         "noise_covariance": fit.noise_covariance.tolist(),
-        "converged": fit.converged,
-        "message": fit.message,
-        "evaluations": fit.evaluations,
-        "starts": fit.starts,
-        "reached": fit.reached,
+        **{name: getattr(fit, name) for name in PLAIN},
     }
 
 
@@ -65,7 +63,7 @@ def fit_from_state(data: dict[str, Any]) -> dict[str, Any]:
     if {len(array) for array in (values, unknowns.center, unknowns.scale, unknowns.log, lower, upper)} != {len(observed.names)}:
         raise ValueError(f"values: expected {len(observed.names)} unknowns, {listed(observed.names)}; given another number")
     factor = prior_factor(prior, unknowns) if data["prior_takes_part"] and prior is not None else None
-    problem = WeightedResiduals(observed, unknowns, observed.y[None], _numbers(data["weights"]), factor)
+    weighted = WeightedResiduals(observed, unknowns, observed.y[None], _numbers(data["weights"]), factor)
     response = observed.respond(values[None])
     return dict(
         model=model,
@@ -75,14 +73,9 @@ def fit_from_state(data: dict[str, Any]) -> dict[str, Any]:
         values=values,
         predicted=response.y[0],
         residuals=observed.y - response.y[0],
-        noise_known=bool(data["noise_known"]),
         noise_covariance=_numbers(data["noise_covariance"]),
-        converged=bool(data["converged"]),
-        message=str(data["message"]),
-        evaluations=int(data["evaluations"]),
-        starts=int(data["starts"]),
-        reached=int(data["reached"]),
-        problem=problem,
+        weighted=weighted,
+        **{name: kind(data[name]) for name, kind in PLAIN.items()},
     )
 
 

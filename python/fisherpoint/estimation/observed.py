@@ -136,7 +136,6 @@ def _record_response(model: Model, record: Any, columns: list[int], rtol: float,
     def respond(theta: Array, starts: Array) -> Response:
         x0 = np.tile(known, (len(theta), 1))
         x0[:, places] = starts
-        found: Response = response(theta, x0)
-        return found
+        return response(theta, x0)
 
     return respond, response.starts

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -16,21 +17,11 @@ from numpy.typing import NDArray
 
 from ..basics.quantity import Quantity
 from ..data import Measurements
+from ..show import style
 from ..show.correlation import draw_correlation
-from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, save_figure, scale
+from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, scale
 from .profile_curve import OPEN, ProfileCurve
 from .statistics import FitStatistics
-
-__all__ = [
-    "ellipse",
-    "plot_correlation",
-    "plot_ellipses",
-    "plot_parity",
-    "plot_profiles",
-    "plot_residuals",
-    "plot_time",
-    "save_all",
-]
 
 MANY = 150
 """Samples from which on they are drawn as small dots."""
@@ -125,7 +116,7 @@ def plot_ellipses(fit: FitStatistics, level: float = 0.95) -> Figure:
 
     The quantile is that of chi-square with two degrees of freedom; where the noise was estimated, twice that of F.
     """
-    names, unknowns, told = fit.parameters, fit.problem.unknowns, fit.precision.determined
+    names, unknowns, told = fit.parameters, fit.weighted.unknowns, fit.precision.determined
     pairs = [pair for pair in combinations(range(len(names)), 2) if told[list(pair)].all()]
     pairs = sorted(sorted(pairs, key=lambda pair: -abs(fit.correlation[pair]))[:MOST_PAIRS])
     degrees = np.array(list(fit.quantile_degrees_of_freedom.values()))
@@ -145,7 +136,7 @@ def plot_ellipses(fit: FitStatistics, level: float = 0.95) -> Figure:
             curve = unknowns.values(z)[:, [i, j]]
             labels, factors = [], []
             for column, k in enumerate((i, j)):
-                factor, unit = _unit(fit, names[k], curve[:, column])
+                factor, unit = scale(Quantity(names[k], fit.units[names[k]]), curve[:, column])
                 factors.append(factor)
                 labels.append(f"{names[k]} [{unit}]" if unit != "1" else names[k])
             x, y = (factors[c] * fit.values[k] for c, k in enumerate((i, j)))
@@ -218,22 +209,14 @@ PLOTS: dict[str, Callable[[FitStatistics], Figure]] = {
 
 def save_all(fit: FitStatistics, directory: str | Path, profiles: Sequence[ProfileCurve] = ()) -> list[Path]:
     """Write every picture that the fit has something to show in, as PNG, into an existing directory; return the files."""
-    plots: dict[str, Callable[[], Figure]] = {
-        "parity": lambda: plot_parity(fit),
-        "residuals": lambda: plot_residuals(fit),
-    }
-    if any(not isinstance(part, Measurements) for part in fit.data):
-        plots["time"] = lambda: plot_time(fit)
-    if len(fit.parameters) > 1:
-        plots["correlation"] = lambda: plot_correlation(fit)
-        plots["ellipses"] = lambda: plot_ellipses(fit)
+    plots: dict[str, Callable[[], Figure]] = {name: partial(plot, fit) for name, plot in PLOTS.items()}
+    if all(isinstance(part, Measurements) for part in fit.data):
+        del plots["time"]
+    if len(fit.parameters) == 1:
+        del plots["correlation"], plots["ellipses"]
     if profiles:
         plots["profiles"] = lambda: plot_profiles(profiles)
-    paths = []
-    for name, plot in plots.items():
-        paths.append(Path(directory) / f"{name}.png")
-        save_figure(plot(), paths[-1])
-    return paths
+    return style.save_all(plots, directory)
 
 
 def _grid(count: int, width: float, height: float) -> tuple[Figure, list[Axes]]:
@@ -254,10 +237,6 @@ def _nothing(text: str) -> Figure:
 
 def _measured_outputs(fit: FitStatistics) -> Iterator[tuple[int, Quantity]]:
     return ((i, quantity) for i, quantity in enumerate(fit.model.outputs) if quantity.name in fit.tests)
-
-
-def _unit(fit: FitStatistics, name: str, values: Any) -> tuple[float, str]:
-    return scale(Quantity(name, fit.units[name], ""), values)
 
 
 def _joint_quantile(level: float, degrees: float) -> float:

@@ -14,8 +14,8 @@ from .statistics import FitStatistics
 
 def posterior_of(fit: FitStatistics) -> GaussianPrior:
     """The normal distribution of the estimate over all parameters of the model; see `Fit.posterior`."""
-    fit = replace(fit, problem=replace(fit.problem, unknowns=fit.problem.unknowns.without_bounds(fit.parameters)))
-    unknowns, names = fit.problem.unknowns, names_of(fit.model.parameters)
+    fit = replace(fit, weighted=replace(fit.weighted, unknowns=fit.weighted.unknowns.without_bounds(fit.parameters)))
+    unknowns, names = fit.weighted.unknowns, names_of(fit.model.parameters)
     if fit.null_directions:
         raise ValueError(
             f"posterior: expected data that determine every parameter, given none on: {'; '.join(fit.null_directions)}"

@@ -23,7 +23,15 @@ from .least_squares import CONVERGED, NOT_EVALUABLE, Residuals, minimise
 from .precision import Precision
 from .profile_curve import BOUND, FAILED, FOUND, OPEN, ProfileCurve
 from .statistics import FitStatistics
-from .unknown_noise import MAX_ROUNDS, correlations_can_be_told, floor, likelihood_deviance, residual_covariance
+from .unknown_noise import (
+    MAX_ROUNDS,
+    above_floor,
+    correlations_can_be_told,
+    floor,
+    likelihood_deviance,
+    relative_change,
+    residual_covariance,
+)
 from .unknowns import FARTHEST
 from .weighting import WeightedResiduals
 
@@ -89,8 +97,8 @@ def profile_of(fit: FitStatistics, name: str, level: float = 0.95) -> Profile:
     """See `Fit.profile`."""
     check_known([name], fit.parameters, "name", "one of")
     level = as_probability(level, "level")
-    j, unknowns = fit.parameters.index(name), fit.problem.unknowns
-    freed = replace(fit, problem=replace(fit.problem, unknowns=unknowns.without_bounds((name,))))  # where it is held itself
+    j, unknowns = fit.parameters.index(name), fit.weighted.unknowns
+    freed = replace(fit, weighted=replace(fit.weighted, unknowns=unknowns.without_bounds((name,))))  # where it is held itself
     z, held, threshold = fit.z, _held_minimum(fit, j), _threshold(freed, j, level)
     covariance, determined = freed.precision.covariance, freed.precision.determined[j]
     spread = float(np.sqrt(covariance[j, j])) if determined else 1.0
@@ -164,10 +172,10 @@ def _minimum(
 def _held_minimum(fit: FitStatistics, j: int) -> _Minimum:
     if not fit.noise_known:
         return _held_likelihood(fit, j)
-    least = 0.5 * np.square(fit.problem(fit.z[None], np.zeros(1, dtype=np.intp))[0]).sum()
+    least = 0.5 * np.square(fit.weighted(fit.z[None], np.zeros(1, dtype=np.intp))[0]).sum()
 
     def deviance(z: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-        found, cost, converged = _minimum(fit.problem, j, z)
+        found, cost, converged = _minimum(fit.weighted, j, z)
         return found, 2 * (cost - least), converged
 
     return deviance
@@ -175,20 +183,17 @@ def _held_minimum(fit: FitStatistics, j: int) -> _Minimum:
 
 def _held_likelihood(fit: FitStatistics, j: int) -> _Minimum:
     """The minimum of log det of (10), by least squares weighted with the residual covariance of the minimum before."""
-    problem, measured = fit.problem, fit.problem.measured
+    problem, measured = fit.weighted, fit.weighted.measured
     keep = _kept(fit)
     full = bool(keep[~np.eye(len(keep), dtype=bool)].any())
     least = floor(problem.y)
 
     def covariance_at(z: Array) -> tuple[Array, NDArray[np.bool_]]:
         response = problem.observed.respond(problem.unknowns.values(z))
-        covariance = residual_covariance(problem.y - response.y) * keep
-        short = np.maximum(least - np.einsum("bii->bi", covariance), 0.0)
-        return covariance + np.eye(len(least)) * short[:, :, None], response.status == 0
+        return above_floor(residual_covariance(problem.y - response.y) * keep, least), response.status == 0
 
     def likelihood(z: Array, covariance: Array) -> Array:
-        twice: Array = likelihood_deviance(covariance, measured, full) + problem.prior_square(z)
-        return twice
+        return likelihood_deviance(covariance, measured, full) + problem.prior_square(z)
 
     at_fit, _ = covariance_at(fit.z[None])
     least_likelihood = likelihood(fit.z[None], at_fit)
@@ -204,10 +209,9 @@ def _held_likelihood(fit: FitStatistics, j: int) -> _Minimum:
             z[active], cost, converged[active] = _minimum(weighted, j, z[active], 0.0, EVALUATIONS)
             ok[active] = np.isfinite(cost)
             update, _ = covariance_at(z[active])
-            scale = np.sqrt(np.einsum("bii->bi", covariance[active]))
-            change = np.abs(update - covariance[active]) / (scale[:, :, None] * scale[:, None, :])
+            change = relative_change(update, covariance[active])
             covariance[active] = update
-            active = active[ok[active] & ((change.max(axis=(1, 2)) > SETTLED) | ~converged[active])]
+            active = active[ok[active] & ((change > SETTLED) | ~converged[active])]
         return z, np.where(ok, likelihood(z, covariance) - least_likelihood, np.inf), converged
 
     return deviance
@@ -215,7 +219,7 @@ def _held_likelihood(fit: FitStatistics, j: int) -> _Minimum:
 
 def _kept(fit: FitStatistics) -> Array:
     """Which entries of the residual covariance the estimate used, (n_y, n_y)."""
-    full = correlations_can_be_told(fit.problem.measured, len(fit.parameters))
+    full = correlations_can_be_told(fit.weighted.measured, len(fit.parameters))
     return np.ones_like(fit.noise_covariance) if full else np.eye(len(fit.noise_covariance))
 
 
@@ -224,9 +228,9 @@ def _threshold(fit: FitStatistics, j: int, level: float) -> float:
 
     if fit.noise_known:
         return float(norm.ppf(0.5 + level / 2) ** 2)
-    counts = fit.problem.measured.sum(axis=0)
+    counts = fit.weighted.measured.sum(axis=0)
     maximum_likelihood = residual_covariance(fit.residuals[None])[0] * _kept(fit) + np.diag(1.0 * (counts == 0))
-    weighted = replace(fit.problem, covariance=maximum_likelihood)
+    weighted = replace(fit.weighted, covariance=maximum_likelihood)
     plain = Precision.of(weighted(fit.z[None], np.zeros(1, dtype=np.intp))[1][0], fit.held)
     # What estimated weights add beyond that is in the profile itself, which estimates them anew at each value.
     unbiased = Precision.of(fit.jacobian, fit.held)

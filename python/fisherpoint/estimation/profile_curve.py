@@ -59,8 +59,7 @@ class ProfileCurve:
     @property
     def signed_root(self) -> Array:
         """Root of the deviance, negative below the estimate, (G,): over the values of a linear model, a straight line."""
-        root: Array = np.sign(self.values - self.estimate) * np.sqrt(np.maximum(self.deviance, 0.0))
-        return root
+        return np.sign(self.values - self.estimate) * np.sqrt(np.maximum(self.deviance, 0.0))
 
     @property
     def better(self) -> bool:

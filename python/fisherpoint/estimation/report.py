@@ -41,7 +41,7 @@ def headline(fit: FitStatistics) -> str:
     count, samples = int(np.isfinite(fit.residuals).sum()), len(fit.residuals)
     kind = "least squares" if len(fit.tests) == 1 else "least log det of the residual covariance (10)"
     kind = "weighted least squares" if fit.noise_known else kind
-    if fit.problem.prior_factor is not None:
+    if fit.weighted.prior_factor is not None:
         kind = f"maximum a posteriori, {'noise given' if fit.noise_known else 'noise estimated'}"
     unknowns = counted(len(fit.parameters), "unknown")
     return f"Fit of {fit.model.name}: {unknowns} from {counted(count, 'number')} in {counted(samples, 'sample')}, {kind}"
@@ -50,7 +50,7 @@ def headline(fit: FitStatistics) -> str:
 def sections(fit: FitStatistics, level: float = 0.95) -> Iterator[Section]:
     """The tables: unknowns, outputs, and noise beside residuals."""
     yield _unknowns(fit, level)
-    if fit.prior is not None and fit.problem.prior_factor is not None:
+    if fit.prior is not None and fit.weighted.prior_factor is not None:
         yield _beside_prior(fit, fit.prior)
     yield _outputs(fit)
     if len(fit.tests) > 1 and not fit.noise_known:
@@ -86,11 +86,10 @@ def warnings(fit: FitStatistics) -> Iterator[str]:
         if abs(off) > FAR_OFF:
             yield f"{name} is {abs(off):.1f} prior std from its prior mean: the prior, the model or the data may be wrong"
     for name, test in fit.tests.items():
+        per = number(test.per_degree_of_freedom, 3)
         if test.p_value is not None and test.p_value < OFF:
-            per = number(test.per_degree_of_freedom, 3)
             yield f"{name}: chi-square per degree of freedom {per}: the model or the noise of this output is wrong"
         elif test.p_value is not None and test.p_value > 1 - OFF:
-            per = number(test.per_degree_of_freedom, 3)
             yield f"{name}: chi-square per degree of freedom {per}: the noise of this output is smaller than given"
     yield from _beside_numerical_error(fit)
     for name in fit.noise_not_told:
@@ -111,7 +110,7 @@ def _beside_numerical_error(fit: FitStatistics) -> Iterator[str]:
     """Outputs of which the estimated noise is hardly larger than the numerical error of what is fitted."""
     if fit.noise_known:
         return
-    observed, stds = fit.problem.observed, np.sqrt(np.diag(fit.noise_covariance))
+    observed, stds = fit.weighted.observed, np.sqrt(np.diag(fit.noise_covariance))
     for name, i in ((name, names_of(fit.model.outputs).index(name)) for name in fit.tests):
         error = max(observed.precision * float(np.sqrt(np.nanmean(np.square(observed.y[:, i])))), TINY**0.5)
         if stds[i] > NUMERICAL * error:

@@ -8,15 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.values import Array, IntArray
+from ..data.record_trajectory import first_failure
 from ..models import Model
 from ..points.experiments import Experiments
-from ..points.trajectories import Settings, Status
+from ..points.trajectories import Settings
 
 MOST_POINTS = 200_000
 """Points that the engine is given at once, so that memory stays bounded."""
-
-
-EPSILON = float(np.finfo(np.float64).eps)
 
 
 class Response(NamedTuple):
@@ -45,8 +43,7 @@ def measurements_response(model: Model, points: Experiments, theta: Array, colum
         y[some] = found.reshape(len(rows), n_points, n_y)
         dy[some] = derivatives[..., columns].reshape(len(rows), n_points, n_y, -1)
         status[some] = codes.reshape(len(rows), n_points)
-    worst = status[np.arange(count), np.argmax(status != Status.ok, axis=1)]
-    return Response(y, dy, worst)
+    return Response(y, dy, first_failure(status))
 
 
 def sensible(model: Model, theta: Array) -> NDArray[np.bool_]:

@@ -69,6 +69,8 @@ class FitStatistics:
     evaluations : int
     starts, reached : int
         Starts of the search, and how many of them came to this minimum.
+    weighted : WeightedResiduals
+        The residuals in units of the noise, with the prior's, as a function of the unknowns: what was minimised.
     """
 
     model: Model
@@ -85,12 +87,12 @@ class FitStatistics:
     evaluations: int
     starts: int
     reached: int
-    problem: WeightedResiduals
+    weighted: WeightedResiduals
 
     @property
     def parameters(self) -> tuple[str, ...]:
         """Names of the unknowns: the estimated parameters, then starts of records that were not known, such as "x0_h1"."""
-        return self.problem.unknowns.names
+        return self.weighted.unknowns.names
 
     @property
     def estimate(self) -> Mapping[str, float]:
@@ -102,7 +104,7 @@ class FitStatistics:
         """Of the unknowns, by name."""
         of_states = {q.name: q.unit for q in self.model.states}
         units = {q.name: q.unit for q in self.model.parameters}
-        units |= {name: of_states[state] for name, (state, _) in self.problem.observed.starts.items()}
+        units |= {name: of_states[state] for name, (state, _) in self.weighted.observed.starts.items()}
         return FrozenMapping({name: units[name] for name in self.parameters})
 
     @cached_property
@@ -161,17 +163,17 @@ class FitStatistics:
     @property
     def at_bounds(self) -> tuple[str, ...]:
         """Unknowns that a bound holds: they are not free, take up no degree of freedom, and have no standard error."""
-        return self.problem.unknowns.at_bounds(self.z)
+        return self.weighted.unknowns.at_bounds(self.z)
 
     @property
     def held(self) -> NDArray[np.bool_]:
         """Which of the unknowns are `at_bounds`, (P,)."""
-        return self.problem.unknowns.held(self.z)
+        return self.weighted.unknowns.held(self.z)
 
     @property
     def expected_std(self) -> Array:
         """Root mean square (n_y,) of how measurements scatter: the noise, with the share of what is assumed and not exact."""
-        variances = self.problem.variances
+        variances = self.weighted.variances
         return np.asarray(np.sqrt(variances.reshape(-1, variances.shape[-1]).mean(axis=0)))
 
     @property
@@ -242,7 +244,7 @@ class FitStatistics:
         The quantile is the normal one where the noise is known, and Student's t where it was estimated.
         """
         level = as_probability(level, "level")
-        unknowns, spread = self.problem.unknowns, np.sqrt(np.diag(self.precision.covariance))
+        unknowns, spread = self.weighted.unknowns, np.sqrt(np.diag(self.precision.covariance))
         quantiles = quantile(level, np.array(list(self.quantile_degrees_of_freedom.values())))
         reach = np.where(self.precision.determined, quantiles * spread, np.inf)
         low, high = (unknowns.values(self.z + side * reach) for side in (-1, 1))
@@ -251,19 +253,19 @@ class FitStatistics:
     @cached_property
     def z(self) -> Array:
         """The unknowns in standardised coordinates, (P,)."""
-        z: Array = self.problem.unknowns.coordinates(self.values[None])[0]
+        z: Array = self.weighted.unknowns.coordinates(self.values[None])[0]
         return z
 
     @cached_property
     def slopes(self) -> Array:
         """d values / dz, (P,)."""
-        slopes: Array = self.problem.unknowns.slopes(self.values[None])[0]
+        slopes: Array = self.weighted.unknowns.slopes(self.values[None])[0]
         return slopes
 
     @cached_property
     def jacobian(self) -> Array:
         """Of the whitened residuals, with the prior's rows last: (M, P)."""
-        jacobian: Array = self.problem(self.z[None], np.zeros(1, dtype=np.intp))[1][0]
+        jacobian: Array = self.weighted(self.z[None], np.zeros(1, dtype=np.intp))[1][0]
         return jacobian
 
     @cached_property
@@ -285,13 +287,13 @@ class FitStatistics:
     @cached_property
     def whitened(self) -> Array:
         """Residuals in units of the noise, (N, n_y), zero where not measured."""
-        whitened: Array = whiten(self.problem.covariance, np.isfinite(self.residuals), self.residuals[None])[0][0]
+        whitened: Array = whiten(self.weighted.covariance, np.isfinite(self.residuals), self.residuals[None])[0][0]
         return whitened
 
     @property
     def standardised(self) -> Array:
         """Residuals over the standard deviation of their noise, (N, n_y), NaN where not measured."""
-        return np.asarray(self.residuals / np.sqrt(self.problem.variances))
+        return np.asarray(self.residuals / np.sqrt(self.weighted.variances))
 
     def _by_name(self, values: Array) -> Mapping[str, float]:
         return FrozenMapping(dict(zip(self.parameters, values.tolist(), strict=True)))

@@ -66,8 +66,7 @@ class Tangent(NamedTuple):
     @property
     def gradient(self) -> Array:
         """Of half the sum of squares, (B, P)."""
-        gradient: Array = self.size * (self.triangle.transpose(0, 2, 1) @ self.along[:, :, None])[:, :, 0]
-        return gradient
+        return self.size * (self.triangle.transpose(0, 2, 1) @ self.along[:, :, None])[:, :, 0]
 
     def length(self, free: NDArray[np.bool_], negligible: float) -> Array:
         """How much of the residuals lies in the tangent space of the coordinates that are free (B, P): (B,).
@@ -103,5 +102,4 @@ class Damped(NamedTuple):
 
     def step(self, along: Array) -> Array:
         """Steps (B, P) that answer a part of the residuals along the tangent space (B, K)."""
-        step: Array = np.linalg.solve(self.triangle, -(self.basis.transpose(0, 2, 1) @ along[:, :, None]))[:, :, 0] / self.units
-        return step
+        return np.linalg.solve(self.triangle, -(self.basis.transpose(0, 2, 1) @ along[:, :, None]))[:, :, 0] / self.units

@@ -29,8 +29,7 @@ def residual_covariance(residuals: Array) -> Array:
     measured = np.isfinite(residuals).astype(np.float64)
     filled = np.nan_to_num(residuals)
     count = np.maximum(measured.transpose(0, 2, 1) @ measured, 1.0)
-    covariance: Array = filled.transpose(0, 2, 1) @ filled / count
-    return covariance
+    return filled.transpose(0, 2, 1) @ filled / count
 
 
 def likelihood_deviance(covariance: Array, measured: NDArray[np.bool_], full: bool) -> Array:
@@ -69,6 +68,12 @@ def floor(y: Array) -> Array:
     return least
 
 
+def above_floor(covariance: Array, least: Array) -> Array:
+    """Covariances (B, n_y, n_y) with variances of at least the floor (n_y,)."""
+    short = np.maximum(least - np.einsum("bii->bi", covariance), 0.0)
+    return np.asarray(covariance + np.eye(len(least)) * short[:, :, None])
+
+
 def relative_change(update: Array, covariance: Array) -> Array:
     """Largest change (B,) of an entry of covariances (B, n_y, n_y), as a share of its standard deviations."""
     scale = np.sqrt(np.einsum("bii->bi", covariance))
@@ -95,9 +100,7 @@ def minimise_log_det(
     least, alone = floor(residuals.y), residuals.prior_factor is None and residuals.measured.any(axis=0).sum() == 1
 
     def covariance_at(z: Array, y: Array) -> Array:
-        covariance = residual_covariance(residuals.observed.respond(unknowns.values(z)).y - y) * keep
-        floored: Array = covariance + np.eye(len(least)) * np.maximum(least - np.einsum("bii->bi", covariance), 0.0)[:, :, None]
-        return floored
+        return above_floor(residual_covariance(residuals.observed.respond(unknowns.values(z)).y - y) * keep, least)
 
     def minimised(z: Array, y: Array, covariance: Array) -> Minima:
         weighted = replace(residuals, y=y, covariance=covariance[:, None])

@@ -60,8 +60,7 @@ class Unknowns:
     def coordinates(self, values: Array) -> Array:
         """z (B, P) of unknowns (B, P)."""
         linear = np.where(self.log, np.log(np.where(self.log, values, 1.0)), values)
-        z: Array = (linear - self.center) / self.scale
-        return z
+        return (linear - self.center) / self.scale
 
     def at_bounds(self, z: Array) -> tuple[str, ...]:
         """Names of the unknowns that are at a bound at z (P,)."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..basics.checks import as_std, check_known, check_mapping
+from ..basics.checks import as_std, by_name
 from ..basics.quantity import names_of
 from ..basics.values import Array
 from ..models import Model
@@ -50,13 +50,12 @@ def _spread(given: NDArray[Any], like: Array) -> NDArray[Any]:
 def noise_covariance(model: Model, noise_std: Mapping[str, float], y: Array) -> Array:
     """R (n_y, n_y) of the noise; outputs that were never measured need none."""
     names, variances = names_of(model.outputs), np.ones(len(model.outputs))
-    check_known(check_mapping(noise_std, "noise_std"), names, "noise_std", "the names")
+    stds = by_name(noise_std, names, "noise_std", as_std)
     for i, name in enumerate(names):
-        if name not in noise_std:
-            if np.isfinite(y[:, i]).any():
-                raise ValueError(f"noise_std: expected a value for {name!r}, which was measured; given none")
-            continue
-        variances[i] = as_std(noise_std[name], f"noise_std[{name!r}]") ** 2
+        if name in stds:
+            variances[i] = stds[name] ** 2
+        elif np.isfinite(y[:, i]).any():
+            raise ValueError(f"noise_std: expected a value for {name!r}, which was measured; given none")
     return np.diag(variances)
 
 

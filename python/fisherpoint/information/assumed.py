@@ -6,7 +6,7 @@ their prediction by R + G P G^T, with P the squares of the standard deviations, 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..basics.checks import as_std, check_known, check_mapping
+from ..basics.checks import as_std_or_zero, by_name
 from ..basics.quantity import names_of
 from ..basics.values import Array, FrozenMapping, IntArray
 from ..models import Model
@@ -98,8 +98,8 @@ def assumed_of(model: Model, uncertain: Mapping[str, float] | None, initial_stat
         For an unknown name, or a standard deviation that is negative.
     """
     constants, parameters, states = map(names_of, (model.constant_quantities, model.parameters, model.states))
-    known = checked_stds(uncertain, (*constants, *parameters), "uncertain")
-    starts = checked_stds(initial_state_std, states, "initial_state_std")
+    known = by_name(uncertain, (*constants, *parameters), "uncertain", as_std_or_zero)
+    starts = by_name(initial_state_std, states, "initial_state_std", as_std_or_zero)
     return _extended(model, known, starts)
 
 
@@ -117,13 +117,6 @@ def _extended(model: Model, uncertain: FrozenMapping[float], starts: FrozenMappi
     std = [uncertain[name] for name in (*among, *constants)] + list(starts.values())
     further = np.array([model.constants[name] for name in constants] + [0.0] * len(starts))
     return Assumed(extended, further, [*map(own.index, among), *range(p, p + len(further))], np.array(std))
-
-
-def checked_stds(given: Mapping[str, float] | None, known: Iterable[str], label: str) -> FrozenMapping[float]:
-    """Standard deviations by name in the known order, none of them negative; empty for None."""
-    given, known = {} if given is None else check_mapping(given, label), tuple(known)
-    check_known(given, known, label)
-    return FrozenMapping({name: as_std(given[name], f"{label}[{name!r}]", zero=True) for name in known if name in given})
 
 
 def assumed_covariance(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..basics.values import IntArray
 from ..points.experiments import Experiments
-from ..points.trajectories import Status, on_surface
+from ..points.trajectories import Status, failures_of, on_surface
 from .assumed import starts_near
 from .point_information import PointInformation, point_sensitivities, with_covariance, with_linearized_covariance
 from .problem import DesignProblem
@@ -96,7 +96,7 @@ class CandidateSource:
 
     def _counted(self, information: PointInformation, status: IntArray) -> tuple[PointInformation, NDArray[np.bool_]]:
         if status.any():
-            self.rejected.update(_reasons(status))
+            self.rejected.update(failures_of(status))
         return information, status == Status.ok
 
     def draw_confirmed(self, count: int) -> PointInformation:
@@ -135,13 +135,8 @@ class CandidateSource:
                 keep[rows] = False
         tried = np.flatnonzero(keep)
         information, status = point_sensitivities(problem, points[tried], self._threads)
-        rejected.update(_reasons(status))
+        rejected.update(failures_of(status))
         self.drawn += len(points)  # with the reasons, so that the counts add up after an interrupt too
         self.rejected.update(+rejected)
         survive = status == Status.ok
         return information[survive], tried[survive]
-
-
-def _reasons(status: IntArray) -> Counter[str]:
-    counts = np.bincount(status, minlength=len(Status))
-    return Counter({Status(value).name: int(n) for value, n in enumerate(counts) if n and value != Status.ok})

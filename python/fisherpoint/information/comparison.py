@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -95,13 +95,8 @@ class RuleComparison(Shown, Kept):
     converged: RuleRow
     next_lower: Rule
 
-    @classmethod
-    def _inside(cls) -> tuple[type, ...]:
-        return (RuleRow, Errors)
-
-    @classmethod
-    def _codec(cls) -> Codec:
-        return {Rule: (rule_to_json, rule_from_json)}
+    _INSIDE = (RuleRow, Errors)
+    _CODEC: ClassVar[Codec] = {Rule: (rule_to_json, rule_from_json)}
 
     def to_pandas(self) -> pd.DataFrame:
         """One row per rule, the converged one last; errors are relative, seconds are of one point."""

@@ -157,13 +157,17 @@ class Evaluation(Shown, Kept):
         facts = [("output covariance D", kind), ("outputs used", ", ".join(self.outputs))]
         if self.outputs_left_out:
             facts.append(("outputs left out", ", ".join(self.outputs_left_out)))
-        if self.covariance is None:
-            facts.append(("rank of F", f"{self.rank} of {len(self.parameters)}: singular, log det is -inf"))
-            facts += [("not determined (in prior std)", combination(null)) for null in self.null_directions]
-        else:
-            facts.append(("log det F", f"{self.log_det:.4f} (parameters in units of their prior std, F as in (7))"))
+        facts += value_of_criterion(self)
         table = Section("Parameters, in SI units", columns, rows, marked, notes)
         return Report(f"Information about {counted(len(self.parameters), 'parameter')}", [table, Section("Criterion", (), facts)])
+
+
+def value_of_criterion(evaluation: Evaluation) -> list[tuple[str, str]]:
+    """The criterion, or what makes F singular, as facts of a report."""
+    if evaluation.covariance is not None:
+        return [("log det F", f"{evaluation.log_det:.4f} (parameters in units of their prior std, F as in (7))")]
+    rank = f"{evaluation.rank} of {len(evaluation.parameters)}: singular, log det is -inf"
+    return [("rank of F", rank), *(("not determined (in prior std)", combination(null)) for null in evaluation.null_directions)]
 
 
 def evaluate_design(

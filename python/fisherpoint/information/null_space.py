@@ -24,8 +24,7 @@ def unscaled(v: Array, length: Array) -> Array:
     """The direction (p,) of the matrix' own columns that is v in those of unit length."""
     if (length == 0).any() and np.abs(v[length == 0]).max() > 1e-6:
         return np.where(length == 0, v, 0.0)  # a parameter without any influence is a direction of its own
-    direction: Array = v / np.where(length > 0, length, 1.0)
-    return direction
+    return v / np.where(length > 0, length, 1.0)
 
 
 def pivots(directions: Array) -> list[int]:

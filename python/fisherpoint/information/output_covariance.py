@@ -82,8 +82,7 @@ class Criterion:
 
     def output_covariance(self, prepared: PointInformation) -> Array:
         """D (n, n) of the accumulator; the identity where each point has its own."""
-        d: Array = self.accumulate(prepared).output_covariance(self.given, self.pooled)
-        return d
+        return self.accumulate(prepared).output_covariance(self.given, self.pooled)
 
 
 def needs_covariances(kind: str) -> bool:

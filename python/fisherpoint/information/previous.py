@@ -11,7 +11,7 @@ import numpy as np
 
 from ..basics.values import FrozenMapping
 from ..points.experiments import Experiments
-from ..points.trajectories import Status, on_surface
+from ..points.trajectories import Status, failures_of, on_surface
 from .output_covariance import needs_covariances
 from .point_information import PointInformation, point_sensitivities, with_covariance
 from .problem import DesignProblem
@@ -86,7 +86,7 @@ def _of_part(problem: DesignProblem, part: Any, threads: int | None) -> tuple[Po
     if needs_covariances(str(problem.output_covariance)):
         information, over_nodes = with_covariance(problem, information, threads)
         status = np.where(status != Status.ok, status, over_nodes)
-    lost.update(Status(value).name for value in status.tolist() if value != Status.ok)
+    lost.update(failures_of(status))
     measured = None
     if y is not None:
         if y.shape[1] != len(model.outputs):

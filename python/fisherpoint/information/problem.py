@@ -10,17 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from ..basics.checks import as_std, check_choice, check_names, in_order, some_names_among
+from ..basics.checks import as_std, by_name, check_choice, check_names, some_names_among
 from ..basics.messages import shown
 from ..basics.quantity import names_of
-from ..basics.values import Array, FrozenMapping
+from ..basics.values import Array
 from ..models import Model
 from ..points.natural_sizes import warn_of_small_states
 from ..points.region import ExperimentRegion
 from ..points.trajectories import check_jumps, check_kinks, check_rtol, crossed_surfaces
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import DEFAULT_RULE, Rule
-from .assumed import Assumed, assumed_of, checked_stds
+from .assumed import Assumed, assumed_of
 
 OUTPUT_COVARIANCES = ("noise", "region", "pooled", "pointwise")
 ASSUMED_COVARIANCES = ("tangents", "predictive")
@@ -68,6 +68,8 @@ class DesignProblem:
 
     Attributes
     ----------
+    estimated : tuple of str
+        `parameters` as they are in any case: names in the model's order, also where none were given.
     derived : tuple of str
         Options that were not given: `output_covariance` and `parameters` follow from the others then.
 
@@ -116,9 +118,7 @@ class DesignProblem:
             warn_of_small_states(self.model, "the region keeps", np.array(bounds).reshape(-1, 2).T, stacklevel=4)
         if self.noise_std is not None:
             outputs = names_of(self.model.outputs)
-            stds = in_order(self.noise_std, outputs, "noise_std").tolist()
-            stds = {name: as_std(value, f"noise_std[{name!r}]") for name, value in zip(outputs, stds, strict=True)}
-            set_field(self, "noise_std", FrozenMapping(stds))
+            set_field(self, "noise_std", by_name(self.noise_std, outputs, "noise_std", as_std, complete=True))
         given = everything if self.parameters is None else self.parameters
         set_field(self, "parameters", some_names_among(given, everything, "parameters"))
         self._check_assumed(everything)
@@ -138,10 +138,7 @@ class DesignProblem:
     def _check_assumed(self, everything: tuple[str, ...]) -> None:
         known = (*names_of(self.model.constant_quantities), *everything)
         for label, names in (("uncertain", known), ("initial_state_std", names_of(self.model.states))):
-            stds = checked_stds(getattr(self, label), names, label)
-            for name, value in stds.items():
-                as_std(value, f"{label}[{name!r}]")
-            object.__setattr__(self, label, stds or None)
+            object.__setattr__(self, label, by_name(getattr(self, label), names, label, as_std) or None)
         for name in (name for name in self.uncertain or () if name in self.estimated):
             raise ValueError(f"uncertain: expected constants or parameters that are not estimated, given {name!r}, which is")
         check_choice(self.assumed_covariance, ASSUMED_COVARIANCES, "assumed_covariance")

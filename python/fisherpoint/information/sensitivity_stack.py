@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,7 @@ from ..basics.values import Array
 from ..models import Model
 from ..points.experiments import Experiments
 from ..points.region import ExperimentRegion
-from ..points.trajectories import Status, on_surface, only_finite, sensitivities
+from ..points.trajectories import Status, failures_of, on_surface, only_finite, sensitivities
 from ..prior.gaussian import GaussianPrior
 
 TIGHT, LOOSE = 1e-10, 1e-8
@@ -72,8 +73,7 @@ class Stack:
         by_theta, by_start = np.split(self.tight, [len(self.names)], axis=2)
         undone = -by_theta @ (direction / self.size)
         moves = [np.linalg.lstsq(n, y, rcond=1e-7)[0] for n, y in zip(by_start, undone, strict=True)]
-        changes: Array = np.array(moves).reshape(self.x0.shape) / np.where(self.x0 != 0, self.x0, 1.0)
-        return changes
+        return np.array(moves).reshape(self.x0.shape) / np.where(self.x0 != 0, self.x0, 1.0)
 
 
 class Sampler:
@@ -147,7 +147,7 @@ class Sampler:
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is left out
             near, far = near * self._scale(theta), far * self._scale(theta)
         status = only_finite(status, near, far)
-        self.left_out.update(Status(value).name for value in status.tolist() if value)
+        self.left_out.update(failures_of(status))
         ok = status == Status.ok
         accurate = _agree(near, far, ok)
         self.left_out.update({"inaccurate": int((ok & ~accurate).sum())})
@@ -184,19 +184,15 @@ def draw_theta(model: Model, prior: GaussianPrior | None, count: int, rng: np.ra
                 raise ValueError(f"prior: expected a GaussianPrior, or nominal values of all parameters; given none of {name}")
         mean = np.array([model.nominal[name] for name in names])
         std, log = np.where(mean != 0, 0.4 * np.abs(mean), 1.0), np.zeros(len(names), dtype=bool)
-    found = [model.theta(mean)]
-    for _ in range(100 * count):
-        if len(found) == count:
-            return np.array(found)
+    found, drawn, end = [model.theta(mean)], 0, 100 * count
+    while len(found) < count:
+        if drawn == end:
+            raise ValueError(f"prior: expected parameters near the mean that {model.name} takes, given {len(found)} of {end} drawn")
+        drawn += 1
         step = rng.uniform(-1, 1, len(names)) * std
-        row = np.where(log, mean * np.exp(step / np.where(mean != 0, mean, 1.0)), mean + step)
-        try:
-            found.append(model.theta(row))
-        except ValueError:
-            continue  # outside what the model takes
-    if len(found) == count:
-        return np.array(found)
-    raise ValueError(f"prior: expected parameters near the mean that {model.name} takes, given {len(found)} of {100 * count} drawn")
+        with suppress(ValueError):  # outside what the model takes
+            found.append(model.theta(np.where(log, mean * np.exp(step / np.where(mean != 0, mean, 1.0)), mean + step)))
+    return np.array(found)
 
 
 def default_region(model: Model, theta: Array) -> ExperimentRegion:

@@ -30,7 +30,7 @@ def cpp_model(model: Model, programs: Programs, name: str) -> str:
     """Return the C++ source of a model (cpp/include/fisherpoint/models/model.hpp says what that is) as a struct called `name`."""
     n_x, n_u, p = len(model.states), len(model.inputs), len(model.parameters)
     sides = len(model.jumps) + len(model.kinks)
-    leaves = [f"{area}[{i}]" for area, n in (("theta", p), ("u", n_u), ("x", n_x), ("side", sides)) for i in range(n)]
+    leaves = [f"{area}_{i}" for area, n in (("theta", p), ("u", n_u), ("x", n_x), ("side", sides)) for i in range(n)]
     rates, output, surfaces = (_Body(program, leaves, n_x) for program in (programs.rates, programs.output, programs.surfaces))
     ahead, behind = rates.setup_parts(p)
     values = surfaces.results
@@ -114,7 +114,7 @@ class _Body:
     def __init__(self, program: Program, leaves: Sequence[str], n_x: int) -> None:
         self._reads: dict[str, list[str]] = {}  # of every result, by its name
         self._statement: dict[str, str] = {}
-        names = [_literal(float(value)) for value in program.literals] + [_name(leaf) for leaf in leaves] + [""] * n_x
+        names = [_literal(float(value)) for value in program.literals] + [*leaves] + [""] * n_x
         names += [""] * (program.registers - len(names))
         self.setup = self._statements(program.setup.tolist(), names)
         self.stage = self._statements(program.stage.tolist(), names)
@@ -153,10 +153,6 @@ class _Body:
                 wanted.add(name)
                 pending += self._reads[name]
         return [statement for result, statement in self._statement.items() if result in wanted]
-
-
-def _name(leaf: str) -> str:
-    return leaf.replace("[", "_").rstrip("]")
 
 
 def _literal(value: float) -> str:

@@ -70,8 +70,9 @@ def model(
     def make(function: Callable[..., Any]) -> SymbolicModel:
         if not callable(function):
             raise TypeError(f"model: expected a function of x, u, p, given {shown(function)}")
+        given = {"states": states, "inputs": inputs, "parameters": parameters}
+        names = {kind: [q.name for q in quantities_of(of, kind)] for kind, of in given.items()}
         known = constants_of(constants)[0]
-        names = {kind: [q.name for q in quantities_of(given, kind)] for kind, given in _kinds(states, inputs, parameters)}
         own_name = checked_name(name if name is not None else getattr(function, "__name__", "model"))
         spaces = (
             Namespace("x", names["states"]),
@@ -79,24 +80,10 @@ def model(
             Namespace("p", [*names["parameters"], *(q.name for q in known)]),
         )
         f, g, domain = _returned(function, spaces, own_name)
-        return SymbolicModel(
-            f,
-            g,
-            states or {},
-            inputs or {},
-            parameters,
-            outputs,
-            constants=constants,
-            domain=domain,
-            name=own_name,
-            nominal=nominal,
-        )
+        options: dict[str, Any] = dict(constants=constants, domain=domain, name=own_name, nominal=nominal)
+        return SymbolicModel(f, g, states or {}, inputs or {}, parameters, outputs, **options)
 
     return make
-
-
-def _kinds(states: Any, inputs: Any, parameters: Any) -> list[tuple[str, Any]]:
-    return [("states", states), ("inputs", inputs), ("parameters", parameters)]
 
 
 def _returned(function: Callable[..., Any], spaces: tuple[Namespace, ...], name: str) -> tuple[Any, Any, Any]:

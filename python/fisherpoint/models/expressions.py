@@ -11,15 +11,15 @@ from sympy.core.function import AppliedUndef
 from sympy.core.relational import Equality, Relational, Unequality
 from sympy.logic.boolalg import BooleanFalse, BooleanFunction, BooleanTrue
 
+from ..basics.formulas import ARGUMENTS
 from ..basics.messages import listed, shortened, shown
-from .functions import NAMES
 from .tape.parts import check_size, parts, rebuilt, replaced, symbols_of
 
 MAX_EXPONENT = 1000
 """The largest number as an exponent; sympy works powers of numbers out to the last digit."""
 
 _ARITHMETIC = (sympy.Symbol, sympy.Number, sympy.Add, sympy.Mul, sympy.Pow)
-_CALLS = tuple(getattr(sympy, name) for name in NAMES if hasattr(sympy, name) and isinstance(getattr(sympy, name), type))
+_CALLS = tuple(getattr(sympy, name) for name in ARGUMENTS if hasattr(sympy, name) and isinstance(getattr(sympy, name), type))
 _CASES = (sympy.Abs, sympy.Heaviside, sympy.Min, sympy.Max, sympy.Piecewise, sympy.functions.elementary.piecewise.ExprCondPair)
 _LOGIC = (Relational, sympy.And, sympy.Or, sympy.Not, sympy.ITE, BooleanTrue, BooleanFalse)
 _KNOWN = (*_ARITHMETIC, *_CALLS, *_CASES, *_LOGIC)
@@ -52,7 +52,7 @@ def checked(expression: Any, symbols: Mapping[str, sympy.Symbol], place: str) ->
             if isinstance(part, BooleanFunction):
                 raise ValueError(f"{place}: expected conditions that are joined by &, | and ~, given {shortened(part)}")
             if part not in (sympy.I, sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
-                raise ValueError(f"{place}: expected the functions {', '.join(NAMES)}; given {shortened(what)}")
+                raise ValueError(f"{place}: expected the functions {', '.join(ARGUMENTS)}; given {shortened(what)}")
 
     def ours(part: Any, now: Any) -> Any:
         if isinstance(part, AppliedUndef):  # x(t), as sympy.physics.mechanics has it
@@ -71,7 +71,8 @@ def checked(expression: Any, symbols: Mapping[str, sympy.Symbol], place: str) ->
         _known(unknown.name, symbols, place)
     expression = replaced(expression, {part: _number(part, place) for part in parts(expression) if _is_number(part)})
     # A root that is written with a decimal number is a root all the same.
-    expression = rebuilt(expression, lambda _, now: _root(now) if _is_decimal_root(now) else now)
+    halves = sympy.Rational(1, 2)
+    expression = rebuilt(expression, lambda _, now: now.base ** (int(2 * now.exp) * halves) if _is_decimal_root(now) else now)
     for part in parts(expression):
         if part.is_Number:
             _number(part, place)
@@ -84,10 +85,6 @@ def checked(expression: Any, symbols: Mapping[str, sympy.Symbol], place: str) ->
 
 def _is_number(part: Any) -> bool:
     return bool(part.is_number and isinstance(part, sympy.Expr) and not isinstance(part, sympy.Integer | sympy.Rational))
-
-
-def _root(power: Any) -> Any:
-    return power.base ** sympy.Rational(int(2 * power.exp), 2)
 
 
 def _is_decimal_root(part: Any) -> bool:

@@ -14,10 +14,9 @@ import sympy
 from sympy.logic.boolalg import Boolean, BooleanAtom
 
 from ..basics.checks import as_float
+from ..basics.formulas import ARGUMENTS
 from ..basics.messages import shown
 from .tape.parts import cases, check_size
-
-__all__ = ["ARGUMENTS", "FUNCTIONS", "NAMES", "heaviside", "sign", "sqrt", "tanh", "where"]
 
 heaviside, sign, sqrt, tanh = sympy.Heaviside, sympy.sign, sympy.sqrt, sympy.tanh
 
@@ -80,7 +79,3 @@ _OF_TERMS: dict[str, Callable[..., Any]] = {
 }
 FUNCTIONS: dict[str, Callable[..., Any]] = {**{name: _of_terms(name, one) for name, one in _OF_TERMS.items()}, "where": where}
 """By the name that equations use."""
-
-NAMES = tuple(FUNCTIONS)
-ARGUMENTS = {name: (1, 1) for name in NAMES} | {"atan2": (2, 2), "min": (2, 32), "max": (2, 32), "where": (3, 3)}
-"""The least and the largest number of arguments of each."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Hashable, Mapping
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
-from ..basics.checks import as_float, as_positive, check_known
+from ..basics.checks import as_float, as_positive, by_name
 from ..basics.extras import needed_for
 from ..basics.messages import shown
 from ..basics.quantity import Quantity, names_of
@@ -93,7 +93,8 @@ class HydraulicCylinder(Model):
                 raise ValueError(f"{name}: expected a positive number, given {getattr(self._core, name)}")
         if not self._core.q_min < self._core.q_max:
             raise ValueError(f"q_max: expected more than q_min = {self._core.q_min}, given {self._core.q_max}")
-        self.smooth = _checked_widths(smooth, (*type(self).jumps, *type(self).kinks))
+        surfaces = (*type(self).jumps, *type(self).kinks)
+        self.smooth = by_name(smooth, surfaces, "smooth", partial(as_positive, what="width"))
         self.jumps, self.kinks = (tuple(name for name in names if name not in self.smooth) for names in (self.jumps, self.kinks))
         self.crossable = self.jumps
 
@@ -154,24 +155,11 @@ class HydraulicCylinder(Model):
         return (self.name, *self.constants.values(), *self.smooth.items())
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return (_rebuild, (type(self), dict(self.constants), dict(self.smooth)))
+        return partial(type(self), smooth=dict(self.smooth), **self.constants), ()
 
     def __repr__(self) -> str:
         given = [f"{name}={value!r}" for name, value in self.constants.items()]
         return f"HydraulicCylinder({', '.join([*given, *([f'smooth={dict(self.smooth)}'] if self.smooth else [])])})"
-
-
-def _rebuild(kind: type[HydraulicCylinder], constants: dict[str, float], smooth: dict[str, float]) -> HydraulicCylinder:
-    return kind(smooth=smooth, **constants)
-
-
-def _checked_widths(given: Mapping[str, float] | None, surfaces: tuple[str, ...]) -> FrozenMapping[float]:
-    """Widths in the order of the surfaces."""
-    if given is not None and not isinstance(given, Mapping):
-        raise TypeError(f"smooth: expected widths by name, as in {{'v': 1e-3, 'x_v': 1e-3}}, given {shown(given)}")
-    check_known(given or {}, surfaces, "smooth", "widths of")
-    widths = {name: as_positive(value, f"smooth[{name!r}]", "width") for name, value in (given or {}).items()}
-    return FrozenMapping({name: widths[name] for name in surfaces if name in widths})
 
 
 MODELS: dict[str, type[HydraulicCylinder]] = {HydraulicCylinder.name: HydraulicCylinder}

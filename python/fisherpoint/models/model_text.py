@@ -42,9 +42,8 @@ def _equations(model: Model, rates: Sequence[str], output: Sequence[str]) -> Ite
     for quantity, text in zip(model.states, f, strict=True):
         yield f"d{quantity.name}/dt = {text}"
     for quantity, text in zip(model.outputs, g, strict=True):
-        if text == quantity.name:
-            continue  # an output that is a state or an input
-        yield f"{quantity.name} = {text}"
+        if text != quantity.name:  # else an output that is a state or an input
+            yield f"{quantity.name} = {text}"
 
 
 def latex(equations: Equations, outputs: Iterable[str]) -> str:

@@ -7,14 +7,15 @@ import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from ..basics.checks import as_float, as_positive, as_sequence, check_known
+from ..basics.checks import as_float, as_positive, as_sequence, by_name, check_known
+from ..basics.formulas import ARGUMENTS
 from ..basics.messages import shown
-from ..basics.quantity import LONGEST_NAME, Quantity
+from ..basics.quantity import LONGEST_NAME, Quantity, names_of
 from ..basics.units import check_unit
+from ..basics.values import FrozenMapping
 from .base import Model
-from .functions import NAMES
 
-RESERVED = (*NAMES, "pi", "dt")
+RESERVED = (*ARGUMENTS, "pi", "dt")
 
 Described = Mapping[Any, Any] | Iterable[Any]
 
@@ -56,6 +57,47 @@ def constants_of(described: Mapping[Any, Any] | None) -> tuple[tuple[Quantity, .
         value, unit = entry if isinstance(entry, tuple) and len(entry) == 2 else (entry, "1")
         units[name], values[name] = unit, as_float(value, f"constants.{name}")
     return quantities_of(units, "constants"), values
+
+
+class DescribedModel(Model):
+    """A model of which a user has described the quantities; a subclass adds its equations or functions."""
+
+    def _describe(
+        self,
+        states: Described | None,
+        inputs: Described | None,
+        parameters: Described,
+        outputs: Described,
+        constants: Mapping[str, Any] | None,
+        name: str,
+        nominal: Mapping[str, float] | None,
+    ) -> None:
+        self.name = checked_name(name)
+        self.states, self.inputs = quantities_of(states, "states"), quantities_of(inputs, "inputs")
+        self.parameters, self.outputs = quantities_of(parameters, "parameters"), quantities_of(outputs, "outputs")
+        self.constant_quantities, values = constants_of(constants)
+        self._constants = FrozenMapping(values)
+        kinds = {"states": self.states, "inputs": self.inputs, "parameters": self.parameters, "constants": self.constant_quantities}
+        check_distinct((q.name, kind) for kind, of in kinds.items() for q in of)
+        for kind in ("parameters", "outputs"):
+            if not getattr(self, kind):
+                raise ValueError(f"{kind}: expected at least one, given none")
+        self.nominal = by_name(nominal, names_of(self.parameters), "nominal", as_float)
+
+    @property
+    def constants(self) -> Mapping[str, float]:
+        """The known constants by name, SI units."""
+        return self._constants
+
+    @property
+    def _given_constants(self) -> dict[str, tuple[float, Quantity]]:
+        """Constants as they are described."""
+        return {q.name: (self.constants[q.name], q) for q in self.constant_quantities}
+
+    def __repr__(self) -> str:
+        kinds = {"state": self.states, "input": self.inputs, "parameter": self.parameters, "output": self.outputs}
+        counts = ", ".join(f"{len(of)} {kind}{'s' * (len(of) != 1)}" for kind, of in kinds.items())
+        return f"{type(self).__name__}({self.name!r}, {counts})"
 
 
 def start_offsets(model: Model, names: Sequence[str]) -> tuple[Quantity, ...]:

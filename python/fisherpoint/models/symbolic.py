@@ -3,35 +3,34 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Hashable, Iterable, Mapping, Set
+from collections.abc import Hashable, Iterable, Mapping, Sequence, Set
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any
 
 import sympy
 
-from ..basics.checks import as_float, as_sequence, check_known, check_mapping
+from ..basics.checks import as_sequence, check_known
 from ..basics.messages import listed, shown
 from ..basics.quantity import Quantity, names_of
 from ..basics.values import Array, FrozenMapping
 from ..engine import _core
-from .base import Model
 from .compiled import compiled_model
 from .dependence import Dependence
 from .expressions import checked, symbol
 from .model_text import latex, model_text
-from .quantities import Described, check_distinct, checked_name, constants_of, quantities_of, start_offsets
+from .quantities import Described, DescribedModel, start_offsets
 from .surfaces.domain import MOST
 from .surfaces.printing import to_text
 from .surfaces.structure import Equations, Structure
 from .tape.parts import replaced
-from .tape.program import to_core
+from .tape.program import Program, to_core
 from .tape.programs import LIMIT
 from .text import parse_equation
 from .toml_text import equations_toml
 
 
-class SymbolicModel(Model):
+class SymbolicModel(DescribedModel):
     """A model x' = f(x, u, theta), y = g(x, u, theta) given by its equations.
 
     Where f is not smooth and where f and g have no value is found in the equations: see `jumps`, `kinks` and `domain`.
@@ -75,31 +74,30 @@ class SymbolicModel(Model):
         name: str = "model",
         nominal: Mapping[str, float] | None = None,
     ) -> None:
-        self.name = checked_name(name)
         given_f, given_g, given_domain = _listed(f, "f"), _listed(g, "g"), _listed(domain, "domain")
-        self.states, self.inputs = quantities_of(states, "states"), quantities_of(inputs, "inputs")
-        self.parameters = quantities_of(parameters, "parameters")
-        self.constant_quantities, values = constants_of(constants)
-        self.outputs = quantities_of(_default_outputs(len(given_g)) if outputs is None else outputs, "outputs")
-        self._constants = FrozenMapping(values)
-        self._check_quantities()
-        self.nominal = FrozenMapping(_checked_nominal(nominal, names_of(self.parameters)))
-
+        if outputs is None:
+            outputs = {"y": "1"} if len(given_g) == 1 else {f"y_{i + 1}": "1" for i in range(len(given_g))}
+        self._describe(states, inputs, parameters, outputs, constants, name, nominal)
+        if not self.states and not self.inputs:
+            raise ValueError("states: expected a state or an input, given neither")
+        for kind in ("states", "parameters"):
+            if len(getattr(self, kind)) > LIMIT:
+                raise ValueError(f"{kind}: expected at most {LIMIT}, given {len(getattr(self, kind))}")
         _check_count(given_f, "f", self.states)
         _check_count(given_g, "g", self.outputs)
         if len(given_domain) > MOST:
             raise ValueError(f"domain: expected at most {MOST} conditions, given {len(given_domain)}")
-        symbols = {name: symbol(name) for name in self._names()}
+        symbols = {quantity.name: symbol(quantity.name) for quantities in self._quantities() for quantity in quantities}
         rates = [_equation(e, symbols, f"equations.{q.name}") for e, q in zip(given_f, self.states, strict=True)]
         output = [_equation(e, symbols, self._place_of(q)) for e, q in zip(given_g, self.outputs, strict=True)]
         conditions = [_condition(e, symbols, f"domain[{i}]") for i, e in enumerate(given_domain)]
         self._check_outputs(output, symbols)
         of = {kind: tuple(symbols[q.name] for q in getattr(self, kind)) for kind in ("states", "inputs", "parameters")}
         self.equations = Equations(
-            tuple(rates), tuple(output), tuple(conditions), **of, constants={symbols[n]: v for n, v in values.items()}
+            tuple(rates), tuple(output), tuple(conditions), **of, constants={symbols[n]: v for n, v in self.constants.items()}
         )
         self.texts = tuple(
-            tuple(_text(e, new) for e, new in zip(given, news, strict=True))
+            tuple(e if isinstance(e, str) else to_text(new) for e, new in zip(given, news, strict=True))
             for given, news in ((given_f, rates), (given_g, output), (given_domain, conditions))
         )
         self.structure = Structure(self.equations)
@@ -111,11 +109,6 @@ class SymbolicModel(Model):
         self.poles = tuple(limit.name for limit in limits if limit.pole)
         if len(surfaces) + len(limits) > LIMIT:
             raise ValueError(f"f: expected at most {LIMIT} switching surfaces and limits, given {len(surfaces) + len(limits)}")
-
-    @property
-    def constants(self) -> Mapping[str, float]:
-        """The known constants by name, SI units."""
-        return self._constants
 
     @cached_property
     def core(self) -> Any:
@@ -142,6 +135,8 @@ class SymbolicModel(Model):
     @cached_property
     def _tape(self) -> Any:
         programs = self.structure.programs
+        # By the names that the core has for them too.
+        parts: dict[str, Any] = {name: to_core(of) if isinstance(of, Program) else of for name, of in vars(programs).items()}
         return _core.TapeModel(
             scales=[quantity.scale or 1.0 for quantity in self.states],
             inputs=len(self.inputs),
@@ -149,22 +144,8 @@ class SymbolicModel(Model):
             parameters=len(self.parameters),
             jumps=len(self.jumps),
             kinks=len(self.kinks),
-            poles=programs.poles,
             limits=len(self.domain),
-            rates=to_core(programs.rates),
-            output=to_core(programs.output),
-            surfaces=to_core(programs.surfaces),
-            surface_rates=to_core(programs.surface_rates),
-            rate_jacobian=to_core(programs.rate_jacobian),
-            output_jacobian=to_core(programs.output_jacobian),
-            jump_jacobian=to_core(programs.jump_jacobian),
-            rate_entries=programs.rate_entries,
-            output_entries=programs.output_entries,
-            jump_entries=programs.jump_entries,
-            varying_states=programs.varying_states,
-            varying_outputs=programs.varying_outputs,
-            varying_surfaces=programs.varying_surfaces,
-            crossable=programs.crossable,
+            **parts,
         )
 
     _own_core: Any | None = None
@@ -176,89 +157,45 @@ class SymbolicModel(Model):
     def estimate(self, *names: str) -> SymbolicModel:
         """Return the model with known constants made parameters; their values become nominal ones."""
         check_known(names, self.constants, "estimate", "names of constants,")
-        moved = tuple(q for q in self.constant_quantities if q.name in names)
-        return self._replaced(
-            parameters=(*self.parameters, *moved),
-            constant_quantities=tuple(q for q in self.constant_quantities if q not in moved),
-            values=self.constants,
-            nominal={**self.nominal, **{q.name: self.constants[q.name] for q in moved}},
+        moved = {name: given for name, given in self._given_constants.items() if name in names}
+        return self._changed(
+            self.texts,
+            (*self.parameters, *(quantity for _, quantity in moved.values())),
+            {name: given for name, given in self._given_constants.items() if name not in moved},
+            {**self.nominal, **{name: value for name, (value, _) in moved.items()}},
         )
 
     def fix(self, **values: float) -> SymbolicModel:
         """Return the model with parameters made known constants of these values, SI units."""
         names = names_of(self.parameters)
         check_known(values, names, "fix", "names of parameters,")
-        moved = tuple(q for q in self.parameters if q.name in values)
-        return self._replaced(
-            parameters=tuple(q for q in self.parameters if q not in moved),
-            constant_quantities=(*self.constant_quantities, *moved),
-            values={**self.constants, **values},
-            nominal={name: value for name, value in self.nominal.items() if name not in values},
+        fixed = {q.name: (values[q.name], replace(q, scale=None)) for q in self.parameters if q.name in values}
+        return self._changed(
+            self.texts,
+            tuple(q for q in self.parameters if q.name not in values),
+            {**self._given_constants, **fixed},
+            {name: value for name, value in self.nominal.items() if name not in values},
         )
 
     def free_start(self, *names: str) -> SymbolicModel:
         """Return the model in which these states start off their x0 by a further parameter each: they come last, nominally 0."""
         offsets = start_offsets(self, names)
         shift = {symbol(name): symbol(name) + symbol(offset.name) for name, offset in zip(names, offsets, strict=True)}
-        equations = self.equations
-        f, g, domain = (
-            [replaced(expression, shift) for expression in of] for of in (equations.rates, equations.output, equations.conditions)
-        )
-        constants = {q.name: (self.constants[q.name], q) for q in self.constant_quantities}
-        parameters = (*self.parameters, *offsets)
+        given = (self.equations.rates, self.equations.output, self.equations.conditions)
+        equations = [[replaced(expression, shift) for expression in of] for of in given]
         nominal = {**self.nominal, **dict.fromkeys(names_of(offsets), 0.0)}
-        return SymbolicModel(
-            f,
-            g,
-            self.states,
-            self.inputs,
-            parameters,
-            self.outputs,
-            constants=constants,
-            domain=domain,
-            name=self.name,
-            nominal=nominal,
-        )
+        return self._changed(equations, (*self.parameters, *offsets), self._given_constants, nominal)
 
-    def _replaced(
-        self,
-        parameters: tuple[Quantity, ...],
-        constant_quantities: tuple[Quantity, ...],
-        values: Mapping[str, float],
-        nominal: Mapping[str, float],
+    def _changed(
+        self, equations: Sequence[Any], parameters: Described, constants: Mapping[str, Any], nominal: Mapping[str, float]
     ) -> SymbolicModel:
-        constants = {q.name: (values[q.name], replace(q, scale=None)) for q in constant_quantities}
-        f, g, domain = self.texts
-        return SymbolicModel(
-            f,
-            g,
-            self.states,
-            self.inputs,
-            parameters,
-            self.outputs,
-            constants=constants,
-            domain=domain,
-            name=self.name,
-            nominal=nominal,
-        )
+        """The model with other equations (f, g, domain), parameters, constants and nominal values."""
+        f, g, domain = equations
+        options: dict[str, Any] = dict(constants=constants, domain=domain, name=self.name, nominal=nominal)
+        return SymbolicModel(f, g, self.states, self.inputs, parameters, self.outputs, **options)
 
     def _quantities(self) -> tuple[tuple[Quantity, ...], ...]:
         return self.states, self.inputs, self.parameters, self.constant_quantities
-
-    def _names(self) -> list[str]:
-        return [quantity.name for quantities in self._quantities() for quantity in quantities]
-
-    def _check_quantities(self) -> None:
-        kinds = ("states", "inputs", "parameters", "constants")
-        check_distinct((q.name, kind) for kind, of in zip(kinds, self._quantities(), strict=True) for q in of)
-        for kind, least in (("parameters", 1), ("outputs", 1)):
-            if len(getattr(self, kind)) < least:
-                raise ValueError(f"{kind}: expected at least one, given none")
-        if not self.states and not self.inputs:
-            raise ValueError("states: expected a state or an input, given neither")
-        for kind in ("states", "parameters"):
-            if len(getattr(self, kind)) > LIMIT:
-                raise ValueError(f"{kind}: expected at most {LIMIT}, given {len(getattr(self, kind))}")
 
     def _place_of(self, output: Quantity) -> str:
         return f"{'outputs' if output.name in names_of(self.states) else 'equations'}.{output.name}"
@@ -295,23 +232,15 @@ class SymbolicModel(Model):
         return (self.name, equations.rates, equations.output, equations.conditions, *self._quantities(), *described)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        constants = {q.name: (self.constants[q.name], q) for q in self.constant_quantities}
         f, g, domain = self.texts
-        options: dict[str, Any] = dict(constants=constants, domain=domain, name=self.name, nominal=dict(self.nominal))
+        options: dict[str, Any] = dict(constants=self._given_constants, domain=domain, name=self.name, nominal=dict(self.nominal))
         return (partial(SymbolicModel, **options), (f, g, self.states, self.inputs, self.parameters, self.outputs))
-
-    def __repr__(self) -> str:
-        counts = ((len(of), kind) for of, kind in zip((*self._quantities()[:3], self.outputs), _KINDS, strict=True))
-        return f"SymbolicModel({self.name!r}, {', '.join(f'{n} {kind}{chr(115) * (n != 1)}' for n, kind in counts)})"
 
     def __str__(self) -> str:
         return model_text(self, *self.texts[:2])
 
     def _repr_latex_(self) -> str:
         return latex(self.equations, names_of(self.outputs))
-
-
-_KINDS = ("state", "input", "parameter", "output")
 
 
 def _listed(given: Any, place: str) -> list[Any]:
@@ -329,20 +258,10 @@ def _listed(given: Any, place: str) -> list[Any]:
     return list(as_sequence(given, place, "equations"))
 
 
-def _default_outputs(count: int) -> dict[str, str]:
-    return {"y": "1"} if count == 1 else {f"y_{i + 1}": "1" for i in range(count)}
-
-
 def _check_count(given: list[Any], place: str, quantities: tuple[Quantity, ...]) -> None:
     if len(given) != len(quantities):
         one_for_each = f", one for each of {listed(names_of(quantities))}" if quantities else ""
         raise ValueError(f"{place}: expected {len(quantities)} equations{one_for_each}; given {len(given)}")
-
-
-def _checked_nominal(nominal: Mapping[str, float] | None, names: tuple[str, ...]) -> dict[str, float]:
-    given = {} if nominal is None else check_mapping(nominal, "nominal")
-    check_known(given, names, "nominal", "the names")
-    return {name: as_float(given[name], f"nominal[{name!r}]") for name in names if name in given}
 
 
 def _equation(given: Any, symbols: Mapping[str, Any], place: str) -> Any:
@@ -355,7 +274,3 @@ def _condition(given: Any, symbols: Mapping[str, Any], place: str) -> Any:
     elif isinstance(given, sympy.StrictLessThan | sympy.LessThan):
         given = given.rhs - given.lhs
     return _equation(given, symbols, place)
-
-
-def _text(given: Any, expression: Any) -> str:
-    return given if isinstance(given, str) else to_text(expression)

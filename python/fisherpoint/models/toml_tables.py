@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from pydantic import Field, model_validator
-from pydantic_core import PydanticCustomError
 
 from ..basics.messages import listed
 from ..basics.toml_messages import fail, toml
-from ..basics.toml_tables import Constant, Number, Positive, Table
+from ..basics.toml_tables import Abbreviated, Constant, Number, Positive, Table
 from .hydraulic_cylinder import MODELS
 
 
@@ -20,21 +18,14 @@ class ModelConstant(Constant):
     description: str = ""
 
 
-class QuantityEntry(Table):
+class QuantityEntry(Abbreviated):
     """A state or an input: a unit, or a table with its natural size and a description too."""
+
+    bare, expected = (str,), 'a unit such as "m/s", or {unit = "m/s", scale = ...}'
 
     unit: str
     scale: Positive | None = None
     description: str = ""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _bare_unit(cls, given: Any) -> Any:
-        if isinstance(given, str):
-            return {"unit": given}
-        if not isinstance(given, dict):
-            raise PydanticCustomError("expected", 'a unit such as "m/s", or {unit = "m/s", scale = ...}')
-        return given
 
 
 class ParameterEntry(QuantityEntry):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..basics.checks import as_floats, as_index, as_rows, as_sequence, check_alike, check_name, check_type
+from ..basics.checks import as_floats, as_index, as_parts, as_rows, as_sequence, check_alike, check_name, check_type
 from ..basics.csv_table import CsvTable, csv_text
 from ..basics.files import write_whole
 from ..basics.messages import listed, shown
@@ -78,11 +78,7 @@ class Experiments:
     @staticmethod
     def join(parts: Sequence[Experiments]) -> Experiments:
         """Return the points of all parts, one after the other."""
-        parts = as_sequence(parts, "parts", "Experiments")
-        if not parts:
-            raise ValueError("parts: expected at least one, given none")
-        for k, part in enumerate(parts):
-            check_type(part, Experiments, f"parts[{k}]")
+        parts = as_parts(parts, Experiments)
         check_alike([(part.x0.shape[1], part.u.shape[1]) for part in parts], "states and inputs")
         x0, u, dt = (np.concatenate([getattr(part, name) for part in parts]) for name in ("x0", "u", "dt"))
         return Experiments._of(x0, u, dt, parts[0].columns)
@@ -104,6 +100,12 @@ class Experiments:
     def table(self) -> Array:
         """All numbers, one row per point: x0, u, dt; shape (K, n_x + n_u + 1)."""
         return np.column_stack([self.x0, self.u, self.dt])
+
+    @classmethod
+    def of_table(cls, model: Model, table: Array) -> Experiments:
+        """Points of `model` from such rows, of which dt may be left out where there is no state."""
+        n_x, n = len(model.states), len(model.states) + len(model.inputs)
+        return cls(table[:, :n_x], table[:, n_x:n], table[:, n] if table.shape[1] > n else None, columns=_columns(model))
 
     def to_csv(self, path: str | Path, model: Model | None = None) -> None:
         """Write one row per point under a header of the state and input names and dt; every digit is kept.
@@ -137,9 +139,7 @@ class Experiments:
         table.read_decimal_commas(columns)
         quantities = (*model.states, *model.inputs, DURATION)
         numbers = [table.complete(quantity, name) for quantity, name in zip(quantities, columns, strict=False)]
-        rows = np.column_stack(numbers)
-        dt = rows[:, -1] if "dt" in columns else None
-        return cls(rows[:, :n_x], rows[:, n_x : n_x + n_u], dt, columns=_columns(model))
+        return cls.of_table(model, np.column_stack(numbers))
 
 
 def points_csv(points: Experiments, model: Model | None) -> str:
@@ -152,7 +152,7 @@ def points_csv(points: Experiments, model: Model | None) -> str:
     if columns is None:
         columns = _places(*given)
     header = (*columns, "dt") if given[0] else columns
-    return csv_text(header, points.table[:, : len(header)])
+    return csv_text(header, points.table[:, : len(header)].tolist())
 
 
 def _checked_columns(given: tuple[str, ...], count: int) -> tuple[str, ...]:

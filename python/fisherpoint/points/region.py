@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.checks import (
-    as_float,
     as_floats,
     as_generator,
     as_sequence,
+    by_name,
     check_flag,
     check_mapping,
-    check_name,
     check_names,
     check_positive_int,
     check_type,
@@ -51,30 +50,18 @@ class ExperimentRegion:
     """
 
     def __init__(self, bounds: Mapping[str, Sequence[float]], constraints: Iterable[Constraint] = ()) -> None:
-        check_mapping(bounds, "region", "(lower, upper)")
-        checked: dict[str, tuple[float, float]] = {}
-        for name, pair in bounds.items():
-            check_name(name, "region")
-            array = as_floats(pair, f"region[{shown(name)}]")
-            if array.shape != (2,):
-                raise ValueError(f"region[{shown(name)}]: expected a pair (lower, upper), given {shown(pair)}")
-            lower, upper = (as_float(bound, f"region[{shown(name)}]") for bound in pair)
-            if lower > upper:
-                raise ValueError(f"region[{name!r}]: expected lower <= upper, given ({lower:g}, {upper:g})")
-            if not np.isfinite(upper - lower):
-                raise ValueError(f"region[{name!r}]: expected a finite width, given ({lower:g}, {upper:g})")
-            checked[name] = (lower, upper)
-        if "dt" in checked and not checked["dt"][0] > 0:
-            raise ValueError(f"region['dt']: expected positive durations in s, given the lower bound {checked['dt'][0]:g}")
+        given = check_mapping(bounds, "region", "(lower, upper)")
+        self.bounds: Mapping[str, tuple[float, float]] = by_name(given, None, "region", _pair)
+        if "dt" in self.bounds and not self.bounds["dt"][0] > 0:
+            raise ValueError(f"region['dt']: expected positive durations in s, given the lower bound {self.bounds['dt'][0]:g}")
         if isinstance(constraints, str) or callable(constraints):
             constraints = (constraints,)
-        self.bounds: Mapping[str, tuple[float, float]] = FrozenMapping(checked)
         self.constraints: tuple[Constraint, ...] = as_sequence(constraints, "constraints", "texts and functions")
         for constraint in self.constraints:
             if not isinstance(constraint, str) and not callable(constraint):
                 raise TypeError(f"constraints: expected texts and functions, given {shown(constraint)}")
         self._holds: list[Callable[[Mapping[str, Array]], NDArray[np.bool_]]] = [
-            parse_constraint(c, checked) if isinstance(c, str) else c for c in self.constraints
+            parse_constraint(c, self.bounds) if isinstance(c, str) else c for c in self.constraints
         ]
 
     def check(self, model: Model, crossed: Collection[str] = ()) -> None:
@@ -112,15 +99,13 @@ class ExperimentRegion:
         decades = check_flag(decades, "decades")
         count = check_positive_int(count, "count", 0, MOST_DRAWN)
         rng = as_generator(seed)
-        order, n_x, n_u = names_of(model.axes), len(model.states), len(model.inputs)
+        order = names_of(model.axes)
         lower, upper = np.array([self.bounds[name] for name in order]).T
         share = rng.random((count, len(order)))
         table = lower + (upper - lower) * share
-        if decades and n_x and upper[-1] > 10.001 * lower[-1]:
+        if decades and model.states and upper[-1] > 10.001 * lower[-1]:
             table[:, -1] = lower[-1] * (upper[-1] / lower[-1]) ** share[:, -1]
-        table = np.clip(table, lower, upper)
-        dt = table[:, -1] if n_x else None
-        return Experiments(table[:, :n_x], table[:, n_x : n_x + n_u], dt, columns=order[: n_x + n_u])
+        return Experiments.of_table(model, np.clip(table, lower, upper))
 
     def draw_near(self, model: Model, points: Experiments, *, seed: int | np.random.Generator = 0) -> Experiments:
         """Draw a point near each given one: some coordinates are moved, and those that would leave the box stay on its bounds.
@@ -129,7 +114,6 @@ class ExperimentRegion:
         often comes as close to an optimum as it can use, without a schedule of steps.
         """
         rng = as_generator(seed)
-        n_x, n_u = len(model.states), len(model.inputs)
         lower, upper = np.array([self.bounds[name] for name in names_of(model.axes)]).T
         table = points.table[:, : len(lower)].copy()
         free = np.flatnonzero(upper > lower)
@@ -139,8 +123,7 @@ class ExperimentRegion:
             moved[np.arange(len(table)), rng.integers(len(free), size=len(table))] = True
             step = reach * (upper - lower)[free] * rng.standard_normal(moved.shape)
             table[:, free] = np.clip(table[:, free] + np.where(moved, step, 0.0), lower[free], upper[free])
-        dt = table[:, -1] if n_x else None
-        return Experiments(table[:, :n_x], table[:, n_x : n_x + n_u], dt, columns=points.columns)
+        return Experiments.of_table(model, table)
 
     def satisfied(self, model: Model, points: Experiments) -> NDArray[np.bool_]:
         """Return which points satisfy all constraints, (K,)."""
@@ -173,3 +156,16 @@ class ExperimentRegion:
 
     def __repr__(self) -> str:
         return f"ExperimentRegion({dict(self.bounds)!r}, constraints={list(self.constraints)!r})"
+
+
+def _pair(given: Sequence[float], label: str) -> tuple[float, float]:
+    """Bounds of a coordinate."""
+    array = as_floats(given, label)
+    if array.shape != (2,):
+        raise ValueError(f"{label}: expected a pair (lower, upper), given {shown(given)}")
+    lower, upper = array.tolist()
+    if lower > upper:
+        raise ValueError(f"{label}: expected lower <= upper, given ({lower:g}, {upper:g})")
+    if not np.isfinite(upper - lower):
+        raise ValueError(f"{label}: expected a finite width, given ({lower:g}, {upper:g})")
+    return lower, upper

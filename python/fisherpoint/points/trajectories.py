@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Collection, Mapping
 from enum import IntEnum
 from typing import NamedTuple
@@ -47,11 +48,17 @@ _ADVICE = {
     Status.step_limit: "The tolerance requires more or smaller steps than allowed: increase rtol or sample earlier.",
     Status.not_finite: "A rate, an output or what depends on it overflowed: check constants, parameters and standard deviations.",
     Status.met_kink: "The trajectory crosses one of the model's kinks, which kinks='exclude' forbids.",
-    Status.grazes_jump: "The trajectory touches a jump along its tangent and has no derivative: change the start or sample earlier.",
+    Status.grazes_jump: "The trajectory touches a jump along its tangent: it has no derivative. Change the start or sample earlier.",
     Status.on_jump: "The trajectory starts or ends on a jump, where it has no derivative: change the start or the duration.",
     Status.two_jumps: "The trajectory meets two jumps at once: change the start, or sample earlier.",
     Status.chatters: "The trajectory meets jumps again and again in ever shorter times: sample earlier.",
 }
+
+
+def failures_of(status: IntArray) -> Counter[str]:
+    """How many trajectories ended otherwise than ok, by the names of their statuses."""
+    counts = np.bincount(status, minlength=len(Status))
+    return Counter({Status(value).name: int(n) for value, n in enumerate(counts) if n and value != Status.ok})
 
 
 Settings = tuple[float, bool, bool, str, int]
@@ -106,8 +113,8 @@ def simulate(
     kinks : {"cross", "exclude"}
         Whether a kink is crossed by ending a step on it, or ends the trajectory as `Status.met_kink`.
     jumps : {"exclude", "cross"}
-        Whether a jump ends the trajectory as `Status.met_jump`, or is crossed: behind it the trajectory goes on, or slides along it,
-        as a piston that sticks does. Jumps at times that depend on no parameter are crossed in any case.
+        Whether a jump ends the trajectory as `Status.met_jump`, or is crossed: behind it the trajectory goes on, or slides along
+        it, as a piston that sticks does. Jumps at times that depend on no parameter are crossed in any case.
     method : {"RK45", "DOP853"}, optional
         The Runge-Kutta method; the default is the faster one, which is DOP853 at every tolerance that was tried.
 

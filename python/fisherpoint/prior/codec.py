@@ -36,5 +36,4 @@ def rule_from_json(data: dict[str, Any]) -> Rule:
     kind = arguments.pop("kind", "tensor_grid")  # the only one that there was when files did not say which
     if kind not in RULES:
         raise ValueError(f"rule: expected one of {', '.join(RULES)}, given {shown(kind)}")
-    rule: Rule = RULES[kind](**arguments)
-    return rule
+    return RULES[kind](**arguments)

@@ -3,23 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..basics.checks import (
-    LARGEST_STD,
-    as_float,
-    as_floats_of_shape,
-    as_sequence,
-    as_std,
-    check_known,
-    check_mapping,
-    check_name,
-    check_names,
-    names_among,
-)
-from ..basics.messages import listed, shown
+from ..basics.checks import LARGEST_STD, as_float, as_floats_of_shape, as_sequence, as_std, by_name, check_known, names_among
+from ..basics.messages import listed
 from ..basics.values import Array, FrozenMapping
 
 SINGULAR = 1e-12
@@ -70,24 +60,30 @@ class GaussianPrior:
             raise ValueError(f"GaussianPrior: expected either std or relative_std, given {which}")
         if len(given) > 1:
             raise ValueError(f"covariance: expected no {' or '.join(given[:-1])} beside it, given both")
-        for label, mapping in (("mean", mean), ("std", std), ("relative_std", relative_std)):
-            if mapping is not None or label == "mean":
-                check_mapping(mapping, label)
-        means = {check_name(name, "mean"): as_float(value, f"mean[{shown(name)}]") for name, value in mean.items()}
+        means = by_name(mean, None, "mean", as_float)
         if not means:
             raise ValueError("mean: expected at least one parameter, given none")
         for name, value in means.items():
             if abs(value) > LARGEST_STD:
                 raise ValueError(f"mean[{name!r}]: expected a number of at most {LARGEST_STD:g}, given {value:g}")
-        self._mean = FrozenMapping(means)
+        self._mean = means
         self._covariance = None if covariance is None else _checked_covariance(covariance, tuple(means))
         if self._covariance is None:
-            stds = _stds(means, std if std is not None else relative_std or {}, given[0])
+            if std is not None:
+                stds = by_name(std, means, "std", as_std, complete=True)
+            else:
+                shares = by_name(relative_std, means, "relative_std", as_float, complete=True)
+                stds = FrozenMapping(
+                    {
+                        name: as_std(share * abs(means[name]), f"relative_std[{name!r}] of the mean {means[name]:g}")
+                        for name, share in shares.items()
+                    }
+                )
             self._correlation = np.eye(len(means))
         else:
-            stds = dict(zip(means, np.sqrt(np.diag(self._covariance)).tolist(), strict=True))
+            stds = FrozenMapping(dict(zip(means, np.sqrt(np.diag(self._covariance)).tolist(), strict=True)))
             self._correlation = _correlation(self._covariance)
-        self._std = FrozenMapping(stds)
+        self._std = stds
         self._log = names_among(log, tuple(means), "log")
         for name in self._log:
             if not means[name] > 0:
@@ -167,28 +163,13 @@ class GaussianPrior:
         return hash((self._mean, self._std, frozenset(self._log)))
 
     def __reduce__(self) -> tuple[object, ...]:
-        return (_prior, (dict(self._mean), dict(self._std), self._covariance, self._log))
+        std = dict(self._std) if self._covariance is None else None
+        return partial(GaussianPrior, dict(self._mean), std, covariance=self._covariance, log=self._log), ()
 
     def __repr__(self) -> str:
         spread = f"std={dict(self._std)!r}" if self._covariance is None else f"covariance={self._covariance.tolist()!r}"
         log = f", log={list(self._log)!r}" if self._log else ""
         return f"GaussianPrior(mean={dict(self._mean)!r}, {spread}{log})"
-
-
-def _prior(mean: dict[str, float], std: dict[str, float], covariance: Array | None, log: tuple[str, ...]) -> GaussianPrior:
-    return GaussianPrior(mean, std if covariance is None else None, covariance=covariance, log=log)
-
-
-def _stds(means: Mapping[str, float], spread: Mapping[str, float], label: str) -> dict[str, float]:
-    check_names(spread, means, label)
-    stds = {}
-    for name in means:
-        value = as_float(spread[name], f"{label}[{name!r}]")
-        stds[name] = value if label == "std" else value * abs(means[name])
-        if not stds[name] > 0:
-            raise ValueError(f"{label}[{name!r}]: expected a positive standard deviation, given {value:g} (mean {means[name]:g})")
-        as_std(stds[name], f"std[{name!r}]")
-    return stds
 
 
 def _checked_covariance(given: ArrayLike, names: tuple[str, ...]) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -55,6 +56,14 @@ def drawn(figure: Figure, path: str | Path | None) -> Figure:
     if path is not None:
         save_figure(figure, path)
     return figure
+
+
+def save_all(plots: Mapping[str, Callable[[], Figure]], directory: str | Path) -> list[Path]:
+    """Write pictures by their names, as PNG, into an existing directory; return the files."""
+    paths = [Path(directory) / f"{name}.png" for name in plots]
+    for plot, path in zip(plots.values(), paths, strict=True):
+        save_figure(plot(), path)
+    return paths
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from ..basics.extras import needed_for
 from ..basics.kept import Codec, Kept
@@ -71,17 +71,12 @@ class Validation(Shown, Kept):
     use_prior: bool
     seconds: float
 
-    @classmethod
-    def _inside(cls) -> tuple[type, ...]:
-        return (DesignValidation, ParameterFigures, Figure, Runs)
-
-    @classmethod
-    def _codec(cls) -> Codec:
-        return {
-            DesignProblem: (problem_to_json, problem_from_json),
-            Experiments: (points_to_json, points_from_json),
-            Model: (model_to_json, model_from_json),
-        }
+    _INSIDE = (DesignValidation, ParameterFigures, Figure, Runs)
+    _CODEC: ClassVar[Codec] = {
+        DesignProblem: (problem_to_json, problem_from_json),
+        Experiments: (points_to_json, points_from_json),
+        Model: (model_to_json, model_from_json),
+    }
 
     def to_pandas(self) -> pd.DataFrame:
         """All figures, one row per design and parameter; columns that end in "_mc" are Monte Carlo standard errors. SI units."""

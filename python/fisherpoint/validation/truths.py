@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..basics.checks import as_float, check_known
+from ..basics.checks import as_float, by_name
 from ..basics.messages import shown
 from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
+from ..data.record_trajectory import first_failure
 from ..estimation.response import sensible
 from ..information.assumed import Assumed, assumed_of
 from ..information.problem import DesignProblem
@@ -105,9 +106,7 @@ class Rig:
             many = points[np.tile(np.arange(n_points), count)[rows]]
             done = simulate(model, many, true[rows], rtol=TRUTH_RTOL, threads=threads)
             y[rows], status[rows] = done.y, done.status
-        of_runs = status.reshape(count, n_points)
-        worst = of_runs[np.arange(count), np.argmax(of_runs != Status.ok, axis=1)]
-        return y.reshape(count, n_points, -1) + noise, worst
+        return y.reshape(count, n_points, -1) + noise, first_failure(status.reshape(count, n_points))
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,8 +136,7 @@ def truths_of(problem: DesignProblem, theta: str | Mapping[str, float], count: i
         raise ValueError(f"theta: expected 'prior', 'mean' or a mapping of names to values, given {shown(theta)}")
     values = dict(problem.prior.mean)
     if isinstance(theta, Mapping):
-        check_known(theta, values, "theta")
-        values |= {name: as_float(value, f"theta[{name!r}]") for name, value in theta.items()}
+        values |= by_name(theta, values, "theta", as_float)
     for name in (name for name in problem.prior.log if not values[name] > 0):
         raise ValueError(f"theta[{name!r}]: expected a positive value of a log-normal parameter, given {values[name]!r}")
     return np.tile(problem.model.theta(values), (count, 1)), 0

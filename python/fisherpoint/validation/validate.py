@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from ..basics.checks import check_choice, check_flag, check_mapping, check_name, check_positive_int
+from ..basics.checks import as_std, by_name, check_choice, check_flag, check_mapping, check_name, check_positive_int
 from ..basics.messages import listed
 from ..basics.quantity import names_of
 from ..basics.values import FrozenMapping
 from ..design.result import Design
-from ..estimation.weighting import noise_covariance
 from ..information.problem import DesignProblem
 from ..models import Model
 from ..points.experiments import Experiments
@@ -162,8 +161,8 @@ def _noise_std(problem: DesignProblem, given: Mapping[str, float] | None) -> dic
     """Standard deviations of the outputs that are measured."""
     if given is None and problem.noise_std is None:
         raise ValueError("noise_std: expected the sensor noise, which the problem does not have either; given none")
-    stds = problem.noise_std if given is None else check_mapping(given, "noise_std")
-    noise_covariance(problem.model, stds or {}, np.full((1, len(problem.model.outputs)), np.nan))  # for its checks
+    outputs = names_of(problem.model.outputs)
+    stds = by_name(problem.noise_std if given is None else given, outputs, "noise_std", as_std)
     if not stds:
-        raise ValueError(f"noise_std: expected at least one of {listed(names_of(problem.model.outputs))}; given none")
+        raise ValueError(f"noise_std: expected at least one of {listed(outputs)}; given none")
     return dict(stds)

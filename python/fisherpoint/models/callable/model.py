@@ -8,18 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from ...basics.checks import as_float, check_known, check_mapping, check_name
+from ...basics.checks import by_name
 from ...basics.messages import shown
 from ...basics.quantity import names_of
-from ...basics.values import Array, FrozenMapping
+from ...basics.values import Array
 from ...engine.levels import Kernels
-from ..base import Model
-from ..quantities import Described, check_distinct, checked_name, constants_of, quantities_of, start_offsets
+from ..quantities import Described, DescribedModel, start_offsets
 from . import kernels
 from .core import CallableCore, Columns, Function
 
 
-class CallableModel(Model):
+class CallableModel(DescribedModel):
     """A model x' = f(x, u, theta), y = g(x, u, theta) given by Python functions.
 
     The functions are called with x (K, n_x), u (K, n_u) and p (K, p), of which columns can be read by name, ``p.k1 * x.h1``; known
@@ -66,33 +65,14 @@ class CallableModel(Model):
         name: str = "model",
         nominal: Mapping[str, float] | None = None,
     ) -> None:
-        self.name = checked_name(name)
-        self.states, self.inputs = quantities_of(states, "states"), quantities_of(inputs, "inputs")
-        self.parameters = quantities_of(parameters, "parameters")
-        self.outputs = quantities_of({"y": "1"} if outputs is None else outputs, "outputs")
-        self.constant_quantities, values = constants_of(constants)
-        self._constants = FrozenMapping(values)
-        kinds = {"states": self.states, "inputs": self.inputs, "parameters": self.parameters, "constants": self.constant_quantities}
-        check_distinct((q.name, kind) for kind, of in kinds.items() for q in of)
-        for kind in ("parameters", "outputs"):
-            if not getattr(self, kind):
-                raise ValueError(f"{kind}: expected at least one, given none")
-        own = names_of(self.parameters)
-        usual = {} if nominal is None else check_mapping(nominal, "nominal")
-        check_known(usual, own, "nominal", "the names")
-        self.nominal = FrozenMapping({key: as_float(value, f"nominal[{key!r}]") for key, value in usual.items()})
+        self._describe(states, inputs, parameters, {"y": "1"} if outputs is None else outputs, constants, name, nominal)
         if (f is None) != (not self.states):
             raise TypeError(f"f: expected {'a function' if self.states else 'None for a model without states'}, given {shown(f)}")
         self.f, self.g = f, g
         named = {"jumps": jumps, "kinks": kinks, "domain": domain}
-        self._given = tuple(_functions_of(given, kind) for kind, given in named.items())
+        self._given = tuple(by_name(given, None, kind, _checked_function) for kind, given in named.items())
         self.jumps, self.kinks, self.domain = (tuple(of) for of in self._given)
         self.core.check()
-
-    @property
-    def constants(self) -> Mapping[str, float]:
-        """The known constants by name, SI units."""
-        return self._constants
 
     @cached_property
     def core(self) -> CallableCore:
@@ -120,7 +100,7 @@ class CallableModel(Model):
             self.inputs,
             (*self.parameters, *offsets),
             self.outputs,
-            constants={q.name: (self.constants[q.name], q) for q in self.constant_quantities},
+            constants=self._given_constants,
             domain=domain,
             jumps=jumps,
             kinks=kinks,
@@ -142,25 +122,15 @@ class CallableModel(Model):
 
     def __reduce__(self) -> tuple[Any, ...]:
         jumps, kinks, domain = map(dict, self._given)
-        constants = {q.name: (self.constants[q.name], q) for q in self.constant_quantities}
-        options: dict[str, Any] = dict(
-            constants=constants, domain=domain, jumps=jumps, kinks=kinks, name=self.name, nominal=dict(self.nominal)
-        )
+        options: dict[str, Any] = dict(constants=self._given_constants, name=self.name, nominal=dict(self.nominal))
+        options |= dict(domain=domain, jumps=jumps, kinks=kinks)
         return (partial(CallableModel, **options), (self.f, self.g, self.states, self.inputs, self.parameters, self.outputs))
 
-    def __repr__(self) -> str:
-        kinds = {"state": self.states, "input": self.inputs, "parameter": self.parameters, "output": self.outputs}
-        return (
-            f"CallableModel({self.name!r}, {', '.join(f'{len(of)} {kind}' + 's' * (len(of) != 1) for kind, of in kinds.items())})"
-        )
 
-
-def _functions_of(given: Mapping[str, Function] | None, kind: str) -> FrozenMapping[Function]:
-    functions = {} if given is None else check_mapping(given, kind, "functions")
-    for name, function in functions.items():
-        if not callable(function):
-            raise TypeError(f"{kind}[{shown(name)}]: expected a function of x, u, p, given {shown(function)}")
-    return FrozenMapping({check_name(name, kind): function for name, function in functions.items()})
+def _checked_function(given: Function, label: str) -> Function:
+    if not callable(given):
+        raise TypeError(f"{label}: expected a function of x, u, p, given {shown(given)}")
+    return given
 
 
 class _Shifted:

@@ -20,13 +20,9 @@ class _EquationPrinter(StrPrinter):  # type: ignore[misc]
         return f"{name}({', '.join(self._print(argument) for argument in arguments)})"
 
     def _print_Abs(self, call: Any) -> str:
-        return self._call("abs", call.args)
+        return self._call(call.func.__name__.lower(), call.args)
 
-    def _print_Max(self, call: Any) -> str:
-        return self._call("max", call.args)
-
-    def _print_Min(self, call: Any) -> str:
-        return self._call("min", call.args)
+    _print_Max = _print_Min = _print_Abs
 
     def _print_Heaviside(self, call: Any) -> str:
         return self._call("heaviside", call.args[:1])

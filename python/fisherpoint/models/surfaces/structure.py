@@ -82,10 +82,6 @@ class Structure:
         """Whether trajectories can cross a jump: another condition that reads its side would jump there too."""
         return not any(reads(surface.expression, {jump.side}) for surface in self.surfaces)
 
-    @property
-    def poles(self) -> int:
-        return sum(limit.pole for limit in self.limits)
-
     @cached_property
     def programs(self) -> Programs:
         """All programs of the model."""
@@ -99,6 +95,6 @@ class Structure:
             equations.parameters,
             [surface.side for surface in self.surfaces],
             equations.constants,
-            self.poles,
+            sum(limit.pole for limit in self.limits),
             [self.crossable(surface) for surface in self.surfaces if surface.jump],
         )

@@ -126,14 +126,6 @@ def _negated(graph: Graph, tangent: Tangent) -> Tangent:
     return {variable: (scale, graph.neg(seed)) for variable, (scale, seed) in tangent.items()}
 
 
-def _add(graph: Graph, _: int, parts: list[Tangent]) -> Tangent:
-    return _sum(graph, *parts)
-
-
-def _sub(graph: Graph, _: int, parts: list[Tangent]) -> Tangent:
-    return _sum(graph, parts[0], _negated(graph, parts[1]))
-
-
 def _mul(graph: Graph, node: int, parts: list[Tangent]) -> Tangent:
     a, b = graph.operands[node]
     return _sum(graph, _scale(graph, parts[0], b), _scale(graph, parts[1], a))
@@ -164,16 +156,6 @@ def _by_slope(slope: Callable[[Graph, int, int], int]) -> Rule:
     return lambda graph, node, parts: _scale(graph, parts[0], slope(graph, graph.operands[node][0], node))
 
 
-def _of_smaller(graph: Graph, node: int, parts: list[Tangent]) -> Tangent:
-    a, b = graph.operands[node]
-    return _select(graph, graph.sub(b, a), *parts)
-
-
-def _of_larger(graph: Graph, node: int, parts: list[Tangent]) -> Tangent:
-    a, b = graph.operands[node]
-    return _select(graph, graph.sub(a, b), *parts)
-
-
 def _square(g: Graph, a: int) -> int:
     return g.mul(a, a)
 
@@ -183,8 +165,8 @@ def _root_slope(g: Graph, a: int) -> int:  # 1 / sqrt(1 - a^2), as a product: no
 
 
 _RULES: dict[str, Rule] = {
-    "add": _add,
-    "sub": _sub,
+    "add": lambda graph, _, parts: _sum(graph, *parts),
+    "sub": lambda graph, _, parts: _sum(graph, parts[0], _negated(graph, parts[1])),
     "mul": _mul,
     "div": _div,
     "neg": lambda graph, _, parts: _negated(graph, parts[0]),
@@ -203,7 +185,7 @@ _RULES: dict[str, Rule] = {
     "pow": _pow,
     "abs": _by_slope(lambda g, a, _: g.select(a, g.one, g.neg(g.one))),
     "sign": lambda *_: {},
-    "min": _of_smaller,
-    "max": _of_larger,
+    "min": lambda graph, node, parts: _select(graph, graph.sub(*graph.operands[node][::-1]), *parts),
+    "max": lambda graph, node, parts: _select(graph, graph.sub(*graph.operands[node]), *parts),
     "select": lambda graph, node, parts: _select(graph, graph.operands[node][0], *parts[1:]),
 }

@@ -94,10 +94,6 @@ def _piecewise(graph: Graph, *operands: int) -> int:
 # A condition is a node that is positive where the condition holds.
 
 
-def _equal(graph: Graph, a: int, b: int) -> int:
-    return graph.sub(graph.one, graph.call("sign", _unequal(graph, a, b)))
-
-
 def _unequal(graph: Graph, a: int, b: int) -> int:
     return graph.call("abs", graph.sub(a, b))
 
@@ -127,7 +123,7 @@ _BUILDERS: dict[Any, Callable[..., int]] = {
     sympy.GreaterThan: Graph.sub,
     sympy.StrictLessThan: lambda graph, a, b: graph.sub(b, a),
     sympy.LessThan: lambda graph, a, b: graph.sub(b, a),
-    sympy.Equality: _equal,
+    sympy.Equality: lambda graph, a, b: graph.sub(graph.one, graph.call("sign", _unequal(graph, a, b))),
     sympy.Unequality: _unequal,
     sympy.And: _all_in_turn(Graph.min),
     sympy.Or: _all_in_turn(Graph.max),

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import prod
 from typing import ClassVar
 
 import numpy as np
 from scipy.special import roots_hermitenorm
 
-from ...basics.checks import as_floats, as_positive, check_name, check_names, check_positive_int, check_type
+from ...basics.checks import as_floats, as_positive, by_name, check_names, check_positive_int, check_type
 from ...basics.messages import shown
-from ...basics.values import Array, FrozenMapping
+from ...basics.values import Array
 from ...engine import _core
 from ..coordinates import Coordinates, cholesky_coordinates, correlated_groups, principal_coordinates
 from ..gaussian import GaussianPrior
@@ -69,10 +69,7 @@ class TensorGrid(Rule):
                 if getattr(self, name) is not None:
                     raise ValueError(f"{name}: expected none together with edges, given {shown(getattr(self, name))}")
             if isinstance(self.edges, Mapping):
-                by_name = {
-                    check_name(name, "edges"): _checked_edges(edges, f"edges[{shown(name)}]") for name, edges in self.edges.items()
-                }
-                set_field(self, "edges", FrozenMapping(by_name))
+                set_field(self, "edges", by_name(self.edges, None, "edges", _checked_edges))
             else:
                 set_field(self, "edges", _checked_edges(self.edges, "edges"))
             return
@@ -191,9 +188,7 @@ def _levels_of(levels: int | Mapping[str, int] | None, prior: GaussianPrior) -> 
 
 def _checked_levels(given: int | Mapping[str, int], most: int = MAX_LEVELS) -> int | Mapping[str, int]:
     if isinstance(given, Mapping):
-        return FrozenMapping(
-            {check_name(name, "levels"): check_positive_int(n, f"levels[{shown(name)}]", most=most) for name, n in given.items()}
-        )
+        return by_name(given, None, "levels", partial(check_positive_int, most=most))
     return check_positive_int(given, "levels", most=most)
 
 
