@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pytest
 
 import fisherpoint as fp
 from check_bits import Levels
+from check_sensitivities import check_sensitivities
+from checks import Bench
 from figures import Figures
 from random_models import Case
-from reading import Reading
+from reading import Floats, Reading
 from rounds import examined, run_round
 from scipy_route import End, course, slope
 
@@ -59,6 +63,32 @@ def test_differences_over_an_oscillation_are_not_believed() -> None:
 def test_what_ends_a_trajectory_is_seen(rate: str, end: End, at: float) -> None:
     done = course(Reading([rate], ["x"], ["x"], [], [], {}), np.ones(1), np.empty(0), np.empty(0), 1.5, np.ones(1))
     assert done.end is end and done.at == pytest.approx(at, abs=1e-6)
+
+
+# --- what is no fault ------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class At(Case):
+    """A case with given points."""
+
+    given: Any = None
+
+    def points(self, count: int) -> tuple[fp.Experiments, Floats]:
+        experiments, theta = self.given
+        return fp.Experiments(*experiments), np.array(theta)
+
+
+def found(bench: Bench) -> list[str]:
+    return [finding.title for finding in bench.findings]
+
+
+def test_a_column_that_underflows_is_compared() -> None:
+    """The tolerance times a column of 1e-318 is zero."""
+    case = At(("-p1*x1",), ("x1",), (2.0,), (), (1.0,), given=(([[1e-318]], [[]], [1.0]), [[1.0]]))
+    bench = Bench(case, Figures())
+    check_sensitivities(bench, 1e-6, "DOP853")
+    assert not found(bench) and bench.figures.counts["columns compared with differences"] == 1
 
 
 def test_what_is_wrong_is_found() -> None:
