@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import fisherpoint as fp
-from checks import ALLOWED, OK, TIGHT, Bench, compare, judge, magnification, output_slopes
+from checks import ALLOWED, FEW_ROUNDINGS, OK, TIGHT, Bench, compare, judge, magnification, output_slopes
 from reading import Floats
 from scipy_route import End, slope
 
@@ -140,6 +140,7 @@ def check_output_sensitivities(bench: Bench, done: fp.Sensitivities, ok: Any, ca
         x, u, p = done.x[k].tolist(), bench.points.u[k].tolist(), bench.theta[k].tolist()
         branches = reading.output_branches(x, u, p)
         beside = [reading.output_branches([v * share for v in x], u, [v * share for v in p]) for share in (0.998, 1.002)]
+        beside += [reading.output_branches(x, [v * (1 + few) for v in u], p) for few in (-FEW_ROUNDINGS, FEW_ROUNDINGS)]
         if any(other != branches for other in beside):
             continue
         slopes, uncertain = output_slopes(reading, x, u, p)

@@ -12,7 +12,7 @@ import pytest
 import fisherpoint as fp
 from check_bits import Levels
 from check_sensitivities import check_sensitivities
-from checks import Bench
+from checks import Bench, check_functions
 from figures import Figures
 from random_models import Case
 from reading import Floats, Reading
@@ -89,6 +89,17 @@ def test_a_column_that_underflows_is_compared() -> None:
     bench = Bench(case, Figures())
     check_sensitivities(bench, 1e-6, "DOP853")
     assert not found(bench) and bench.figures.counts["columns compared with differences"] == 1
+
+
+def test_an_output_that_rounding_decides_about_is_compared_loosely() -> None:
+    """sqrt(1700/1000 - 1.7) is 0, or 1e-8 where 1/1000 is multiplied with."""
+    outputs = ("sqrt(max(u1/1000 - 1.7, 0)) + p1",)
+    for u, known in ((1700.0, []), (1700.1, ["output differs"])):
+        case = At((), outputs, (), (1e3,), (1.0,), given=(([[]], [[u]], [1.0]), [[1.0]]))
+        bench = Bench(case, Figures())
+        bench.tight.y[:] += 3e-8
+        check_functions(bench)
+        assert [finding.kind for finding in bench.findings] == known
 
 
 def test_what_is_wrong_is_found() -> None:
