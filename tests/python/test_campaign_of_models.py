@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from check_bits import Levels
+from check_bits import Levels, compare_numbers
 from check_sensitivities import check_sensitivities
 from checks import Bench, check_functions
 from figures import Figures
@@ -99,6 +99,20 @@ def test_an_output_that_rounding_decides_about_is_compared_loosely() -> None:
         bench = Bench(case, Figures())
         bench.tight.y[:] += 3e-8
         check_functions(bench)
+        assert [finding.kind for finding in bench.findings] == known
+
+
+@pytest.mark.parametrize("rule", ["Unscented()", "Linearized()"])
+def test_covariances_of_deviations_below_the_tolerance_are_good_to_them(rule: str) -> None:
+    """A logistic growth that has all but ended; its deviations are 1e-8 of its size."""
+    case = At(("p1*x1*(1 - x1)",), ("x1",), (1.0,), (), (2.0,), rule=rule, given=(([[1.2]], [[]], [10.0]), [[2.0]]))
+    bench = Bench(case, Figures())
+    one = {name: np.zeros((1, 1)) for name in ("x", "y")} | {name: np.zeros((1, 1, 1)) for name in ("dx", "dy")}
+    one |= {name: np.zeros(1) for name in ("status", "sensitive status", "lost weight")} | {"x": bench.tight.x}
+    for off, known in ((1e-5, []), (1e6, ["other: covariance"])):
+        bench.findings.clear()
+        covariance = np.array([[[5e-17]]])
+        compare_numbers(bench, "other", one | {"covariance": covariance}, one | {"covariance": covariance * (1 + off)})
         assert [finding.kind for finding in bench.findings] == known
 
 
