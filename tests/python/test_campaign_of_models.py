@@ -65,6 +65,32 @@ def test_what_ends_a_trajectory_is_seen(rate: str, end: End, at: float) -> None:
     assert done.end is end and done.at == pytest.approx(at, abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    "rate",
+    [
+        "max(heaviside(x - 1) - 0, sign(x - 2), 0)",  # 1 on both sides of x = 2, by another branch
+        "1 + heaviside(sign(x - 2) - 1)",  # whose argument is zero on the whole side beyond
+        "sqrt(abs(heaviside(x - 2)*heaviside(x - 0.5) - 0.5) + 0.1)",  # |1 - 0.5| and |0 - 0.5|
+        "1 + sqrt(max(x - 2, 0))",
+        "1 - where(x > 2, x - 2, 0)**0.5",
+    ],
+)
+def test_a_surface_where_f_is_the_same_on_both_sides_is_passed(rate: str) -> None:
+    start, empty = np.array([1.2]), np.empty(0)
+    done = course(Reading([rate], ["x"], ["x"], [], [], {}), start, empty, empty, 1.5, np.ones(1))
+    assert done.end is End.ok and done.crossed
+
+
+@pytest.mark.parametrize(
+    "rate", ["max(heaviside(x - 1), 2*sign(x - 2), 0)", "2 + sign(sign(x - 2) - 1)", "1 + where(x > 2, 1/x, 0)"]
+)
+def test_a_jump_is_seen_whose_surface_is_no_root(rate: str) -> None:
+    """At x = 2, wherever the looks at the trajectory are."""
+    start, empty = np.array([1.2]), np.empty(0)
+    done = course(Reading([rate], ["x"], ["x"], [], [], {}), start, empty, empty, 1.5, np.ones(1))
+    assert done.end is End.jump and done.x == pytest.approx([2.0], abs=1e-12)
+
+
 # --- what is no fault ------------------------------------------------------------------------------------------------------
 
 
