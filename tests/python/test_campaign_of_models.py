@@ -12,8 +12,9 @@ import pytest
 import fisherpoint as fp
 from check_bits import Levels, compare_numbers
 from check_sensitivities import check_sensitivities
-from checks import Bench, check_functions
+from checks import Bench, check_functions, judge
 from figures import Figures
+from random_cylinders import MEAN, RATES, CylinderCase
 from random_models import Case
 from reading import Floats, Reading
 from rounds import examined, run_round
@@ -105,6 +106,13 @@ class At(Case):
         return fp.Experiments(*experiments), np.array(theta)
 
 
+@dataclass(frozen=True)
+class CylinderAt(CylinderCase, At):
+    """A cylinder with given points."""
+
+    points = At.points
+
+
 def found(bench: Bench) -> list[str]:
     return [finding.title for finding in bench.findings]
 
@@ -139,6 +147,27 @@ def test_covariances_of_deviations_below_the_tolerance_are_good_to_them(rule: st
         bench.findings.clear()
         covariance = np.array([[[5e-17]]])
         compare_numbers(bench, "other", one | {"covariance": covariance}, one | {"covariance": covariance * (1 + off)})
+        assert [finding.kind for finding in bench.findings] == known
+
+
+def test_a_limit_that_is_touched_is_too_close_to_tell() -> None:
+    """p_A comes down to p_t and goes up again. At a tolerance that a hair's breadth is not, it has met it."""
+    x0 = [0.23947013932661448, 0.2273388055095153, 6770886.039485718, 8796001.413264032, -0.4126025147042829]
+    theta = [512.9078761456916, 1190.5057647024248, 121.28738120589065, 943420969.9167564, 640571.8785862388]
+    theta += [1.4016220082575243e-07, 2.5459138805568893e-09, 4.9603768558376635e-05, 5.26332855665597e-05]
+    constants = {"A_A": 0.0027489, "A_B": 0.00094562, "q_min": 0.0, "q_max": 0.42, "p_s": 21e6, "T_1": 0.00308, "k_u": -1.0}
+    case = CylinderAt(
+        RATES,
+        ("q",),
+        (0.5, 1.0, 1e7, 1e7, 1.0),
+        (1.0,),
+        MEAN,
+        tuple(constants.items()),
+        given=(([x0], [[-0.8406643418387163]], [0.03200508251484352]), [theta]),
+    )
+    for rtol, known in ((1e-4, []), (1e-9, ["wrong ok: domain"])):
+        bench = Bench(case, Figures())
+        judge(bench, 0, fp.Status.ok, np.array(x0), rtol, "as if it were ok")
         assert [finding.kind for finding in bench.findings] == known
 
 
