@@ -142,6 +142,8 @@ class _Walk:
         self.end(End.unknown, t, z)
 
     def piece(self, t: float, z: Floats) -> tuple[float, Floats]:
+        if self.rates(z * self.size) is None:
+            self.end(End.unknown, t, z)  # SciPy would look for a first step without end
         solver: Any = self.solver(t, z)
         while True:
             try:
@@ -228,7 +230,15 @@ class _Walk:
         self.done.crossed += changed
         self.sides = after
         self.fresh.update(changed)
-        return at, z
+        at = self.entered(dense, at, now)
+        return at, dense(at)
+
+    def entered(self, dense: Any, at: float, now: float) -> float:
+        """When f has a value past a surface: rounding may leave a root's argument below zero at the very place."""
+        for share in (0.0, 1e-12, 1e-9, 1e-6):
+            if self.rates(dense(at + share * (now - at)) * self.size) is not None:
+                return at + share * (now - at)
+        return at
 
     def beyond(self, dense: Any, at: float, now: float, place: int, side: int) -> list[int]:
         """The sides of all surfaces past one that is crossed. Others may change with it, as one whose own height jumps there."""

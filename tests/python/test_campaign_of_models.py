@@ -82,6 +82,14 @@ def test_a_surface_where_f_is_the_same_on_both_sides_is_passed(rate: str) -> Non
     assert done.end is End.ok and done.crossed
 
 
+def test_rounding_at_the_edge_of_a_root_is_no_end() -> None:
+    """The place of x = 0.98 is found to rounding, on either side of it; on one of them the root has no value."""
+    reading, empty = Reading(["1 + sqrt(max(x - 0.98, 0))**3"], ["x"], ["x"], [], [], {}), np.empty(0)
+    for start in np.linspace(0.1, 0.9, 40):
+        done = course(reading, np.array([start]), empty, empty, 1.5, np.ones(1))
+        assert done.end is End.ok and done.crossed == [0]
+
+
 @pytest.mark.parametrize(
     "rate", ["max(heaviside(x - 1), 2*sign(x - 2), 0)", "2 + sign(sign(x - 2) - 1)", "1 + where(x > 2, 1/x, 0)"]
 )
