@@ -74,6 +74,19 @@ def check_linearized(bench: Bench, k: int, prior: fp.GaussianPrior, given: fp.Pr
     compare(bench, k, given.covariance[0], expected, allowed, call, lambda: sides_in_doubt(bench, x, u, p))
 
 
+def deviations_room(bench: Bench, k: int, x: list[float]) -> Floats:
+    """How far a point's deviations of the outputs (n_y,), by the prior from those of the mean, may be off at the tolerance."""
+    case, u, p = bench.case, bench.points.u[k].tolist(), bench.case.mean.tolist()
+    off = RTOL * case.sizes
+    if isinstance(case.rule_of(), fp.Linearized):
+        std = np.sqrt(np.diag(case.prior().covariance))
+        off = off * float(np.dot([largest_column(bench, k, j, 0.0, case.mean) for j in range(len(p))], std))
+    else:
+        off = 2 * off  # of a node and of the mean
+    room: Floats = np.abs(output_slopes(bench.reading, x, u, p)[0][:, : len(off)]) @ off
+    return room
+
+
 def sides_in_doubt(bench: Bench, x: list[float], u: list[float], p: list[float]) -> bool:
     """Whether a state is so near to a surface that what it may be off by decides about its side."""
     moves = [sign * ALLOWED * RTOL * row for row in np.diag(bench.case.sizes) for sign in (1.0, -1.0)]

@@ -142,6 +142,8 @@ class _Walk:
         self.end(End.unknown, t, z)
 
     def piece(self, t: float, z: Floats) -> tuple[float, Floats]:
+        if self.rates(z * self.size) is None:
+            self.end(End.unknown, t, z)  # SciPy would look for a first step without end
         solver: Any = self.solver(t, z)
         while True:
             try:
@@ -221,14 +223,32 @@ class _Walk:
         if kind == "limit":
             unit = self.unit(x, kind, place)
             self.end(End.domain, at, z, place, abs(self.height(x, kind, place)) / unit if unit > 0 else math.inf)
-        x = z * self.size
-        side = side_of(heights[place])
-        if self.jumps(x, place, side, dense(before) * self.size, dense(now) * self.size):
+        after = self.beyond(dense, at, now, place, side_of(heights[place]))
+        if self.jumps(dense, before, at, now, after):
             self.end(End.jump, at, z, place, self.depth(at, z, place))
-        self.done.crossed.append(place)
-        self.sides = [*self.sides[:place], side, *self.sides[place + 1 :]]
-        self.fresh.add(place)
-        return at, z
+        changed = [m for m, side in enumerate(after) if side != self.sides[m]]
+        self.done.crossed += changed
+        self.sides = after
+        self.fresh.update(changed)
+        at = self.entered(dense, at, now)
+        return at, dense(at)
+
+    def entered(self, dense: Any, at: float, now: float) -> float:
+        """When f has a value past a surface: rounding may leave a root's argument below zero at the very place."""
+        for share in (0.0, 1e-12, 1e-9, 1e-6):
+            if self.rates(dense(at + share * (now - at)) * self.size) is not None:
+                return at + share * (now - at)
+        return at
+
+    def beyond(self, dense: Any, at: float, now: float, place: int, side: int) -> list[int]:
+        """The sides of all surfaces past one that is crossed. Others may change with it, as one whose own height jumps there."""
+        after = self.sides
+        for share in (1e-6, 1e-3, 0.1, 1.0):
+            heights = self.reading.heights((dense(at + share * (now - at)) * self.size).tolist(), self.u, self.p)
+            after = [old if math.isnan(height) else side_of(height) for old, height in zip(self.sides, heights, strict=True)]
+            if after[place] == side:  # nearer, rounding may decide
+                break
+        return after
 
     def removable(self, dense: Any, before: float, at: float) -> bool:
         """Whether f goes on smoothly up to a limit, as 1/(1/x) does: its changes become smaller in proportion on the way there."""
@@ -254,9 +274,14 @@ class _Walk:
             value = self.height(dense(t) * self.size, kind, place)
             return 0.0 if math.isnan(value) else value
 
-        if along(before) * along(now) >= 0:
+        if along(before) * along(now) < 0:
+            return float(brentq(along, before, now, xtol=1e-16, rtol=9e-16))
+        if kind == "limit" or side_of(along(before)) != self.sides[place]:
             return before
-        return float(brentq(along, before, now, xtol=1e-16, rtol=9e-16))
+        while now - before > 1e-15:  # a height that is zero on a whole side has a step, and no root
+            middle = (before + now) / 2
+            before, now = (middle, now) if side_of(along(middle)) == self.sides[place] else (before, middle)
+        return now
 
     def refine(self, dense: Any, times: Floats) -> None:
         """Find the least distances within a step, where parabolas through the looks come near to zero."""
@@ -305,25 +330,34 @@ class _Walk:
             total += 0.0 if math.isnan(slope) else abs(slope)
         return total
 
-    def jumps(self, x: Floats, place: int, other: int, before: Floats, after: Floats) -> bool:
-        """Whether f differs between a surface's side and the other one, on it, measured by f beside it."""
-        sides = self.sides
-        both = []
-        for at in (x, before, after):
-            pair = []
-            for side in (sides[place], other):
-                self.sides = [*sides[:place], side, *sides[place + 1 :]]
-                pair.append(self.rates(at))
-            both.append(pair)
-        self.sides = sides
-        (here, there), *beside = both
-        if here is None or there is None:
-            return True
+    def jumps(self, dense: Any, before: float, at: float, now: float, after: list[int]) -> bool:
+        """Whether f differs between the sides before a surface and those `after` it, on it, measured by f beside it."""
+        (here, there), *beside = (self.on_both(dense(t), dense(t), after) for t in (at, before, now))
+        if here is None or there is None:  # rounding decides whether a root has a value on its edge
+            return not self.meets(dense, before, at, now, after)
         size = np.abs(here) + np.abs(there)
         for a, b in beside:
             if a is not None and b is not None:
                 size = np.maximum(size, np.abs(a) + np.abs(b))
         return bool(np.any(np.abs(here - there) > SAME * size + ROUNDING * self.fastest()))
+
+    def on_both(self, first: Floats, second: Floats, after: list[int]) -> tuple[Floats | None, Floats | None]:
+        """f at two states, the first on the sides that hold now, the second on those `after` a surface."""
+        sides, a = self.sides, self.rates(first * self.size)
+        self.sides = after
+        b = self.rates(second * self.size)
+        self.sides = sides
+        return a, b
+
+    def meets(self, dense: Any, before: float, at: float, now: float, after: list[int]) -> bool:
+        """Whether the difference of f before and past a surface becomes smaller on the way there, as that of a root does."""
+        gaps = []
+        for share in (4e-3, 1e-3):
+            here, there = self.on_both(dense(at - share * (at - before)), dense(at + share * (now - at)), after)
+            if here is None or there is None:
+                return False
+            gaps.append(np.abs(here - there) - SAME * (np.abs(here) + np.abs(there)))
+        return bool(np.all(gaps[1] <= 0.6 * np.maximum(gaps[0], 0.0) + ROUNDING * self.fastest()))
 
     def fastest(self) -> Floats:
         """The largest rate of every state on the way: of a state at rest, its terms cancel to rounding alone."""

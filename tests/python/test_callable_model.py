@@ -182,6 +182,40 @@ def test_no_step_reaches_past_a_kink() -> None:
         assert np.abs(fp.simulate(functions, given, [400.0, 1.0], rtol=rtol).x - exact).max() < rtol
 
 
+def level_b(x: Any, u: Any, p: Any) -> Any:
+    return x.b
+
+
+def bump(x: Any) -> Any:
+    """Of a clock: zero but for an eleventh of the time from 0 to 16."""
+    return np.maximum(0.5 - (x.a - 5) ** 2, 0)
+
+
+@pytest.mark.parametrize("method", ["RK45", "DOP853"])
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9])
+@pytest.mark.parametrize("kinks", [{}, {"bump": lambda x, u, p: 0.5 - (x.a - 5) ** 2}])
+def test_no_step_goes_over_a_bump(quiet: None, method: str, rtol: float, kinks: Any) -> None:
+    """Before and behind it the rates are constant, so that errors ask for no short steps. Its area is sqrt(2)/3 times p."""
+    model = fp.CallableModel(
+        lambda x, u, p: [1 + 0 * x.a, p.p * bump(x)], level_b, {"a": "1", "b": "1"}, {}, {"p": "1"}, kinks=kinks
+    )
+    found = fp.sensitivities(model, fp.Experiments([[0.0, 0.0]], [[]], [16.0]), [3.0], rtol=rtol, method=method)
+    alone = fp.simulate(model, fp.Experiments([[0.0, 0.0]], [[]], [16.0]), [3.0], rtol=rtol, method=method)
+    area = np.sqrt(2) / 3
+    allowed = 10 * rtol if kinks else 100 * rtol
+    assert found.dy_dtheta[0, 0, 0] == pytest.approx(area, abs=allowed)
+    assert found.y[0, 0] == pytest.approx(3 * area, abs=allowed) and alone.y[0, 0] == pytest.approx(3 * area, abs=allowed)
+
+
+def test_no_step_goes_over_the_end_of_the_domain(quiet: None) -> None:
+    """A limit that f does not read, and that is met for a moment only."""
+    given = fp.Experiments([[0.0, 0.0]], [[]], [16.0])
+    arguments: Any = (lambda x, u, p: [1 + 0 * x.a, p.p + 0 * x.a], level_b, {"a": "1", "b": "1"}, {}, {"p": "1"})
+    inside = fp.CallableModel(*arguments, domain={"room": lambda x, u, p: 0.6 - bump(x)})
+    outside = fp.CallableModel(*arguments, domain={"room": lambda x, u, p: 0.3 - bump(x)})
+    assert [int(fp.simulate(model, given, [1.0]).status[0]) for model in (inside, outside)] == [fp.Status.ok, fp.Status.left_domain]
+
+
 @pytest.mark.parametrize(("rule", "k"), [(fp.TensorGrid(levels=3), 2), (fp.SparseGaussHermite(2), 3)])
 def test_predictive_covariances_are_those_of_the_equations(quiet: None, equations: fp.SymbolicModel, rule: fp.Rule, k: int) -> None:
     found, expected = (fp.predictive_covariance(model, points(k), PRIOR, rule, rtol=1e-9) for model in (tanks(), equations))

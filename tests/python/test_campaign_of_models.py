@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pytest
 
 import fisherpoint as fp
-from check_bits import Levels
+from check_bits import Levels, compare_numbers
+from check_sensitivities import check_sensitivities
+from checks import Bench, check_functions, judge
 from figures import Figures
+from random_cylinders import MEAN, RATES, CylinderCase
 from random_models import Case
-from reading import Reading
+from reading import Floats, Reading
 from rounds import examined, run_round
 from scipy_route import End, course, slope
 
@@ -59,6 +64,119 @@ def test_differences_over_an_oscillation_are_not_believed() -> None:
 def test_what_ends_a_trajectory_is_seen(rate: str, end: End, at: float) -> None:
     done = course(Reading([rate], ["x"], ["x"], [], [], {}), np.ones(1), np.empty(0), np.empty(0), 1.5, np.ones(1))
     assert done.end is end and done.at == pytest.approx(at, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "rate",
+    [
+        "max(heaviside(x - 1) - 0, sign(x - 2), 0)",  # 1 on both sides of x = 2, by another branch
+        "1 + heaviside(sign(x - 2) - 1)",  # whose argument is zero on the whole side beyond
+        "sqrt(abs(heaviside(x - 2)*heaviside(x - 0.5) - 0.5) + 0.1)",  # |1 - 0.5| and |0 - 0.5|
+        "1 + sqrt(max(x - 2, 0))",
+        "1 - where(x > 2, x - 2, 0)**0.5",
+    ],
+)
+def test_a_surface_where_f_is_the_same_on_both_sides_is_passed(rate: str) -> None:
+    start, empty = np.array([1.2]), np.empty(0)
+    done = course(Reading([rate], ["x"], ["x"], [], [], {}), start, empty, empty, 1.5, np.ones(1))
+    assert done.end is End.ok and done.crossed
+
+
+def test_rounding_at_the_edge_of_a_root_is_no_end() -> None:
+    """The place of x = 0.98 is found to rounding, on either side of it; on one of them the root has no value."""
+    reading, empty = Reading(["1 + sqrt(max(x - 0.98, 0))**3"], ["x"], ["x"], [], [], {}), np.empty(0)
+    for start in np.linspace(0.1, 0.9, 40):
+        done = course(reading, np.array([start]), empty, empty, 1.5, np.ones(1))
+        assert done.end is End.ok and done.crossed == [0]
+
+
+@pytest.mark.parametrize(
+    "rate", ["max(heaviside(x - 1), 2*sign(x - 2), 0)", "2 + sign(sign(x - 2) - 1)", "1 + where(x > 2, 1/x, 0)"]
+)
+def test_a_jump_is_seen_whose_surface_is_no_root(rate: str) -> None:
+    """At x = 2, wherever the looks at the trajectory are."""
+    start, empty = np.array([1.2]), np.empty(0)
+    done = course(Reading([rate], ["x"], ["x"], [], [], {}), start, empty, empty, 1.5, np.ones(1))
+    assert done.end is End.jump and done.x == pytest.approx([2.0], abs=1e-12)
+
+
+# --- what is no fault ------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class At(Case):
+    """A case with given points."""
+
+    given: Any = None
+
+    def points(self, count: int) -> tuple[fp.Experiments, Floats]:
+        experiments, theta = self.given
+        return fp.Experiments(*experiments), np.array(theta)
+
+
+@dataclass(frozen=True)
+class CylinderAt(CylinderCase, At):
+    """A cylinder with given points."""
+
+    points = At.points
+
+
+def found(bench: Bench) -> list[str]:
+    return [finding.title for finding in bench.findings]
+
+
+def test_a_column_that_underflows_is_compared() -> None:
+    """The tolerance times a column of 1e-318 is zero."""
+    case = At(("-p1*x1",), ("x1",), (2.0,), (), (1.0,), given=(([[1e-318]], [[]], [1.0]), [[1.0]]))
+    bench = Bench(case, Figures())
+    check_sensitivities(bench, 1e-6, "DOP853")
+    assert not found(bench) and bench.figures.counts["columns compared with differences"] == 1
+
+
+def test_an_output_that_rounding_decides_about_is_compared_loosely() -> None:
+    """sqrt(1700/1000 - 1.7) is 0, or 1e-8 where 1/1000 is multiplied with."""
+    outputs = ("sqrt(max(u1/1000 - 1.7, 0)) + p1",)
+    for u, known in ((1700.0, []), (1700.1, ["output differs"])):
+        case = At((), outputs, (), (1e3,), (1.0,), given=(([[]], [[u]], [1.0]), [[1.0]]))
+        bench = Bench(case, Figures())
+        bench.tight.y[:] += 3e-8
+        check_functions(bench)
+        assert [finding.kind for finding in bench.findings] == known
+
+
+@pytest.mark.parametrize("rule", ["Unscented()", "Linearized()"])
+def test_covariances_of_deviations_below_the_tolerance_are_good_to_them(rule: str) -> None:
+    """A logistic growth that has all but ended; its deviations are 1e-8 of its size."""
+    case = At(("p1*x1*(1 - x1)",), ("x1",), (1.0,), (), (2.0,), rule=rule, given=(([[1.2]], [[]], [10.0]), [[2.0]]))
+    bench = Bench(case, Figures())
+    one = {name: np.zeros((1, 1)) for name in ("x", "y")} | {name: np.zeros((1, 1, 1)) for name in ("dx", "dy")}
+    one |= {name: np.zeros(1) for name in ("status", "sensitive status", "lost weight")} | {"x": bench.tight.x}
+    for off, known in ((1e-5, []), (1e6, ["other: covariance"])):
+        bench.findings.clear()
+        covariance = np.array([[[5e-17]]])
+        compare_numbers(bench, "other", one | {"covariance": covariance}, one | {"covariance": covariance * (1 + off)})
+        assert [finding.kind for finding in bench.findings] == known
+
+
+def test_a_limit_that_is_touched_is_too_close_to_tell() -> None:
+    """p_A comes down to p_t and goes up again. At a tolerance that a hair's breadth is not, it has met it."""
+    x0 = [0.23947013932661448, 0.2273388055095153, 6770886.039485718, 8796001.413264032, -0.4126025147042829]
+    theta = [512.9078761456916, 1190.5057647024248, 121.28738120589065, 943420969.9167564, 640571.8785862388]
+    theta += [1.4016220082575243e-07, 2.5459138805568893e-09, 4.9603768558376635e-05, 5.26332855665597e-05]
+    constants = {"A_A": 0.0027489, "A_B": 0.00094562, "q_min": 0.0, "q_max": 0.42, "p_s": 21e6, "T_1": 0.00308, "k_u": -1.0}
+    case = CylinderAt(
+        RATES,
+        ("q",),
+        (0.5, 1.0, 1e7, 1e7, 1.0),
+        (1.0,),
+        MEAN,
+        tuple(constants.items()),
+        given=(([x0], [[-0.8406643418387163]], [0.03200508251484352]), [theta]),
+    )
+    for rtol, known in ((1e-4, []), (1e-9, ["wrong ok: domain"])):
+        bench = Bench(case, Figures())
+        judge(bench, 0, fp.Status.ok, np.array(x0), rtol, "as if it were ok")
+        assert [finding.kind for finding in bench.findings] == known
 
 
 def test_what_is_wrong_is_found() -> None:
