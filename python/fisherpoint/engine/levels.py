@@ -39,8 +39,13 @@ class Kernels(Protocol):
         method: str,
         threads: int,
         whole_first: bool = False,
+        outputs_alone: bool = False,
     ) -> tuple[Any, ...]:
-        """x, y, dx_dtheta, dy_dtheta, status; with `whole_first` dt is the first step that is tried."""
+        """x, y, dx_dtheta, dy_dtheta, status.
+
+        With `whole_first` dt is the first step that is tried; with `outputs_alone` there is no dx_dtheta, (0, n_x, p), which may
+        take less time.
+        """
 
     def simulate_records(
         self, model: Any, x0: Any, u: Any, dt: Any, theta: Any, rtol: float, cross_kinks: bool, method: str, threads: int

@@ -6,7 +6,7 @@
 
 extern "C" {
 
-enum : std::int32_t { fisherpoint_interface_version = 1 };
+enum : std::int32_t { fisherpoint_interface_version = 2 };
 enum { fisherpoint_reason_size = 200 };
 enum FisherpointOutcome : std::int32_t { fisherpoint_done, fisherpoint_stopped, fisherpoint_out_of_memory, fisherpoint_failed };
 
@@ -31,6 +31,7 @@ struct FisherpointNodes {
 };
 
 using FisherpointSimulate = FisherpointOutcome(const FisherpointRequest*, double* x, double* y, std::int32_t* status);
+// dx_dtheta may be null: then dy_dtheta alone is asked for.
 using FisherpointSensitivities = FisherpointOutcome(const FisherpointRequest*, double* x, double* y, double* dx_dtheta,
                                                     double* dy_dtheta, std::int32_t* status);
 // x0 is of `count` records; u and dt are of `pieces`.
