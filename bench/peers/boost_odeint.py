@@ -1,7 +1,8 @@
 """Boost.odeint in C++: Cash-Karp 5(4) with controlled steps, scalar and on packs of `<experimental/simd>`.
 
 The programs are in `odeint/`; they are compiled for this machine when they are first asked for, with g++ and Boost's headers from
-the system, into a folder of the user's cache. The scalar one is given hand-written derivatives for the sensitivities.
+the system, into a folder of the user's cache. Both are given hand-written derivatives for the sensitivities; on packs these are of
+experiments side by side.
 """
 
 from __future__ import annotations
@@ -48,8 +49,8 @@ def library() -> ctypes.CDLL:
 class Odeint(Peer):
     """One of the two; `variant` is the ending of its functions' names."""
 
-    def __init__(self, name: str, variant: str, has_sensitivities: bool) -> None:
-        self.name, self.variant, self.has_sensitivities = name, variant, has_sensitivities
+    def __init__(self, name: str, variant: str) -> None:
+        self.name, self.variant = name, variant
 
     def outputs(self, pairs: Pairs, rtol: float) -> Solution:
         x, steps = _solve(f"states_{self.variant}", pairs, rtol, STATE_SCALES)
@@ -75,6 +76,6 @@ def _solve(function: str, pairs: Pairs, rtol: float, scales: Array) -> tuple[Arr
 
 
 PEERS: list[Peer] = [
-    Odeint("Boost.odeint", "scalar", True),
-    Odeint("Boost.odeint on packs", "packs", False),
+    Odeint("Boost.odeint", "scalar"),
+    Odeint("Boost.odeint on packs", "packs"),
 ]

@@ -1,4 +1,7 @@
-"""fisherpoint: predictive covariances over the whole grid, and sensitivities of single pairs, on one thread."""
+"""fisherpoint: predictive covariances over the whole grid, and sensitivities of single pairs, on one thread.
+
+The sensitivities are dy/dtheta alone, as designs and fits ask the kernels for them.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from functools import partial
 import numpy as np
 
 import fisherpoint as fp
+from fisherpoint.points.trajectories import checked_sensitivities
 
 from ..covariances import covariances, grid_outputs
 from ..workload import MODEL, PRIOR, RULE, Array, Pairs, candidates
@@ -27,7 +31,8 @@ class Fisherpoint(Peer):
         return Solution(np.concatenate([of_block(block) for block in blocks(pairs)]))
 
     def sensitivities(self, pairs: Pairs, rtol: float) -> Solution:
-        result = fp.sensitivities(MODEL, pairs.points, pairs.theta, rtol=rtol, threads=1)
+        theta = np.ascontiguousarray(pairs.theta)
+        result = checked_sensitivities(MODEL, pairs.points, theta, (rtol, True, False, "fastest", 1), outputs_alone=True)
         return Solution(result.y, result.dy_dtheta)
 
     def states_task(self, pairs: Pairs, rtol: float) -> tuple[int, Callable[[], object]]:

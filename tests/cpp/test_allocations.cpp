@@ -73,6 +73,25 @@ TEST_CASE("steps take no memory, over kinks and with rejections") {
   CHECK(attempts > 20);
 }
 
+TEST_CASE("rows go back without taking memory, from the second pack on") {
+  using Equation = VariationalEquation<HydraulicCylinder, P>;
+  Equation::Theta theta;
+  Equation::State start;
+  set_lanes(theta, cylinder_theta.data());
+  set_lanes(start, std::array{0.25, 0.15, 10e6, 11e6, -0.16}.data());
+  const Equation equation(HydraulicCylinder{}, theta, {P(0.3)});
+  const Shelves shelves;
+  const auto there_and_back = [&] {
+    Adjoints<HydraulicCylinder, P, Method> adjoints(equation, start, 1e-6);
+    for (int n = 0; n < 40; ++n) adjoints.advance(P(5e-5), {P(1.0), P(-1.0)});
+    Adjoints<HydraulicCylinder, P, Method>::Rows rows;
+    rows.push_back(adjoints.row());
+    adjoints.back(rows);
+  };
+  CHECK(taken_by(there_and_back) > 40);
+  CHECK(taken_by(there_and_back) == 0);
+}
+
 TEST_CASE("more nodes of a prior take no more memory") {
   std::vector<Axis> axes;
   for (const double mean : cylinder_theta) axes.push_back(cells(mean, 0.1 * mean, 3, 1.5));

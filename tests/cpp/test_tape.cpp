@@ -9,6 +9,7 @@
 #include "fisherpoint/kernels/simulate.hpp"
 #include "fisherpoint/prior/prior_grid.hpp"
 #include "models.hpp"
+#include "rows_and_columns.hpp"
 
 using namespace fisherpoint;
 using namespace fisherpoint::testing;
@@ -113,6 +114,14 @@ void check_against_compiled() {
 TEST_CASE("a tape's trajectories, sensitivities and statuses are the compiled model's") {
   check_against_compiled<Kind::kink>();
   check_against_compiled<Kind::jump>();
+}
+
+TEST_CASE_TEMPLATE("a tape's rows are its columns, to rounding", Method, FISHERPOINT_METHODS) {
+  const TapeModel model = ball(Kind::kink, 0.3);
+  for (const int steps : {1, 5}) {
+    CHECK(difference_of_rows<Narrow, Method>(model, {{0.7, 2.1}, {0.0}, {3.0, 5.0}, {1.0}}, 0.5, steps) < 1e-12);
+    CHECK(difference_of_rows<Wide, Method>(model, {{0.7, 2.1}, {0.0}, {3.0, 5.0}, {1.0}}, 0.5, steps) < 1e-12);
+  }
 }
 
 TEST_CASE("a point's result does not depend on what shares its pack, to the last bit") {

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -105,6 +106,32 @@ def test_sensitivities_at_the_default_tolerance(name: str) -> None:
         assert np.max(states) < PROMISED  # the columns ask for finer steps than they
         assert np.max(columns) < WORST
     np.testing.assert_array_equal(actual.dy_dtheta, actual.dx_dtheta[:, OUTPUT_ROWS])
+
+
+@CASES
+@pytest.mark.parametrize("method", ["fastest", "RK45"])
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
+def test_sensitivities_of_the_outputs_alone(name: str, method: str, rtol: float) -> None:
+    """By rows, to what columns promise, with the statuses of columns."""
+    c = case(name)
+    points = c.points.x0, c.points.u, c.points.dt
+    expected = fp.sensitivities(c.model, c.points, c.theta, rtol=TIGHT)
+
+    def solve(outputs_alone: bool) -> tuple[Any, ...]:
+        settings = rtol, True, method, 1
+        return c.model.kernels.sensitivities(c.model.core, *points, c.theta, *settings, outputs_alone=outputs_alone)
+
+    _, _, none, by_rows, status = solve(True)
+    *_, by_columns, status_of_columns = solve(False)
+    assert none.shape == (0, 5, 9)
+    np.testing.assert_array_equal(status, status_of_columns)
+    ok = (status == fp.Status.ok) & (expected.status == fp.Status.ok)
+    size = np.sqrt(np.mean(expected.dy_dtheta[ok, :3] ** 2, axis=0))
+    of_rows, of_columns = (
+        np.quantile(np.max(np.abs(dy - expected.dy_dtheta)[ok, :3] / size, axis=(1, 2)), 0.99) for dy in (by_rows, by_columns)
+    )
+    assert of_rows < max(1.5 * rtol, 1.5 * of_columns)
+    assert np.all(by_rows[:, 3] == 0.0)
 
 
 @pytest.mark.parametrize("name", ["default-spread", "other-a"])

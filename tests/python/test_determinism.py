@@ -20,6 +20,7 @@ pytestmark = pytest.mark.kernels
 
 PACKAGE = Path(fp.__file__).parent
 THREADS = (1, 2, 5)
+INTERPRETED = MODEL.symbolic()
 
 
 def random_theta(count: int, seed: int) -> np.ndarray[Any, Any]:
@@ -34,7 +35,16 @@ def all_same(results: list[tuple[Any, ...]]) -> bool:
 # --- threads ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("function", [fp.simulate, fp.sensitivities])
+def output_sensitivities(model: fp.Model, points: fp.Experiments, theta: Any, threads: int = 0, kinks: str = "cross") -> Any:
+    """x, y, dy_dtheta and status by rows, as information is made of them."""
+    settings = 1e-6, kinks == "cross", "fastest", threads or os.cpu_count() or 1
+    x, y, _, dy, status = model.kernels.sensitivities(
+        model.core, points.x0, points.u, points.dt, theta, *settings, outputs_alone=True
+    )
+    return x, y, dy, status
+
+
+@pytest.mark.parametrize("function", [fp.simulate, fp.sensitivities, output_sensitivities])
 @pytest.mark.parametrize("kinks", ["cross", "exclude"])
 def test_threads_do_not_change_trajectories(function: Any, kinks: str) -> None:
     points, theta = random_points(np.random.default_rng(0), 301), random_theta(301, 1)
@@ -73,10 +83,17 @@ def shared_call(kind: str, points: fp.Experiments, theta: Any) -> tuple[Any, ...
             return fp.simulate(MODEL, points, theta)
         case "sensitivities":
             return fp.sensitivities(MODEL, points, theta)
+        case "output_sensitivities":
+            return tuple(output_sensitivities(MODEL, points, theta))
+        case "interpreted output_sensitivities":
+            return tuple(output_sensitivities(INTERPRETED, points, theta))
     return fp.predictive_covariance(MODEL, points, PRIOR, SMALL)
 
 
-@pytest.mark.parametrize("kind", ["simulate", "sensitivities", "predictive_covariance"])
+@pytest.mark.parametrize(
+    "kind",
+    ["simulate", "sensitivities", "output_sensitivities", "interpreted output_sensitivities", "predictive_covariance"],
+)
 def test_a_point_does_not_feel_its_neighbours(kind: str) -> None:
     count = 67  # no multiple of any pack's width
     points, theta = random_points(np.random.default_rng(4), count), random_theta(count, 5)
@@ -107,6 +124,11 @@ def test_a_point_does_not_feel_troubled_neighbours() -> None:
     assert (expected.status == 0).any()
     for a, b in zip(expected, given, strict=True):
         assert same_bits(a, b[::4])
+    for model in (MODEL, INTERPRETED):
+        alone = output_sensitivities(model, points[::4], np.array(list(PRIOR.mean.values())))
+        among = output_sensitivities(model, mixed, np.array(list(PRIOR.mean.values())))
+        for a, b in zip(alone, among, strict=True):
+            assert same_bits(a, b[::4])
 
 
 def test_one_theta_for_all_is_the_same_as_one_each() -> None:

@@ -18,14 +18,14 @@ constexpr std::size_t states = 5, parameters = 9, sensitive_states = 4;
 template <class T>
 struct Cylinder {
   Constants c;
-  double target;  // of the spool
+  T target;  // of the spool
   T per_mass, friction, viscous, E, p_t, B_v, c_L, A_0, B_0, motion;
 
-  Cylinder(const Constants& constants, const T* theta, double u, double v)
+  Cylinder(const Constants& constants, const T* theta, const T& u, const T& motion)
       : c(constants),
         target(c.k_u * u),
         per_mass(1.0 / theta[2]),
-        friction(theta[0] * (v > 0 ? 1.0 : -1.0)),
+        friction(theta[0] * motion),
         viscous(theta[1]),
         E(theta[3]),
         p_t(theta[4]),
@@ -33,7 +33,7 @@ struct Cylinder {
         c_L(theta[6]),
         A_0(theta[7] - c.A_A * c.q_min),
         B_0(theta[8] + c.A_B * c.q_max),
-        motion(v > 0 ? 1.0 : -1.0) {}
+        motion(motion) {}
 };
 
 template <class T, bool opens_a>

@@ -2,7 +2,8 @@
 // <experimental/simd>.
 //
 // A pack shares its steps, and the worst lane decides on them. Trajectories end a step on x_v = 0, whose time is known, and
-// start with the first step that the trajectory before, of the same experiment point, got accepted.
+// start with the first step that the trajectory before got accepted: for states the lanes of a pack are parameter sets of one
+// experiment point, for sensitivities they are experiment points, each on its own scale of time.
 #include <algorithm>
 #include <boost/numeric/odeint/algebra/array_algebra.hpp>
 #include <boost/numeric/odeint/algebra/default_operations.hpp>
@@ -12,6 +13,7 @@
 #include <cmath>
 #include <cstring>
 #include <experimental/simd>
+#include <vector>
 
 #include "cylinder.hpp"
 
@@ -58,6 +60,31 @@ struct Experiment {
   double u, dt;
 };
 
+// On which side the spool starts, and whether and after which time it crosses its centre.
+struct Spool {
+  bool opens_a, crosses;
+  double first;  // the duration of the first piece
+
+  Spool(const Constants& c, const Experiment& e) {
+    const double target = c.k_u * e.u, start = e.x0[4], end = target + (start - target) * std::exp(-e.dt / c.T_1);
+    opens_a = start > 0;
+    crosses = start * end < 0;
+    first = crosses ? c.T_1 * std::log((start - target) / -target) : e.dt;
+  }
+};
+
+// An equation over time in units of `span`.
+template <class T, class Equation>
+struct Scaled {
+  Equation equation;
+  T span;
+
+  void operator()(const auto& x, auto& rate, double t) const {
+    equation(x, rate, t);
+    for (T& r : rate) r *= span;
+  }
+};
+
 template <class T, template <class, bool> class Equation>
 class Solver {
  public:
@@ -72,19 +99,44 @@ class Solver {
     T parameters_of[parameters];
     for (std::size_t j = 0; j < parameters; ++j)
       for (std::size_t i = 0; i < lanes<T>; ++i) lane(parameters_of[j], i) = theta[std::min(i, count - 1) * parameters + j];
-    const Cylinder<T> cylinder(constants, parameters_of, e.u, e.x0[1]);
+    const Cylinder<T> cylinder(constants, parameters_of, T(e.u), T(e.x0[1] > 0 ? 1.0 : -1.0));
     State x{};
     for (std::size_t i = 0; i < states; ++i) x[i] = e.x0[i];
 
-    const double target = constants.k_u * e.u, start = e.x0[4];
-    const double end = target + (start - target) * std::exp(-e.dt / constants.T_1);
-    const bool crosses = start * end < 0;
-    const double crossing = crosses ? constants.T_1 * std::log((start - target) / -target) : e.dt;
+    const Spool spool(constants, e);
     if (first_of_its_kind) first_step[0] = first_step[1] = 0.0;
-    piece(cylinder, start > 0, x, crossing, first_step[0]);
-    if (crosses) piece(cylinder, target > 0, x, e.dt - crossing, first_step[1]);
+    piece(cylinder, spool.opens_a, x, spool.first, first_step[0]);
+    if (spool.crosses) piece(cylinder, !spool.opens_a, x, e.dt - spool.first, first_step[1]);
     for (std::size_t i = 0; i < count; ++i)
       for (std::size_t n = 0; n < size; ++n) y[i * size + n] = lane(x[n], i);
+    steps += attempts * static_cast<long>(count);
+    attempts = 0;
+  }
+
+  // Solve the experiments rows[0], rows[1], ..., at most one per lane, whose spools take the same sides; every piece has the
+  // length one.
+  void solve_side_by_side(const long* rows, std::size_t count, const double* experiments, const double* theta, double* y) {
+    T parameters_of[parameters], input, motion, span[2];
+    State x{};
+    bool opens_a = false, crosses = false;
+    for (std::size_t i = 0; i < lanes<T>; ++i) {
+      const long k = rows[std::min(i, count - 1)];
+      const double* const row = experiments + 7 * k;
+      const Experiment e{row, row[5], row[6]};
+      const Spool spool(constants, e);
+      for (std::size_t j = 0; j < parameters; ++j) lane(parameters_of[j], i) = theta[k * parameters + j];
+      for (std::size_t n = 0; n < states; ++n) lane(x[n], i) = e.x0[n];
+      lane(input, i) = e.u;
+      lane(motion, i) = e.x0[1] > 0 ? 1.0 : -1.0;
+      lane(span[0], i) = spool.first;
+      lane(span[1], i) = e.dt - spool.first;
+      opens_a = spool.opens_a, crosses = spool.crosses;
+    }
+    const Cylinder<T> cylinder(constants, parameters_of, input, motion);
+    piece(cylinder, opens_a, x, 1.0, first_step[0], &span[0]);
+    if (crosses) piece(cylinder, !opens_a, x, 1.0, first_step[1], &span[1]);
+    for (std::size_t i = 0; i < count; ++i)
+      for (std::size_t n = 0; n < size; ++n) y[rows[i] * size + n] = lane(x[n], i);
     steps += attempts * static_cast<long>(count);
     attempts = 0;
   }
@@ -97,11 +149,17 @@ class Solver {
   using Checker = ErrorChecker<T, size>;
   using Adjuster = odeint::default_step_adjuster<double, double>;
 
-  void piece(const Cylinder<T>& cylinder, bool opens_a, State& x, double span, double& first) {
+  void piece(const Cylinder<T>& cylinder, bool opens_a, State& x, double span, double& first, const T* unit = nullptr) {
+    const auto with = [&](auto equation) {
+      if (unit)
+        advance(Scaled<T, decltype(equation)>{equation, *unit}, x, span, first);
+      else
+        advance(equation, x, span, first);
+    };
     if (opens_a)
-      advance(Equation<T, true>{cylinder}, x, span, first);
+      with(Equation<T, true>{cylinder});
     else
-      advance(Equation<T, false>{cylinder}, x, span, first);
+      with(Equation<T, false>{cylinder});
   }
 
   void advance(auto equation, State& x, double span, double& first) {
@@ -145,6 +203,29 @@ long solve_all(const double* constants, long count, const double* experiments, c
   return solver.steps;
 }
 
+// The same for experiments that differ: those whose spools take the same sides share packs, in the order of their durations.
+template <class T, template <class, bool> class Equation>
+long solve_side_by_side(const double* constants, long count, const double* experiments, const double* theta, double rtol,
+                        const double* scales, double* y) {
+  Constants c;
+  std::memcpy(&c, constants, sizeof c);
+  std::vector<long> kinds[4];
+  for (long k = 0; k < count; ++k) {
+    const double* row = experiments + 7 * k;
+    const Spool spool(c, {row, row[5], row[6]});
+    kinds[2 * spool.opens_a + spool.crosses].push_back(k);
+  }
+  long steps = 0;
+  for (std::vector<long>& kind : kinds) {
+    std::stable_sort(kind.begin(), kind.end(), [&](long a, long b) { return experiments[7 * a + 6] < experiments[7 * b + 6]; });
+    Solver<T, Equation> solver(c, rtol, scales);
+    for (std::size_t k = 0; k < kind.size(); k += lanes<T>)
+      solver.solve_side_by_side(&kind[k], std::min(lanes<T>, kind.size() - k), experiments, theta, y);
+    steps += solver.steps;
+  }
+  return steps;
+}
+
 extern "C" {
 long states_scalar(const double* c, long n, const double* e, const double* theta, double rtol, const double* scales,
                    double* y) {
@@ -156,5 +237,9 @@ long states_packs(const double* c, long n, const double* e, const double* theta,
 long sensitivities_scalar(const double* c, long n, const double* e, const double* theta, double rtol, const double* scales,
                           double* y) {
   return solve_all<double, VariationalEquation>(c, n, e, theta, rtol, scales, y);
+}
+long sensitivities_packs(const double* c, long n, const double* e, const double* theta, double rtol, const double* scales,
+                         double* y) {
+  return solve_side_by_side<Pack, VariationalEquation>(c, n, e, theta, rtol, scales, y);
 }
 }

@@ -97,13 +97,18 @@ def sensitivities(
     method: str,
     threads: typing.SupportsInt | typing.SupportsIndex,
     whole_first: bool = False,
+    outputs_alone: bool = False,
 ) -> tuple[
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.int32],
-]: ...
+]:
+    """
+    x, y, dx_dtheta, dy_dtheta and statuses; with `outputs_alone` no dx_dtheta, in less time.
+    """
+
 @typing.overload
 def sensitivities(
     model: fisherpoint.engine._core.CompiledModel,
@@ -117,13 +122,18 @@ def sensitivities(
     method: str,
     threads: typing.SupportsInt | typing.SupportsIndex,
     whole_first: bool = False,
+    outputs_alone: bool = False,
 ) -> tuple[
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.int32],
-]: ...
+]:
+    """
+    x, y, dx_dtheta, dy_dtheta and statuses; with `outputs_alone` no dx_dtheta, in less time.
+    """
+
 @typing.overload
 def sensitivities(
     model: fisherpoint.engine._core.TapeModel,
@@ -137,13 +147,18 @@ def sensitivities(
     method: str,
     threads: typing.SupportsInt | typing.SupportsIndex,
     whole_first: bool = False,
+    outputs_alone: bool = False,
 ) -> tuple[
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.int32],
-]: ...
+]:
+    """
+    x, y, dx_dtheta, dy_dtheta and statuses; with `outputs_alone` no dx_dtheta, in less time.
+    """
+
 @typing.overload
 def simulate(
     model: fisherpoint.engine._core.HydraulicCylinder,

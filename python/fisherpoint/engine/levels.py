@@ -30,7 +30,11 @@ class Kernels(Protocol):
         """x, y, status."""
 
     def sensitivities(self, model: Any, x0: Any, u: Any, dt: Any, theta: Any, *settings: Any, **options: Any) -> tuple[Any, ...]:
-        """x, y, dx_dtheta, dy_dtheta, status; with the option `whole_first` dt is the first step that is tried."""
+        """x, y, dx_dtheta, dy_dtheta, status.
+
+        With the option `whole_first` dt is the first step that is tried; with `outputs_alone` there is no dx_dtheta, (0, n_x, p),
+        which may take less time.
+        """
 
     def simulate_records(self, model: Any, x0: Any, u: Any, dt: Any, theta: Any, *settings: Any, **options: Any) -> tuple[Any, ...]:
         """x, status, reached of records; u and dt are of their pieces."""

@@ -117,7 +117,7 @@ class RecordResponse:
         count, samples = len(theta), len(self.record)
         none, ones = np.empty((count * samples, 0)), np.ones(count * samples)
         points = (none, np.tile(self.record.u, (count, 1)), ones, np.repeat(theta, samples, axis=0))
-        _, _, _, dy, status = self.model.kernels.sensitivities(self.model.core, *points, *self._settings)
+        _, _, _, dy, status = self.model.kernels.sensitivities(self.model.core, *points, *self._settings, outputs_alone=True)
         dy = dy[..., self.columns].reshape(count, samples, dy.shape[1], len(self.columns))
         return dy, first_failure(status.reshape(count, samples))
 

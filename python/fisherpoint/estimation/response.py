@@ -37,7 +37,9 @@ def measurements_response(model: Model, points: Experiments, theta: Array, colum
     for first in range(0, count, each):
         rows = theta[first : first + each]
         x0, u, dt = (np.tile(part, (len(rows),) + (1,) * (part.ndim - 1)) for part in (points.x0, points.u, points.dt))
-        result = model.kernels.sensitivities(model.core, x0, u, dt, np.repeat(rows, n_points, axis=0), *settings)
+        result = model.kernels.sensitivities(
+            model.core, x0, u, dt, np.repeat(rows, n_points, axis=0), *settings, outputs_alone=True
+        )
         _, found, _, derivatives, codes = result
         some = slice(first, first + len(rows))
         y[some] = found.reshape(len(rows), n_points, n_y)

@@ -163,7 +163,7 @@ def assumed_covariance(
     if rule is not None and not isinstance(rule, Linearized):
         check_type(rule, Rule, "rule")
         return AssumedCovariance(*assumed.predictive(points, values, rule, settings))
-    result = checked_sensitivities(assumed.model, points, assumed.theta(values), settings)
+    result = checked_sensitivities(assumed.model, points, assumed.theta(values), settings, outputs_alone=True)
     covariance = assumed.covariance(result.dy_dtheta)
     status = only_finite(result.status, covariance)
     covariance[status != Status.ok] = 0.0

@@ -88,9 +88,9 @@ def point_sensitivities(problem: DesignProblem, points: Experiments, threads: in
     """
     settings, assumed = _settings(problem, threads), problem.assumed
     if assumed is None:
-        result = checked_sensitivities(problem.model, points, problem.theta, settings)
+        result = checked_sensitivities(problem.model, points, problem.theta, settings, outputs_alone=True)
     else:  # one run of the extended model has the tangents by the parameters too
-        result = checked_sensitivities(assumed.model, points, assumed.theta(problem.theta), settings)
+        result = checked_sensitivities(assumed.model, points, assumed.theta(problem.theta), settings, outputs_alone=True)
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
         scaled = np.ascontiguousarray(result.dy_dtheta[:, :, problem.estimated_columns] * problem.std)
     scaled[~(np.abs(scaled) <= problem.largest_sensitivity)] = np.inf

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -47,6 +48,12 @@ _SOURCES = {
 }
 _FLAGS = ("-std=c++20", "-O3", "-fPIC", "-fvisibility=hidden", "-ffp-contract=fast", "-fno-math-errno", "-w")
 
+# g++ copies states through 16-byte moves, on which loads of whole vectors then wait. With 64-byte vectors nothing was gained.
+_WHOLE_MOVES = (
+    *("--param", "sra-max-scalarization-size-Ospeed=4096", "--param", "sra-max-propagations=100000"),
+    *("-mmove-max=256", "-mstore-max=256"),
+)
+
 LAST_LINES = 3
 """Of what a compiler says, beside its first error."""
 
@@ -63,7 +70,7 @@ def compiled_model(model: Model, programs: Programs, tape: Any) -> Any | None:
     if include is None:
         _stays_interpreted("expected the core's headers beside the package, found none")
         return None
-    flags = [*_FLAGS, *([] if isa() == "generic" else [f"-march=x86-64-{isa()}"]), f"-I{include}"]
+    flags = [*_FLAGS, *([] if isa() == "generic" else [f"-march=x86-64-{isa()}"]), *_whole_moves(compiler), f"-I{include}"]
     sources = {_MODEL: cpp_model(model, programs, _NAME)}
     sources[_EXPORTS] = "{ global: fisherpoint_kernels; local: *; };\n"
     includes = f'#include "{_MODEL}"\n#include "fisherpoint/compiled/c_kernels.hpp"\n\n'
@@ -104,6 +111,18 @@ def find_compiler() -> str | None:
     """Return the C++ compiler: the one that the environment variable CXX names, or the first of g++, clang++ and c++."""
     candidates = [os.environ["CXX"]] if os.environ.get("CXX") else ["g++", "clang++", "c++"]
     return next((found for candidate in candidates if (found := shutil.which(candidate))), None)
+
+
+def _whole_moves(compiler: str) -> tuple[str, ...]:
+    """Return `_WHOLE_MOVES` where they pay and the compiler takes them, as g++ does from version 12 on."""
+    if isa() not in ("v2", "v3"):
+        return ()
+    with contextlib.suppress(OSError):
+        told = subprocess.run([compiler, "--version"], stdin=subprocess.DEVNULL, capture_output=True, check=False)
+        version = re.match(rb"(?:\S*-)?(?:g|c)\+\+\S* \(.*?\) (\d+)\.", told.stdout)
+        if version and int(version[1]) >= 12 and b"Free Software Foundation" in told.stdout:
+            return _WHOLE_MOVES
+    return ()
 
 
 def _include_directory() -> Path | None:

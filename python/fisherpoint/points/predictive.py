@@ -16,7 +16,7 @@ from ..prior.gaussian import GaussianPrior
 from ..prior.rules import Linearized, Rule
 from .experiments import Experiments
 from .natural_sizes import warn_of_small_states
-from .trajectories import Settings, Status, check_type, checked_arguments, only_finite, sensitivities
+from .trajectories import Settings, Status, check_type, checked_arguments, checked_sensitivities, only_finite
 
 
 class _CovarianceAndStatus(NamedTuple):
@@ -99,7 +99,9 @@ def predictive_covariance(
     varied = some_names_among(names if parameters is None else parameters, names, "parameters")
     theta = model.theta({name: prior.mean[name] for name in names})
     if isinstance(rule, Linearized):
-        result = sensitivities(model, points, theta, rtol=rtol, threads=threads, kinks=kinks, jumps=jumps, method=method)
+        arguments = checked_arguments(model, points, theta, rtol, threads, kinks, jumps, method)
+        result = checked_sensitivities(model, points, theta, arguments, outputs_alone=True)
+        warn_of_small_states(model, "the trajectories keep", points.x0, result.x)
         ordered = prior.marginal(names)
         with np.errstate(over="ignore"):  # what overflows is given a status
             scaled = result.dy_dtheta * np.array(list(ordered.std.values()))

@@ -48,7 +48,7 @@ _ADVICE = {
     Status.step_limit: "The tolerance requires more or smaller steps than allowed: increase rtol or sample earlier.",
     Status.not_finite: "A rate, an output or what depends on it overflowed: check constants, parameters and standard deviations.",
     Status.met_kink: "The trajectory crosses one of the model's kinks, which kinks='exclude' forbids.",
-    Status.grazes_jump: "The trajectory touches a jump along its tangent: it has no derivative. Change the start or sample earlier.",
+    Status.grazes_jump: "The trajectory touches a jump along its tangent, and has no derivative: change the start or the duration.",
     Status.on_jump: "The trajectory starts or ends on a jump, where it has no derivative: change the start or the duration.",
     Status.two_jumps: "The trajectory meets two jumps at once: change the start, or sample earlier.",
     Status.chatters: "The trajectory meets jumps again and again in ever shorter times: sample earlier.",
@@ -159,9 +159,12 @@ def sensitivities(
     return result
 
 
-def checked_sensitivities(model: Model, points: Experiments, theta: Array, arguments: Settings) -> Sensitivities:
-    """As `sensitivities`, of arguments that are known to be good."""
-    return Sensitivities(*model.kernels.sensitivities(model.core, points.x0, points.u, points.dt, theta, *arguments))
+def checked_sensitivities(
+    model: Model, points: Experiments, theta: Array, arguments: Settings, outputs_alone: bool = False
+) -> Sensitivities:
+    """As `sensitivities`, of arguments that are known to be good; with `outputs_alone` sooner and without dx_dtheta."""
+    given = (points.x0, points.u, points.dt, theta, *arguments)
+    return Sensitivities(*model.kernels.sensitivities(model.core, *given, outputs_alone=outputs_alone))
 
 
 def only_finite(status: IntArray, *results: Array) -> IntArray:

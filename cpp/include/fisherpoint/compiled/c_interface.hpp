@@ -32,6 +32,7 @@ struct FisherpointNodes {
 };
 
 using FisherpointSimulate = FisherpointOutcome(const FisherpointRequest*, double* x, double* y, std::int32_t* status);
+// dx_dtheta may be null: then dy_dtheta alone is asked for.
 using FisherpointSensitivities = FisherpointOutcome(const FisherpointRequest*, double* x, double* y, double* dx_dtheta,
                                                     double* dy_dtheta, std::int32_t* status);
 // x0 is of `count` records; u and dt are of `pieces`.

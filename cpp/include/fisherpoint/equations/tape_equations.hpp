@@ -128,6 +128,19 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
     }
   }
 
+  void output_slopes(const State& x, typename Plain::Output& y, auto&& by_state, auto&& by_theta) const {
+    output_.run(x);
+    int at = 0;
+    for (P& value : y) value = output_.output(at++);
+    for (const auto [i, k] : model_.output_entries()) {
+      const P& slope = output_.output(at++);
+      if (k < states)
+        by_state(i, k, slope);
+      else
+        by_theta(i, k - states, slope);
+    }
+  }
+
   JumpGradient<TapeModel, P> jump(int which, const State& x) const {
     JumpGradient<TapeModel, P> h(*this);
     jumps_.run(x);

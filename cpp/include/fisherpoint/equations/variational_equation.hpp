@@ -15,6 +15,8 @@ namespace fisherpoint {
 // The entries of f_x and f_theta that S' needs: f_x row by row, f_theta column by column.
 template <class M, class P>
 struct Jacobian {
+  Jacobian() {}  // not set to anything: it is always written first
+
   Numbers<P, std::remove_const_t<decltype(Dependence<M>::by_state)>> by_state;
   Numbers<P, std::remove_const_t<decltype(Dependence<M>::by_theta)>> by_theta;
 };
@@ -90,6 +92,22 @@ class VariationalEquation : public Shape<M> {
             sum += slope_of<k, P>(g_i) * s[dependence.column_start[j] + detail::below(dependence.rows(j), k)];
         });
         dy_dtheta[i * p + j] = sum;
+      });
+    });
+  }
+
+  // y = g; by_state(i, k, slope) and by_theta(i, j, slope) are told the entries of g_x and of g_theta.
+  void output_slopes(const State& x, typename Plain::Output& y, auto&& by_state, auto&& by_theta) const {
+    const auto g = model_.output(as_variables<0, n_x, P>(x), u_, as_variables<n_x, p, P>(theta_));
+    for_each_index(Shape<M>::outputs, [&](auto i) {
+      const auto& g_i = std::get<i>(g);
+      constexpr Variables read = variables_of<std::remove_cvref_t<decltype(g_i)>>;
+      y[i] = value_of(g_i);
+      for_each_variable<read>([&](auto k) {
+        if constexpr (k < n_x)
+          by_state(i, k, g_i.template slope<k>());
+        else
+          by_theta(i, Count<k - n_x>{}, g_i.template slope<k>());
       });
     });
   }

@@ -1,9 +1,10 @@
 // States, outputs and their sensitivities (8) for a batch of experiment points.
 //
 // First the states alone, lanes = points: the adaptive loop finds the kinks and the sizes of the steps, and how each trajectory
-// ends. Then the columns of S along these steps, somewhat refined, with points of equally many steps in a pack: so the costly
-// part runs without a branch on full packs, and no result depends on what shares its pack. Points of which a column's estimated
-// error is above the tolerance are done again in finer steps.
+// ends. Then S along these steps, somewhat refined, with points of equally many steps in a pack: so the costly part runs
+// without a branch on full packs, and no result depends on what shares its pack. Points whose estimated error is above the
+// tolerance are done again in finer steps. S is made column by column (tangents.hpp), or where dy/dtheta alone is asked for and
+// outputs are few beside parameters, row by row (adjoints.hpp).
 #pragma once
 
 #include <algorithm>
@@ -13,6 +14,7 @@
 #include <span>
 #include <vector>
 
+#include "fisherpoint/integration/adjoints.hpp"
 #include "fisherpoint/integration/integrator.hpp"
 #include "fisherpoint/integration/tangents.hpp"
 #include "fisherpoint/kernels/points.hpp"
@@ -22,7 +24,7 @@ namespace fisherpoint {
 
 struct SensitiveTrajectories {
   double *x, *y;                  // (count, n_x), (count, n_y), where the trajectory ended
-  double *dx_dtheta, *dy_dtheta;  // (count, n_x, p), (count, n_y, p); zero where it is not ok
+  double *dx_dtheta, *dy_dtheta;  // (count, n_x, p) or none, (count, n_y, p); zero where it is not ok
   Status* status;                 // (count,)
 };
 
@@ -43,6 +45,15 @@ struct PointPath {
     runs.back().end = sizes.size();
   }
 };
+
+// Whether it crosses a jump, or slides on one.
+template <class M>
+bool meets_jump(const auto& shape, const PointPath<M>& path) {
+  for (const auto& run : path.runs)
+    for (int m = 0; m < shape.jumps_end; ++m)
+      if (run.side[m] == 0.0 || run.side[m] != path.runs[0].side[m]) return true;
+  return false;
+}
 
 // For which memory is taken at once.
 inline constexpr std::size_t usual_steps = 64;
@@ -137,7 +148,7 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
   if (shape.jumps_end > 0 && !tolerance.whole_first) note_jumps<M, P>(model, pack, outcome, rows, out);
   for (int lane = 0; lane < pack.used; ++lane) {
     const std::size_t k = rows[lane];
-    std::fill_n(out.dx_dtheta + k * n_x * p, n_x * p, 0.0);
+    if (out.dx_dtheta) std::fill_n(out.dx_dtheta + k * n_x * p, n_x * p, 0.0);
     std::fill_n(out.dy_dtheta + k * n_y * p, n_y * p, 0.0);
     if (out.status[k] != Status::ok) continue;
     taken.sizes.clear();
@@ -159,26 +170,22 @@ void set_start(auto& sides, int lane, const double* start) {
   }
 }
 
-// S along the paths of points[rows[0]], ...; a path that turns out too coarse is refined instead.
-template <class P, class Method, class M>
-void follow_paths(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
-                  std::span<const std::size_t> rows, std::vector<PointPath<M>>& paths, const SensitiveTrajectories& out) {
-  const auto shape = shape_of(model);
-  const std::size_t n_x = shape.states, n_y = shape.outputs, p = shape.parameters;
-  const PointPack<M, P> pack(shape, points, parameters, rows);
-  const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
-  Tangents<M, P, Method> tangents(equation, pack.x0, tolerance.relative);
+// advance(size, side) for every step of the paths of points[rows[0]], ...; of size 0 in the lanes whose path has ended. Before
+// it pass(before, after) where the sides of any lane change, those of jumps among them.
+template <class P, class M>
+void for_each_step(const Shape<M>& shape, std::span<const std::size_t> rows, const std::vector<PointPath<M>>& paths,
+                   auto&& pass, auto&& advance) {
+  const int used = static_cast<int>(rows.size());
   std::size_t longest = 0;
   for (const std::size_t k : rows) longest = std::max(longest, paths[k].size());
-  typename VariationalEquation<M, P>::Side side, before;
+  typename ArraysOf<M, P>::Sides side, before;
   fit(side, shape.sides);
   side.fill(P(1.0));
-  mask_of_lanes<P> grazes = lanes_of<P>::none();
   std::array<std::size_t, lanes_of<P>::width> run{}, run_end{};  // of every lane: which is next, and where the current one ends
   for (std::size_t n = 0; n < longest; ++n) {
     P size(0.0);
     bool turned = false;
-    for (int lane = 0; lane < pack.used; ++lane) {
+    for (int lane = 0; lane < used; ++lane) {
       const auto& path = paths[rows[lane]];
       if (n >= path.size()) continue;
       lanes_of<P>::set(size, lane, path.sizes[n]);
@@ -189,9 +196,44 @@ void follow_paths(const M& model, const Points& points, const Parameters& parame
       run_end[lane] = path.runs[run[lane]++].end;
       turned = true;
     }
-    if (shape.jumps_end > 0 && turned) grazes = grazes | tangents.pass(before, side);
-    tangents.advance(size, side);
+    if (shape.jumps_end > 0 && turned) pass(before, side);
+    advance(size, side);
   }
+}
+
+// Whether an estimated error is small enough, and the path done with; if not, the path is refined, or given up with a status.
+template <class Method, class M>
+bool accepted(double error, double allowed, const Tolerance& tolerance, PointPath<M>& path, Status& status) {
+  const double excess = error / (allowed * tolerance.relative);
+  if (excess <= 1.0) {
+    path = PointPath<M>();
+    return true;
+  }
+  const bool known = excess < 1e100;
+  const double factor = known ? std::clamp(1.1 * std::pow(excess, 1.0 / Method::order), 1.1, 4.0) : 2.0;
+  if (factor * path.size() <= tolerance.max_attempts) {
+    path = refined<M>(path, factor);
+    if (factor > graded_from) path = graded<M>(path);
+  } else {
+    path = PointPath<M>();
+    status = known ? Status::step_limit : Status::not_finite;
+  }
+  return false;
+}
+
+// S along the paths of points[rows[0]], ..., column by column; a path that turns out too coarse is refined instead.
+template <class P, class Method, class M>
+void follow_columns(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
+                    std::span<const std::size_t> rows, std::vector<PointPath<M>>& paths, const SensitiveTrajectories& out) {
+  const auto shape = shape_of(model);
+  const std::size_t n_x = shape.states, n_y = shape.outputs, p = shape.parameters;
+  const PointPack<M, P> pack(shape, points, parameters, rows);
+  const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
+  Tangents<M, P, Method> tangents(equation, pack.x0, tolerance.relative);
+  mask_of_lanes<P> grazes = lanes_of<P>::none();
+  for_each_step<P, M>(
+      shape, rows, paths, [&](const auto& before, const auto& after) { grazes = grazes | tangents.pass(before, after); },
+      [&](const P& size, const auto& side) { tangents.advance(size, side); });
 
   const P error = tangents.relative_error();
   typename StateEquation<M, P>::Output y;
@@ -208,33 +250,87 @@ void follow_paths(const M& model, const Points& points, const Parameters& parame
   const mask_of_lanes<P> whole = finite<P>(tangents.x) & finite<P>(y) & finite<P>(dx) & finite<P>(dy);
   for (int lane = 0; lane < pack.used; ++lane) {
     const std::size_t k = rows[lane];
-    const double excess = lanes_of<P>::get(error, lane) / (Method::allowed_estimate * tolerance.relative);
     if (lanes_of<P>::get(grazes, lane)) {
       paths[k] = PointPath<M>();
       out.status[k] = Status::grazes_jump;
       continue;
     }
-    if (excess <= 1.0) {
-      paths[k] = PointPath<M>();
-      if (!lanes_of<P>::get(whole, lane)) {
-        out.status[k] = Status::not_finite;
-        continue;
-      }
-      get_lane(tangents.x, lane, out.x + k * n_x);
-      get_lane(y, lane, out.y + k * n_y);
-      get_lane(dx, lane, out.dx_dtheta + k * n_x * p);
-      get_lane(dy, lane, out.dy_dtheta + k * n_y * p);
+    if (!accepted<Method, M>(lanes_of<P>::get(error, lane), Method::allowed_estimate, tolerance, paths[k], out.status[k]))
+      continue;
+    if (!lanes_of<P>::get(whole, lane)) {
+      out.status[k] = Status::not_finite;
       continue;
     }
-    const bool known = excess < 1e100;
-    const double factor = known ? std::clamp(1.1 * std::pow(excess, 1.0 / Method::order), 1.1, 4.0) : 2.0;
-    if (factor * paths[k].size() <= tolerance.max_attempts) {
-      paths[k] = refined<M>(paths[k], factor);
-      if (factor > graded_from) paths[k] = graded<M>(paths[k]);
-    } else {
-      paths[k] = PointPath<M>();
-      out.status[k] = known ? Status::step_limit : Status::not_finite;
+    get_lane(tangents.x, lane, out.x + k * n_x);
+    get_lane(y, lane, out.y + k * n_y);
+    if (out.dx_dtheta) get_lane(dx, lane, out.dx_dtheta + k * n_x * p);
+    get_lane(dy, lane, out.dy_dtheta + k * n_y * p);
+  }
+}
+
+// Every row costs about 1.4 columns, and there is one more for their error. Of a tape that is known at run time only.
+constexpr bool rows_pay(int rows, int parameters) { return rows + 1 < 0.7 * parameters; }
+template <class M>
+inline constexpr bool rows_may_pay = true;
+template <Model M>
+inline constexpr bool rows_may_pay<M> = rows_pay(Dependence<M>::varying_outputs, sizes<M>::parameters);
+
+// How much a row counts beside others in the estimate of their errors: none like another, so that rows of opposite outputs do
+// not cancel.
+inline double share_of_row(std::size_t row) {
+  const double turns = 0.6180339887498949 * static_cast<double>(row + 1);
+  return 0.5 + turns - std::floor(turns);
+}
+
+// The same for dy/dtheta alone, row by row; of paths that keep clear of jumps.
+template <class P, class Method, class M>
+void follow_rows(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
+                 std::span<const std::size_t> rows, std::vector<PointPath<M>>& paths, const SensitiveTrajectories& out) {
+  const auto shape = shape_of(model);
+  const std::size_t n_x = shape.states, n_y = shape.outputs, p = shape.parameters;
+  const PointPack<M, P> pack(shape, points, parameters, rows);
+  const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
+  Adjoints<M, P, Method> adjoints(equation, pack.x0, tolerance.relative);
+  for_each_step<P, M>(
+      shape, rows, paths, [](const auto&...) {}, [&](const P& size, const auto& side) { adjoints.advance(size, side); });
+
+  // lambda at the end is the output's row of g_x, against whose size in the states' scales errors are measured.
+  typename Adjoints<M, P, Method>::Rows back;
+  ShelfVector<std::size_t> output_of, row_of(n_y, n_y);
+  for_each_index(shape.outputs, [&](auto i) {
+    if (!equation.dependence.output_depends(i)) return;
+    row_of[i] = output_of.size();
+    output_of.push_back(i);
+    back.push_back(adjoints.row());
+  });
+  typename StateEquation<M, P>::Output y;
+  fit(y, shape.outputs);
+  ShelfVector<P> dy(n_y * p, P(0.0)), size(back.size(), P(0.0));
+  equation.output_slopes(
+      adjoints.x, y,
+      [&](auto i, auto k, const P& slope) {
+        if (row_of[i] == n_y) return;
+        back[row_of[i]].lambda[k] = slope;
+        size[row_of[i]] += abs(slope) * (1.0 / equation.inverse_scale(k));
+      },
+      [&](auto i, auto j, const P& slope) { dy[i * p + j] = slope; });
+  for (std::size_t r = 0; r < back.size(); ++r) back[r].inverse_scale = share_of_row(r) / (size[r] + 1e-200);
+  adjoints.back(back);
+  for (std::size_t r = 0; r < back.size(); ++r)
+    for (std::size_t j = 0; j < p; ++j) dy[output_of[r] * p + j] += back[r].gradient[j];
+
+  const P error = adjoints.relative_error();
+  const mask_of_lanes<P> whole = finite<P>(adjoints.x) & finite<P>(y) & finite<P>(dy);
+  for (int lane = 0; lane < pack.used; ++lane) {
+    const std::size_t k = rows[lane];
+    if (!accepted<Method, M>(lanes_of<P>::get(error, lane), 1.0, tolerance, paths[k], out.status[k])) continue;
+    if (!lanes_of<P>::get(whole, lane)) {
+      out.status[k] = Status::not_finite;
+      continue;
     }
+    get_lane(adjoints.x, lane, out.x + k * n_x);
+    get_lane(y, lane, out.y + k * n_y);
+    get_lane(dy, lane, out.dy_dtheta + k * n_y * p);
   }
 }
 
@@ -242,16 +338,27 @@ template <class P, class Method, class M>
 void sensitivity_packs(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
                        const Workers& workers, const SensitiveTrajectories& out) {
   constexpr std::size_t width = lanes_of<P>::width, batch = 8192;
+  const Shelves shelves;  // for all rounds of the calling thread
   std::vector<PointPath<M>> paths(points.count);
   const std::vector<std::size_t> order = by_duration(points);
+  const bool by_rows = !out.dx_dtheta && rows_pay(dependence_of(model).varying_outputs, shape_of(model).parameters);
   for (std::size_t from = 0; from < order.size(); from += batch) {  // so that few paths are kept at a time
     std::vector<std::size_t> todo(order.begin() + from, order.begin() + std::min(from + batch, order.size()));
     in_packs(workers, todo, width,
              [&](auto rows) { find_paths<P, Method>(model, points, parameters, tolerance, rows, paths, out); });
     while (std::erase_if(todo, [&](auto k) { return paths[k].size() == 0; }), !todo.empty()) {
       std::stable_sort(todo.begin(), todo.end(), [&](auto a, auto b) { return paths[a].size() < paths[b].size(); });
-      in_packs(workers, todo, width,
-               [&](auto rows) { follow_paths<P, Method>(model, points, parameters, tolerance, rows, paths, out); });
+      std::vector<std::size_t> in_columns;
+      if constexpr (rows_may_pay<M>) {
+        if (by_rows) {
+          std::vector<std::size_t> in_rows;
+          for (const std::size_t k : todo) (meets_jump(shape_of(model), paths[k]) ? in_columns : in_rows).push_back(k);
+          in_packs(workers, in_rows, width,
+                   [&](auto rows) { follow_rows<P, Method>(model, points, parameters, tolerance, rows, paths, out); });
+        }
+      }
+      in_packs(workers, by_rows ? in_columns : todo, width,
+               [&](auto rows) { follow_columns<P, Method>(model, points, parameters, tolerance, rows, paths, out); });
     }
   }
 }

@@ -134,6 +134,7 @@ class Dependence {
   static constexpr Variables driven_of(int j) {
     return detail::which(n_x, [j](int i) { return (parameters_read[i] >> j) & 1; });
   }
+  static constexpr Variables sensitive_states = detail::which(n_x, [](int i) { return row[i] != 0; });
   static constexpr Variables coupled_of(int i) {
     return detail::which(n_x, [i](int k) { return ((states_read[i] >> k) & 1) && row[k] != 0; });
   }
@@ -157,6 +158,8 @@ class Dependence {
   static constexpr Set<coupled_of(i)> coupled(Count<i>) {
     return {};
   }
+  // The states that have derivatives by any parameter.
+  static constexpr Set<sensitive_states> sensitive() { return {}; }
   static constexpr bool depends(int i, int j) { return (row[i] >> j) & 1; }
   // Whether state i, output i or switching surface m depends on any parameter: a state that does not is the same for every
   // theta, such an output has exactly no predictive variance, and such a surface is crossed at the same time. Branches on
@@ -191,6 +194,11 @@ class Dependence {
     else
       return true;
   }
+
+  // How many outputs depend on any parameter.
+  static constexpr int varying_outputs = []<int... i>(std::integer_sequence<int, i...>) {
+    return (0 + ... + output_depends(Count<i>{}));
+  }(std::make_integer_sequence<int, sizes<M>::outputs>{});
 
   // Where the entries are: of f_x row by row, of f_theta and of S column by column.
   static constexpr auto state_start = detail::row_starts(std::array<int, n_x>{}, n_x, coupled_of);

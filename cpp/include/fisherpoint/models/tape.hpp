@@ -6,6 +6,7 @@
 // differentiated and shared in Python (fisherpoint.tape); here they are only carried out.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <stdexcept>
 #include <string>
@@ -102,6 +103,7 @@ class Dependence<TapeModel> {
       }
     }
     row_ = detail::reached_parameters(coupled_, parameters_read, shape.states);
+    sensitive_ = detail::which(shape.states, [&](int i) { return row_[i] != 0; });
     for (int j = 0; j < shape.parameters; ++j) rows_[j] = detail::which(shape.states, [&](int i) { return depends(i, j); });
     const auto starts = [](const Masks& masks, std::vector<int>& start) {
       int at = 0;
@@ -111,11 +113,13 @@ class Dependence<TapeModel> {
     by_state = starts(coupled_, state_start);
     by_theta = starts(driven_, theta_start);
     in_columns = starts(rows_, column_start);
+    varying_outputs = static_cast<int>(std::count(varying_.outputs.begin(), varying_.outputs.end(), true));
   }
 
   Variables rows(int j) const { return rows_[j]; }
   Variables driven(int j) const { return driven_[j]; }
   Variables coupled(int i) const { return coupled_[i]; }
+  Variables sensitive() const { return sensitive_; }
   bool depends(int i, int j) const { return (row_[i] >> j) & 1; }
   bool state_depends(int i) const { return varying_.states[i]; }
   bool output_depends(int i) const { return varying_.outputs[i]; }
@@ -124,12 +128,13 @@ class Dependence<TapeModel> {
   int leader(int j) const { return j; }
   int next_alike(int) const { return static_cast<int>(rows_.size()); }
 
-  int by_state, by_theta, in_columns;
+  int by_state, by_theta, in_columns, varying_outputs;
   std::vector<int> state_start, theta_start, column_start;
 
  private:
   using Masks = std::vector<Variables>;
   Masks coupled_, driven_, rows_, row_;
+  Variables sensitive_;
   Varying varying_;
 };
 

@@ -10,14 +10,17 @@
 
 namespace fisherpoint {
 
-// The shelves of this thread, from the object's making to its end. Blocks that come from elsewhere may be put on them, and
-// theirs may be dropped when they are gone: all are plain memory. Dropping takes no memory: free blocks are linked through
-// themselves.
+// The shelves of this thread, from the object's making to its end; where there are some, a further object does nothing. Blocks
+// that come from elsewhere may be put on them, and theirs may be dropped when they are gone: all are plain memory. Dropping
+// takes no memory: free blocks are linked through themselves.
 class Shelves {
  public:
-  Shelves() : outer_(std::exchange(here_, this)) {}
+  Shelves() {
+    if (!here_) here_ = this;
+  }
   ~Shelves() {
-    here_ = outer_;
+    if (here_ != this) return;
+    here_ = nullptr;
     for (Block* block : free_)
       while (block) release(std::exchange(block, block->next));
   }
@@ -45,12 +48,11 @@ class Shelves {
   struct Block {
     Block* next;
   };
-  static constexpr std::size_t unit = 64, sizes = 256, most_kept = (16 << 20) / unit;
+  static constexpr std::size_t unit = 64, sizes = 512, most_kept = (16 << 20) / unit;
   static constexpr std::size_t units_of(std::size_t bytes) { return (bytes + unit - 1) / unit; }
   static void release(void* block) noexcept { ::operator delete(block, std::align_val_t{unit}); }
 
   static inline thread_local Shelves* here_ = nullptr;
-  Shelves* outer_;
   std::array<Block*, sizes> free_{};  // by units
   std::size_t kept_ = 0;              // units, on all shelves
 };

@@ -49,4 +49,13 @@ void for_each_index(int first, int last, auto&& f) {
   for (int i = first; i < last; ++i) f(i);
 }
 
+// f(n - 1), ..., f(0).
+template <int n>
+void for_each_index_down(Count<n>, auto&& f) {
+  for_each_index<n>([&](auto i) { f(Count<n - 1 - i>{}); });
+}
+void for_each_index_down(int n, auto&& f) {
+  while (n > 0) f(--n);
+}
+
 }  // namespace fisherpoint

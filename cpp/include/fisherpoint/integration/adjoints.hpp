@@ -1,0 +1,255 @@
+// Rows of dy/dtheta by the discrete adjoint of the Runge-Kutta steps: x goes forward with the Jacobian of every stage kept;
+// then each row goes back through all steps, from lambda = dy/dx at the end. With Y_i the state at stage i,
+//     mu_i = h (b_i lambda + sum_{j>i} a_ji nu_j),  nu_i = f_x(Y_i)^T mu_i,
+//     gradient += sum f_theta(Y_i)^T mu_i,          lambda += sum nu_i.
+// Rows equal those of the columns (tangents.hpp) over the same steps, to rounding. They cost the more the more rows there are,
+// columns the more parameters.
+//
+// The error is estimated by one more row for all. The embedded error of a step, e = h sum e_i f(Y_i), changes y by lambda^T e;
+// how that changes with theta is a gradient too: eta goes back beside the rows, with b_i eta + e_i lambda in place of b_i
+// lambda, for the sum of all rows' lambda. That is of the embedded error's low order; what Method::squared_error makes of it is
+// taken from x in the same step.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <deque>
+
+#include "fisherpoint/equations/variational_equation.hpp"
+#include "fisherpoint/integration/runge_kutta.hpp"
+#include "fisherpoint/numbers/shelves.hpp"
+#include "fisherpoint/numbers/unroll.hpp"
+
+namespace fisherpoint {
+
+namespace detail {
+
+// Weights of what comes behind stage s of a step: of the stages after it, of the row at the step's end, and of the embedded
+// error.
+template <class Method, int stages>
+constexpr auto weights_behind() {
+  std::array<std::array<double, stages + 2>, stages> weights{};
+  for (int s = 0; s < stages; ++s) {
+    for (int j = s + 1; j < stages; ++j) weights[s][j] = Method::a[j][s];
+    if (s < Method::stages - 1) weights[s][stages] = Method::a[Method::stages - 1][s];
+    weights[s][stages + 1] = Method::error[s];
+  }
+  return weights;
+}
+
+}  // namespace detail
+
+template <class M, class P, class Method>
+class Adjoints {
+  using Equation = VariationalEquation<M, P>;
+  static constexpr int last = Method::stages - 1;
+  static constexpr int stages = last + end_counts<Method>();  // that take part
+  static constexpr auto weights = detail::weights_behind<Method, stages>();
+
+ public:
+  using State = typename Equation::State;
+  using Side = typename Equation::Side;
+  using Gradient = typename ArraysOf<M, P>::Parameters;
+
+  // lambda: the derivative of what the row is of by the state, as far as that depends on theta; by the state at the
+  // trajectory's end, and once the row is back, at its start.
+  struct Row {
+    State lambda;
+    Gradient gradient;
+    P inverse_scale{1.0};  // of what the row is of, in which its error counts
+  };
+  using Rows = ShelfVector<Row>;
+
+  State x;
+
+  Adjoints(const Equation& equation, const State& x0, double tolerance)
+      : x(x0),
+        f_(equation),
+        least_(0.01 * tolerance * tolerance),
+        block_(std::max<std::size_t>(
+            1, most_kept / (stages * sizeof(P) * std::max(1, equation.dependence.by_state + equation.dependence.by_theta)))) {
+    fit(squared_error_of_, f_.parameters);
+    fit(squared_size_of_, f_.parameters);
+    squared_size_of_.fill(P(0.0));
+  }
+
+  // A lane whose step is 0 stays as it is.
+  void advance(const P& size, const Side& side) {
+    const std::size_t at = steps_.size() % block_;
+    if (at == 0) starts_.push_back(x);
+    steps_.push_back({size, P(1.0), side});
+    const Embedded embedded = take(steps_.back(), at, x);
+    squared_error_ += Method::squared_error(embedded.fine, embedded.coarse);
+    const P fine = embedded.fine + least_;
+    steps_.back().share = sqrt(Method::squared_error(fine, embedded.coarse) / fine);
+    note_drive(size, jacobian_[at * stages]);
+  }
+
+  Row row() const {
+    Row row;
+    fit(row.lambda, f_.states);
+    fit(row.gradient, f_.parameters);
+    row.lambda.fill(P(0.0));
+    row.gradient.fill(P(0.0));
+    return row;
+  }
+
+  // Carries all rows back to the start.
+  void back(Rows& rows) {
+    Row error = row();
+    State sum = error.lambda;           // of all rows
+    std::size_t kept = starts_.size();  // the blocks up to that whose Jacobians are kept
+    for (std::size_t n = steps_.size(); n-- > 0;) {
+      if (n / block_ + 1 != kept) restore((kept = n / block_ + 1) - 1);
+      // All rows, and the error's, are at the end of step n: what corrects them between two steps would do so here.
+      for_each_variable(f_.dependence.sensitive(), [&](auto i) {
+        sum[i] = P(0.0);
+        for (const Row& row : rows) sum[i] += row.lambda[i] * row.inverse_scale;
+        sum[i] *= steps_[n].share;
+      });
+      carry<true>(n, sum, error);
+      for (Row& row : rows) carry<false>(n, sum, row);
+      for (int j = 0; j < f_.parameters; ++j) {
+        P size(0.0);
+        for (const Row& row : rows) size += square(row.gradient[j] * row.inverse_scale);
+        squared_size_of_[j] = max(squared_size_of_[j], size);
+      }
+    }
+    for (int j = 0; j < f_.parameters; ++j) squared_error_of_[j] = square(error.gradient[j]);
+  }
+
+  // The largest estimated error once the rows are back: of x in units of the states' scales; of the rows by each parameter in
+  // units of their largest size on the way. NaN where anything is.
+  P relative_error() const {
+    P sum = squared_error_, largest = squared_error_;
+    for (int j = 0; j < f_.parameters; ++j) {
+      const P share = squared_error_of_[j] / (squared_size_of_[j] + 1e-200);
+      largest = max(largest, share);
+      sum += share;
+    }
+    return sqrt(select(sum < P(1e300), largest, sum));
+  }
+
+ private:
+  struct Step {
+    P size;
+    P share;  // of the embedded error that Method::squared_error takes for the error
+    Side side;
+  };
+  // Squared differences to the embedded solutions, in units of the states' scales.
+  struct Embedded {
+    P fine{0.0}, coarse{0.0};
+  };
+
+  static P square(const P& a) { return a * a; }
+
+  // A column of S is at least as large as what its parameter alone drives within a step.
+  void note_drive(const P& step, const Jacobian<M, P>& jacobian) {
+    for_each_index(f_.parameters, [&](auto j) {
+      P drive(0.0);
+      const auto driven = f_.dependence.driven(j);
+      for_each_variable(driven, [&](auto i) {
+        const P& slope = jacobian.by_theta[f_.dependence.theta_start[j] + detail::below(driven, i)];
+        drive += square(f_.inverse_scale(i) * slope * step);
+      });
+      squared_size_of_[j] = max(squared_size_of_[j], drive);
+    });
+  }
+
+  // Of a block of steps the Jacobians are kept; of those before only the state at their start.
+  static constexpr std::size_t most_kept = 1 << 18;
+
+  void restore(std::size_t block) {
+    State at = starts_[block];
+    for (std::size_t n = 0; n < block_; ++n) take(steps_[block * block_ + n], n, at);
+  }
+
+  Embedded take(const Step& step, std::size_t at, State& x) {
+    while (jacobian_.size() < (at + 1) * stages) {
+      Jacobian<M, P>& jacobian = jacobian_.emplace_back();
+      fit(jacobian.by_state, f_.dependence.by_state);
+      fit(jacobian.by_theta, f_.dependence.by_theta);
+    }
+    std::array<Jacobian<M, P>*, stages> jacobian;
+    for (std::size_t s = 0; s < stages; ++s) jacobian[s] = &jacobian_[at * stages + s];
+    return take_stages(step, jacobian, x);
+  }
+
+  FISHERPOINT_HOT Embedded take_stages(const Step& step, const std::array<Jacobian<M, P>*, stages>& jacobian, State& x) const {
+    State rate[Method::stages], ahead;
+    for (State& one : rate) fit(one, f_.states);
+    fit(ahead, f_.states);
+    for_each_index(counted<Equation, stages>(), [&](auto s) {
+      for_each_index(f_.states, [&](auto i) { ahead[i] = weighted_sum(s, x[i], Method::a[s], rate, i); });
+      linearise(ahead, step, rate[s], *jacobian[s]);
+    });
+    Embedded embedded;
+    for_each_index(f_.states, [&](auto i) {
+      const P change = weighted_sum(counted<Equation, last>(), Method::a[last], rate, i);
+      x[i] += change;
+      embedded.fine += square(f_.inverse_scale(i) * weighted_sum(counted<Equation, stages>(), Method::error, rate, i));
+      embedded.coarse +=
+          square(f_.inverse_scale(i) * (change - weighted_sum(counted<Equation, last>(), Method::coarse, rate, i)));
+    });
+    return embedded;
+  }
+
+  FISHERPOINT_HOT void linearise(const State& at, const Step& step, State& rate, Jacobian<M, P>& jacobian) const {
+    f_.linearise(at, step.side, rate, jacobian);
+    for (P& entry : rate) entry *= step.size;
+  }
+
+  template <bool of_error>
+  void carry(std::size_t n, const State& sum, Row& row) const {
+    std::array<const Jacobian<M, P>*, stages> jacobian;
+    for (std::size_t s = 0; s < stages; ++s) jacobian[s] = &jacobian_[n % block_ * stages + s];
+    carry_back<of_error>(steps_[n].size, jacobian, sum, row.lambda, row.gradient);
+  }
+
+  template <bool of_error>
+  FISHERPOINT_HOT void carry_back(const P& step, const std::array<const Jacobian<M, P>*, stages>& jacobians, const State& sum,
+                                  State& lambda, Gradient& gradient) const {
+    constexpr int first = of_error ? stages : last, behind = stages + 1 + of_error;
+    State nu[stages + 2], mu;  // behind the stages: lambda, and the sum of all rows' lambda
+    for (State& one : nu) fit(one, f_.states);
+    fit(mu, f_.states);
+    const auto sensitive = f_.dependence.sensitive();
+    for_each_variable(sensitive, [&](auto i) {
+      if constexpr (first < stages) nu[first][i] = P(0.0);
+      nu[stages][i] = lambda[i];
+      if constexpr (of_error) nu[stages + 1][i] = sum[i];
+    });
+    for_each_index_down(counted<Equation, first>(), [&](auto s) {
+      const Jacobian<M, P>& jacobian = *jacobians[s];
+      for_each_variable(sensitive, [&](auto i) {
+        mu[i] = step * weighted_sum(after(s), counted<Equation, behind>(), P(0.0), weights[s], nu, i);
+        nu[s][i] = P(0.0);
+      });
+      for_each_variable(sensitive, [&](auto i) {
+        const auto coupled = f_.dependence.coupled(i);
+        for_each_variable(coupled, [&](auto k) {
+          nu[s][k] += jacobian.by_state[f_.dependence.state_start[i] + detail::below(coupled, k)] * mu[i];
+        });
+      });
+      for_each_index(f_.parameters, [&](auto j) {
+        const auto driven = f_.dependence.driven(j);
+        for_each_variable(driven, [&](auto i) {
+          gradient[j] += jacobian.by_theta[f_.dependence.theta_start[j] + detail::below(driven, i)] * mu[i];
+        });
+      });
+      for_each_variable(sensitive, [&](auto i) { lambda[i] += nu[s][i]; });
+    });
+  }
+
+  const Equation& f_;
+  double least_;       // what is added to squared embedded errors of x: if they are far below the tolerance they tell nothing
+  std::size_t block_;  // steps whose Jacobians are kept at a time
+  P squared_error_{0.0};                         // estimated, of x, summed over the steps, in units of the states' scales
+  Gradient squared_error_of_, squared_size_of_;  // of the rows' sum by each parameter, in units of the rows' scales
+  ShelfVector<Step> steps_;
+  ShelfVector<State> starts_;  // of the blocks
+  std::deque<Jacobian<M, P>, ShelfAllocator<Jacobian<M, P>>> jacobian_;
+};
+
+}  // namespace fisherpoint
