@@ -158,6 +158,19 @@ def test_covariances_of_deviations_below_the_tolerance_are_good_to_them(rule: st
         assert [finding.kind for finding in bench.findings] == known
 
 
+def test_derivatives_of_a_state_that_a_parameter_does_not_reach_are_good_to_the_others() -> None:
+    """x1 decays with p2, on which x2 depends no more than rounding."""
+    given = ([[1.7, 0.5]], [[]], [10.0]), [[2.0, 1.0]]
+    bench = Bench(At(("-p2*x1", "p1 - x2"), ("x2",), (2.0, 2.0), (), (2.0, 1.0), given=given), Figures())
+    one = {name: np.zeros(1) for name in ("status", "sensitive status")} | {"x": bench.tight.x, "y": bench.tight.y}
+    one["dx"] = np.array([[[0.0, -8e-4], [1.0, 1e-24]]])
+    for off, known in ((1e-24, []), (1e-8, ["other: dy"])):
+        bench.findings.clear()
+        first, second = (one | {"dy": np.array([[[0.0, value]]])} for value in (1e-24, 1e-24 + off))
+        compare_numbers(bench, "other", first, second)
+        assert [finding.kind for finding in bench.findings] == known
+
+
 def test_a_limit_that_is_touched_is_too_close_to_tell() -> None:
     """p_A comes down to p_t and goes up again. At a tolerance that a hair's breadth is not, it has met it."""
     x0 = [0.23947013932661448, 0.2273388055095153, 6770886.039485718, 8796001.413264032, -0.4126025147042829]
