@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.special import gamma, gammainc
 
 import fisherpoint as fp
 from fisherpoint import Status
@@ -107,3 +108,16 @@ def test_a_branch_that_an_input_closes_brings_nothing_into_derivatives(flow: str
             assert result.y[0, 0] > 0.9 + 0.06 and result.dy_dtheta[0, 0, 1] < 0
         else:
             assert result.y[0, 0] == pytest.approx(0.915) and not result.dy_dtheta.any()
+
+
+@pytest.mark.parametrize("method", ["RK45", "DOP853"])
+def test_steps_behind_an_edge_of_power_one_and_a_half_are_judged_by_their_own_error(method: str) -> None:
+    """x2' = x2 + t**1.5 from the edge on: a smooth part that DOP853's coarse estimate sees made it trust its fine one too much."""
+    model = fp.SymbolicModel(["1", "x2 + max(x1, 0)**1.5"], ["x2"], {"x1": "1", "x2": "1"}, {"u": "1"}, {"p": "1"})
+    starts = np.linspace(-0.6, -0.1, 40)
+    points = fp.Experiments(np.column_stack([starts, np.zeros(40)]), np.zeros((40, 1)), np.ones(40))
+    behind = 1.0 + starts
+    exact = np.exp(behind) * gamma(2.5) * gammainc(2.5, behind)
+    for rtol in (1e-6, 1e-8, 1e-9):
+        done = fp.simulate(model, points, [1.0], rtol=rtol, method=method)
+        assert np.abs(done.x[:, 1] - exact).max() < 30 * rtol

@@ -64,7 +64,7 @@ class Integrator {
     running_ = duration > P(0.0);
     time_ = P(0.0);
     cap_ = wished_ = P(infinity);
-    rejected_ = broken_ = Lanes::none();
+    rejected_ = broken_ = behind_kink_ = Lanes::none();
     landed_.fill(Lanes::none());
     leaving_.fill(Lanes::none());
     slide_ = false;
@@ -146,15 +146,18 @@ class Integrator {
     fit(middle, f_.states);
     for_each_index(f_.states,
                    [&](auto i) { error[i] = step_ * weighted_sum(counted<Equation, last + 1>(), Method::error, stage_, i); });
-    squared_error_ = squared_weight() * f_.squared_size(error);
+    const P embedded = squared_weight() * f_.squared_size(error);
     for_each_index(f_.states, [&](auto i) {
       error[i] = end_[i] - y[i] - step_ * weighted_sum(counted<Equation, last>(), Method::coarse, stage_, i);
     });
     const P coarse = f_.squared_size(error);
-    squared_error_ = Method::squared_error(squared_error_, squared_weight() * coarse);
+    squared_error_ = Method::squared_error(embedded, squared_weight() * coarse);
     const P size = f_.squared_size(y) + f_.squared_size(end_) + 1e-300;
     const P least = (least_error * least_error) * squared_weight() * coarse * coarse / size;
     squared_error_ = select(least > squared_error_, least, squared_error_);  // which stays NaN where it is
+    told_error_ = squared_error_;
+    // Behind a kink f may rise like t^1.5, where the embedded error is that of the step itself, however large the coarse one.
+    if (f_.kinks_end > 0) squared_error_ = select(behind_kink_ & (embedded > squared_error_), embedded, squared_error_);
     for_each_index(f_.states, [&](auto i) {
       middle[i] = 0.5 * (y[i] + end_[i]) + step_ * (0.125 * (stage_[0][i] - stage_[last][i]) +
                                                     weighted_sum(counted<Equation, last + 1>(), Method::bow, stage_, i));
@@ -252,7 +255,7 @@ class Integrator {
 
     // Step control: error per step, never twice up and down in a row. An estimate that vanishes by chance asks for a step that
     // the one before did not. What asks for more than may be given says nothing, nor does a step that was cut short.
-    const P wish = min(0.9 * inverse_root(squared_error_ + 1e-20), most_wished * wished_ / step_);
+    const P wish = min(0.9 * inverse_root(select(good, told_error_, squared_error_) + 1e-20), most_wished * wished_ / step_);
     const Mask told = running_ & (squared_error_ < P(infinity)), much = wish >= P(Method::most_growth),
                cut = step_ < step_size_;
     const P wished = select(cut, max(wished_, select(much, zero, wish * step_)), select(much, P(infinity), wish * step_));
@@ -267,6 +270,7 @@ class Integrator {
     cap_ = select(taken, P(infinity), select(bad, cap_, next_cap));
     outcome_.first_step = select(taken & (time_ <= zero), step_, outcome_.first_step);
 
+    behind_kink_ = behind_kink_ & !taken;
     time_ = select(taken, time_ + step_, time_);
     for_each_index(f_.states, [&](auto i) {
       y[i] = select(taken, end_[i], y[i]);
@@ -308,6 +312,7 @@ class Integrator {
       turned = turned | here;
     });
     if (f_.jumps_end > 0 && slide_) check_slides(turned & running_, y);
+    behind_kink_ = behind_kink_ | turned;
     State fresh;
     fit(fresh, f_.states);
     derivative(y, fresh);
@@ -335,19 +340,12 @@ class Integrator {
     return max(max(abs(h.b0), abs(h.b2)), abs(h.b4)) <= noise * size;
   }
 
-  // Where a stage of the step is past a pole.
-  [[gnu::noinline]] Mask past_pole(const State& y) {
-    Mask past = Lanes::none();
-    State at;
-    fit(at, f_.states);
-    for_each_index(counted<Equation, last>(), [&](auto previous) {
-      const auto s = after(previous);
-      for_each_index(f_.states, [&](auto i) { at[i] = y[i] + step_ * weighted_sum(s, Method::a[s], stage_, i); });
-      const Surfaces value = f_.surface_values(at);
-      for_each_index(f_.kinks_end, f_.sides, [&](auto m) { past = past | !(side_[m] * value[m] > P(0.0)); });
-    });
-    return past;
-  }
+  // How it ends: limits.hpp.
+  [[gnu::noinline]] Mask past_pole(const State& y) const;
+  [[gnu::noinline]] void stop_crossed(const Mask& lanes);
+  [[gnu::noinline]] void approach_limits(const P& duration);
+  P to_limits() const;
+  [[gnu::noinline]] void stop_stuck(const Mask& lanes, const P& duration);
 
   // At jumps: jumps.hpp.
   bool starts_next_to_jump(const P& duration) const;
@@ -367,54 +365,6 @@ class Integrator {
     for (int lane = 0; lane < Lanes::width; ++lane)
       if (Lanes::get(lanes, lane)) outcome_.status[lane] = status;
     running_ = running_ & !lanes;
-  }
-
-  // A jump or a limit was crossed; where both, the one whose secant falls through zero first.
-  [[gnu::noinline]] void stop_crossed(const Mask& lanes) {
-    P first(infinity);
-    Mask by_jump = Lanes::none();
-    for_each_index(f_.surfaces, [&](auto m) {
-      if (m < f_.kinks_end && (m >= f_.jumps_end || crosses(m))) return;
-      const P at = along_[m].b0 / (along_[m].b0 - along_[m].b4);
-      const Mask earlier = !(along_[m].b4 > P(0.0)) & (at < first);
-      first = select(earlier, at, first);
-      by_jump = m < f_.jumps_end ? by_jump | earlier : by_jump & !earlier;
-    });
-    stop(lanes & by_jump, Status::met_jump);
-    stop(lanes & !by_jump, Status::left_domain);
-  }
-
-  // Past a limit the stages are NaN. Where that has happened, a step goes most of the way to where the straight line from here
-  // leaves the domain; what is next to it leaves.
-  [[gnu::noinline]] void approach_limits(const P& duration) {
-    const P reach = to_limits();
-    stop(broken_ & running_ & (reach <= brink * duration), Status::left_domain);
-    step_size_ = select(broken_, min(step_size_, 0.9 * reach), step_size_);
-  }
-
-  // The time in which the straight line from here leaves the domain.
-  P to_limits() const {
-    P reach(infinity);
-    const auto approach = [&](int m, const P& side) {
-      reach = min(reach, select(side * rate_[m] < P(0.0), -value_[m] / rate_[m], P(infinity)));
-    };
-    for_each_index(f_.kinks_end, f_.sides, [&](auto m) { approach(m, side_[m]); });
-    for_each_index(f_.sides, f_.surfaces, [&](auto m) { approach(m, P(1.0)); });
-    return reach;
-  }
-
-  // No step is small enough: the trajectory touches a jump or a limit, or its error stays too large.
-  [[gnu::noinline]] void stop_stuck(const Mask& lanes, const P& duration) {
-    const Mask good = squared_error_ <= P(1.0), finite = squared_error_ < P(infinity);
-    for_each_index(f_.surfaces, [&](auto m) {
-      if (m >= f_.jumps_end && m < f_.kinks_end) return;
-      const Mask touches = lanes & good & running_ & !along_[m].clear();
-      if (m < f_.jumps_end && crosses(m)) stop(touches & (turns_ >= P(many_turns)), Status::chatters);
-      stop(touches, m >= f_.jumps_end ? Status::left_domain : crosses(m) ? Status::grazes_jump : Status::met_jump);
-    });
-    stop(lanes & finite & running_ & (to_limits() <= brink * duration), Status::left_domain);  // as at a pole, which f rises to
-    stop(lanes & finite & running_, Status::step_limit);
-    stop(lanes & !finite & running_, Status::not_finite);
   }
 
   const Equation& f_;
@@ -437,8 +387,10 @@ class Integrator {
   Retyped<Side, Mask> leaving_;  // a slide on this jump has just ended
 
   // The step that is tried.
-  Mask ends_;  // it reaches the end of the trajectory
-  P step_, squared_error_;
+  Mask ends_;               // it reaches the end of the trajectory
+  P step_, squared_error_;  // by which it is judged
+  P told_error_;            // what it tells about the next one
+  Mask behind_kink_;        // it begins where f is not smooth
   State stage_[Method::stages], end_;
   Surfaces end_value_, end_rate_;
   // Of every surface along the step, positive on its own side; and where the step ends next to a kink.
@@ -467,4 +419,5 @@ auto Integrator<Equation, Method>::run(State& y, const P& duration, const P& fir
 
 }  // namespace fisherpoint
 
-#include "fisherpoint/integration/jumps.hpp"  // IWYU pragma: export
+#include "fisherpoint/integration/jumps.hpp"
+#include "fisherpoint/integration/limits.hpp"

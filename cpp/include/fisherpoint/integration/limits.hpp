@@ -1,0 +1,77 @@
+// How the stepping loop ends trajectories: members of Integrator (integrator.hpp), for limits of the domain, poles, jumps that
+// are not crossed, and steps that get too small. integrator.hpp includes it, at its end.
+#pragma once
+
+#include "fisherpoint/integration/runge_kutta.hpp"
+#include "fisherpoint/integration/step_control.hpp"
+
+namespace fisherpoint {
+
+// Where a stage of the step is past a pole.
+template <class Equation, class Method>
+auto Integrator<Equation, Method>::past_pole(const State& y) const -> Mask {
+  Mask past = Lanes::none();
+  State at;
+  fit(at, f_.states);
+  for_each_index(counted<Equation, last>(), [&](auto previous) {
+    const auto s = after(previous);
+    for_each_index(f_.states, [&](auto i) { at[i] = y[i] + step_ * weighted_sum(s, Method::a[s], stage_, i); });
+    const Surfaces value = f_.surface_values(at);
+    for_each_index(f_.kinks_end, f_.sides, [&](auto m) { past = past | !(side_[m] * value[m] > P(0.0)); });
+  });
+  return past;
+}
+
+// A jump or a limit was crossed; where both, the one whose secant falls through zero first.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::stop_crossed(const Mask& lanes) {
+  P first(infinity);
+  Mask by_jump = Lanes::none();
+  for_each_index(f_.surfaces, [&](auto m) {
+    if (m < f_.kinks_end && (m >= f_.jumps_end || crosses(m))) return;
+    const P at = along_[m].b0 / (along_[m].b0 - along_[m].b4);
+    const Mask earlier = !(along_[m].b4 > P(0.0)) & (at < first);
+    first = select(earlier, at, first);
+    by_jump = m < f_.jumps_end ? by_jump | earlier : by_jump & !earlier;
+  });
+  stop(lanes & by_jump, Status::met_jump);
+  stop(lanes & !by_jump, Status::left_domain);
+}
+
+// Past a limit the stages are NaN. Where that has happened, a step goes most of the way to where the straight line from here
+// leaves the domain; what is next to it leaves.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::approach_limits(const P& duration) {
+  const P reach = to_limits();
+  stop(broken_ & running_ & (reach <= brink * duration), Status::left_domain);
+  step_size_ = select(broken_, min(step_size_, 0.9 * reach), step_size_);
+}
+
+// The time in which the straight line from here leaves the domain.
+template <class Equation, class Method>
+auto Integrator<Equation, Method>::to_limits() const -> P {
+  P reach(infinity);
+  const auto approach = [&](int m, const P& side) {
+    reach = min(reach, select(side * rate_[m] < P(0.0), -value_[m] / rate_[m], P(infinity)));
+  };
+  for_each_index(f_.kinks_end, f_.sides, [&](auto m) { approach(m, side_[m]); });
+  for_each_index(f_.sides, f_.surfaces, [&](auto m) { approach(m, P(1.0)); });
+  return reach;
+}
+
+// No step is small enough: the trajectory touches a jump or a limit, or its error stays too large.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::stop_stuck(const Mask& lanes, const P& duration) {
+  const Mask good = squared_error_ <= P(1.0), finite = squared_error_ < P(infinity);
+  for_each_index(f_.surfaces, [&](auto m) {
+    if (m >= f_.jumps_end && m < f_.kinks_end) return;
+    const Mask touches = lanes & good & running_ & !along_[m].clear();
+    if (m < f_.jumps_end && crosses(m)) stop(touches & (turns_ >= P(many_turns)), Status::chatters);
+    stop(touches, m >= f_.jumps_end ? Status::left_domain : crosses(m) ? Status::grazes_jump : Status::met_jump);
+  });
+  stop(lanes & finite & running_ & (to_limits() <= brink * duration), Status::left_domain);  // as at a pole, which f rises to
+  stop(lanes & finite & running_, Status::step_limit);
+  stop(lanes & !finite & running_, Status::not_finite);
+}
+
+}  // namespace fisherpoint
