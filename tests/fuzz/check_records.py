@@ -76,7 +76,7 @@ def record_by_scipy(bench: Bench, done: fp.RecordTrajectory, theta: Floats, t: F
         piece = course(bench.reading, x, u[n], theta, t[n + 1] - t[n], sizes)
         if piece.end is not End.ok:
             bench.figures.count(f"records by SciPy: {piece.end.name}")
-            clear = piece.end in (End.jump, End.domain) and piece.depth > 1e4 * RTOL and piece.at < 0.99 * (t[n + 1] - t[n])
+            clear = piece.end is End.domain and piece.depth > 1e4 * RTOL and piece.at < 0.99 * (t[n + 1] - t[n])
             if done.status == OK and clear and len(samples) < 5:
                 bench.report(f"wrong ok: record, {piece.end.name}", 1.0, 0, call, f"{piece.end.value} after sample {n}")
             return

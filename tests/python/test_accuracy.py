@@ -118,7 +118,7 @@ def test_sensitivities_of_the_outputs_alone(name: str, method: str, rtol: float)
     expected = fp.sensitivities(c.model, c.points, c.theta, rtol=TIGHT)
 
     def solve(outputs_alone: bool) -> tuple[Any, ...]:
-        settings = rtol, True, method, 1
+        settings = rtol, True, False, method, 1
         return c.model.kernels.sensitivities(c.model.core, *points, c.theta, *settings, outputs_alone=outputs_alone)
 
     _, _, none, by_rows, status = solve(True)
@@ -170,9 +170,10 @@ def test_the_error_falls_in_proportion_to_the_tolerance() -> None:
         columns.append(np.median(sensitivity_error(result.dx_dtheta, expected.dx_dtheta[ok], STD)))
     for errors in (states, with_columns, columns):
         slopes = np.diff(np.log10(errors)) / np.diff(np.log10(tolerances))
-        # A trajectory takes a handful of steps at least, which makes loose tolerances better than asked.
-        assert np.min(slopes) > 0.4 and np.max(slopes) < 1.3
-        assert 0.75 < np.polyfit(np.log10(tolerances[1:]), np.log10(errors[1:]), 1)[0] < 1.05
+        # A trajectory takes a handful of steps at least, and the step behind a kink is judged severely, which makes loose
+        # tolerances better than asked.
+        assert np.min(slopes) > 0.25 and np.max(slopes) < 1.3
+        assert 0.7 < np.polyfit(np.log10(tolerances[1:]), np.log10(errors[1:]), 1)[0] < 1.05
 
 
 # --- a second route to the sensitivities ------------------------------------------------------------------------------------

@@ -37,7 +37,7 @@ def all_same(results: list[tuple[Any, ...]]) -> bool:
 
 def output_sensitivities(model: fp.Model, points: fp.Experiments, theta: Any, threads: int = 0, kinks: str = "cross") -> Any:
     """x, y, dy_dtheta and status by rows, as information is made of them."""
-    settings = 1e-6, kinks == "cross", "fastest", threads or os.cpu_count() or 1
+    settings = 1e-6, kinks == "cross", False, "fastest", threads or os.cpu_count() or 1
     x, y, _, dy, status = model.kernels.sensitivities(
         model.core, points.x0, points.u, points.dt, theta, *settings, outputs_alone=True
     )

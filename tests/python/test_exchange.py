@@ -325,7 +325,9 @@ def test_a_region_in_which_nothing_survives_on_the_grid_is_an_error(kind: str) -
 @pytest.mark.parametrize("surface", ["v", "x_v"])
 def test_a_region_on_a_switching_surface_is_refused_by_name(surface: str) -> None:
     with pytest.raises(ValueError, match=rf"region\['{surface}'\]: expected bounds off .* {surface} = 0, given \(0, 0\)"):
-        problem(region=fp.ExperimentRegion(REGION | {surface: (0.0, 0.0)}))
+        problem(region=fp.ExperimentRegion(REGION | {surface: (0.0, 0.0)}), kinks="exclude")
+    rest = problem(region=fp.ExperimentRegion(REGION | {surface: (0.0, 0.0)}), jumps="cross")
+    assert surface in rest.crossed
 
 
 def test_a_region_of_one_point_gives_that_point() -> None:

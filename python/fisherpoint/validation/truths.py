@@ -104,7 +104,7 @@ class Rig:
         rows = np.flatnonzero(sensible(model, true))
         if len(rows):
             many = points[np.tile(np.arange(n_points), count)[rows]]
-            done = simulate(model, many, true[rows], rtol=TRUTH_RTOL, threads=threads)
+            done = simulate(model, many, true[rows], rtol=TRUTH_RTOL, threads=threads, jumps="cross")
             y[rows], status[rows] = done.y, done.status
         return y.reshape(count, n_points, -1) + noise, first_failure(status.reshape(count, n_points))
 
