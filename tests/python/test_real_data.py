@@ -40,3 +40,14 @@ def test_the_tanks_are_simulated_as_well_as_published() -> None:
         assert validation <= most_validation
     # The start of the upper tank is not known: nothing sets the scale of its level until its rim does.
     assert [len(fit.null_directions) + len(fit.weak_directions) for fit, *_ in found] == [1, 0, 0]
+
+
+def test_the_positioning_axis_is_simulated_through_its_standstills() -> None:
+    """Raw voltages, sharp friction: each estimate within two of its published standard errors."""
+    axis = example("positioning_axis_record")
+    measured = axis.record(DATA / "emps" / "emps_estimation.csv")
+    sharp, smooth = (axis.fp.estimate(axis.axis(law), measured) for law in ("sign(v)", "tanh(v/0.001)"))
+    assert sharp.converged and smooth.converged
+    for name, (value, error) in axis.PUBLISHED.items():
+        assert abs(sharp.estimate[name] - value) < 2 * error
+    assert (sharp.residuals**2).sum() < (smooth.residuals**2).sum()

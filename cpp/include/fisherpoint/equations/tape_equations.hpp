@@ -102,6 +102,7 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
   const Dependence<TapeModel>& dependence;
 
   double inverse_scale(int i) const { return model_.inverse_scale(i); }
+  const Theta& theta() const { return theta_; }
 
   void linearise(const State& x, const Side& side, State& dx, Jacobian<TapeModel, P>& jacobian) const {
     rates_.run(x, side);

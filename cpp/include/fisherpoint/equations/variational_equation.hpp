@@ -62,6 +62,7 @@ class VariationalEquation : public Shape<M> {
       : model_(model), theta_(theta), u_(u), dynamics_(dynamics_of(model, theta)) {}
 
   static constexpr double inverse_scale(int i) { return 1.0 / M::states[i].scale; }
+  const Theta& theta() const { return theta_; }
 
   // f and its Jacobian in x.
   void linearise(const State& x, const Side& side, State& dx, Jacobian<M, P>& jacobian) const {

@@ -18,6 +18,7 @@
 
 #include "fisherpoint/equations/variational_equation.hpp"
 #include "fisherpoint/integration/runge_kutta.hpp"
+#include "fisherpoint/integration/step_control.hpp"
 #include "fisherpoint/numbers/shelves.hpp"
 #include "fisherpoint/numbers/unroll.hpp"
 
@@ -71,7 +72,7 @@ class Adjoints {
             1, most_kept / (stages * sizeof(P) * std::max(1, equation.dependence.by_state + equation.dependence.by_theta)))) {
     fit(squared_error_of_, f_.parameters);
     fit(squared_size_of_, f_.parameters);
-    squared_size_of_.fill(P(0.0));
+    for (int j = 0; j < f_.parameters; ++j) squared_size_of_[j] = squared_rounding(f_.theta()[j], tolerance);
   }
 
   // A lane whose step is 0 stays as it is.

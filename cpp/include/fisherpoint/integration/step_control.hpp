@@ -1,6 +1,8 @@
 // The numbers by which the stepping loop decides about steps.
 #pragma once
 
+#include "fisherpoint/numbers/pack.hpp"
+
 namespace fisherpoint {
 
 // A trajectory next to a limit leaves the domain if at its rate it would be there within this share of its duration.
@@ -14,6 +16,14 @@ inline constexpr double brief = 1e-9;
 
 // A jump is met within this share of the duration and of the tolerance.
 inline constexpr double briefest = 1e-3;
+
+// The size of a column of S, in units of the states' scales, of which the tolerance is rounding: at rest the parts of f cancel,
+// and columns are nothing else. By how much a parameter changes, its value tells.
+template <class P>
+P squared_rounding(const P& theta, double tolerance) {
+  const P size = (1e-14 / tolerance) / abs(theta);
+  return select(abs(theta) > P(0.0), size * size, P(0.0));
+}
 
 // A start is on a jump where h is below this share of what states of their natural sizes make of it.
 inline constexpr double on_surface = 1e-13;

@@ -8,6 +8,7 @@
 #include "fisherpoint/equations/variational_equation.hpp"
 #include "fisherpoint/integration/runge_kutta.hpp"
 #include "fisherpoint/integration/sliding_tangents.hpp"
+#include "fisherpoint/integration/step_control.hpp"
 #include "fisherpoint/numbers/unroll.hpp"
 
 namespace fisherpoint {
@@ -34,7 +35,7 @@ class Tangents {
     }
     s.fill(P(0.0));
     squared_column_error_.fill(P(0.0));
-    squared_column_size_.fill(P(0.0));
+    for (int j = 0; j < f_.parameters; ++j) squared_column_size_[j] = squared_rounding(f_.theta()[j], tolerance);
   }
 
   // The largest estimated error: of x in units of the states' scales, of every column in units of its own size. Against the
@@ -88,17 +89,26 @@ class Tangents {
       for_each_index(f_.states, [&](auto i) { sum += h.by_state[i] * rate[i]; });
       return sum;
     };
+    // What begins to slide is taken onto the surface along f_behind - f_before, wherever it comes from: with f on the other
+    // side in the place of f_behind, that is the formula where h_x f_before may be zero.
+    const auto slides_on = here & slides(after[m]), goes_through = here & !slides(after[m]);
+    Side beyond = after;
+    beyond[m] = select(slides_on, -before[m], after[m]);
     State rate, rate_behind;
     fit_all_two(rate, rate_behind);
     const auto off = f_.jump(m, x);
     rates(x, before, rate);
-    const P growth_off = growth(off, rate), time = select(abs(growth_off) > P(0.0), -off.value / growth_off, P(0.0));
+    const P growth_off = growth(off, rate);
+    const P time = select(goes_through & (abs(growth_off) > P(0.0)), -off.value / growth_off, P(0.0));
     in_time(time, before);
 
     const auto h = f_.jump(m, x);
     rates(x, before, rate);
-    rates(x, after, rate_behind);
-    const P fall = growth(h, rate), weight = select(here, 1.0 / fall, P(0.0));
+    rates(x, beyond, rate_behind);
+    const P fall = growth(h, rate);
+    const P weight = select(here, 1.0 / select(slides_on, fall - growth(h, rate_behind), fall), P(0.0));
+    const P height = select(slides_on, h.value, P(0.0));
+    for_each_index(f_.states, [&](auto i) { x[i] += (rate_behind[i] - rate[i]) * (height * weight); });
     for (int j = 0; j < f_.parameters; ++j) {
       P* const column = &s[f_.dependence.column_start[j]];
       P shift = h.by_theta[j];
@@ -115,7 +125,7 @@ class Tangents {
     rates(ahead, before, rate_ahead);
     const P bend = abs(growth(f_.jump(m, ahead), rate_ahead) - fall) / span;
     in_time(-time, after);
-    return here & !(fall * fall > graze * tolerance_ * size * bend);
+    return goes_through & !(fall * fall > graze * tolerance_ * size * bend);
   }
 
   void for_each_row(int j, auto&& use) const {
