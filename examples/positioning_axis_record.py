@@ -2,10 +2,11 @@
 
     python examples/positioning_axis_record.py emps_estimation.csv
 
-Coulomb friction is taken as it is: where the axis comes to rest it sticks, until the drive overcomes the friction. Nothing is filtered
-or differentiated. The axis is simulated in closed loop, from the reference alone, and compared with the voltage that the controller gave.
-Beside it stands the same model with tanh(v / 1 mm/s) in place of the sign. Record, controller and published estimates: A. Janot,
-M. Gautier, M. Brunot, Data Set and Reference Models of EMPS, Workshop on Nonlinear System Identification Benchmarks, Eindhoven 2019.
+Coulomb friction is taken as it is: where the axis comes to rest it sticks, until the drive overcomes the friction. Nothing is
+filtered or differentiated. The axis is simulated in closed loop, from the reference alone, and compared with the voltage that the
+controller gave. Beside it stands the same model with tanh(v / 1 mm/s) in place of the sign. Record, controller and published
+estimates: A. Janot, M. Gautier, M. Brunot, Data Set and Reference Models of EMPS, Workshop on Nonlinear System Identification
+Benchmarks, Eindhoven 2019.
 """
 
 import sys
