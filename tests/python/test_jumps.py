@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from functools import cache
 
 import numpy as np
@@ -13,7 +14,7 @@ from jump_cases import CASES, JumpCase
 
 pytestmark = pytest.mark.kernels
 
-COUNT = 8
+COUNT = int(os.environ.get("FISHERPOINT_JUMP_POINTS", "8"))
 RTOL = 1e-10
 
 
@@ -52,7 +53,7 @@ def test_states_and_sensitivities_are_those_of_scipy(name: str) -> None:
         met += any(m < case.system.jumps for m, _ in beside.met) or (points.x0[k][1] == 0)
         assert states.status[k] == done.status[k] == fp.Status.ok, k
         assert np.max(np.abs(states.x[k] - beside.x) / size) < 1e-8, k
-        if k % 2:
+        if k % 2 and COUNT < 20:
             continue
         s, error = derivatives(case.system, points.x0[k], points.u[k], p[k], points.dt[k], beside)
         off = np.max((np.abs(done.dx_dtheta[k] - s) - 2 * error) / size[:, None], axis=0)
