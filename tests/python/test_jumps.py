@@ -57,7 +57,7 @@ def test_states_and_sensitivities_are_those_of_scipy(name: str) -> None:
             continue
         s, error = derivatives(case.system, points.x0[k], points.u[k], p[k], points.dt[k], beside)
         off = np.max((np.abs(done.dx_dtheta[k] - s) - 2 * error) / size[:, None], axis=0)
-        assert (off <= 1e-6 * columns[k] + 1e-9 / np.abs(p[k]))[~np.isnan(off)].all(), (k, off, columns[k])
+        assert (off <= 1e-6 * columns[k] + 3e-9 / np.abs(p[k]))[~np.isnan(off)].all(), (k, off, columns[k])
     assert met > 2
 
 
