@@ -14,7 +14,8 @@ import numpy as np
 import fisherpoint as fp
 from checks import ALLOWED, FEW_ROUNDINGS, OK, TIGHT, Bench, compare, judge, magnification, output_slopes
 from reading import Floats
-from scipy_route import End, slope
+from scipy_route import End
+from scipy_slope import slope
 
 STEPS = (4e-3, 2e-3, 1e-3)  # of a parameter, for differences
 

@@ -18,7 +18,8 @@ from random_cylinders import MEAN, RATES, CylinderCase
 from random_models import Case
 from reading import Floats, Reading
 from rounds import examined, run_round
-from scipy_route import End, course, slope
+from scipy_route import End, course
+from scipy_slope import slope
 
 pytestmark = pytest.mark.kernels
 
