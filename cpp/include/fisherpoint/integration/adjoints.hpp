@@ -122,15 +122,7 @@ class Adjoints {
 
   // The largest estimated error once the rows are back: of x in units of the states' scales; of the rows by each parameter in
   // units of their largest size on the way. NaN where anything is.
-  P relative_error() const {
-    P sum = squared_error_, largest = squared_error_;
-    for (int j = 0; j < f_.parameters; ++j) {
-      const P share = squared_error_of_[j] / (squared_size_of_[j] + 1e-200);
-      largest = max(largest, share);
-      sum += share;
-    }
-    return sqrt(select(sum < P(1e300), largest, sum));
-  }
+  P relative_error() const { return largest_relative_error(squared_error_, squared_error_of_, squared_size_of_); }
 
  private:
   struct Step {

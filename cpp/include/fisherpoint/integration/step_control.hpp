@@ -1,6 +1,8 @@
 // The numbers by which the stepping loop decides about steps.
 #pragma once
 
+#include <cstddef>
+
 #include "fisherpoint/numbers/pack.hpp"
 
 namespace fisherpoint {
@@ -23,6 +25,18 @@ template <class P>
 P squared_rounding(const P& theta, double tolerance) {
   const P size = (1e-14 / tolerance) / abs(theta);
   return select(abs(theta) > P(0.0), size * size, P(0.0));
+}
+
+// The largest of an error and of others in units of their own sizes, all squared; NaN where any is.
+template <class P>
+P largest_relative_error(const P& squared_error, const auto& squared_errors, const auto& squared_sizes) {
+  P sum = squared_error, largest = squared_error;
+  for (std::size_t j = 0; j < squared_errors.size(); ++j) {
+    const P share = squared_errors[j] / (squared_sizes[j] + 1e-200);
+    largest = max(largest, share);
+    sum += share;
+  }
+  return sqrt(select(sum < P(1e300), largest, sum));
 }
 
 // A start is on a jump where h is below this share of what states of their natural sizes make of it.

@@ -40,15 +40,7 @@ class Tangents {
 
   // The largest estimated error: of x in units of the states' scales, of every column in units of its own size. Against the
   // size of the outputs, columns of weak parameters would be integrated without any control. NaN where anything is.
-  P relative_error() const {
-    P sum = squared_error_, largest = squared_error_;
-    for (int j = 0; j < f_.parameters; ++j) {
-      const P share = squared_column_error_[j] / (squared_column_size_[j] + 1e-200);
-      largest = max(largest, share);
-      sum += share;
-    }
-    return sqrt(select(sum < P(1e300), largest, sum));
-  }
+  P relative_error() const { return largest_relative_error(squared_error_, squared_column_error_, squared_column_size_); }
 
   // A lane whose step is 0 stays as it is.
   FISHERPOINT_HOT void advance(const P& step, const Side& side) {

@@ -1,0 +1,65 @@
+// How the stepping loop lands on surfaces and turns their sides: members of Integrator (integrator.hpp, which includes it at
+// its end), for kinks and jumps alike; jumps.hpp has what jumps need besides.
+#pragma once
+
+#include "fisherpoint/integration/step_control.hpp"
+
+namespace fisherpoint {
+
+// Moves the ends of steps that landed next to a kink onto it, along the slope there: an error of the second order.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::settle(const Mask& taken) {
+  for_each_index(Count<0>{}, f_.kinks_end, [&](auto m) {
+    const P newton = -end_value_[m] / end_rate_[m];
+    const P rest = select(landed_[m] & taken & (abs(newton) <= 0.5 * step_), newton, P(0.0));  // none at a rate next to zero
+    for_each_index(f_.states, [&](auto i) { end_[i] += rest * stage_[last][i]; });
+    step_ += rest;
+    ends_ = ends_ & !(rest < P(0.0));  // the trajectory goes on behind the kink
+  });
+}
+
+// Turns the sides of the surfaces that were landed on, and takes stage 1 anew; the other lanes keep theirs to the last bit.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::turn(const State& y, const Mask& taken) {
+  Mask turned = Lanes::none();
+  for_each_index(f_.jumps_end, f_.kinks_end, [&](auto m) {
+    const Mask here = landed_[m] & taken & running_;
+    side_[m] = select(here, -side_[m], side_[m]);
+    turned = turned | here;
+  });
+  for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
+    const Mask here = landed_[m] & taken & running_;
+    if (any(here)) pass_jump(m, here, y);
+    turned = turned | here;
+  });
+  if (f_.jumps_end > 0 && slide_) check_slides(turned & running_, y);
+  behind_kink_ = behind_kink_ | turned;
+  State fresh;
+  fit(fresh, f_.states);
+  derivative(y, fresh);
+  for_each_index(f_.states, [&](auto i) { stage_[0][i] = select(turned, fresh[i], stage_[0][i]); });
+  const Surfaces value = f_.surface_values(y), rate = f_.surface_rates(y, stage_[0]);
+  for_each_index(f_.surfaces, [&](auto m) {
+    value_[m] = select(turned, value[m], value_[m]);
+    rate_[m] = select(turned, rate[m], rate_[m]);
+  });
+  if (f_.jumps_end > 0 && slide_) watch_hold(turned, y, step_);
+}
+
+// Where a surface's value all along the step is nothing but the rounding of the states that it reads.
+template <class Equation, class Method>
+auto Integrator<Equation, Method>::drowned(auto m, const State& y) const -> Mask {
+  State one;
+  fit(one, f_.states);
+  one.fill(P(0.0));
+  P size(0.0);
+  for_each_index(f_.states, [&](auto i) {
+    one[i] = y[i];
+    size += abs(f_.surface_rates(y, one)[m]);
+    one[i] = P(0.0);
+  });
+  const Quartic<P>& h = along_[m];
+  return max(max(abs(h.b0), abs(h.b2)), abs(h.b4)) <= noise * size;
+}
+
+}  // namespace fisherpoint
