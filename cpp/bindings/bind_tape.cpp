@@ -23,7 +23,8 @@ std::vector<Instruction> instructions(const Rows& rows, const char* name) {
 
 TapeModel tape_model(const std::vector<double>& scales, int inputs, int outputs, int parameters, int jumps, int kinks,
                      int poles, int limits, Program rates, Program output, Program surfaces, Program surface_rates,
-                     Program rate_jacobian, Program output_jacobian, Program jump_jacobian,
+                     Program state_jacobian, Program rate_jacobian, Program output_jacobian, Program jump_jacobian,
+                     const std::vector<std::pair<int, int>>& state_entries,
                      const std::vector<std::pair<int, int>>& rate_entries,
                      const std::vector<std::pair<int, int>>& output_entries,
                      const std::vector<std::pair<int, int>>& jump_entries, std::vector<bool> varying_states,
@@ -38,8 +39,8 @@ TapeModel tape_model(const std::vector<double>& scales, int inputs, int outputs,
   };
   return TapeModel(shape, scales,
                    {std::move(rates), std::move(output), std::move(surfaces), std::move(surface_rates),
-                    std::move(rate_jacobian), std::move(output_jacobian), std::move(jump_jacobian)},
-                   entries(rate_entries), entries(output_entries), entries(jump_entries),
+                    std::move(state_jacobian), std::move(rate_jacobian), std::move(output_jacobian), std::move(jump_jacobian)},
+                   entries(state_entries), entries(rate_entries), entries(output_entries), entries(jump_entries),
                    {std::move(varying_states), std::move(varying_outputs), std::move(varying_surfaces), std::move(crossable)});
 }
 
@@ -90,9 +91,9 @@ void bind_tape(py::module_& m) {
   py::class_<TapeModel>(m, "TapeModel")
       .def(
           py::init(&tape_model), "scales"_a, "inputs"_a, "outputs"_a, "parameters"_a, "jumps"_a, "kinks"_a, "poles"_a,
-          "limits"_a, "rates"_a, "output"_a, "surfaces"_a, "surface_rates"_a, "rate_jacobian"_a, "output_jacobian"_a,
-          "jump_jacobian"_a, "rate_entries"_a, "output_entries"_a, "jump_entries"_a, "varying_states"_a, "varying_outputs"_a,
-          "varying_surfaces"_a, "crossable"_a,
+          "limits"_a, "rates"_a, "output"_a, "surfaces"_a, "surface_rates"_a, "state_jacobian"_a, "rate_jacobian"_a,
+          "output_jacobian"_a, "jump_jacobian"_a, "state_entries"_a, "rate_entries"_a, "output_entries"_a, "jump_entries"_a,
+          "varying_states"_a, "varying_outputs"_a, "varying_surfaces"_a, "crossable"_a,
           "Scales of the states, how many there are of what (the poles among the limits), and the programs with their entries.")
       .def(
           "rhs",

@@ -33,8 +33,10 @@ Tolerance tolerance_of(double rtol, bool cross_kinks, bool cross_jumps, const st
     tolerance.method = MethodName::RK45;
   else if (method == "DOP853")
     tolerance.method = MethodName::DOP853;
+  else if (method == "Radau")
+    tolerance.method = MethodName::Radau;
   else if (method != "fastest")
-    throw py::value_error("method: expected RK45, DOP853 or fastest, given " + method);
+    throw py::value_error("method: expected RK45, DOP853, Radau or fastest, given " + method);
   return tolerance;
 }
 

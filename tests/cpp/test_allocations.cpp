@@ -73,6 +73,24 @@ TEST_CASE("steps take no memory, over kinks and with rejections") {
   CHECK(attempts > 20);
 }
 
+TEST_CASE("implicit steps take memory once, however many there are") {
+  using Equation = StateEquation<HydraulicCylinder, P>;
+  Equation::Theta theta;
+  Equation::State x;
+  set_lanes(theta, cylinder_theta.data());
+  const Equation equation(HydraulicCylinder{}, theta, {P(0.3)});
+  std::array<int, 2> attempts{};
+  const auto taken_for = [&](double duration, int& tries) {
+    return taken_by([&] {
+      set_lanes(x, std::array{0.25, 0.15, 10e6, 11e6, -0.16}.data());
+      const Tolerance tolerance{.relative = 1e-8, .method = MethodName::Radau};
+      tries = Integrator<Equation, Method>(equation, tolerance).run(x, P(duration), P(0.0)).attempts;
+    });
+  };
+  CHECK(taken_for(1e-4, attempts[0]) == taken_for(2e-2, attempts[1]));
+  CHECK(attempts[1] > 3 * attempts[0]);
+}
+
 TEST_CASE("rows go back without taking memory, from the second pack on") {
   using Equation = VariationalEquation<HydraulicCylinder, P>;
   Equation::Theta theta;

@@ -30,7 +30,8 @@ TapeModel ball(Kind kind, double floor, bool pole = false) {
             minus_above = first + 6, registers = first + 7;
   Program rates{literals, {{O::neg, minus_g, g, 0, 0}}, {}, {v, minus_g}, registers};
   Program rate_jacobian{literals, {{O::neg, minus_g, g, 0, 0}}, {}, {v, minus_g, one, minus}, registers};
-  std::vector<Entry> entries = {{0, 1}, {1, 2}};
+  Program state_jacobian{literals, {}, {}, {one}, registers};
+  std::vector<Entry> entries = {{0, 1}, {1, 2}}, state_entries = {{0, 1}};
   if (kink) {
     rates.stage = {
         {O::sub, height, s, bottom, 0}, {O::select, above, side, height, zero}, {O::sub_mul, fall, k, above, minus_g}};
@@ -41,6 +42,10 @@ TapeModel ball(Kind kind, double floor, bool pole = false) {
     rate_jacobian.stage.push_back({O::neg, minus_above, above, 0, 0});
     rate_jacobian.outputs = {v, fall, one, slope, minus, minus_above};
     entries = {{0, 1}, {1, 0}, {1, 2}, {1, 3}};
+    state_jacobian.setup.push_back({O::neg, minus_k, k, 0, 0});
+    state_jacobian.stage = {{O::select, slope, side, minus_k, zero}};
+    state_jacobian.outputs = {one, slope};
+    state_entries.push_back({1, 0});
   }
   const Program surfaces{literals, {}, {{O::sub, height, s, bottom, 0}}, {height}, registers};
   const Shape<TapeModel> shape{2, 1, 1, 2, kind == Kind::jump, kind != Kind::limit, kind != Kind::limit || pole, 1};
@@ -50,11 +55,12 @@ TapeModel ball(Kind kind, double floor, bool pole = false) {
        {literals, {}, {}, {s}, registers},
        surfaces,
        {literals, {}, {}, {ds_at}, registers},
+       state_jacobian,
        rate_jacobian,
        {literals, {}, {}, {s, one}, registers},
        kind == Kind::jump ? Program{literals, {}, surfaces.stage, {height, one}, registers}
                           : Program{literals, {}, {}, {}, registers}},
-      entries, {{0, 0}}, std::vector<Entry>(kind == Kind::jump, Entry{0, 0}),
+      state_entries, entries, {{0, 0}}, std::vector<Entry>(kind == Kind::jump, Entry{0, 0}),
       {{true, true}, {true}, std::vector<bool>(kind != Kind::limit, true), std::vector<bool>(kind == Kind::jump, true)});
 }
 
@@ -187,8 +193,8 @@ TEST_CASE("lists that would read or write what they must not are refused") {
   const Shape<TapeModel> shape{1, 0, 1, 1, 0, 0, 0, 0};
   const auto model = [&](const Program& rates) {
     const Program none{{}, {}, {}, {}, 3}, x{{}, {}, {}, {1}, 3}, jacobian{{}, {}, {}, {1, 0}, 3};
-    return TapeModel(shape, {1.0}, {rates, x, none, none, jacobian, {{}, {}, {}, {1, 1}, 3}, none}, {{0, 1}}, {{0, 0}}, {},
-                     {{true}, {true}, {}, {}});
+    return TapeModel(shape, {1.0}, {rates, x, none, none, none, jacobian, {{}, {}, {}, {1, 1}, 3}, none}, {}, {{0, 1}},
+                     {{0, 0}}, {}, {{true}, {true}, {}, {}});
   };
   // theta, x, dx, then what is computed.
   CHECK_NOTHROW(model({{}, {}, {{O::mul, 3, 0, 1, 0}}, {3}, 4}));

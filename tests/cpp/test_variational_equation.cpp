@@ -109,8 +109,8 @@ TEST_CASE_TEMPLATE("the cylinder's sensitivities against central differences of 
 TEST_CASE("a path refined keeps its ends, its kinks and the trend of its steps") {
   using M = Ball<Kind::kink>;
   PointPath<M> path;
-  for (const double size : {0.1, 0.2, 0.4}) path.push_back(size, {-1.0});
-  path.push_back(0.3, {1.0});
+  for (const double size : {0.1, 0.2, 0.4}) path.push_back(size, {-1.0}, false);
+  path.push_back(0.3, {1.0}, false);
   REQUIRE(path.runs.size() == 2);
   for (double factor : {1.0, 1.2, 2.0, 3.7}) {
     const auto finer = refined<M>(path, factor);

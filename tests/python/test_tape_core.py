@@ -23,7 +23,8 @@ def core_values(program: Program, x: np.ndarray) -> np.ndarray:
     model = _core.TapeModel(
         [1.0, 1.0, 1.0],
         *(0, 1, 1, 0, 0, 0, 0),
-        *map(to_core, (x_leaf, program, none, none, x_leaf, program, none)),
+        *map(to_core, (x_leaf, program, none, none, none, x_leaf, program, none)),
+        [],
         [],
         [],
         [],

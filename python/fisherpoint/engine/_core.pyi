@@ -129,9 +129,13 @@ class TapeModel:
         output: Program,
         surfaces: Program,
         surface_rates: Program,
+        state_jacobian: Program,
         rate_jacobian: Program,
         output_jacobian: Program,
         jump_jacobian: Program,
+        state_entries: collections.abc.Sequence[
+            tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex]
+        ],
         rate_entries: collections.abc.Sequence[
             tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex]
         ],

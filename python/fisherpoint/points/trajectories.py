@@ -115,8 +115,9 @@ def simulate(
     jumps : {"exclude", "cross"}
         Whether a jump ends the trajectory as `Status.met_jump`, or is crossed: behind it the trajectory goes on, or slides along
         it, as a piston that sticks does. Jumps at times that depend on no parameter are crossed in any case.
-    method : {"RK45", "DOP853"}, optional
-        The Runge-Kutta method; the default is the faster one, which is DOP853 at every tolerance that was tried.
+    method : {"RK45", "DOP853", "Radau"}, optional
+        The Runge-Kutta method. The default is DOP853, the fastest one at every tolerance that was tried, until its steps turn out
+        to be limited by stability: the trajectory then goes on by Radau, which is implicit.
 
     Returns
     -------
@@ -207,7 +208,7 @@ def checked_arguments(
     crosses = check_kinks(kinks), check_jumps(jumps)
     refuse_starts_on_surfaces(model, points, theta, crossed_surfaces(model, *crosses))
     if method is not None:
-        method = check_choice(method, ("RK45", "DOP853"), "method")
+        method = check_choice(method, ("RK45", "DOP853", "Radau"), "method")
     return rtol, *crosses, method or "fastest", resolve_threads(threads)
 
 

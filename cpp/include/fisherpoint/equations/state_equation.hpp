@@ -26,6 +26,13 @@ class StateEquation : public Shape<M> {
       : model_(model), theta_(theta), u_(u), dynamics_(model.dynamics(theta_)) {}
 
   void derivative(const State& x, const Side& side, State& dx) const { dx = to_array<P>(dynamics_(x, u_, side)); }
+  // f_x, row by row, into n_x^2 entries.
+  void jacobian(const State& x, const Side& side, P* entries) const {
+    constexpr int n = sizes<M>::states;
+    const auto f = dynamics_(as_variables<0, n, P>(x), u_, side);
+    for_each_index(Shape<M>::states,
+                   [&](auto i) { for_each_index<n>([&](auto k) { *entries++ = slope_of<k, P>(std::get<i>(f)); }); });
+  }
   Output output(const State& x) const { return to_array<P>(model_.output(x, u_, theta_)); }
 
   static constexpr double inverse_scale(int i) { return 1.0 / M::states[i].scale; }

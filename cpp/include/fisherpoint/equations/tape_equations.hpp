@@ -1,6 +1,8 @@
 // The state equation and the variational equation (9) of a tape (tape.hpp).
 #pragma once
 
+#include <optional>
+
 #include "fisherpoint/equations/state_equation.hpp"
 #include "fisherpoint/equations/tape_machine.hpp"
 #include "fisherpoint/equations/variational_equation.hpp"
@@ -39,6 +41,13 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
     rates_.run(x, side);
     for (int i = 0; i < states; ++i) dx[i] = rates_.output(i);
   }
+  void jacobian(const State& x, const Side& side, P* entries) const {
+    if (!slopes_) slopes_.emplace(model_.programs().state_jacobian, *this, theta_, u_);
+    slopes_->run(x, side);
+    std::fill_n(entries, states * states, P(0.0));
+    int at = 0;
+    for (const auto [i, k] : model_.state_entries()) entries[i * states + k] = slopes_->output(at++);
+  }
   Output output(const State& x) const {
     output_.run(x);
     return outputs_of(output_, outputs);
@@ -75,6 +84,7 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
   Theta theta_;
   Input u_;
   mutable Machine<P> rates_, output_, surfaces_, surface_rates_;  // each with its own registers: not for two threads
+  mutable std::optional<Machine<P>> slopes_;
 };
 
 template <class P>

@@ -11,6 +11,7 @@ struct DormandPrince853 {
   static constexpr int order = 8, stages = 13;
   static constexpr double most_growth = 6.0;       // of a step's size
   static constexpr double allowed_estimate = 5.0;  // of sensitivities, in tolerances
+  static constexpr double stability = 6.1;
 
   static constexpr std::array<double, 13> c = {0,
                                                0.05260015195876773,

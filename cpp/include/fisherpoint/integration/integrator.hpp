@@ -7,13 +7,16 @@
 //   a jump                       in the same way; behind it the trajectory goes on, or slides along it (sliding.hpp);
 //   a domain limit               ends the trajectory with its status;
 //   no change of sign, no proof  half the step is tried.
+// Where stability alone limits the steps, a lane goes on by implicit ones (stiffness.hpp); all else is the same for them.
 #pragma once
 
 #include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <vector>
 
+#include "fisherpoint/integration/implicit_step.hpp"
 #include "fisherpoint/integration/outcome.hpp"
 #include "fisherpoint/integration/runge_kutta.hpp"
 #include "fisherpoint/integration/sliding.hpp"
@@ -41,10 +44,7 @@ class Integrator {
 
  public:
   Integrator(const Equation& equation, const Tolerance& tolerance)
-      : f_(equation),
-        tolerance_(tolerance),
-        weight_(1.0 / (local_share * tolerance.relative * local_share * tolerance.relative)),
-        landing_(0.1 * std::sqrt(tolerance.relative)) {
+      : f_(equation), tolerance_(tolerance), weight_(tolerance.step_weight()), landing_(0.1 * std::sqrt(tolerance.relative)) {
     for (State& rates : stage_) fit(rates, f_.states);
     fit(end_, f_.states);
     fit(side_, f_.sides);
@@ -55,8 +55,9 @@ class Integrator {
 
   // Integrates y over `duration`; a lane of duration 0 rests. On return y is the end state or, where the status is not ok, the
   // last state that was reached. Where `first_step` is 0 the integrator chooses it. The steps that are taken are added to
-  // `steps`.
-  Outcome<P> run(State& y, const P& duration, const P& first_step, Steps<Equation>* steps = nullptr);
+  // `steps`. Lanes of `stiff` begin with implicit steps.
+  Outcome<P> run(State& y, const P& duration, const P& first_step, Steps<Equation>* steps = nullptr,
+                 const Mask& stiff = Lanes::none());
 
  private:
   FISHERPOINT_HOT void begin(const State& y, const P& duration, const P& first_step) {
@@ -69,6 +70,8 @@ class Integrator {
     leaving_.fill(Lanes::none());
     slide_ = false;
     turns_ = P(0.0);
+    implicit_ = Lanes::none();
+    if (implicit_step_) implicit_step_->forget(!Lanes::none());
     value_ = f_.surface_values(y);
     // A start on a kink belongs to the side that it moves to; the sign of its rate needs some side first.
     for_each_index(f_.sides, [&](auto m) { side_[m] = select(value_[m] < P(0.0), P(-1.0), P(1.0)); });
@@ -131,19 +134,38 @@ class Integrator {
     return rough_inverse_root(squared_error, std::integral_constant<int, 2 * Method::order>{});
   }
 
-  // Tries one step of every running lane: the stages, the end, its error, and the surfaces at the middle and the end.
+  // Tries one step of every running lane: the end, its error, and the surfaces at the middle and the end.
   FISHERPOINT_HOT void attempt(const State& y, const P& duration) {
     const P remaining = duration - time_, wanted = min(step_size_, cap_);
     ends_ = remaining <= wanted * (1.0 + 1e-9);
     step_ = select(running_, select(ends_, remaining, wanted), P(0.0));
+    State middle;
+    fit(middle, f_.states);
+    if (!any_stiff_ || any(running_ & !choose_implicit())) attempt_explicit(y, middle);
+    if (any_stiff_ && any(implicit_)) attempt_implicit(y, middle);
+    Surfaces middle_value = f_.surface_values(middle);
+    end_value_ = f_.surface_values(end_);
+    end_rate_ = f_.surface_rates(end_, stage_[last]);
+    if (f_.jumps_end > 0 && slide_) hold(middle, middle_value);
+    const auto along = [&](int m, const P& side) {
+      along_[m] = Quartic<P>::through(side * value_[m], side * step_ * rate_[m], side * middle_value[m], side * end_value_[m],
+                                      side * step_ * end_rate_[m]);
+    };
+    for_each_index(Count<0>{}, f_.jumps_end,
+                   [&](auto m) { along(m, slide_ ? select(slides(side_[m]), P(1.0), side_[m]) : side_[m]); });
+    for_each_index(f_.jumps_end, f_.sides, [&](auto m) { along(m, side_[m]); });
+    for_each_index(f_.sides, f_.surfaces, [&](auto m) { along(m, P(1.0)); });
+  }
+
+  // The stages, the end and the middle of a step, and its error.
+  void attempt_explicit(const State& y, State& middle) {
     for_each_index(counted<Equation, last>(), [&](auto previous) {
       const auto s = after(previous);
       for_each_index(f_.states, [&](auto i) { end_[i] = y[i] + step_ * weighted_sum(s, Method::a[s], stage_, i); });
       derivative(end_, stage_[s]);
     });
-    State error, middle;
+    State error;
     fit(error, f_.states);
-    fit(middle, f_.states);
     for_each_index(f_.states,
                    [&](auto i) { error[i] = step_ * weighted_sum(counted<Equation, last + 1>(), Method::error, stage_, i); });
     const P embedded = squared_weight() * f_.squared_size(error);
@@ -162,18 +184,6 @@ class Integrator {
       middle[i] = 0.5 * (y[i] + end_[i]) + step_ * (0.125 * (stage_[0][i] - stage_[last][i]) +
                                                     weighted_sum(counted<Equation, last + 1>(), Method::bow, stage_, i));
     });
-    Surfaces middle_value = f_.surface_values(middle);
-    end_value_ = f_.surface_values(end_);
-    end_rate_ = f_.surface_rates(end_, stage_[last]);
-    if (f_.jumps_end > 0 && slide_) hold(middle, middle_value);
-    const auto along = [&](int m, const P& side) {
-      along_[m] = Quartic<P>::through(side * value_[m], side * step_ * rate_[m], side * middle_value[m], side * end_value_[m],
-                                      side * step_ * end_rate_[m]);
-    };
-    for_each_index(Count<0>{}, f_.jumps_end,
-                   [&](auto m) { along(m, slide_ ? select(slides(side_[m]), P(1.0), side_[m]) : side_[m]); });
-    for_each_index(f_.jumps_end, f_.sides, [&](auto m) { along(m, side_[m]); });
-    for_each_index(f_.sides, f_.surfaces, [&](auto m) { along(m, P(1.0)); });
   }
 
   // Decides about the tried step, takes it where it is good, and chooses the next one.
@@ -255,7 +265,8 @@ class Integrator {
 
     // Step control: error per step, never twice up and down in a row. An estimate that vanishes by chance asks for a step that
     // the one before did not. What asks for more than may be given says nothing, nor does a step that was cut short.
-    const P wish = min(0.9 * inverse_root(select(good, told_error_, squared_error_) + 1e-20), most_wished * wished_ / step_);
+    P wish = min(0.9 * inverse_root(select(good, told_error_, squared_error_) + 1e-20), most_wished * wished_ / step_);
+    if (any_stiff_) wish = select(implicit_, implicit_wish(), wish);
     const Mask told = running_ & (squared_error_ < P(infinity)), much = wish >= P(Method::most_growth),
                cut = step_ < step_size_;
     const P wished = select(cut, max(wished_, select(much, zero, wish * step_)), select(much, P(infinity), wish * step_));
@@ -270,6 +281,8 @@ class Integrator {
     cap_ = select(taken, P(infinity), select(bad, cap_, next_cap));
     outcome_.first_step = select(taken & (time_ <= zero), step_, outcome_.first_step);
 
+    if (any_stiff_) implicit_step_->keep(taken & implicit_);
+    if (outcome_.attempts > watched_from && tolerance_.method == MethodName::fastest) watch_stiffness(taken, y);
     behind_kink_ = behind_kink_ & !taken;
     time_ = select(taken, time_ + step_, time_);
     for_each_index(f_.states, [&](auto i) {
@@ -281,7 +294,7 @@ class Integrator {
       rate_[m] = select(taken, end_rate_[m], rate_[m]);
     });
     for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { leaving_[m] = leaving_[m] & !taken; });
-    if (steps_) steps_->push_back({select(taken, step_, zero), side_});
+    if (steps_) steps_->push_back({select(taken, step_, zero), side_, implicit_});
     running_ = running_ & !(taken & ends_);
     if (any(lands & taken & running_)) turn(y, taken);
     if (any(broken_ & running_)) approach_limits(duration);
@@ -291,6 +304,13 @@ class Integrator {
   [[gnu::noinline]] void settle(const Mask& taken);
   [[gnu::noinline]] void turn(const State& y, const Mask& taken);
   [[gnu::noinline]] Mask drowned(auto m, const State& y) const;
+
+  // Stiff stretches: stiffness.hpp.
+  [[gnu::noinline]] Mask choose_implicit();
+  [[gnu::noinline]] void attempt_implicit(const State& y, State& middle);
+  P implicit_wish() const;
+  [[gnu::noinline]] void watch_stiffness(const Mask& taken, const State& y);
+  [[gnu::noinline]] void set_stiff(const Mask& lanes);
 
   // How it ends: limits.hpp.
   [[gnu::noinline]] Mask past_pole(const State& y) const;
@@ -338,6 +358,12 @@ class Integrator {
   P turns_;             // how many jumps were met
   Retyped<Side, Mask> leaving_;  // a slide on this jump has just ended
 
+  // Of stiff lanes.
+  bool any_stiff_ = false;
+  Mask stiff_, implicit_;  // implicit: the step that is tried
+  P stiff_signs_, others_;
+  std::optional<ImplicitStep<Equation>> implicit_step_;
+
   // The step that is tried.
   Mask ends_;               // it reaches the end of the trajectory
   P step_, squared_error_;  // by which it is judged
@@ -352,9 +378,11 @@ class Integrator {
 
 // Not inline: where an explicit instantiation is declared, nothing of the integrator is compiled.
 template <class Equation, class Method>
-auto Integrator<Equation, Method>::run(State& y, const P& duration, const P& first_step, Steps<Equation>* steps) -> Outcome<P> {
+auto Integrator<Equation, Method>::run(State& y, const P& duration, const P& first_step, Steps<Equation>* steps,
+                                       const Mask& stiff) -> Outcome<P> {
   steps_ = steps;
   begin(y, duration, first_step);
+  set_stiff(tolerance_.method == MethodName::Radau ? !Lanes::none() : stiff);
   while (any(running_)) {
     if (++outcome_.attempts > tolerance_.max_attempts) {
       stop(running_ & (turns_ > P(0.05 * tolerance_.max_attempts)), Status::chatters);
@@ -365,6 +393,7 @@ auto Integrator<Equation, Method>::run(State& y, const P& duration, const P& fir
     control(y, duration);
   }
   outcome_.next_step = step_size_;
+  outcome_.stiff = stiff_;
   if (f_.jumps_end > 0) note_end(duration);
   return outcome_;
 }
@@ -373,4 +402,5 @@ auto Integrator<Equation, Method>::run(State& y, const P& duration, const P& fir
 
 #include "fisherpoint/integration/jumps.hpp"
 #include "fisherpoint/integration/limits.hpp"
+#include "fisherpoint/integration/stiffness.hpp"
 #include "fisherpoint/integration/surfaces.hpp"

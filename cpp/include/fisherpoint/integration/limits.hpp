@@ -17,8 +17,13 @@ auto Integrator<Equation, Method>::past_pole(const State& y) const -> Mask {
     const auto s = after(previous);
     for_each_index(f_.states, [&](auto i) { at[i] = y[i] + step_ * weighted_sum(s, Method::a[s], stage_, i); });
     const Surfaces value = f_.surface_values(at);
-    for_each_index(f_.kinks_end, f_.sides, [&](auto m) { past = past | !(side_[m] * value[m] > P(0.0)); });
+    for_each_index(f_.kinks_end, f_.sides, [&](auto m) { past = past | (!implicit_ & !(side_[m] * value[m] > P(0.0))); });
   });
+  for (int r = 0; any(implicit_) && r + 1 < Radau::stages; ++r) {
+    for_each_index(f_.states, [&](auto i) { at[i] = y[i] + implicit_step_->increment(r, i); });
+    const Surfaces value = f_.surface_values(at);
+    for_each_index(f_.kinks_end, f_.sides, [&](auto m) { past = past | (implicit_ & !(side_[m] * value[m] > P(0.0))); });
+  }
   return past;
 }
 

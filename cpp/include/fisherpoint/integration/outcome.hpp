@@ -15,6 +15,7 @@ template <class Equation>
 struct Step {
   typename Equation::Number size;
   typename Equation::Side side;
+  mask_of_lanes<typename Equation::Number> implicit;
 };
 
 template <class Equation>
@@ -26,6 +27,7 @@ struct Outcome {
   P first_step{0.0};  // the first step that was taken: a good start for a similar trajectory
   P next_step{0.0};   // what step control would try next: a good start for the trajectory's continuation
   int attempts = 0;   // of the slowest lane
+  mask_of_lanes<P> stiff = lanes_of<P>::none();  // a continuation begins with implicit steps
   // Where a trajectory starts off a jump, or ends next to one, to the tolerance: there may be no derivative.
   mask_of_lanes<P> starts_on_jump = lanes_of<P>::none(), ends_on_jump = lanes_of<P>::none();
 };

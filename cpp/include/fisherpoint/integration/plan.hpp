@@ -120,12 +120,14 @@ class Planner {
   }
 
  private:
-  // One stretch for every run of steps on the same sides; none where the time of a kink or jump on the way depends on theta.
+  // One stretch for every run of steps on the same sides; none where the time of a kink or jump on the way depends on theta, or
+  // where it is stiff.
   std::vector<Stretch<M>> between_kinks(const Steps<Equation>& steps) const {
     std::vector<Stretch<M>> stretches;
     for (const auto& step : steps) {
       const double size = lanes_of<P>::get(step.size, 0);
       if (size == 0.0) continue;
+      if (lanes_of<P>::get(step.implicit, 0)) return {};
       const auto side = of_lane(step.side, shape_.sides);
       if (any_slides<double>(shape_, side)) return {};  // how long, depends on theta
       if (stretches.empty() || stretches.back().side != side) {

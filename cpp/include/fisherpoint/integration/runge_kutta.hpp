@@ -9,6 +9,7 @@
 //                            at least as the step's power of `order`
 //     bow                    x(t + step/2) less the middle of the cubic through both ends of the step
 //     most_growth            of the step's size from one step to the next
+//     stability              the largest step along a fast decay, in units of its time constant
 //     allowed_estimate       of the error of sensitivities, in tolerances: it exceeds the error itself, with most points by far
 #pragma once
 

@@ -67,6 +67,23 @@ inline constexpr double least_error = 0.004;
 // cos(20 x) one in a thousand was off by more than a hundred tolerances without; with it, fewer steps are tried.
 inline constexpr double most_wished = 1.3;
 
+// From this try on it is watched whether stability limits the steps.
+inline constexpr int watched_from = 40;
+
+// A pair's steps are limited by stability where the step times the fastest rate is above its bound in so many steps, among
+// which no more than the second number in a row are not.
+inline constexpr int stiff_signs = 15, most_others = 6;
+
+// From this try on it is watched whether the solution is far slower than the model's fastest rate: by how much.
+inline constexpr int slowness_watched_from = 400;
+inline constexpr double slow = 0.02;
+
+// The squared error that is told where the stages of an implicit step are not found: it makes the next try about half as long.
+inline constexpr double unsolved_error = 110.0;
+
+// By how much implicit steps may grow over what the last one's error asked for.
+inline constexpr double most_implicit_wished = 2.5;
+
 // Of a model's time constant, as it is seen at the start, the longest first step.
 inline constexpr double most_constants = 1.5;
 

@@ -34,6 +34,7 @@ void Integrator<Equation, Method>::turn(const State& y, const Mask& taken) {
   });
   if (f_.jumps_end > 0 && slide_) check_slides(turned & running_, y);
   behind_kink_ = behind_kink_ | turned;
+  if (implicit_step_) implicit_step_->forget(turned);
   State fresh;
   fit(fresh, f_.states);
   derivative(y, fresh);

@@ -14,7 +14,12 @@
 namespace fisherpoint {
 
 template <class M, class P, class Method>
+class ImplicitTangents;
+
+template <class M, class P, class Method>
 class Tangents {
+  friend class ImplicitTangents<M, P, Method>;
+
   using Equation = VariationalEquation<M, P>;
   using State = typename Equation::State;
   using Side = typename Equation::Side;

@@ -6,7 +6,8 @@
 
 namespace fisherpoint {
 
-enum class MethodName { fastest, RK45, DOP853 };
+// fastest: DOP853, and where that is stiff Radau.
+enum class MethodName { fastest, RK45, DOP853, Radau };
 
 // f(the method). DOP853 is the faster one at every tolerance that we tried (docs/studies/performance.md): an embedded pair of
 // order eight gains so much from ending its steps on the kinks.
@@ -14,6 +15,9 @@ auto with_method(MethodName name, auto&& f) {
   if (name == MethodName::RK45) return f(DormandPrince{});
   return f(DormandPrince853{});
 }
+
+// The local error of a step is held this far below the requested tolerance, so that the global error meets it.
+inline constexpr double local_share = 0.7;
 
 struct Tolerance {
   double relative = 1e-6;    // of x(dt), in units of the states' scales
@@ -24,9 +28,9 @@ struct Tolerance {
   // Of sensitivities of short pieces of a trajectory: the first step tried is the whole piece, and where one starts or ends on
   // a jump, the derivative is that of the side where it runs.
   bool whole_first = false;
-};
 
-// The local error of a step is held this far below the requested tolerance, so that the global error meets it.
-inline constexpr double local_share = 0.7;
+  // Of squared errors in units of the states' scales: a step is good up to 1.
+  double step_weight() const { return 1.0 / (local_share * relative * local_share * relative); }
+};
 
 }  // namespace fisherpoint

@@ -1,8 +1,9 @@
 // States of a batch of records: long trajectories under inputs that are held from sample to sample. The pieces of a record
 // follow each other; lanes = records. All records share samples and inputs; each has its own start and parameters.
 //
-// A piece begins with the step that the last one would have tried next, and with fresh sides of all surfaces, as f changes with
-// the input. What is kept between pieces are doubles alone, so a record's states do not depend on what shares its pack.
+// A piece begins with the step that the last one would have tried next, by the method that it ended with, and with fresh sides
+// of all surfaces, as f changes with the input. Each lane keeps its own, so a record's states do not depend on what shares its
+// pack.
 #pragma once
 
 #include <algorithm>
@@ -31,6 +32,7 @@ template <class P>
 struct RecordProgress {
   std::size_t piece = 0;
   P step{0.0};
+  mask_of_lanes<P> stiff = lanes_of<P>::none();
 };
 
 // Carries the records rows[0], rows[1], ... on, until their end or for as long as a thread stays.
@@ -64,8 +66,10 @@ void advance_records(const M& model, const Points& records, std::size_t pieces, 
       if (running(lane)) lanes_of<P>::set(duration, lane, records.dt[piece]);
     set_lanes(u, records.u + piece * shape.inputs);
     const Equation equation(model, theta, u);
-    const auto outcome = Integrator<Equation, Method>(equation, tolerance).run(x, duration, progress.step);
+    const auto outcome =
+        Integrator<Equation, Method>(equation, tolerance).run(x, duration, progress.step, nullptr, progress.stiff);
     progress.step = outcome.next_step;
+    progress.stiff = outcome.stiff;
     bool any_running = false;
     for (int lane = 0; lane < used; ++lane) {
       const bool ran = running(lane);

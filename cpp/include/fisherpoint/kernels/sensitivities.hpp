@@ -4,17 +4,19 @@
 // ends. Then S along these steps, somewhat refined, with points of equally many steps in a pack: so the costly part runs
 // without a branch on full packs, and no result depends on what shares its pack. Points whose estimated error is above the
 // tolerance are done again in finer steps. S is made column by column (tangents.hpp), or where dy/dtheta alone is asked for and
-// outputs are few beside parameters, row by row (adjoints.hpp).
+// outputs are few beside parameters, row by row (adjoints.hpp). Implicit steps have columns alone (implicit_tangents.hpp).
 #pragma once
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "fisherpoint/integration/adjoints.hpp"
+#include "fisherpoint/integration/implicit_tangents.hpp"
 #include "fisherpoint/integration/integrator.hpp"
 #include "fisherpoint/integration/tangents.hpp"
 #include "fisherpoint/kernels/points.hpp"
@@ -31,16 +33,17 @@ struct SensitiveTrajectories {
 // The steps that a point takes; none where nothing is to be done any more.
 template <class M>
 struct PointPath {
-  struct Run {  // of steps on the same sides
+  struct Run {  // of steps of one kind on the same sides
     std::size_t end;
     typename ArraysOf<M, double>::Sides side;
+    bool implicit;
   };
   std::vector<double> sizes;
   std::vector<Run> runs;
 
   std::size_t size() const { return sizes.size(); }
-  void push_back(double size, const typename ArraysOf<M, double>::Sides& side) {
-    if (runs.empty() || runs.back().side != side) runs.push_back({0, side});
+  void push_back(double size, const typename ArraysOf<M, double>::Sides& side, bool implicit) {
+    if (runs.empty() || runs.back().side != side || runs.back().implicit != implicit) runs.push_back({0, side, implicit});
     sizes.push_back(size);
     runs.back().end = sizes.size();
   }
@@ -53,6 +56,11 @@ bool meets_jump(const auto& shape, const PointPath<M>& path) {
     for (int m = 0; m < shape.jumps_end; ++m)
       if (run.side[m] == 0.0 || run.side[m] != path.runs[0].side[m]) return true;
   return false;
+}
+
+template <class M>
+bool is_stiff(const PointPath<M>& path) {
+  return std::any_of(path.runs.begin(), path.runs.end(), [](const auto& run) { return run.implicit; });
 }
 
 // For which memory is taken at once.
@@ -79,7 +87,7 @@ PointPath<M> refined(const PointPath<M>& path, double factor) {
       finer.sizes.push_back(size + taken * path.sizes[n]);
       rest -= taken;
     }
-    finer.runs.push_back({finer.sizes.size(), run.side});
+    finer.runs.push_back({finer.sizes.size(), run.side, run.implicit});
     first = run.end;
   }
   return finer;
@@ -99,9 +107,9 @@ PointPath<M> graded(const PointPath<M>& path) {
     for (std::size_t n = first; n < run.end; ++n) {
       const bool behind = n == first && r > 0, before = n + 1 == run.end && r + 1 < path.runs.size() && !behind;
       constexpr std::array<double, 4> shares = {1.0 / 8, 1.0 / 8, 1.0 / 4, 1.0 / 2};
-      if (!behind && !before) finer.push_back(path.sizes[n], run.side);
+      if (!behind && !before) finer.push_back(path.sizes[n], run.side, run.implicit);
       for (std::size_t part = 0; (behind || before) && part < shares.size(); ++part)
-        finer.push_back(path.sizes[n] * shares[behind ? part : shares.size() - 1 - part], run.side);
+        finer.push_back(path.sizes[n] * shares[behind ? part : shares.size() - 1 - part], run.side, run.implicit);
     }
     first = run.end;
   }
@@ -155,7 +163,7 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
     taken.runs.clear();
     for (const auto& step : steps) {
       const double size = lanes_of<P>::get(step.size, lane);
-      if (size != 0.0) taken.push_back(size, of_lane(step.side, shape.sides, lane));
+      if (size != 0.0) taken.push_back(size, of_lane(step.side, shape.sides, lane), lanes_of<P>::get(step.implicit, lane));
     }
     paths[k] = refined<M>(taken, first_refinement);
   }
@@ -170,8 +178,8 @@ void set_start(auto& sides, int lane, const double* start) {
   }
 }
 
-// advance(size, side) for every step of the paths of points[rows[0]], ...; of size 0 in the lanes whose path has ended. Before
-// it pass(before, after) where the sides of any lane change, those of jumps among them.
+// advance(size, side, implicit) for every step of the paths of points[rows[0]], ...; of size 0 in the lanes whose path has
+// ended. Before it pass(before, after) where the sides of any lane change, those of jumps among them.
 template <class P, class M>
 void for_each_step(const Shape<M>& shape, std::span<const std::size_t> rows, const std::vector<PointPath<M>>& paths,
                    auto&& pass, auto&& advance) {
@@ -181,6 +189,7 @@ void for_each_step(const Shape<M>& shape, std::span<const std::size_t> rows, con
   typename ArraysOf<M, P>::Sides side, before;
   fit(side, shape.sides);
   side.fill(P(1.0));
+  auto implicit = lanes_of<P>::none();
   std::array<std::size_t, lanes_of<P>::width> run{}, run_end{};  // of every lane: which is next, and where the current one ends
   for (std::size_t n = 0; n < longest; ++n) {
     P size(0.0);
@@ -193,24 +202,26 @@ void for_each_step(const Shape<M>& shape, std::span<const std::size_t> rows, con
       if (!turned) before = side;
       set_lane(side, lane, path.runs[run[lane]].side.data());
       if (n == 0) set_start(before, lane, path.runs[0].side.data());
+      lanes_of<P>::set(implicit, lane, path.runs[run[lane]].implicit);
       run_end[lane] = path.runs[run[lane]++].end;
       turned = true;
     }
     if (shape.jumps_end > 0 && turned) pass(before, side);
-    advance(size, side);
+    advance(size, side, implicit);
   }
 }
 
 // Whether an estimated error is small enough, and the path done with; if not, the path is refined, or given up with a status.
 template <class Method, class M>
 bool accepted(double error, double allowed, const Tolerance& tolerance, PointPath<M>& path, Status& status) {
+  const double order = is_stiff(path) ? Radau::error_order : Method::order;
   const double excess = error / (allowed * tolerance.relative);
   if (excess <= 1.0) {
     path = PointPath<M>();
     return true;
   }
   const bool known = excess < 1e100;
-  const double factor = known ? std::clamp(1.1 * std::pow(excess, 1.0 / Method::order), 1.1, 4.0) : 2.0;
+  const double factor = known ? std::clamp(1.1 * std::pow(excess, 1.0 / order), 1.1, 4.0) : 2.0;
   if (factor * path.size() <= tolerance.max_attempts) {
     path = refined<M>(path, factor);
     if (factor > graded_from) path = graded<M>(path);
@@ -230,10 +241,20 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
   const PointPack<M, P> pack(shape, points, parameters, rows);
   const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
   Tangents<M, P, Method> tangents(equation, pack.x0, tolerance.relative);
+  std::optional<StateEquation<M, P>> states;  // of stiff paths
+  std::optional<ImplicitTangents<M, P, Method>> implicit_tangents;
+  if (std::any_of(rows.begin(), rows.end(), [&](auto k) { return is_stiff(paths[k]); })) {
+    states.emplace(model, pack.theta, pack.u);
+    implicit_tangents.emplace(*states, equation, tangents, tolerance);
+  }
   mask_of_lanes<P> grazes = lanes_of<P>::none();
   for_each_step<P, M>(
       shape, rows, paths, [&](const auto& before, const auto& after) { grazes = grazes | tangents.pass(before, after); },
-      [&](const P& size, const auto& side) { tangents.advance(size, side); });
+      [&](const P& size, const auto& side, const auto& implicit) {
+        if (!implicit_tangents) return tangents.advance(size, side);
+        tangents.advance(select(implicit, P(0.0), size), side);
+        implicit_tangents->advance(select(implicit, size, P(0.0)), side);
+      });
 
   const P error = tangents.relative_error();
   typename StateEquation<M, P>::Output y;
@@ -282,7 +303,7 @@ inline double share_of_row(std::size_t row) {
   return 0.5 + turns - std::floor(turns);
 }
 
-// The same for dy/dtheta alone, row by row; of paths that keep clear of jumps.
+// The same for dy/dtheta alone, row by row; of paths of explicit steps that keep clear of jumps.
 template <class P, class Method, class M>
 void follow_rows(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
                  std::span<const std::size_t> rows, std::vector<PointPath<M>>& paths, const SensitiveTrajectories& out) {
@@ -292,7 +313,8 @@ void follow_rows(const M& model, const Points& points, const Parameters& paramet
   const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
   Adjoints<M, P, Method> adjoints(equation, pack.x0, tolerance.relative);
   for_each_step<P, M>(
-      shape, rows, paths, [](const auto&...) {}, [&](const P& size, const auto& side) { adjoints.advance(size, side); });
+      shape, rows, paths, [](const auto&...) {},
+      [&](const P& size, const auto& side, const auto&) { adjoints.advance(size, side); });
 
   // lambda at the end is the output's row of g_x, against whose size in the states' scales errors are measured.
   typename Adjoints<M, P, Method>::Rows back;
@@ -352,7 +374,8 @@ void sensitivity_packs(const M& model, const Points& points, const Parameters& p
       if constexpr (rows_may_pay<M>) {
         if (by_rows) {
           std::vector<std::size_t> in_rows;
-          for (const std::size_t k : todo) (meets_jump(shape_of(model), paths[k]) ? in_columns : in_rows).push_back(k);
+          for (const std::size_t k : todo)
+            (is_stiff(paths[k]) || meets_jump(shape_of(model), paths[k]) ? in_columns : in_rows).push_back(k);
           in_packs(workers, in_rows, width,
                    [&](auto rows) { follow_rows<P, Method>(model, points, parameters, tolerance, rows, paths, out); });
         }

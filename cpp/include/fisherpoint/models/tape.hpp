@@ -141,6 +141,7 @@ class Dependence<TapeModel> {
 // The surfaces' values, their rates along dx, f with its Jacobian, ...: one program each.
 struct TapePrograms {
   Program rates, output, surfaces, surface_rates;
+  Program state_jacobian;   // the entries of f_x row by row, those that S does not need too
   Program rate_jacobian;    // f, then the entries of f_x row by row, then those of f_theta column by column
   Program output_jacobian;  // g, then the entries of g_x row by row, then those of g_theta column by column
   Program jump_jacobian;    // h of the jumps, then the entries of its derivatives in the same way
@@ -149,12 +150,14 @@ struct TapePrograms {
 class TapeModel {
  public:
   // Throws std::invalid_argument where a list does not fit the shape.
-  TapeModel(const Shape<TapeModel>& shape, std::vector<double> scales, TapePrograms programs, std::vector<Entry> rate_entries,
-            std::vector<Entry> output_entries, std::vector<Entry> jump_entries, Varying varying);
+  TapeModel(const Shape<TapeModel>& shape, std::vector<double> scales, TapePrograms programs, std::vector<Entry> state_entries,
+            std::vector<Entry> rate_entries, std::vector<Entry> output_entries, std::vector<Entry> jump_entries,
+            Varying varying);
 
   const Shape<TapeModel>& shape() const { return shape_; }
   const Dependence<TapeModel>& dependence() const { return dependence_; }
   const TapePrograms& programs() const { return programs_; }
+  const std::vector<Entry>& state_entries() const { return state_entries_; }
   const std::vector<Entry>& output_entries() const { return output_entries_; }
   const std::vector<Entry>& jump_entries() const { return jump_entries_; }
   double inverse_scale(int i) const { return inverse_scales_[i]; }
@@ -163,7 +166,7 @@ class TapeModel {
   Shape<TapeModel> shape_;
   std::vector<double> inverse_scales_;
   TapePrograms programs_;
-  std::vector<Entry> output_entries_, jump_entries_;
+  std::vector<Entry> state_entries_, output_entries_, jump_entries_;
   Dependence<TapeModel> dependence_;
 };
 
@@ -208,11 +211,12 @@ inline void check(const Program& program, const Shape<TapeModel>& shape, std::si
 }  // namespace detail
 
 inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> scales, TapePrograms programs,
-                            std::vector<Entry> rate_entries, std::vector<Entry> output_entries, std::vector<Entry> jump_entries,
-                            Varying varying)
+                            std::vector<Entry> state_entries, std::vector<Entry> rate_entries,
+                            std::vector<Entry> output_entries, std::vector<Entry> jump_entries, Varying varying)
     : shape_(shape),
       inverse_scales_(std::move(scales)),
       programs_(std::move(programs)),
+      state_entries_(std::move(state_entries)),
       output_entries_(std::move(output_entries)),
       jump_entries_(std::move(jump_entries)),
       dependence_([&] {
@@ -240,6 +244,8 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
                    std::string(name) + ": expected those of the states by rows, then those of the parameters by columns");
           }
         };
+        check_entries(state_entries_, n_x, "state_entries");
+        for (const auto [i, k] : state_entries_) expect(k < n_x, "state_entries: expected derivatives by the states");
         check_entries(rate_entries, n_x, "rate_entries");
         check_entries(output_entries_, n_y, "output_entries");
         check_entries(jump_entries_, jumps_end, "jump_entries");
@@ -247,6 +253,7 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
         detail::check(programs_.output, shape, n_y, "output");
         detail::check(programs_.surfaces, shape, surfaces, "surfaces");
         detail::check(programs_.surface_rates, shape, surfaces, "surface_rates");
+        detail::check(programs_.state_jacobian, shape, state_entries_.size(), "state_jacobian");
         detail::check(programs_.rate_jacobian, shape, n_x + rate_entries.size(), "rate_jacobian");
         detail::check(programs_.output_jacobian, shape, n_y + output_entries_.size(), "output_jacobian");
         detail::check(programs_.jump_jacobian, shape, jumps_end + jump_entries_.size(), "jump_jacobian");

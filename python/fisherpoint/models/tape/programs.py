@@ -33,8 +33,12 @@ class Programs:
         f (n_x) and g (n_y).
     surfaces, surface_rates : Program
         Values of jumps, kinks and domain limits, and their rates of change where the state moves at the rate dx.
+    state_jacobian : Program
+        The derivatives of f by the states at its entries, for implicit steps.
     rate_jacobian, output_jacobian, jump_jacobian : Program
         f, g or what is zero on jumps, followed by its derivatives at the entries.
+    state_entries : tuple of (int, int)
+        Derivatives of f by the states that are not zero by structure.
     rate_entries, output_entries, jump_entries : tuple of (int, int)
         Derivatives that are not zero by structure, without those by states that no parameter ever reaches; of f also what it reads
         through the sides of jumps.
@@ -50,9 +54,11 @@ class Programs:
     output: Program
     surfaces: Program
     surface_rates: Program
+    state_jacobian: Program
     rate_jacobian: Program
     output_jacobian: Program
     jump_jacobian: Program
+    state_entries: Entries
     rate_entries: Entries
     output_entries: Entries
     jump_entries: Entries
@@ -117,6 +123,7 @@ def build_programs(
     variables = [*_reached(graph, f, h[: len(sides)]), *leaves.theta]
     jumps = len(crossable)
     through = [_read_through(graph, node, h[:jumps]) for node in f]
+    state_entries, state_nodes = _entries(graph, f, leaves.x)
     rate_entries, rate_nodes = _entries(graph, f, variables, through)
     output_entries, output_nodes = _entries(graph, g, variables)
     jump_entries, jump_nodes = _entries(graph, h[:jumps], [*leaves.x, *leaves.theta])
@@ -125,9 +132,11 @@ def build_programs(
         output=schedule(graph, g),
         surfaces=schedule(graph, h),
         surface_rates=schedule(graph, rates_along(graph, h)),
+        state_jacobian=schedule(graph, state_nodes),
         rate_jacobian=schedule(graph, f + rate_nodes),
         output_jacobian=schedule(graph, g + output_nodes),
         jump_jacobian=schedule(graph, h[:jumps] + jump_nodes),
+        state_entries=state_entries,
         rate_entries=rate_entries,
         output_entries=output_entries,
         jump_entries=jump_entries,

@@ -1,0 +1,198 @@
+// One step of Radau IIA (radau.hpp) in every lane that asks for one: the stages by the simplified Newton iteration, each lane
+// for as long as it needs, with f_x at the step's start.
+//
+// States count in units of their scales here, so that rows of the equations can be compared.
+#pragma once
+
+#include <array>
+
+#include "fisherpoint/integration/radau.hpp"
+#include "fisherpoint/numbers/elimination.hpp"
+#include "fisherpoint/numbers/lanes.hpp"
+#include "fisherpoint/numbers/shelves.hpp"
+#include "fisherpoint/numbers/unroll.hpp"
+
+namespace fisherpoint {
+
+template <class Equation>
+class ImplicitStep {
+  using P = typename Equation::Number;
+  using Lanes = lanes_of<P>;
+  using Mask = typename Lanes::mask;
+  using State = typename Equation::State;
+  using Side = typename Equation::Side;
+  using Increments = std::array<ShelfVector<P>, Radau::stages>;
+  static constexpr int most_iterations = 10;
+  // What is left of the iteration's error, as a share of the tolerance.
+  static constexpr double most_left = 0.01;
+  // The last step's cubic tells little further ahead than this, in units of that step.
+  static constexpr double farthest = 4.0;
+
+ public:
+  explicit ImplicitStep(const Equation& f)
+      : f_(f), n_(f.states), real_(n_), complex_(n_), jacobian_(n_ * n_), right_(n_), right_complex_(n_) {
+    for (auto* increments : {&z_, &w_, &f_z_, &cubic_})
+      for (auto& values : *increments) values.assign(n_, P(0.0));
+    fit(at_, f.states);
+    fit(rate_, f.states);
+  }
+
+  // Solves for the stages of a step from y, whose rate is `rate`; `weight` is that of squares in step control. Returns the
+  // lanes in which that has succeeded.
+  Mask solve(const Mask& lanes, const State& y, const State& rate, const P& step, const Side& side, double weight) {
+    step_ = select(lanes, step, P(0.0));
+    f_.jacobian(y, side, jacobian_.data());
+    for (int i = 0; i < n_; ++i)
+      for (int k = 0; k < n_; ++k) {
+        const P entry = -(step_ * jacobian_[i * n_ + k] * (f_.inverse_scale(i) * scale(k)));
+        const P diagonal(i == k ? 1.0 : 0.0);
+        real_(i, k) = Radau::real * diagonal + entry;
+        complex_(i, k) = {Radau::part_re * diagonal + entry, Radau::part_im * diagonal};
+      }
+    real_.factorise();
+    complex_.factorise();
+    begin_iteration();
+    iterate(lanes, y, side, weight);
+    for (int i = 0; i < n_; ++i) f_y_of(i) = step_ * f_.inverse_scale(i) * rate[i];
+    return solved_;
+  }
+
+  // Where f has no value at a stage that was tried.
+  const Mask& unknown() const { return unknown_; }
+
+  // The embedded error, squared and summed over the states; once more behind f at y plus the error, where it is large in
+  // these lanes, in which f and y may not fit each other.
+  P squared_error(const Mask& afresh, const State& y, const Side& side, double weight) {
+    for (int i = 0; i < n_; ++i) right_[i] = f_y_of(i) + of_stages(Radau::error, i);
+    real_.solve(right_.data());
+    P sum = squared(right_);
+    const Mask again = afresh & (weight * sum > P(1.0));
+    if (!any(again)) return sum;
+    for (int i = 0; i < n_; ++i) at_[i] = y[i] + scale(i) * right_[i];
+    f_.derivative(at_, side, rate_);
+    for (int i = 0; i < n_; ++i) right_[i] = step_ * f_.inverse_scale(i) * rate_[i] + of_stages(Radau::error, i);
+    real_.solve(right_.data());
+    return select(again, squared(right_), sum);
+  }
+
+  // Of the cubic through the stages: what it adds to y at a share of the step, and its slope there.
+  P change(int i, double share) const {
+    P sum(0.0);
+    for (int r = 0; r < Radau::stages; ++r) {
+      const auto& q = Radau::cubic[r];
+      sum += (share * (q[0] + share * (q[1] + share * q[2]))) * z_[r][i];
+    }
+    return scale(i) * sum;
+  }
+  P slope(int i, double share) const {
+    P sum(0.0);
+    for (int r = 0; r < Radau::stages; ++r) {
+      const auto& q = Radau::cubic[r];
+      sum += (q[0] + share * (2 * q[1] + share * (3 * q[2]))) * z_[r][i];
+    }
+    return scale(i) * sum / step_;
+  }
+  P increment(int stage, int i) const { return scale(i) * z_[stage][i]; }
+
+  // The step was taken in these lanes: the next one's iteration begins with its cubic.
+  void keep(const Mask& taken) {
+    for (int i = 0; i < n_; ++i)
+      for (int j = 0; j < Radau::stages; ++j) {
+        P q(0.0);
+        for (int r = 0; r < Radau::stages; ++r) q += Radau::cubic[r][j] * z_[r][i];
+        cubic_[j][i] = select(taken, q, cubic_[j][i]);
+      }
+    last_step_ = select(taken, step_, last_step_);
+  }
+  // What was kept does not go on.
+  void forget(const Mask& lanes) { last_step_ = select(lanes, P(0.0), last_step_); }
+
+  // (real - h f_x) b = the old b, in units of the scales.
+  void solve_real(P* b) const { real_.solve(b); }
+
+ private:
+  double scale(int i) const { return 1.0 / f_.inverse_scale(i); }
+  P& f_y_of(int i) { return f_z_[0][i]; }
+
+  P of_stages(const std::array<double, 3>& weights, int i) const {
+    return weights[0] * z_[0][i] + weights[1] * z_[1][i] + weights[2] * z_[2][i];
+  }
+  static P squared(const ShelfVector<P>& values) {
+    P sum(0.0);
+    for (const P& value : values) sum += value * value;
+    return sum;
+  }
+
+  // Where there is a last step near enough its cubic goes on; elsewhere the state rests.
+  void begin_iteration() {
+    const P ratio = step_ / last_step_;
+    const Mask known = (last_step_ > P(0.0)) & (ratio <= P(farthest));
+    for (int r = 0; r < Radau::stages; ++r) {
+      const P s = 1.0 + Radau::c[r] * ratio, s2 = s * s, s3 = s2 * s;
+      for (int i = 0; i < n_; ++i)
+        z_[r][i] = select(known, (s - 1.0) * cubic_[0][i] + (s2 - 1.0) * cubic_[1][i] + (s3 - 1.0) * cubic_[2][i], P(0.0));
+    }
+    for (int i = 0; i < n_; ++i) to(w_, Radau::to_w, z_, i);
+  }
+
+  static void to(Increments& out, const std::array<std::array<double, 3>, 3>& matrix, const Increments& in, int i) {
+    for (int r = 0; r < Radau::stages; ++r)
+      out[r][i] = matrix[r][0] * in[0][i] + matrix[r][1] * in[1][i] + matrix[r][2] * in[2][i];
+  }
+
+  [[gnu::noinline]] void iterate(const Mask& lanes, const State& y, const Side& side, double weight) {
+    const P floor = (1e-30 * weight) * (f_.squared_size(y) + P(1.0));  // of rounding
+    Mask iterates = lanes;
+    solved_ = unknown_ = Lanes::none();
+    P last(0.0);
+    for (int k = 0; k < most_iterations && any(iterates); ++k) {
+      for (int r = 0; r < Radau::stages; ++r) {
+        for (int i = 0; i < n_; ++i) at_[i] = y[i] + scale(i) * z_[r][i];
+        f_.derivative(at_, side, rate_);
+        for (int i = 0; i < n_; ++i) f_z_[r][i] = step_ * f_.inverse_scale(i) * rate_[i];
+      }
+      for (int i = 0; i < n_; ++i) {
+        const auto of_rates = [&](int r) {
+          const auto& t = Radau::to_w[r];
+          return t[0] * f_z_[0][i] + t[1] * f_z_[1][i] + t[2] * f_z_[2][i];
+        };
+        right_[i] = of_rates(0) - Radau::real * w_[0][i];
+        right_complex_[i] = {of_rates(1) - (Radau::part_re * w_[1][i] - Radau::part_im * w_[2][i]),
+                             of_rates(2) - (Radau::part_re * w_[2][i] + Radau::part_im * w_[1][i])};
+      }
+      real_.solve(right_.data());
+      complex_.solve(right_complex_.data());
+      P size(0.0);
+      for (int i = 0; i < n_; ++i) {
+        const auto& c = right_complex_[i];
+        size += right_[i] * right_[i] + c.re * c.re + c.im * c.im;
+        w_[0][i] = select(iterates, w_[0][i] + right_[i], w_[0][i]);
+        w_[1][i] = select(iterates, w_[1][i] + c.re, w_[1][i]);
+        w_[2][i] = select(iterates, w_[2][i] + c.im, w_[2][i]);
+        to(z_, Radau::to_z, w_, i);
+      }
+      size *= weight;
+      unknown_ = unknown_ | (iterates & !(size < P(1e300)));
+      // The iteration shrinks what is left by about the same factor every time.
+      const P factor = sqrt(size / last);
+      const Mask small = k > 0 ? (factor < P(1.0)) & (factor * sqrt(size) <= most_left * (1.0 - factor)) : Lanes::none();
+      const Mask done = iterates & ((size <= floor) | small);
+      solved_ = solved_ | done;
+      iterates = iterates & !done & !unknown_ & (k > 0 ? factor < P(1.0) : !Lanes::none());
+      last = size;
+    }
+  }
+
+  const Equation& f_;
+  int n_;
+  P step_{0.0}, last_step_{0.0};
+  Mask solved_ = Lanes::none(), unknown_ = Lanes::none();
+  Elimination<P> real_;
+  Elimination<Complex<P>> complex_;
+  ShelfVector<P> jacobian_, right_;
+  ShelfVector<Complex<P>> right_complex_;
+  Increments z_, w_, f_z_, cubic_;  // stages, their transforms, h f at the stages, and the last step's cubic
+  State at_, rate_;
+};
+
+}  // namespace fisherpoint

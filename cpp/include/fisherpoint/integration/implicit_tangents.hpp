@@ -1,0 +1,152 @@
+// An implicit step of the variational equation (9), of known size: x by its stages (implicit_step.hpp), then S by their exact
+// derivatives. With Z_i what a column s gains up to stage i, and J_i = f_x there,
+//     sum_j inverse_ij Z_j - h J_i Z_i = h (J_i s + f_theta),
+// which is one linear system for all columns; the last Z is the step's.
+#pragma once
+
+#include <algorithm>
+
+#include "fisherpoint/equations/state_equation.hpp"
+#include "fisherpoint/integration/implicit_step.hpp"
+#include "fisherpoint/integration/tangents.hpp"
+#include "fisherpoint/integration/tolerance.hpp"
+#include "fisherpoint/numbers/elimination.hpp"
+
+namespace fisherpoint {
+
+// Moves the x and S of Tangents, and adds to their estimates of errors.
+template <class M, class P, class Method>
+class ImplicitTangents {
+  using Plain = StateEquation<M, P>;
+  using Equation = VariationalEquation<M, P>;
+  using State = typename Equation::State;
+  using Side = typename Equation::Side;
+  static constexpr int stages = Radau::stages;
+  static constexpr double too_long = 1e4;  // the squared error of a step whose stages are not found
+
+ public:
+  // All but `tolerance` must outlive the object.
+  ImplicitTangents(const Plain& states, const Equation& equation, Tangents<M, P, Method>& tangents, const Tolerance& tolerance)
+      : f_(equation),
+        to_(tangents),
+        weight_(tolerance.step_weight()),
+        step_(states),
+        n_(states.states),
+        system_(stages * n_),
+        right_(stages * n_),
+        start_(n_),
+        column_(n_) {
+    for (Jacobian<M, P>& jacobian : jacobian_) {
+      fit(jacobian.by_state, f_.dependence.by_state);
+      fit(jacobian.by_theta, f_.dependence.by_theta);
+    }
+    fit(rate_, f_.states);
+    fit(at_, f_.states);
+    fit(side_, f_.sides);
+    side_.fill(P(0.0));
+  }
+
+  // A lane whose step is 0 stays as it is.
+  [[gnu::noinline]] void advance(const P& step, const Side& side) {
+    const auto moves = step > P(0.0);
+    if (!any(moves)) return;
+    for (int m = 0; m < f_.sides; ++m) {
+      step_.forget(moves & (abs(side_[m] - side[m]) > P(0.5)));
+      side_[m] = select(moves, side[m], side_[m]);
+    }
+    f_.linearise(to_.x, side, rate_, jacobian_[stages]);
+    const auto solved = step_.solve(moves, to_.x, rate_, step, side, weight_);
+    const P error = step_.squared_error(lanes_of<P>::none(), to_.x, side, weight_);
+    raise(to_.squared_error_, select(moves, select(solved, error, P(too_long) / weight_), P(0.0)));
+    for (int r = 0; r < stages; ++r) {
+      for (int i = 0; i < n_; ++i) at_[i] = to_.x[i] + step_.increment(r, i);
+      f_.linearise(at_, side, rate_, jacobian_[r]);
+    }
+    set_up(step);
+    system_.factorise();
+    for (int j = 0; j < f_.parameters; ++j) advance_column(j, step, moves);
+    for (int i = 0; i < n_; ++i) to_.x[i] = select(moves, to_.x[i] + step_.increment(stages - 1, i), to_.x[i]);
+    step_.keep(moves);
+  }
+
+ private:
+  // use(i, k, entry) for the entries of f_x, use(i, entry) for those of f_theta's column j.
+  void for_each_by_state(const Jacobian<M, P>& jacobian, auto&& use) const {
+    for_each_index(f_.states, [&](auto i) {
+      const auto coupled = f_.dependence.coupled(i);
+      for_each_variable(
+          coupled, [&](auto k) { use(i, k, jacobian.by_state[f_.dependence.state_start[i] + detail::below(coupled, k)]); });
+    });
+  }
+  void for_each_by_theta(const Jacobian<M, P>& jacobian, int j, auto&& use) const {
+    int at = f_.dependence.theta_start[j];
+    for (int i = 0; i < n_; ++i)
+      if (drives(j, i)) use(i, jacobian.by_theta[at++]);
+  }
+  bool drives(int j, int i) const {
+    bool found = false;
+    for_each_index(f_.parameters, [&](auto k) {
+      if (k == j) found = (f_.dependence.driven(k) >> i) & 1;
+    });
+    return found;
+  }
+
+  double scale(int i) const { return 1.0 / f_.inverse_scale(i); }
+
+  // The largest of all steps counts, as in step control: what is stiff forgets errors. NaN where any is.
+  static void raise(P& largest, const P& squared_error) { largest += max(P(0.0), squared_error - largest); }
+
+  void set_up(const P& step) {
+    for (int r = 0; r < stages; ++r)
+      for (int i = 0; i < n_; ++i)
+        for (int q = 0; q < stages; ++q)
+          for (int k = 0; k < n_; ++k) system_(r * n_ + i, q * n_ + k) = P(i == k ? Radau::inverse[r][q] : 0.0);
+    for (int r = 0; r < stages; ++r)
+      for_each_by_state(jacobian_[r], [&](int i, int k, const P& entry) {
+        P& place = system_(r * n_ + i, r * n_ + k);
+        place = place - step * entry * (f_.inverse_scale(i) * scale(k));
+      });
+  }
+
+  // h (J s + f_theta) in units of the scales.
+  void rates(const Jacobian<M, P>& jacobian, int j, const P& step, P* out) const {
+    std::fill_n(out, n_, P(0.0));
+    for_each_by_state(jacobian, [&](int i, int k, const P& entry) { out[i] += entry * column_[k]; });
+    for_each_by_theta(jacobian, j, [&](int i, const P& entry) { out[i] += entry; });
+    for (int i = 0; i < n_; ++i) out[i] = out[i] * (step * f_.inverse_scale(i));
+  }
+
+  void advance_column(int j, const P& step, const mask_of_lanes<P>& moves) {
+    std::fill(column_.begin(), column_.end(), P(0.0));
+    to_.for_each_row(j, [&](int i, int at) { column_[i] = to_.s[f_.dependence.column_start[j] + at]; });
+    for (int r = 0; r < stages; ++r) rates(jacobian_[r], j, step, &right_[r * n_]);
+    rates(jacobian_[stages], j, step, start_.data());
+    system_.solve(right_.data());
+    for (int i = 0; i < n_; ++i)
+      for (int r = 0; r < stages; ++r) start_[i] += Radau::error[r] * right_[r * n_ + i];
+    step_.solve_real(start_.data());
+    P error(0.0), size(0.0);
+    to_.for_each_row(j, [&](int i, int at) {
+      P& entry = to_.s[f_.dependence.column_start[j] + at];
+      entry = select(moves, entry + scale(i) * right_[(stages - 1) * n_ + i], entry);
+      const P share = entry * f_.inverse_scale(i);
+      size += share * share;
+      error += start_[i] * start_[i];
+    });
+    raise(to_.squared_column_error_[j], select(moves, error, P(0.0)));
+    to_.squared_column_size_[j] = max(to_.squared_column_size_[j], size);
+  }
+
+  const Equation& f_;
+  Tangents<M, P, Method>& to_;
+  double weight_;
+  ImplicitStep<Plain> step_;
+  int n_;
+  Elimination<P> system_;
+  ShelfVector<P> right_, start_, column_;  // three stages of a column's gain, its embedded error, and the column
+  State rate_, at_;
+  Side side_;
+  Jacobian<M, P> jacobian_[stages + 1];  // of the stages, then of the step's start
+};
+
+}  // namespace fisherpoint

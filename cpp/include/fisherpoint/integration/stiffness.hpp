@@ -1,0 +1,80 @@
+// Stiff stretches: members of Integrator (integrator.hpp, which includes it at its end). A lane whose explicit steps turn out
+// to be limited by stability goes on by implicit ones to the trajectory's end; where it slides along a jump, by explicit ones.
+#pragma once
+
+#include "fisherpoint/integration/sliding.hpp"
+#include "fisherpoint/integration/step_control.hpp"
+
+namespace fisherpoint {
+
+template <class Equation, class Method>
+void Integrator<Equation, Method>::set_stiff(const Mask& lanes) {
+  stiff_ = lanes;
+  any_stiff_ = any(stiff_);
+  stiff_signs_ = others_ = P(0.0);
+  if (any_stiff_ && !implicit_step_) implicit_step_.emplace(f_);
+}
+
+template <class Equation, class Method>
+auto Integrator<Equation, Method>::choose_implicit() -> Mask {
+  return implicit_ = running_ & stiff_ & !any_slides<P>(f_, side_);
+}
+
+// What attempt_explicit leaves, in the implicit lanes. Slopes are those of the stages' cubic: f itself turns what is left of
+// the iteration's error into fast rates.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::attempt_implicit(const State& y, State& middle) {
+  ImplicitStep<Equation>& step = *implicit_step_;
+  const Mask solved = step.solve(implicit_, y, stage_[0], step_, side_, weight_);
+  const P error = squared_weight() * step.squared_error(rejected_ | (time_ <= P(0.0)), y, side_, weight_);
+  const P unsolved = select(step.unknown(), P(infinity), P(unsolved_error));
+  squared_error_ = select(implicit_, select(solved, error, unsolved), squared_error_);
+  State start;
+  fit(start, f_.states);
+  for_each_index(f_.states, [&](auto i) {
+    end_[i] = select(implicit_, y[i] + step.change(i, 1.0), end_[i]);
+    middle[i] = select(implicit_, y[i] + step.change(i, 0.5), middle[i]);
+    stage_[last][i] = select(implicit_, step.slope(i, 1.0), stage_[last][i]);
+    start[i] = step.slope(i, 0.0);
+  });
+  const Surfaces rate = f_.surface_rates(y, start);
+  for_each_index(f_.surfaces, [&](auto m) { rate_[m] = select(implicit_, rate[m], rate_[m]); });
+}
+
+// By how much an implicit step may grow, as its error tells.
+template <class Equation, class Method>
+auto Integrator<Equation, Method>::implicit_wish() const -> P {
+  const P eighth_root = sqrt(sqrt(sqrt(squared_error_ + 1e-20)));
+  return min(min(0.9 / eighth_root, P(Radau::most_growth)), most_implicit_wished * wished_ / step_);
+}
+
+// Between the last two stages, both at the step's end, f changes by its fastest rate times what the states differ by (Hairer,
+// Wanner, "Solving ordinary differential equations II", section IV.2). By that rate steps are limited at the bound of
+// stability; or with tight tolerances below it, by what the fast rate makes of slow changes: the step is of the length of the
+// fastest time constant, and f changes by far less over it than it would if the solution itself were so fast.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::watch_stiffness(const Mask& taken, const State& y) {
+  State apart, rates_apart;
+  fit(apart, f_.states);
+  fit(rates_apart, f_.states);
+  for_each_index(f_.states, [&](auto i) {
+    apart[i] = end_[i] - y[i] - step_ * weighted_sum(counted<Equation, last - 1>(), Method::a[last - 1], stage_, i);
+    rates_apart[i] = step_ * (stage_[last][i] - stage_[last - 1][i]);
+  });
+  constexpr double bound = Method::stability * Method::stability;
+  const P squared_rate = f_.squared_size(rates_apart) / f_.squared_size(apart);  // of the fastest, times the step
+  Mask limited = squared_rate > P(bound);
+  if (outcome_.attempts > slowness_watched_from) {
+    for_each_index(f_.states, [&](auto i) { apart[i] = stage_[last][i] - stage_[0][i]; });
+    const P most = (slow * slow) * squared_rate * f_.squared_size(stage_[0]);
+    limited = limited | ((squared_rate > P(0.25)) & (f_.squared_size(apart) < most));
+  }
+  const Mask watched = taken & running_ & !stiff_, sign = watched & limited, other = watched & !sign;
+  stiff_signs_ += select(sign, P(1.0), P(0.0));
+  others_ = select(sign, P(0.0), others_ + select(other, P(1.0), P(0.0)));
+  stiff_signs_ = select(others_ >= P(most_others), P(0.0), stiff_signs_);
+  const Mask turned = watched & (stiff_signs_ >= P(double(stiff_signs)));
+  if (any(turned)) set_stiff(stiff_ | turned);
+}
+
+}  // namespace fisherpoint

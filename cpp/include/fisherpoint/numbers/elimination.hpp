@@ -1,0 +1,134 @@
+// Systems of linear equations, A x = b with a dense A, by Gaussian elimination in every lane: rows change places where a lane
+// needs it, and there alone. What is singular gives infinities or NaN.
+#pragma once
+
+#include "fisherpoint/numbers/pack.hpp"
+#include "fisherpoint/numbers/shelves.hpp"
+
+namespace fisherpoint {
+
+template <class P>
+struct Complex {
+  P re, im;
+
+  friend Complex operator-(const Complex& a, const Complex& b) { return {a.re - b.re, a.im - b.im}; }
+  friend Complex operator*(const Complex& a, const Complex& b) {
+    return {a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
+  }
+};
+
+namespace detail {
+
+template <class P>
+struct NumberOf {
+  using type = P;
+};
+template <class P>
+struct NumberOf<Complex<P>> {
+  using type = P;
+};
+
+template <class P>
+P magnitude(const P& a) {
+  return abs(a);
+}
+template <class P>
+P magnitude(const Complex<P>& a) {
+  return abs(a.re) + abs(a.im);
+}
+template <class P>
+P reciprocal(const P& a) {
+  return 1.0 / a;
+}
+template <class P>
+Complex<P> reciprocal(const Complex<P>& a) {
+  const P part = 1.0 / (a.re * a.re + a.im * a.im);
+  return {a.re * part, -(a.im * part)};
+}
+template <class Mask, class P>
+void exchange_where(const Mask& lanes, P& a, P& b) {
+  const P kept = a;
+  a = select(lanes, b, a);
+  b = select(lanes, kept, b);
+}
+template <class Mask, class P>
+void exchange_where(const Mask& lanes, Complex<P>& a, Complex<P>& b) {
+  exchange_where(lanes, a.re, b.re);
+  exchange_where(lanes, a.im, b.im);
+}
+
+}  // namespace detail
+
+// T: a pack, or a complex number of packs.
+template <class T>
+class Elimination {
+  using P = typename detail::NumberOf<T>::type;
+  using Mask = mask_of_lanes<P>;
+  // A diagonal entry of at least this share of the largest below it stays where it is.
+  static constexpr double large_enough = 0.1;
+
+ public:
+  explicit Elimination(int n) : n_(n), a_(n * n), place_(n) {}
+
+  T& operator()(int i, int k) { return a_[i * n_ + k]; }
+
+  // Of the matrix as its entries are; they are lost.
+  [[gnu::noinline]] void factorise() {
+    for (int k = 0; k < n_; ++k) {
+      bring_up(k);
+      T* const top = &a_[k * n_];
+      const T inverse = top[k] = detail::reciprocal(top[k]);
+      for (int i = k + 1; i < n_; ++i) {
+        T* const row = &a_[i * n_];
+        const T factor = row[k] = row[k] * inverse;
+        for (int m = k + 1; m < n_; ++m) row[m] = row[m] - factor * top[m];
+      }
+    }
+  }
+
+  // b becomes x.
+  [[gnu::noinline]] void solve(T* b) const {
+    for (int k = 0; k < n_; ++k)
+      for (int i = k + 1; place_[k].moved && i < n_; ++i) detail::exchange_where(is_row(k, i), b[k], b[i]);
+    for (int i = 1; i < n_; ++i)
+      for (int k = 0; k < i; ++k) b[i] = b[i] - a_[i * n_ + k] * b[k];
+    for (int k = n_; k-- > 0;) {
+      for (int m = k + 1; m < n_; ++m) b[k] = b[k] - a_[k * n_ + m] * b[m];
+      b[k] = b[k] * a_[k * n_ + k];
+    }
+  }
+
+ private:
+  struct Place {
+    P row{0.0};  // which row was brought up here, in every lane
+    bool moved = false;
+  };
+
+  Mask is_row(int k, int i) const { return abs(place_[k].row - P(i)) < P(0.5); }
+
+  void bring_up(int k) {
+    Place& place = place_[k];
+    const P own = detail::magnitude(a_[k * n_ + k]);
+    P largest = own;
+    place = {P(k), false};
+    for (int i = k + 1; i < n_; ++i) {
+      const P size = detail::magnitude(a_[i * n_ + k]);
+      const Mask larger = (size > largest) & (large_enough * size > own);
+      largest = select(larger, size, largest);
+      place.row = select(larger, P(i), place.row);
+    }
+    place.moved = any(place.row > P(k));
+    if (!place.moved) return;
+    for (int i = k + 1; i < n_; ++i) {
+      const Mask here = is_row(k, i);
+      if (!any(here)) continue;
+      for (int m = 0; m < n_; ++m) detail::exchange_where(here, a_[k * n_ + m], a_[i * n_ + m]);
+    }
+  }
+
+  int n_;
+  ShelfVector<T> a_;  // row by row; once factorised, L below the diagonal, and on it the reciprocals of U's
+  ShelfVector<Place> place_;
+};
+
+}  // namespace fisherpoint

@@ -1,0 +1,78 @@
+#include <doctest/doctest.h>
+
+#include <cmath>
+
+#include "fisherpoint/numbers/elimination.hpp"
+#include "fisherpoint/numbers/lanes.hpp"
+
+using namespace fisherpoint;
+using P = Pack<native_lanes>;
+
+namespace {
+
+constexpr int n = 6;
+
+// Entries of either sign; of every other lane the diagonal is next to nothing, so that rows change places there.
+double entry(int lane, int i, int k) {
+  const double value = std::sin(7.3 * lane + 2.1 * i + 5.7 * k + 0.3 * i * k);
+  return i == k && lane % 2 ? 1e-14 * value : value;
+}
+double right(int lane, int i) { return std::cos(3.1 * lane + i); }
+
+}  // namespace
+
+TEST_CASE("elimination solves, in lanes whose rows change places and in others") {
+  Elimination<P> system(n);
+  ShelfVector<P> b(n);
+  for (int lane = 0; lane < P::width; ++lane)
+    for (int i = 0; i < n; ++i) {
+      lanes_of<P>::set(b[i], lane, right(lane, i));
+      for (int k = 0; k < n; ++k) lanes_of<P>::set(system(i, k), lane, entry(lane, i, k));
+    }
+  system.factorise();
+  system.solve(b.data());
+  for (int lane = 0; lane < P::width; ++lane) {
+    Elimination<double> alone(n);
+    ShelfVector<double> x(n);
+    for (int i = 0; i < n; ++i) {
+      x[i] = right(lane, i);
+      for (int k = 0; k < n; ++k) alone(i, k) = entry(lane, i, k);
+    }
+    alone.factorise();
+    alone.solve(x.data());
+    for (int i = 0; i < n; ++i) {
+      double sum = -right(lane, i);
+      for (int k = 0; k < n; ++k) sum += entry(lane, i, k) * b[k][lane];
+      CHECK(std::abs(sum) < 1e-12);
+      CHECK(b[i][lane] == doctest::Approx(x[i]).epsilon(1e-10));
+    }
+  }
+}
+
+TEST_CASE("elimination solves complex systems") {
+  Elimination<Complex<double>> system(n);
+  ShelfVector<Complex<double>> b(n);
+  for (int i = 0; i < n; ++i) {
+    b[i] = {right(0, i), right(1, i)};
+    for (int k = 0; k < n; ++k) system(i, k) = {entry(1, i, k), entry(3, i, k)};
+  }
+  system.factorise();
+  system.solve(b.data());
+  for (int i = 0; i < n; ++i) {
+    double re = -right(0, i), im = -right(1, i);
+    for (int k = 0; k < n; ++k) {
+      re += entry(1, i, k) * b[k].re - entry(3, i, k) * b[k].im;
+      im += entry(1, i, k) * b[k].im + entry(3, i, k) * b[k].re;
+    }
+    CHECK(std::abs(re) + std::abs(im) < 1e-12);
+  }
+}
+
+TEST_CASE("what is singular gives no finite solution") {
+  Elimination<double> system(2);
+  system(0, 0) = system(0, 1) = system(1, 0) = system(1, 1) = 1.0;
+  ShelfVector<double> b{1.0, 2.0};
+  system.factorise();
+  system.solve(b.data());
+  CHECK_FALSE(std::isfinite(b[0] + b[1]));
+}
