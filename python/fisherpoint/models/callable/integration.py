@@ -54,6 +54,28 @@ def integrate(
 ) -> tuple[Array, int]:
     """Integrate z' = derivative(z) over dt, where z begins with the state; return z and a status.
 
+    What takes too many steps by the default method, as stiff models do, is tried again by an implicit one.
+    """
+    arguments = model, derivative, z0, u, dt, theta, rtol, cross_kinks
+    if method != "fastest":
+        return _integrate(*arguments, method)
+    z, status = _integrate(*arguments, "DOP853")
+    return _integrate(*arguments, "Radau") if status == STEP_LIMIT else (z, status)
+
+
+def _integrate(
+    model: CallableCore,
+    derivative: Callable[[Array], Array],
+    z0: Array,
+    u: Array,
+    dt: float,
+    theta: Array,
+    rtol: float,
+    cross_kinks: bool,
+    method: str,
+) -> tuple[Array, int]:
+    """By one of SciPy's methods.
+
     A kink is crossed by ending a step on it. Where the status is not ok, z is the last one that was reached.
 
     A step may go over something of which none of its stages sees anything. So f and the surfaces are looked at within long steps,
@@ -71,7 +93,7 @@ def integrate(
     size = np.concatenate([model.scale, FLOOR * np.repeat(model.scale, len(z0) // n_x - 1)])
     calls, shortest, most = 0, dt / LOOKS, np.inf
     long_steps: list[_Step] = []
-    chosen = _keeping_steps("RK45" if method == "RK45" else "DOP853", shortest, long_steps)
+    chosen = _keeping_steps(method, shortest, long_steps)
 
     def counted(_: float, z: Array) -> Array:
         nonlocal calls
