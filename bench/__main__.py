@@ -4,6 +4,7 @@
 ``python -m bench models`` compares the built-in cylinder with the same model written in Python, interpreted and compiled;
 ``python -m bench validation`` times a thousand fits next to a loop over SciPy's `least_squares`, and compares the minima;
 ``python -m bench campaign`` compares experiments that are designed in batches with as many that are designed at once;
+``python -m bench stiff`` compares stiff models with CVODES;
 ``python -m bench packs`` for what the core's packs could be made of;
 ``python -m bench cost`` counts instructions per trajectory, and exits with 1 where they are a tenth more than recorded;
 ``python -m bench table FILE`` prints what they wrote with ``--json`` as Markdown.
@@ -33,6 +34,7 @@ from . import (
     scaling,
     screening,
     sensitivities,
+    stiff,
     tables,
     validation,
 )
@@ -61,6 +63,11 @@ def main() -> int:
         of_campaigns = campaign.measure(options.quick, tables.console.print)
         tables.show_campaign(of_campaigns)
         _save(options, {"machine": found, "quick": options.quick, "campaign": asdict(of_campaigns)})
+        return 0
+    if options.task == "stiff":
+        of_stiff = stiff.measure(options.quick)
+        tables.show_stiff(of_stiff)
+        _save(options, {"machine": found, "quick": options.quick, "stiff": [asdict(figures) for figures in of_stiff]})
         return 0
     if options.task == "packs":
         of_packs, left_out = packs.measure(options.quick)
@@ -150,8 +157,9 @@ def _options() -> argparse.Namespace:
     parser.add_argument(
         "task",
         nargs="?",
-        choices=("peers", "scaling", "models", "validation", "campaign", "packs", "cost", "table"),
-        help="other programs; how the cost grows; models written in Python; many fits; design in batches; kinds of vectors;"
+        choices=("peers", "scaling", "models", "validation", "campaign", "stiff", "packs", "cost", "table"),
+        help="other programs; how the cost grows; models written in Python; many fits; design in batches; stiff"
+        " models; kinds of vectors;"
         " instructions per trajectory next to the recorded ones; a report as Markdown; nothing for all of fisherpoint next to"
         " SciPy",
     )

@@ -22,6 +22,7 @@ from .peers.compare import Comparison
 from .scaling import Series
 from .screening import ScreeningFigures
 from .sensitivities import SensitivityFigures
+from .stiff import StiffFigures
 from .validation import SAME, ValidationFigures
 
 console = Console(highlight=False, width=max(Console().width, 120))  # narrower, the tables break their rows
@@ -169,6 +170,35 @@ def show_cost(now: cost.Cost, before: cost.Cost) -> None:
     rows = [(kind, f"{before.instructions[kind]:,}", f"{now.instructions[kind]:,}", f"{grown[kind]:+.1%}") for kind in grown]
     header = ("", f"recorded, {before.compiler}", f"now, {now.compiler}", "change")
     _show("Instructions per trajectory, x86-64-v3", header, rows)
+
+
+def show_stiff(figures: Sequence[StiffFigures]) -> None:
+    """Print two rows per model."""
+    header = (
+        "",
+        "rtol",
+        "CVODES'",
+        "one, ms",
+        "interpreted",
+        "CVODES",
+        "ratio",
+        "each of 1000, ms",
+        "interpreted",
+        "CVODES",
+        "ratio",
+    )
+    rows = [
+        (
+            f"{f.model}, {'dx/dtheta' if f.sensitivities else 'states'}",
+            *("none" if rtol is None else f"{rtol:.0e}" for rtol in (f.rtol, f.rtol_cvodes)),
+            *(f"{1e3 * seconds:.3g}" for seconds in (f.one, f.one_interpreted, f.one_cvodes)),
+            f"{f.one_cvodes / f.one:.1f}",
+            *(f"{1e3 * seconds:.3g}" for seconds in (f.each, f.each_interpreted, f.each_cvodes)),
+            f"{f.each_cvodes / f.each:.0f}",
+        )
+        for f in figures
+    ]
+    _show("Stiff models, next to CVODES through CasADi at matched accuracy; compiled, ratios likewise, one core", header, rows)
 
 
 def show_packs(figures: Sequence[packs.Figures], left_out: Iterable[str]) -> None:
