@@ -59,7 +59,7 @@ class CovarianceFigures:
 
 def covariances(points: fp.Experiments, threads: int | None, rtol: float = DEFAULT_RTOL) -> Array:
     """Predictive covariances of points over the whole grid, (K, n_y, n_y)."""
-    result = fp.predictive_covariance(MODEL, points, PRIOR, RULE, rtol=rtol, threads=threads)
+    result = fp.predictive_covariance(MODEL, points, PRIOR, RULE, rtol=rtol, threads=threads, jumps="exclude")
     if (result.status != fp.Status.ok).any():
         raise RuntimeError(f"expected valid candidates, given status {result.status}")
     return result.covariance

@@ -166,7 +166,8 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "output_covariance": "The [form of D](../explanation/output_covariance.md).",
             "parameters": "The parameters to estimate; the others are taken as known.",
             "kinks": 'Whether trajectories may cross kinks; `"exclude"` leaves out points that do.',
-            "jumps": 'Whether trajectories may cross jumps, or slide along them; `"exclude"` leaves out points that meet one.',
+            "jumps": "Whether trajectories may cross jumps, or slide along them;"
+            ' `"exclude"`, the reading of the paper, leaves out points that meet one.',
             "assumed_covariance": "How the effect of `[uncertain]` and `[initial_state_std]` is computed: by tangents at the mean,"
             " or by the rule.",
         },

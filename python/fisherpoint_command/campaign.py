@@ -82,7 +82,10 @@ def _opened(config: Config, directory: Path, threads: int | None) -> fp.Campaign
     other = [name for name in here if name != "derived" and here[name] != there[name]]
     other += [name for name in ("batch", "settings") if getattr(given, name) != getattr(found, name)]
     if other:
-        raise config.error(other[0], f"expected what the campaign in {directory} was started with; another needs another directory")
+        name, was = other[0], f"what the campaign in {directory} was started with"
+        if name in ("kinks", "jumps"):  # which the file may leave to a default
+            raise config.error(f"design.{name}", f'expected "{there[name]}", {was}, given "{here[name]}"')
+        raise config.error(name, f"expected {was}; another needs another directory")
     if found.targets != given.targets:
         found.targets = given.targets
     return found

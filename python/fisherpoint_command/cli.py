@@ -166,14 +166,17 @@ def simulate(
         Path | None, typer.Option("-o", "--output", metavar="FILE.csv", help="File for points, outputs and statuses.")
     ] = None,
 ) -> int:
-    """Simulate given experiment points at the prior mean: the outputs after dt, and what went wrong where."""
+    """Simulate given experiment points at the prior mean: the outputs after dt, and what went wrong where.
+
+    Kinks and jumps are crossed or not as the file says.
+    """
     config = load_config(file)
     model, prior = config.build_model(), config.build_prior()
     experiments = read_data(points, "points", fp.Experiments.from_csv, config.build_model())
     if output:
         check_file(output)
     theta = np.array([prior.mean[quantity.name] for quantity in model.parameters])
-    done = fp.simulate(model, experiments, theta)
+    done = fp.simulate(model, experiments, theta, **config.crossings())
     show(simulation_report(model, experiments, done.y, done.status))
     if output:
         write_whole(output, simulation_frame(model, experiments, done.y, done.status).to_csv(index=False))

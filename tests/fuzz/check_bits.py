@@ -26,11 +26,12 @@ RTOL, SAME = 1e-6, 1e-10  # of what is computed, and what rounding may do betwee
 
 def numbers(model: Any, case: Case, points: fp.Experiments, theta: Floats, threads: int = 1) -> Numbers:
     """All that is computed of some points, by name."""
-    done, sensitive = (of(model, points, theta, rtol=RTOL, threads=threads) for of in (fp.simulate, fp.sensitivities))
+    settings: dict[str, Any] = {"rtol": RTOL, "threads": threads, "jumps": "exclude"}
+    done, sensitive = (of(model, points, theta, **settings) for of in (fp.simulate, fp.sensitivities))
     found = {"x": done.x, "y": done.y, "status": done.status, "dx": sensitive.dx_dtheta, "dy": sensitive.dy_dtheta}
     found["sensitive status"] = sensitive.status
     try:
-        spread = fp.predictive_covariance(model, points[:3], case.prior(), case.rule_of(), rtol=RTOL, threads=threads)
+        spread = fp.predictive_covariance(model, points[:3], case.prior(), case.rule_of(), **settings)
     except ValueError:
         return found
     found |= {"covariance": spread.covariance, "lost weight": spread.lost_weight}
@@ -57,11 +58,12 @@ def check_bits(bench: Bench) -> None:
             if not same_bits(array, other[kind]):
                 bench.report(f"bits change: {name}", 1.0, 0, "model", f"{kind} of {len(points)} points (see the seed) changes")
     order = np.random.default_rng(case.seed).permutation(len(points))
-    shuffled = [of(bench.model, points[order], theta[order], rtol=1e-6, threads=1) for of in (fp.simulate, fp.sensitivities)]
+    settings: dict[str, Any] = {"rtol": RTOL, "threads": 1, "jumps": "exclude"}
+    shuffled = [of(bench.model, points[order], theta[order], **settings) for of in (fp.simulate, fp.sensitivities)]
     first = {0: ("x", "y", "status"), 1: ("x", "y", "dx", "dy", "sensitive status")}
     alone = order[:3].tolist()
     for at, of in enumerate((fp.simulate, fp.sensitivities)):
-        own = [of(bench.model, points[k], theta[k], rtol=1e-6, threads=1) for k in alone]
+        own = [of(bench.model, points[k], theta[k], **settings) for k in alone]
         for k, one in zip(alone, own, strict=True):
             place = int(np.flatnonzero(order == k)[0])
             if not all(same_bits(a, b[place : place + 1]) for a, b in zip(one, shuffled[at], strict=True)):
@@ -74,7 +76,7 @@ def check_bits(bench: Bench) -> None:
                     "bits change: another order", 1.0, 0, "model", f"{name} of {len(points)} points (see the seed) changes"
                 )
     if "covariance" in expected and len(points):
-        one = fp.predictive_covariance(bench.model, points[0], case.prior(), case.rule_of(), rtol=RTOL, threads=1)
+        one = fp.predictive_covariance(bench.model, points[0], case.prior(), case.rule_of(), **settings)
         if not same_bits(one.covariance, expected["covariance"][:1]):
             bench.report(
                 "bits change: other points beside", 1.0, 0, "fp.predictive_covariance(model, points, prior, rule)", "", theta=False

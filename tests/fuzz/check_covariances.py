@@ -35,14 +35,14 @@ def check_covariance(bench: Bench, method: str | None = None) -> None:
         rows = np.arange(len(bench.points))[:1]
     points = bench.points[rows]
     try:
-        given = fp.predictive_covariance(bench.model, points, prior, rule, rtol=RTOL, threads=1, method=method)
+        given = fp.predictive_covariance(bench.model, points, prior, rule, rtol=RTOL, threads=1, method=method, jumps="exclude")
     except ValueError:  # as a mean that starts on a surface
         bench.figures.count("covariances refused")
         return
     bench.figures.count("calls")
     bench.figures.count("covariances", len(rows))
     bench.figures.count("trajectories", len(rows) * rule.size(prior))
-    call = f"fp.predictive_covariance(model, points, prior, rule, rtol={RTOL:g}, method={method!r})"
+    call = f"fp.predictive_covariance(model, points, prior, rule, rtol={RTOL:g}, method={method!r}, jumps='exclude')"
     for row, k in enumerate(rows.tolist()):
         one = fp.PredictiveCovariance(*(of[row : row + 1] for of in (*given, given.projection, given.lost_weight)))
         if not np.isfinite(one.covariance).all():
@@ -57,7 +57,7 @@ def check_covariance(bench: Bench, method: str | None = None) -> None:
 
 def check_linearized(bench: Bench, k: int, prior: fp.GaussianPrior, given: fp.PredictiveCovariance, call: str) -> None:
     """S Sigma S^T of sensitivities that are checked by themselves."""
-    done = fp.sensitivities(bench.model, bench.points[k], bench.case.mean, rtol=1e-9, threads=1)
+    done = fp.sensitivities(bench.model, bench.points[k], bench.case.mean, rtol=1e-9, threads=1, jumps="exclude")
     if given.status[0] != OK or done.status[0] != OK:
         return
     S, sizes = done.dy_dtheta[0], bench.case.sizes

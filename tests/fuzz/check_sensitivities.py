@@ -27,9 +27,9 @@ def check_sensitivities(bench: Bench, rtol: float, method: str) -> None:
         return
     bench.figures.count("calls")
     bench.figures.count("sensitivities", len(points))
-    done = fp.sensitivities(bench.model, points, theta, rtol=rtol, threads=1, method=method)
+    done = fp.sensitivities(bench.model, points, theta, rtol=rtol, threads=1, method=method, jumps="exclude")
     bench.finite("fp.sensitivities", done, rtol)
-    call = f"fp.sensitivities(model, points, theta, rtol={rtol:g}, method={method!r})"
+    call = f"fp.sensitivities(model, points, theta, rtol={rtol:g}, method={method!r}, jumps='exclude')"
     judged = 0
     ok = np.flatnonzero(done.status == OK)
     check_output_sensitivities(bench, done, ok, call)
@@ -128,7 +128,8 @@ def largest_column(bench: Bench, k: int, j: int, known: float, theta: Floats | N
     """The largest size of a column on the way, which is what its error is measured by."""
     points, theta, largest = bench.points[k], bench.theta[k : k + 1] if theta is None else theta, known
     for share in (1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0):
-        way = fp.sensitivities(bench.model, fp.Experiments(points.x0, points.u, points.dt * share), theta, rtol=1e-9, threads=1)
+        part = fp.Experiments(points.x0, points.u, points.dt * share)
+        way = fp.sensitivities(bench.model, part, theta, rtol=1e-9, threads=1, jumps="exclude")
         if way.status[0] == OK:
             largest = max(largest, float(np.max(np.abs(way.dx_dtheta[0, :, j]) / bench.case.sizes)))
     return largest

@@ -5,6 +5,8 @@ points, and every column of sensitivities in units of its own size. Local errors
 deviations the end may be further off by the magnification. So an error counts as wrong where it is above ALLOWED = 100 times rtol,
 in these units, and above 100 times what a deviation of rtol grows to on the way, which is measured. A hundred is what separates the
 rare point whose step saw too little from one that is wrong: the worst of 30,000 points of the paper's cylinder is 10 rtol off.
+
+Jumps are excluded, as SciPy's route ends there; tests/python/test_jumps.py compares trajectories that cross them.
 """
 
 from __future__ import annotations
@@ -53,14 +55,14 @@ class Bench:
     def _admit(self) -> None:
         """Leave out points that are refused, as those that start on a surface."""
         try:
-            fp.simulate(self.model, self.points, self.theta, threads=1)
+            fp.simulate(self.model, self.points, self.theta, threads=1, jumps="exclude")
             return
         except ValueError:
             pass
         kept = []
         for k in range(len(self.points)):
             try:
-                fp.simulate(self.model, self.points[k], self.theta[k], threads=1)
+                fp.simulate(self.model, self.points[k], self.theta[k], threads=1, jumps="exclude")
                 kept.append(k)
             except ValueError as error:
                 self.figures.count("points refused")
@@ -87,7 +89,7 @@ class Bench:
     def simulate(self, points: fp.Experiments, theta: Floats, rtol: float, method: str | None = None) -> fp.Trajectories:
         self.figures.count("calls")
         self.figures.count("trajectories", len(points))
-        done = fp.simulate(self.model, points, theta, rtol=rtol, threads=1, method=method)
+        done = fp.simulate(self.model, points, theta, rtol=rtol, threads=1, method=method, jumps="exclude")
         self.finite("fp.simulate", done, rtol)
         return done
 
@@ -135,7 +137,8 @@ def magnification(bench: Bench, k: int, rtol: float) -> float:
     for share in (0.0, 0.05, 0.25, 0.5, 0.75, 0.9, 0.98):
         x0 = points.x0
         if share:
-            way = fp.simulate(bench.model, fp.Experiments(x0, points.u, points.dt * share), theta, rtol=TIGHT, threads=1)
+            part = fp.Experiments(x0, points.u, points.dt * share)
+            way = fp.simulate(bench.model, part, theta, rtol=TIGHT, threads=1, jumps="exclude")
             if way.status[0] != OK:
                 continue
             x0 = way.x
@@ -144,7 +147,7 @@ def magnification(bench: Bench, k: int, rtol: float) -> float:
             x0 + deviation, np.repeat(points.u, len(deviation), 0), np.repeat(points.dt, len(deviation)) * (1 - share)
         )
         try:
-            ends = fp.simulate(bench.model, moved, theta[0], rtol=TIGHT, threads=1)
+            ends = fp.simulate(bench.model, moved, theta[0], rtol=TIGHT, threads=1, jumps="exclude")
         except ValueError:
             return math.inf
         if ends.status.any():
@@ -194,7 +197,7 @@ def check_functions(bench: Bench) -> None:
                     np.array(expected),
                     allowed,
                     k,
-                    f"fp.simulate(model, points, theta, rtol={TIGHT}).y",
+                    f"fp.simulate(model, points, theta, rtol={TIGHT}, jumps='exclude').y",
                 )
 
 
@@ -297,7 +300,7 @@ def check_states(bench: Bench) -> None:
                 int(done.status[k]),
                 done.x[k],
                 rtol,
-                f"fp.simulate(model, points, theta, rtol={rtol:g}, method={method!r})",
+                f"fp.simulate(model, points, theta, rtol={rtol:g}, method={method!r}, jumps='exclude')",
             )
 
 

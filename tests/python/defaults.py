@@ -49,10 +49,10 @@ def problem(**changes: Any) -> fp.DesignProblem:
     return fp.DesignProblem(**(arguments | changes))
 
 
-def valid_points(count: int, seed: int = 0, rule: fp.TensorGrid = SMALL) -> fp.Experiments:
+def valid_points(count: int, seed: int = 0, rule: fp.TensorGrid = SMALL, jumps: str = "cross") -> fp.Experiments:
     """Random points of the default region that are valid on the whole grid."""
     drawn = random_points(np.random.default_rng(seed), 20 * count)
-    survives = fp.predictive_covariance(MODEL, drawn, PRIOR, rule).status == fp.Status.ok
+    survives = fp.predictive_covariance(MODEL, drawn, PRIOR, rule, jumps=jumps).status == fp.Status.ok
     points = drawn[survives][:count]
     assert len(points) == count
     return points

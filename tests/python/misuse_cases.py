@@ -70,7 +70,7 @@ def cases() -> dict[str, Case]:
     """By name, as messages and the choice by a seed need it."""
     of_model, of_points, theta = (model(), MODEL), (points(), POINTS), (THETA, ARRAY, MAP)
     rtol, threads, kinks = (1e-6, NUMBER), (1, INT, NONE), ("cross",)
-    settings = {"rtol": rtol, "threads": threads, "kinks": kinks}
+    settings = {"rtol": rtol, "threads": threads, "kinks": kinks, "jumps": kinks}
     std = ({"k": 0.1, "a": 0.1},)
     quantities = {
         "states": (STATES,),
@@ -247,7 +247,8 @@ def cases() -> dict[str, Case]:
             rule=(fp.SparseGaussHermite(1),),
             output_covariance=("noise", NONE),
             parameters=(["k"], NONE, NAMES),
-            kinks=("cross",),
+            kinks=kinks,
+            jumps=kinks,
             rtol=rtol,
             uncertain=({"d": 0.1}, MAP, NONE),
             initial_state_std=({"h": 0.1}, MAP, NONE),

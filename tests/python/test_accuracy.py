@@ -12,11 +12,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import fisherpoint as fp
 import oracle
 from conftest import REGION, random_points
 from defaults import MODEL, PRIOR, SMALL, grid
+from fisherpoint.basics.values import IntArray
 from oracle import OUTPUT_ROWS, STATE_SCALES, Cylinder, Floats
 
 pytestmark = pytest.mark.kernels
@@ -60,6 +62,7 @@ def case(name: str) -> Case:
     return Case(cylinder, random_points(rng, 4000, box), mean + std * rng.uniform(-1, 1, (4000, 9)), std)
 
 
+JUMPS = pytest.mark.parametrize("jumps", ["cross", "exclude"])
 CASES = pytest.mark.parametrize("name", ["default-mean", "default-spread", "other-a", "other-b", "other-c"])
 
 
@@ -74,13 +77,21 @@ def sensitivity_error(actual: Floats, expected: Floats, std: Floats) -> Floats:
 # --- the promise at the default rtol --------------------------------------------------------------------------------------
 
 
+def both_ok(actual: IntArray, expected: IntArray) -> NDArray[np.bool_]:
+    """Of which points both statuses are ok; all of which one is, but where an encounter with a jump hangs on the tolerance."""
+    a, b = (status == fp.Status.ok for status in (actual, expected))
+    odd = {fp.Status(s).name for status in (actual, expected) for s in status[a != b]} - {"ok"}
+    assert odd <= {"grazes_jump", "on_jump"} and np.count_nonzero(a != b) <= 2
+    return a & b
+
+
 @CASES
-def test_states_at_the_default_tolerance(name: str) -> None:
+@JUMPS
+def test_states_at_the_default_tolerance(name: str, jumps: str) -> None:
     c = case(name)
-    actual = fp.simulate(c.model, c.points, c.theta)
-    expected = fp.simulate(c.model, c.points, c.theta, rtol=TIGHT)
-    ok = expected.status == fp.Status.ok
-    np.testing.assert_array_equal(actual.status == fp.Status.ok, ok)
+    actual = fp.simulate(c.model, c.points, c.theta, jumps=jumps)
+    expected = fp.simulate(c.model, c.points, c.theta, rtol=TIGHT, jumps=jumps)
+    ok = both_ok(actual.status, expected.status)
     # Which of two reasons comes first may hang on the tolerance where a jump and a limit are met within one step.
     assert np.mean(actual.status != expected.status) < 2e-3
     assert np.count_nonzero(ok) > 500 and np.count_nonzero(ok & c.crosses_centre()) > 100
@@ -92,13 +103,13 @@ def test_states_at_the_default_tolerance(name: str) -> None:
 
 
 @CASES
-def test_sensitivities_at_the_default_tolerance(name: str) -> None:
+@JUMPS
+def test_sensitivities_at_the_default_tolerance(name: str, jumps: str) -> None:
     c = case(name)
-    actual = fp.sensitivities(c.model, c.points, c.theta)
-    expected = fp.sensitivities(c.model, c.points, c.theta, rtol=TIGHT)
-    ok = expected.status == fp.Status.ok
-    np.testing.assert_array_equal(actual.status == fp.Status.ok, ok)
-    np.testing.assert_array_equal(ok, fp.simulate(c.model, c.points, c.theta).status == fp.Status.ok)
+    actual = fp.sensitivities(c.model, c.points, c.theta, jumps=jumps)
+    expected = fp.sensitivities(c.model, c.points, c.theta, rtol=TIGHT, jumps=jumps)
+    ok = both_ok(actual.status, expected.status)
+    both_ok(actual.status, fp.simulate(c.model, c.points, c.theta, jumps=jumps).status)
     for rows in (ok, ok & c.crosses_centre()):
         states = state_error(actual.x[rows], expected.x[rows])
         columns = sensitivity_error(actual.dx_dtheta[rows], expected.dx_dtheta[rows], c.std)
@@ -115,7 +126,7 @@ def test_sensitivities_of_the_outputs_alone(name: str, method: str, rtol: float)
     """By rows, to what columns promise, with the statuses of columns."""
     c = case(name)
     points = c.points.x0, c.points.u, c.points.dt
-    expected = fp.sensitivities(c.model, c.points, c.theta, rtol=TIGHT)
+    expected = fp.sensitivities(c.model, c.points, c.theta, rtol=TIGHT, jumps="exclude")
 
     def solve(outputs_alone: bool) -> tuple[Any, ...]:
         settings = rtol, True, False, method, 1
@@ -136,12 +147,12 @@ def test_sensitivities_of_the_outputs_alone(name: str, method: str, rtol: float)
 
 @pytest.mark.parametrize("name", ["default-spread", "other-a"])
 def test_the_tight_solve_is_the_oracles(name: str) -> None:
-    """12 points of each, crossings among them: states, sensitivities and the reasons of those that are none."""
+    """12 points of each, crossings of the kink among them: states, sensitivities and the reasons of those that are none."""
     c = case(name)
-    result = fp.sensitivities(c.model, c.points, c.theta, rtol=TIGHT)
+    result = fp.sensitivities(c.model, c.points, c.theta, rtol=TIGHT, jumps="exclude")
     crosses, ok = c.crosses_centre(), result.status == fp.Status.ok
     rows = [*np.flatnonzero(ok & crosses)[:4], *np.flatnonzero(ok & ~crosses)[:4], *np.flatnonzero(~ok)[:4]]
-    simulated = fp.simulate(c.model, c.points[rows], c.theta[rows], rtol=TIGHT)
+    simulated = fp.simulate(c.model, c.points[rows], c.theta[rows], rtol=TIGHT, jumps="exclude")
     for k, x_alone in zip(rows, simulated.x, strict=True):
         point = c.points.x0[k], c.points.u[k, 0], c.points.dt[k]
         if not ok[k]:
@@ -180,10 +191,13 @@ def test_the_error_falls_in_proportion_to_the_tolerance() -> None:
 
 
 def test_sensitivities_are_the_central_differences_of_trajectories() -> None:
-    """Fourth order, in steps of 0.01 prior std, over points with and without a crossing of the spool's centre."""
+    """Fourth order, in steps of 0.01 prior std, over points with and without a crossing of the spool's centre.
+
+    Where v = 0 is met, some steps are too long for differences of that order: those are compared in test_jumps.py.
+    """
     c = case("default-mean")
     points, theta, step = c.points[:2500], MEAN, 0.01
-    result = fp.sensitivities(MODEL, points, theta, rtol=TIGHT)
+    result = fp.sensitivities(MODEL, points, theta, rtol=TIGHT, jumps="exclude")
     usable = result.status == fp.Status.ok
     # Within 2 bar of tank or supply the root bends so sharply that differences need other steps.
     pressures = np.concatenate([points.x0[:, 2:4], result.x[:, 2:4]], axis=1)
@@ -191,7 +205,7 @@ def test_sensitivities_are_the_central_differences_of_trajectories() -> None:
     differences = np.zeros((len(points), 5, 9))
     for j, std in enumerate(STD):
         for shift, weight in ((1, 8), (-1, -8), (2, -1), (-2, 1)):
-            moved = fp.simulate(MODEL, points, theta + shift * step * std * (np.arange(9) == j), rtol=TIGHT)
+            moved = fp.simulate(MODEL, points, theta + shift * step * std * (np.arange(9) == j), rtol=TIGHT, jumps="exclude")
             usable &= moved.status == fp.Status.ok
             differences[:, :, j] += weight * moved.x / (12 * step * std)
     crosses = c.crosses_centre()[:2500]
@@ -207,15 +221,16 @@ def test_sensitivities_are_the_central_differences_of_trajectories() -> None:
 # --- predictive covariances -------------------------------------------------------------------------------------------------
 
 
+@JUMPS
 @pytest.mark.parametrize(
     "rule",
     [SMALL, grid(a_tau=3, b_tau=3, m_q=3), grid(a_tau=2, E_oil=3, p_t=2, B_v=3, c_L=2, V_0A=2, V_0B=2)],
     ids=["27", "mechanical", "288"],
 )
-def test_predictive_covariances_at_the_default_tolerance(rule: fp.TensorGrid) -> None:
+def test_predictive_covariances_at_the_default_tolerance(rule: fp.TensorGrid, jumps: str) -> None:
     """Relative Frobenius error, outputs scaled by their std; x_v does not depend on theta and is left out."""
     points = random_points(np.random.default_rng(5), 2000)
-    expected = fp.predictive_covariance(MODEL, points, PRIOR, rule, rtol=1e-11)
+    expected = fp.predictive_covariance(MODEL, points, PRIOR, rule, rtol=1e-11, jumps=jumps)
     ok = expected.status == fp.Status.ok
     assert np.count_nonzero(ok) > 400
     std = np.sqrt(np.diagonal(expected.covariance[ok], axis1=1, axis2=2))[:, :3]
@@ -223,13 +238,16 @@ def test_predictive_covariances_at_the_default_tolerance(rule: fp.TensorGrid) ->
     size = np.linalg.norm(expected.covariance[ok][:, :3, :3] / scale, axis=(1, 2))
     # Deviations from the nominal output share most of the integrator's error, so small spreads keep their digits too.
     for rtol, typical, most, worst in ((1e-6, 2e-6, 4e-5, 2e-4), (1e-8, 2e-8, 4e-7, 2e-6)):
-        actual = fp.predictive_covariance(MODEL, points, PRIOR, rule, rtol=rtol)
-        np.testing.assert_array_equal(actual.status, expected.status)
+        actual = fp.predictive_covariance(MODEL, points, PRIOR, rule, rtol=rtol, jumps=jumps)
+        # Where jumps are crossed, some node of a point in a thousand grazes one, as far as the looser tolerance can tell.
+        grazes = (actual.status == fp.Status.grazes_jump) & (expected.status != actual.status)
+        np.testing.assert_array_equal(actual.status[~grazes], expected.status[~grazes])
+        assert grazes.sum() <= (4 if jumps == "cross" else 0)
         difference = (actual.covariance - expected.covariance)[ok][:, :3, :3]
-        error = np.linalg.norm(difference / scale, axis=(1, 2)) / size
+        error = (np.linalg.norm(difference / scale, axis=(1, 2)) / size)[~grazes[ok]]
         assert np.median(error) < typical and np.quantile(error, SHARE) < most and np.max(error) < worst
         assert np.all(actual.covariance[ok][:, 3] == 0.0)
-        assert np.all(actual.covariance[~ok] == 0.0)
+        assert np.all(actual.covariance[~ok | grazes] == 0.0)
 
 
 # --- the performance workload --------------------------------------------------------------------------------------------------

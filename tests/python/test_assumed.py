@@ -15,7 +15,7 @@ from oracle import Floats
 from test_callable_model import tanks as callable_tanks
 
 THETA = MODEL.theta(MODEL.nominal)
-POINTS = valid_points(12, seed=3)
+POINTS = valid_points(12, seed=3, jumps="exclude")
 UNCERTAIN = {"T_1": 2.2e-4, "A_A": 2e-6, "p_s": 1e5}
 STARTS = {"q": 1e-5, "v": 2e-3, "p_A": 3e4}
 QUICK: dict[str, Any] = {"n_experiments": 9, "n_candidates": 10, "max_iterations": 6, "references": False}
@@ -127,8 +127,8 @@ def test_without_a_standard_deviation_there_is_no_share() -> None:
 
 def test_a_point_whose_tangents_fail_has_a_status_and_zeros() -> None:
     points = fp.Experiments.join([point(), point(v=1e-4, p_A=15e6, p_B=3e6, dt=5e-3), point(v=-1e-3, p_A=15e6, p_B=3e6)])
-    result = assumed_covariance(MODEL, points, THETA, uncertain=UNCERTAIN, initial_state_std=STARTS)
-    expected = fp.simulate(MODEL, points, THETA).status
+    result = assumed_covariance(MODEL, points, THETA, uncertain=UNCERTAIN, initial_state_std=STARTS, jumps="exclude")
+    expected = fp.simulate(MODEL, points, THETA, jumps="exclude").status
     assert expected.any() and not expected.all()
     np.testing.assert_array_equal(result.status, expected)
     failed = result.status != fp.Status.ok
@@ -207,7 +207,7 @@ def test_a_parameter_that_is_not_estimated_may_be_uncertain() -> None:
 
 def test_the_predictive_form_is_16_over_what_is_uncertain() -> None:
     rule = fp.TensorGrid(3, span=1.5)
-    given = problem(uncertain={"T_1": 6e-4}, assumed_covariance="predictive", rule=rule)
+    given = problem(uncertain={"T_1": 6e-4}, assumed_covariance="predictive", rule=rule, jumps="exclude")
     points = POINTS[[k for k in range(12) if k != 9]]  # which meets the jump at one of the three values of T_1
     with pytest.raises(ValueError, match=r"points\[9\] \(met_jump\)"):
         fp.evaluate_design(given, POINTS)

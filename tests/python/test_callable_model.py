@@ -131,8 +131,9 @@ def cylinder() -> fp.CallableModel:
 
 
 def test_the_cylinder_meets_what_it_meets_and_crosses_its_kink(quiet: None) -> None:
+    """Its jumps end trajectories whatever is asked, as nothing tells how to cross them."""
     drawn = random_points(np.random.default_rng(0), 60)
-    every = fp.sensitivities(MODEL, drawn, MODEL.nominal, rtol=1e-10)
+    every = fp.sensitivities(MODEL, drawn, MODEL.nominal, rtol=1e-10, jumps="exclude")
     crossed = every.x[:, 4] * drawn.x0[:, 4] < 0
     rows = [*np.flatnonzero(every.status == 0)[:8], *np.flatnonzero(every.status == 1)[:4], *np.flatnonzero(every.status == 2)[:4]]
     assert crossed[rows[:8]].sum() >= 3

@@ -54,17 +54,22 @@ def points():
     return fp.Experiments(x0, rng.uniform(-1, 3, (k, 1)), rng.uniform(0.05, 2, k))
 
 
-def test_trajectories_sensitivities_and_statuses_are_the_interpreted_ones(compiled, points):
-    one, other = (fp.sensitivities(model, points, THETA) for model in (slider, compiled))
+@pytest.mark.parametrize("jumps", ["cross", "exclude"])
+def test_trajectories_sensitivities_and_statuses_are_the_interpreted_ones(compiled, points, jumps):
+    one, other = (fp.sensitivities(model, points, THETA, jumps=jumps) for model in (slider, compiled))
     assert np.array_equal(one.status, other.status)
-    assert {fp.Status.ok, fp.Status.met_jump, fp.Status.left_domain} <= {fp.Status(s) for s in one.status}
+    assert {fp.Status.ok, fp.Status.left_domain} <= {fp.Status(s) for s in one.status}
+    assert (fp.Status.met_jump in one.status) == (jumps == "exclude")
     ok = one.status == fp.Status.ok
+    finer = fp.sensitivities(slider, points, THETA, rtol=1e-8, jumps=jumps)
     for name in ("x", "y", "dx_dtheta", "dy_dtheta"):
         a, b = getattr(one, name)[ok], getattr(other, name)[ok]
         scale = np.abs(a).max(axis=0)
-        assert (np.abs(a - b) <= 1e-9 * scale + 1e-12).all(), name
-    simulated = fp.simulate(compiled, points, THETA)
-    assert np.array_equal(simulated.status, fp.simulate(slider, points, THETA).status)
+        # A trajectory that nearly grazes the jump magnifies roundings, as it does the tolerance.
+        near = 1e-2 * np.abs(a - getattr(finer, name)[ok]) if jumps == "cross" else 0.0
+        assert (np.abs(a - b) <= 1e-9 * scale + 1e-12 + near).all(), name
+    simulated = fp.simulate(compiled, points, THETA, jumps=jumps)
+    assert np.array_equal(simulated.status, fp.simulate(slider, points, THETA, jumps=jumps).status)
 
 
 def test_records_are_the_interpreted_ones(compiled):

@@ -46,7 +46,7 @@ def assert_same_design(a: fp.Design, b: fp.Design) -> None:
     assert_same_evaluation(a.under_noise, b.under_noise)
     assert (a.trace, a.rejected, a.drawn, a.accepted) == (b.trace, b.rejected, b.drawn, b.accepted)
     assert (a.stop_reason, a.seconds, a.settings, a.efficiency) == (b.stop_reason, b.seconds, b.settings, b.efficiency)
-    for name in ("model", "prior", "region", "noise_std", "rule", "output_covariance", "parameters", "kinks", "rtol"):
+    for name in ("model", "prior", "region", "noise_std", "rule", "output_covariance", "parameters", "kinks", "jumps", "rtol"):
         assert getattr(a.problem, name) == getattr(b.problem, name), name
 
 
@@ -61,7 +61,7 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "constants": ({"model": fp.HydraulicCylinder(k_u=1.0, T_1=3.3e-3, p_s=2.05e7)}, {}),
     "constraints": ({"region": fp.ExperimentRegion(REGION, ["v > 0.01", "p_A + p_B < 2.5e7"])}, {}),
     "one level": ({"rule": fp.TensorGrid(1, span=1.25)}, {}),
-    "strict": ({"kinks": "exclude", "rtol": 1e-5}, {}),
+    "strict": ({"kinks": "exclude", "jumps": "exclude", "rtol": 1e-5}, {}),
 }
 
 
@@ -132,6 +132,24 @@ def test_the_json_is_strict_and_tells_versions(saved: Path) -> None:
     json.loads((saved / "design.json").read_text(), parse_constant=refuse)
 
 
+@pytest.mark.parametrize("jumps", ["cross", "exclude"])
+def test_a_file_says_whether_jumps_are_crossed_and_one_from_before_excludes_them(jumps: str, tmp_path: Path) -> None:
+    original = fp.exchange(problem(jumps=jumps), **QUICK | {"references": False})
+    original.save(tmp_path)
+    data = json.loads((tmp_path / "design.json").read_text())
+    assert data["problem"]["jumps"] == jumps
+    assert fp.Design.load(tmp_path).problem.jumps == jumps
+    data = without_checksum(data)
+    del data["problem"]["jumps"]
+    (tmp_path / "design.json").write_text(json.dumps(data))
+    loaded = fp.Design.load(tmp_path)
+    assert loaded.problem.jumps == "exclude"
+    again = fp.exchange(loaded.problem, **vars(loaded.settings))
+    assert same_bits(again.points.table, original.points.table) == (jumps == "exclude")
+    loaded.save(tmp_path / "later")
+    assert json.loads((tmp_path / "later" / "design.json").read_text())["problem"]["jumps"] == "exclude"
+
+
 # --- broken files -------------------------------------------------------------------------------------------------------
 
 
@@ -199,6 +217,7 @@ EDITS: list[tuple[str, Any]] = [
     ("problem.output_covariance", "best"),
     ("problem.parameters", ["colour"]),
     ("problem.kinks", "sometimes"),
+    ("problem.jumps", "sometimes"),
     ("problem.rtol", 7.0),
     ("points.dt.0", -1e-3),
     ("points.dt.0", "soon"),

@@ -32,6 +32,8 @@ QUICK: dict[str, Any] = {"n_experiments": 9, "n_candidates": 8, "max_iterations"
 @pytest.mark.parametrize("seed", [0, 1])
 def test_phi_never_falls(kind: str, noise: bool, seed: int) -> None:
     given = problem(output_covariance=kind, noise_std=NOISE if noise else None)
+    if kind == "pointwise" and not noise:  # the three parameters of the rule give a piston that sticks no D of its own
+        given = given.replace(jumps="exclude")
     design = fp.exchange(given, **QUICK, seed=seed)
     log_dets = [record.log_det for record in design.trace]
     assert all(b >= a for a, b in itertools.pairwise(log_dets))
@@ -308,7 +310,7 @@ def test_an_empty_region_is_an_error_that_counts_the_reason() -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_region_in_which_nothing_survives_is_an_error_that_counts_the_reasons(kind: str) -> None:
-    region = fp.ExperimentRegion(REGION | {"p_A": (20.95e6, 20.99e6), "v": (-0.25, -0.2), "dt": (5e-3, 1e-2)})
+    region = fp.ExperimentRegion(REGION | {"p_A": (20.95e6, 20.99e6), "v": (-0.25, -0.2), "x_v": (0.5, 0.8), "u": (-1, -0.5)})
     started = time.perf_counter()
     with pytest.raises(ValueError, match=r"region: expected valid points, given 0 of \d+ drawn \(left_domain \d+"):
         fp.exchange(problem(region=region, output_covariance=kind), **QUICK)
@@ -325,8 +327,8 @@ def test_a_region_in_which_nothing_survives_on_the_grid_is_an_error(kind: str) -
 @pytest.mark.parametrize("surface", ["v", "x_v"])
 def test_a_region_on_a_switching_surface_is_refused_by_name(surface: str) -> None:
     with pytest.raises(ValueError, match=rf"region\['{surface}'\]: expected bounds off .* {surface} = 0, given \(0, 0\)"):
-        problem(region=fp.ExperimentRegion(REGION | {surface: (0.0, 0.0)}), kinks="exclude")
-    rest = problem(region=fp.ExperimentRegion(REGION | {surface: (0.0, 0.0)}), jumps="cross")
+        problem(region=fp.ExperimentRegion(REGION | {surface: (0.0, 0.0)}), kinks="exclude", jumps="exclude")
+    rest = problem(region=fp.ExperimentRegion(REGION | {surface: (0.0, 0.0)}))
     assert surface in rest.crossed
 
 

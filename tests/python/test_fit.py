@@ -55,7 +55,7 @@ def test_the_print_has_what_a_fit_is_judged_by() -> None:
 
 def test_a_notebook_shows_the_cells_of_the_print() -> None:
     problem, data = cylinder()
-    fit = fp.estimate(problem.model, data, problem.prior, noise_std=problem.noise_std, bounds={"c_L": (2.6e-9, None)})
+    fit = fp.estimate(problem.model, data, problem.prior, noise_std=problem.noise_std, bounds={"c_L": (2.9e-9, None)})
     page = ElementTree.fromstring(f"<div>{fit._repr_html_()}</div>")
     tables = page.findall("table")
     assert [table.findtext("caption") for table in tables] == ["Estimates", "Beside the prior", "Outputs", "Fit"]

@@ -53,15 +53,18 @@ def test_what_the_region_fixes_is_not_moved() -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_moving_points_raises_phi(kind: str) -> None:
-    """By more than twice as many random candidates do."""
+    """By more than twice as many random candidates do, in the mean over some searches."""
+    given = problem(output_covariance=kind)
     without, more, local = (
-        fp.exchange(problem(output_covariance=kind), 9, n_candidates=n, max_iterations=30, seed=2, references=False, local=share)
+        [fp.exchange(given, 9, n_candidates=n, max_iterations=30, seed=seed, references=False, local=share) for seed in range(4)]
         for n, share in ((10, 0.0), (20, 0.0), (10, 1.0))
     )
-    assert local.evaluation.log_det > max(without.evaluation.log_det, more.evaluation.log_det)
-    log_dets = [record.log_det for record in local.trace]
-    assert all(b >= a for a, b in itertools.pairwise(log_dets))
-    assert local.drawn == local.accepted + sum(local.rejected.values())
+    reached = [np.mean([design.evaluation.log_det for design in designs]) for designs in (without, more, local)]
+    assert reached[2] > max(reached[:2])
+    for design in local:
+        log_dets = [record.log_det for record in design.trace]
+        assert all(b >= a for a, b in itertools.pairwise(log_dets))
+        assert design.drawn == design.accepted + sum(design.rejected.values())
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -14,6 +14,7 @@ from scipy.optimize import brentq
 import fisherpoint as fp
 from conftest import REGION, random_points
 from defaults import MODEL, NAMES, PRIOR, SMALL, grid, point, problem
+from fisherpoint.information.candidates import CandidateSource
 
 pytestmark = pytest.mark.kernels
 
@@ -46,15 +47,16 @@ def test_a_start_on_a_switching_surface_is_refused_by_name(surface: str, zero: f
     table = np.vstack([good.table, bad.table, good.table, bad.table])
     points = fp.Experiments(table[:, :5], table[:, 5:6], table[:, 6])
     message = rf"surface {surface} = 0.*given {surface} = 0 in points.1., points.3."
+    strict: dict[str, Any] = {"kinks": "exclude", "jumps": "exclude"}
     with pytest.raises(ValueError, match=message):
-        fp.simulate(MODEL, points, MODEL.nominal, kinks="exclude")
+        fp.simulate(MODEL, points, MODEL.nominal, **strict)
     with pytest.raises(ValueError, match=message):
-        fp.sensitivities(MODEL, points, MODEL.nominal, kinks="exclude")
+        fp.sensitivities(MODEL, points, MODEL.nominal, **strict)
     with pytest.raises(ValueError, match=message):
-        fp.predictive_covariance(MODEL, points, PRIOR, SMALL, kinks="exclude")
+        fp.predictive_covariance(MODEL, points, PRIOR, SMALL, **strict)
     with pytest.raises(ValueError, match=message):
-        fp.evaluate_design(problem(kinks="exclude"), points)
-    assert not fp.sensitivities(MODEL, points, MODEL.nominal, jumps="cross").status.any()
+        fp.evaluate_design(problem(**strict), points)
+    assert not fp.sensitivities(MODEL, points, MODEL.nominal).status.any()
 
 
 @pytest.mark.parametrize("tiny", [1e-300, -1e-300, 1e-20, -1e-20, 1e-12, -1e-12])
@@ -67,7 +69,8 @@ def test_a_start_next_to_a_switching_surface_is_a_point(tiny: float, u: float) -
     np.testing.assert_allclose(result.dx_dtheta, on_the_other_side.dx_dtheta, rtol=1e-5, atol=1e-30)  # rtol of the run, x 10
     # At v = 0 the acceleration decides: p_A A_A - p_B A_B is positive here.
     expected = Status.ok if tiny > 0 else Status.met_jump
-    assert fp.simulate(MODEL, point(v=tiny), MODEL.nominal).status[0] == expected
+    assert fp.simulate(MODEL, point(v=tiny), MODEL.nominal, jumps="exclude").status[0] == expected
+    assert fp.simulate(MODEL, point(v=tiny), MODEL.nominal).status[0] == Status.ok
 
 
 @pytest.mark.parametrize("chamber", ["p_A", "p_B"])
@@ -140,28 +143,29 @@ def test_nodes_whose_velocity_crosses_zero_exclude_a_point_that_is_fine_at_the_m
     drawn = random_points(np.random.default_rng(1), 1000, REGION | {"v": (-0.1, 0.1), "dt": (5e-4, 3e-3)})
     rule = grid(a_tau=3, b_tau=3, m_q=3, E_oil=3)
     theta, _ = rule.nodes(PRIOR)
-    nominal = fp.simulate(MODEL, drawn, MODEL.nominal).status
-    whole = fp.predictive_covariance(MODEL, drawn, PRIOR, rule).status
+    nominal = fp.simulate(MODEL, drawn, MODEL.nominal, jumps="exclude").status
+    whole = fp.predictive_covariance(MODEL, drawn, PRIOR, rule, jumps="exclude").status
     hidden = np.flatnonzero((nominal == Status.ok) & (whole == Status.met_jump))
     assert len(hidden) >= 5
     for k in hidden[:5]:
-        at_nodes = fp.simulate(MODEL, drawn[np.full(len(theta), k)], theta).status
+        at_nodes = fp.simulate(MODEL, drawn[np.full(len(theta), k)], theta, jumps="exclude").status
         first = int(np.flatnonzero(at_nodes)[0])
         assert at_nodes[first] == Status.met_jump
         assert velocity_ends_at(drawn[int(k)], theta[first]) is not None
         assert velocity_ends_at(drawn[int(k)], np.array(list(MODEL.nominal.values()))) is None
 
 
-def test_the_grid_accepts_a_point_exactly_where_every_node_is_ok() -> None:
+@pytest.mark.parametrize("jumps", ["cross", "exclude"])
+def test_the_grid_accepts_a_point_exactly_where_every_node_is_ok(jumps: str) -> None:
     drawn = random_points(np.random.default_rng(2), 150)
     rule = grid(a_tau=3, E_oil=3, p_t=2)
     theta, _ = rule.nodes(PRIOR)
-    whole = fp.predictive_covariance(MODEL, drawn, PRIOR, rule)
-    nominal = fp.simulate(MODEL, drawn, MODEL.nominal).status
-    nodes = np.array([fp.simulate(MODEL, drawn[np.full(len(theta), k)], theta).status for k in range(len(drawn))])
+    whole = fp.predictive_covariance(MODEL, drawn, PRIOR, rule, jumps=jumps)
+    nominal = fp.simulate(MODEL, drawn, MODEL.nominal, jumps=jumps).status
+    nodes = np.array([fp.simulate(MODEL, drawn[np.full(len(theta), k)], theta, jumps=jumps).status for k in range(len(drawn))])
     first = np.array([row[row != 0][0] if row.any() else 0 for row in nodes])
     np.testing.assert_array_equal(whole.status, np.where(nominal != 0, nominal, first))
-    assert set(whole.status) >= {Status.ok, Status.met_jump, Status.left_domain}
+    assert set(whole.status) >= {Status.ok, Status.left_domain} and (Status.met_jump in whole.status) == (jumps == "exclude")
     np.testing.assert_array_equal(whole.covariance[whole.status != 0], 0.0)
 
 
@@ -198,8 +202,8 @@ def test_a_velocity_that_dips_through_zero_and_comes_back_is_seen(rtol: float, s
     assert points.x0[0, 1] > 0.05 and last > 0.05  # positive at both ends: only the inside tells
     expected = Status.met_jump if side == "through" else Status.ok
     theta = without_coulomb_friction()
-    assert fp.simulate(MODEL, points, theta, rtol=rtol).status[0] == expected
-    assert fp.sensitivities(MODEL, points, theta, rtol=rtol).status[0] == expected
+    assert fp.simulate(MODEL, points, theta, rtol=rtol, jumps="exclude").status[0] == expected
+    assert fp.sensitivities(MODEL, points, theta, rtol=rtol, jumps="exclude").status[0] == expected
 
 
 def test_a_crossing_at_the_very_end_is_decided_by_the_sign() -> None:
@@ -212,8 +216,8 @@ def test_a_crossing_at_the_very_end_is_decided_by_the_sign() -> None:
             continue
         for share, expected in ((0.999, Status.ok), (1.001, Status.met_jump)):
             points = fp.Experiments(drawn.x0[k : k + 1], drawn.u[k : k + 1], [crossing * share])
-            assert fp.simulate(MODEL, points, theta, rtol=1e-9).status[0] == expected
-            assert fp.sensitivities(MODEL, points, theta, rtol=1e-6).status[0] == expected
+            assert fp.simulate(MODEL, points, theta, rtol=1e-9, jumps="exclude").status[0] == expected
+            assert fp.sensitivities(MODEL, points, theta, rtol=1e-6, jumps="exclude").status[0] == expected
         checked += 1
     assert checked >= 10
 
@@ -272,19 +276,21 @@ def test_an_overflowing_right_hand_side_is_a_status() -> None:
         assert all(np.isfinite(array).all() for array in result)
 
 
+@pytest.mark.parametrize("jumps", ["cross", "exclude"])
 @pytest.mark.parametrize("bounds", [HUGE, INSIDE_THE_DOMAIN, LONG], ids=["huge", "inside", "long"])
-def test_no_nan_and_no_infinity_ever_leaves(bounds: dict[str, tuple[float, float]]) -> None:
+def test_no_nan_and_no_infinity_ever_leaves(bounds: dict[str, tuple[float, float]], jumps: str) -> None:
     points = random_points(np.random.default_rng(5), 5000, bounds)
     allowed = {int(status) for status in Status}
-    simulated = fp.simulate(MODEL, points, MODEL.nominal)
-    sensitive = fp.sensitivities(MODEL, points, MODEL.nominal)
-    spread = fp.predictive_covariance(MODEL, points[:1000], PRIOR, grid(a_tau=2, B_v=2))
+    simulated = fp.simulate(MODEL, points, MODEL.nominal, jumps=jumps)
+    sensitive = fp.sensitivities(MODEL, points, MODEL.nominal, jumps=jumps)
+    spread = fp.predictive_covariance(MODEL, points[:1000], PRIOR, grid(a_tau=2, B_v=2), jumps=jumps)
     for result in (simulated, sensitive, spread):
         assert all(np.isfinite(array).all() for array in result)
         assert set(result.status) <= allowed
     assert (simulated.status != Status.ok).any()
     ok = simulated.status == Status.ok
-    np.testing.assert_array_equal(np.sign(simulated.x[ok, 1]), np.sign(points.x0[ok, 1]))  # no ok trajectory passed v = 0
+    if jumps == "exclude":  # no ok trajectory passed v = 0
+        np.testing.assert_array_equal(np.sign(simulated.x[ok, 1]), np.sign(points.x0[ok, 1]))
     for chamber in (2, 3):
         assert np.all((simulated.x[ok, chamber] > 0.5e6) & (simulated.x[ok, chamber] < 21e6))
     np.testing.assert_array_equal(spread.covariance[spread.status != Status.ok], 0.0)
@@ -305,8 +311,10 @@ def test_no_nan_for_extreme_constants_and_parameters() -> None:
 
 
 @pytest.mark.parametrize("local", [0.0, 0.5])
-@pytest.mark.parametrize("kinks", ["cross", "exclude"])
-def test_the_counts_of_a_design_are_those_of_its_draws(kinks: str, local: float, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("kinks", "jumps"), [("cross", "cross"), ("cross", "exclude"), ("exclude", "exclude")])
+def test_the_counts_of_a_design_are_those_of_its_draws(
+    kinks: str, jumps: str, local: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     drawn: list[fp.Experiments] = []
 
     def record(name: str) -> None:
@@ -320,22 +328,28 @@ def test_the_counts_of_a_design_are_those_of_its_draws(kinks: str, local: float,
 
     record("draw")
     record("draw_near")
+    sources: list[CandidateSource] = []
+    original = CandidateSource.__init__
+    monkeypatch.setattr(CandidateSource, "__init__", lambda self, *given: (sources.append(self), original(self, *given))[1])
     region = fp.ExperimentRegion(REGION | {"p_A": (0.5e6, 21e6)}, constraints=["p_A + p_B < 3e7", lambda x: abs(x["v"]) > 0.02])
     rule = grid(a_tau=3, p_t=3, E_oil=2)
     design = fp.exchange(
-        problem(output_covariance="pooled", region=region, kinks=kinks, rule=rule),
+        problem(output_covariance="pooled", region=region, kinks=kinks, jumps=jumps, rule=rule),
         n_experiments=6,
         n_candidates=8,
         max_iterations=10,
         references=False,
         local=local,
     )
+    (source,) = sources
+    spare = set() if source._spare is None else {row.tobytes() for row in source._spare.points.table}
     expected: Counter[str] = Counter()
     for points in drawn:
         inside = (points.x0[:, 2] + points.x0[:, 3] < 3e7) & (np.abs(points.x0[:, 1]) > 0.02)
         expected["constraint"] += int((~inside).sum())
-        nominal = fp.simulate(MODEL, points[inside], MODEL.nominal, kinks=kinks).status
-        whole = fp.predictive_covariance(MODEL, points[inside], PRIOR, rule, kinks=kinks).status
+        nominal = fp.simulate(MODEL, points[inside], MODEL.nominal, kinks=kinks, jumps=jumps).status
+        whole = fp.predictive_covariance(MODEL, points[inside], PRIOR, rule, kinks=kinks, jumps=jumps).status
+        whole[[row.tobytes() in spare for row in points[inside].table]] = Status.ok  # drawn, but never asked for
         for status in np.where(nominal != 0, nominal, whole):
             expected[Status(int(status)).name] += 1
     accepted = expected.pop("ok")
@@ -347,7 +361,8 @@ def test_the_counts_of_a_design_are_those_of_its_draws(kinks: str, local: float,
         assert design.accepted == accepted
     assert design.drawn == sum(map(len, drawn))
     assert design.drawn == design.accepted + sum(design.rejected.values())
-    assert {"constraint", "met_jump", "left_domain"} <= set(design.rejected)
+    assert {"constraint", "left_domain"} <= set(design.rejected)
+    assert ("met_jump" in design.rejected) == (jumps == "exclude")
     assert ("met_kink" in design.rejected) == (kinks == "exclude")
     assert [record.drawn for record in design.trace] == sorted(record.drawn for record in design.trace)
     assert design.trace[-1].drawn == design.drawn
@@ -365,7 +380,11 @@ def test_draws_on_a_surface_are_counted_by_its_name(monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(fp.ExperimentRegion, "draw", some_on_surfaces)
     design = fp.exchange(
-        problem(output_covariance="pooled", kinks="exclude"), n_experiments=3, n_candidates=4, max_iterations=2, references=False
+        problem(output_covariance="pooled", kinks="exclude", jumps="exclude"),
+        n_experiments=3,
+        n_candidates=4,
+        max_iterations=2,
+        references=False,
     )
     assert design.rejected["starts on v = 0"] == 2 * design.rejected["starts on x_v = 0"] > 0
     assert design.drawn == design.accepted + sum(design.rejected.values())

@@ -41,13 +41,14 @@ def check_close(a, b, rows, tolerance=1e-12):
     assert (np.abs(a - b) <= tolerance * scale).all()
 
 
+@pytest.mark.parametrize("jumps", ["cross", "exclude"])
 @pytest.mark.parametrize("method", ["RK45", "DOP853"])
-def test_trajectories_and_statuses_are_the_built_in_ones(points, theta, method):
-    built_in, interpreted = (fp.simulate(model, points, theta, method=method) for model in (MODEL, SYMBOLIC))
+def test_trajectories_and_statuses_are_the_built_in_ones(points, theta, method, jumps):
+    built_in, interpreted = (fp.simulate(model, points, theta, method=method, jumps=jumps) for model in (MODEL, SYMBOLIC))
     assert np.array_equal(built_in.status, interpreted.status)
     counts = np.bincount(built_in.status, minlength=3)
     assert counts[fp.Status.ok] > 3000
-    assert counts[fp.Status.met_jump] > 300
+    assert (counts[fp.Status.met_jump] > 300) == (jumps == "exclude")
     assert counts[fp.Status.left_domain] > 30
     ok = built_in.status == fp.Status.ok
     crossed = ok & (np.sign(built_in.x[:, 4]) != np.sign(points.x0[:, 4]))

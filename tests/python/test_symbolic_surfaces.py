@@ -176,7 +176,7 @@ def test_a_start_at_a_pole_or_on_a_surface_is_refused_by_name() -> None:
         fp.simulate(found, points, np.ones(3))
     on_surface = fp.Experiments([[1.0, 1.0, 0.0]], [0.0], [0.1])
     with pytest.raises(ValueError, match=r"off the switching surface v = 0, .* given v = 0 in points\[0\]"):
-        fp.simulate(found, on_surface, np.ones(3))
+        fp.simulate(found, on_surface, np.ones(3), jumps="exclude")
     with pytest.raises(ValueError, match=r"x: expected y other than 0; given x = \[1\. 0\. 1\.\]"):
         found.rhs([1.0, 0.0, 1.0], 0.0, np.ones(3))
     region = fp.ExperimentRegion({"x": (0, 1), "y": (0, 0), "v": (1, 2), "u": (0, 1), "dt": (0.1, 1)})
@@ -184,7 +184,7 @@ def test_a_start_at_a_pole_or_on_a_surface_is_refused_by_name() -> None:
         region.check(found)
 
 
-def test_a_kink_is_crossed_and_a_jump_ends_the_trajectory() -> None:
+def test_a_kink_is_crossed_and_a_jump_ends_the_trajectory_where_it_is_excluded() -> None:
     points = fp.Experiments([[-1.0, 0.0, -1.0]], [0.0], [2.0])
     settings: dict[str, Any] = {"parameters": {"a": "1", "b": "1"}, "g": ["x*a"]}
     kink = model("", f=["where(x > 0, a + b*x, a)", "0*x", "1"], **settings)
@@ -193,9 +193,11 @@ def test_a_kink_is_crossed_and_a_jump_ends_the_trajectory() -> None:
     assert done.x[0, 0] == pytest.approx((np.exp(0.5) - 1) / 0.5, rel=1e-8)  # starts at 0 after one second
     jump = model("", f=["where(v > 0, 2*a, b)", "0*x", "1"], **settings)
     threshold = model("", f=["where(v > b, 2*a, b)", "0*x", "1"], **settings)
-    assert fp.simulate(threshold, points, [1.0, 0.5]).status.tolist() == [fp.Status.met_jump]
+    assert fp.simulate(threshold, points, [1.0, 0.5], jumps="exclude").status.tolist() == [fp.Status.met_jump]
+    done = fp.simulate(threshold, points, [1.0, 0.5])
+    assert done.status.tolist() == [fp.Status.ok] and done.x[0, 0] == pytest.approx(-1 + 0.5 * 1.5 + 2.0 * 0.5, rel=1e-9)
     # The time of this one does not depend on the parameters.
-    done = fp.simulate(jump, points, [1.0, 0.5])
+    done = fp.simulate(jump, points, [1.0, 0.5], jumps="exclude")
     assert done.status.tolist() == [fp.Status.ok] and done.x[0, 0] == pytest.approx(-1 + 0.5 + 2.0, rel=1e-9)
 
 

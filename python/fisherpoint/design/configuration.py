@@ -145,6 +145,10 @@ class Config(ModelFile):
                 **self.design.model_dump(include=_PROBLEM_KEYS, exclude_none=True),
             )
 
+    def crossings(self) -> dict[str, Any]:
+        """Keyword arguments for :func:`fisherpoint.simulate`: whether kinks and jumps are crossed, where the file says it."""
+        return self.design.model_dump(include={"kinks", "jumps"}, exclude_none=True)
+
     def exchange_settings(self) -> dict[str, Any]:
         """Keyword arguments for :func:`fisherpoint.exchange`; what the file leaves out is left to its defaults."""
         return self.design.model_dump(exclude=_PROBLEM_KEYS, exclude_none=True)

@@ -112,7 +112,7 @@ class DesignTable(Table):
     output_covariance: Literal["noise", "region", "pooled", "pointwise"] | None = None
     parameters: Annotated[list[str], Field(min_length=1)] | None = None
     kinks: Literal["cross", "exclude"] | None = None
-    jumps: Literal["exclude", "cross"] | None = None
+    jumps: Literal["cross", "exclude"] | None = None
     assumed_covariance: Literal["tangents", "predictive"] | None = None
 
 

@@ -31,7 +31,7 @@ def apriori_covariance(
     points = Measurements.join(measured).points
     _, first, counts = np.unique(points.table, axis=0, return_index=True, return_counts=True)
     varied = tuple(name for name in names if name in estimated)
-    spread = predictive_covariance(model, points[first], prior.marginal(names), DEFAULT_RULE, parameters=varied)
+    spread = predictive_covariance(model, points[first], prior.marginal(names), DEFAULT_RULE, jumps="cross", parameters=varied)
     ok = spread.status == Status.ok
     if not ok.any():
         return None

@@ -66,6 +66,7 @@ class KnownNoise:
                 initial_state_std=self.initial_state_std,
                 rtol=self.rtol,
                 threads=self.threads,
+                jumps="cross",
                 rule=self.rule,
             )
             if status.any():

@@ -33,7 +33,7 @@ class RecordResponse:
     Parameters
     ----------
     model : Model
-        With jumps only where no trajectory meets one: a jump ends a record as `Status.met_jump`. Use the model's smooth form.
+        A jump that is not in `Model.crossable` ends a record as `Status.met_jump`.
     record : Record
     columns : sequence of int
         Places, among the model's parameters, of those by which to differentiate.

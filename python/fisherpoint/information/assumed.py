@@ -129,7 +129,7 @@ def assumed_covariance(
     rtol: float = 1e-6,
     threads: int | None = None,
     kinks: str = "cross",
-    jumps: str = "exclude",
+    jumps: str = "cross",
     rule: Rule | None = None,
 ) -> AssumedCovariance:
     """Share of the output covariance that comes from what is assumed: G P G^T, with the exact tangents G, or (16).

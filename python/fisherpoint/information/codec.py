@@ -55,7 +55,7 @@ def problem_from_json(data: dict[str, Any]) -> DesignProblem:
         output_covariance=data["output_covariance"],
         parameters=data["parameters"],
         kinks=data["kinks"],
-        jumps=data["jumps"],
+        jumps=data.get("jumps", "exclude"),  # as every problem was before files said it
         rtol=data["rtol"],
         uncertain=data.get("uncertain"),  # older files have none of these
         initial_state_std=data.get("initial_state_std"),

@@ -14,7 +14,7 @@ from ..basics.quantity import names_of
 from ..basics.values import Array, FrozenMapping
 from ..models import Model
 from ..points.region import ExperimentRegion
-from ..points.trajectories import Status, check_type
+from ..points.trajectories import Status, check_type, crossed_surfaces
 from ..prior.gaussian import GaussianPrior
 from ..show.section import Report, Section
 from ..show.shown import Shown
@@ -30,6 +30,9 @@ MOST_POINTS, MOST_THETA = 10**6, 1000
 
 DEAD = 1e-13
 """A parameter has no influence up to this share of the largest column, and up to what the looser tolerance changes."""
+
+HIDING = (Status.met_jump, Status.two_jumps, Status.chatters)
+"""How trajectories end at jumps from whole neighbourhoods of starts, so that what would show there alone is not seen elsewhere."""
 
 WEAK = 1e-4
 """Share of the largest singular value below which a direction is called weak."""
@@ -56,8 +59,8 @@ class Identifiability(Shown, Kept):
     null_components : tuple of mapping of parameter name to float
         The same as relative changes d log theta (absolute ones of parameters that are zero), largest component 1.
     not_known : tuple of str
-        Changes that no output notices at the points that were taken, while others may: those of which the trajectory meets a jump,
-        where there are no sensitivities, or where an output itself jumps. With the reason, in words.
+        Changes that no output notices at the points that were taken, while others may: those of which the trajectory meets a jump
+        that cannot be crossed, or where an output itself jumps. With the reason, in words.
     weak : tuple of str
         Changes that hardly show: of which the singular value is not zero, but below 1e-4 of the largest at every theta.
     idle : tuple of str
@@ -68,9 +71,9 @@ class Identifiability(Shown, Kept):
     n_points, n_theta : int
         Starts and sets of parameters that were used.
     left_out : mapping of reason to int
-        Draws that were not taken: as "constraint" where one of the region's fails, as "starts on a surface" where the model jumps,
-        has a corner or divides by zero at the start, by the name of their `Status`, and as "inaccurate" where sensitivities at
-        rtol = 1e-10 and 1e-8 differ by more than 1e-5 of the largest at any point.
+        Draws that were not taken: as "constraint" where one of the region's fails, as "starts on a surface" where the model
+        divides by zero at the start or has a jump there that is not in `Model.crossable`, by the name of their `Status`, and as
+        "inaccurate" where sensitivities at rtol = 1e-10 and 1e-8 differ by more than 1e-5 of the largest at any point.
     """
 
     parameters: tuple[str, ...]
@@ -136,8 +139,9 @@ def identifiability(
     where it is no larger than the spectral norm of what a 100 times looser tolerance changes in the stack, by which singular
     values can be off, or than 1e-11 of the largest.
 
-    A trajectory that meets a jump has no sensitivities, and its point is left out. So what would show at such points alone, as a
-    threshold at which f jumps, is not called null but not known, unless the equations stay as they are along the direction.
+    Trajectories cross kinks and jumps, so that a threshold at which f jumps shows at the points that pass it. Points that meet a
+    jump which cannot be crossed, as in a `CallableModel`, are left out. What would show at these alone is not called null but not
+    known, unless the equations stay as they are along the direction.
 
     Parameters
     ----------
@@ -188,7 +192,7 @@ def identifiability(
     theta = draw_theta(model, prior, check_positive_int(n_theta, "n_theta", most=MOST_THETA), rng)
     region = default_region(model, theta[0]) if region is None else region
     check_type(region, ExperimentRegion, "region")
-    region.check(model)
+    region.check(model, crossed_surfaces(model, kinks=True, jumps=True))
 
     sampler = Sampler(model, region, chosen, starts, rng, threads)
     stacks = [sampler.stack(row, count) for row in theta]
@@ -268,8 +272,9 @@ def _described(generic: Generic, null: int) -> Iterator[tuple[str, Mapping[str, 
 
 def _hidden(model: Model, region: ExperimentRegion, theta: Array, changes: Mapping[str, float], sampler: Sampler) -> str:
     """Where a null direction may show that sensitivities do not see, in words; empty where it is one for all."""
-    met = sampler.left_out[Status.met_jump.name]
-    said = f"{met} point{'s' * (met != 1)} that meet{'s' * (met == 1)} a jump {'were' if met != 1 else 'was'} left out (met_jump)"
+    lost = {status.name: sampler.left_out[status.name] for status in HIDING if sampler.left_out[status.name]}
+    met, named = sum(lost.values()), ", ".join(lost)
+    said = f"{met} point{'s' * (met != 1)} that meet{'s' * (met == 1)} a jump {'were' if met != 1 else 'was'} left out ({named})"
     try:
         equations = model.symbolic()
     except TypeError:

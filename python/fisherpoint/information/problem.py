@@ -52,8 +52,8 @@ class DesignProblem:
         Names of the parameters to estimate; the others are known to be at their mean. Default: all.
     kinks : {"cross", "exclude"}
         Whether points that cross a kink are allowed; "exclude" is the strict reading of (21).
-    jumps : {"exclude", "cross"}
-        Whether points that meet a jump are excluded, as in (21), or cross it, as in `simulate`.
+    jumps : {"cross", "exclude"}
+        Whether points that meet a jump cross it, as in `simulate`, or are excluded, as in (21), which is the paper's reading.
     rtol : float
         Tolerance of the trajectories.
     uncertain : mapping of name to float, optional
@@ -88,7 +88,7 @@ class DesignProblem:
     output_covariance: str | None = None
     parameters: Sequence[str] | None = None
     kinks: str = "cross"
-    jumps: str = "exclude"
+    jumps: str = "cross"
     rtol: float = 1e-6
     uncertain: Mapping[str, float] | None = None
     initial_state_std: Mapping[str, float] | None = None

@@ -16,7 +16,7 @@ from ..basics.values import Array
 from ..models import Model
 from ..points.experiments import Experiments
 from ..points.region import ExperimentRegion
-from ..points.trajectories import Status, failures_of, on_surface, only_finite, sensitivities
+from ..points.trajectories import Status, crossed_surfaces, failures_of, on_surface, only_finite, sensitivities
 from ..prior.gaussian import GaussianPrior
 
 TIGHT, LOOSE = 1e-10, 1e-8
@@ -128,9 +128,11 @@ class Sampler:
     def _draw(self, theta: Array, count: int) -> tuple[Array, Array, Array]:
         """Starts (n, n_x) of at most `count` points, with scaled samples at both tolerances, (n, samples, n_y, p + q) each."""
         points = self._region.draw(self._model, count, seed=self._rng, decades=True)
+        full = np.append(theta, np.zeros(len(self._starts)))
         keep = self._region.satisfied(self._model, points)
         self.left_out.update(constraint=int((~keep).sum()))
-        for rows in on_surface(self._model, points, theta).values():
+        crossed = crossed_surfaces(self._freed, kinks=True, jumps=True)
+        for rows in on_surface(self._freed, points, full, crossed).values():
             self.left_out.update({"starts on a surface": int(keep[rows].sum())})
             keep[rows] = False
         points = points[keep]
@@ -139,8 +141,9 @@ class Sampler:
         records = Experiments(
             np.repeat(points.x0, samples, axis=0), np.repeat(points.u, samples, axis=0), np.outer(points.dt, shares).ravel()
         )
-        full = np.append(theta, np.zeros(len(self._starts)))
-        results = [sensitivities(self._freed, records, full, rtol=rtol, threads=self._threads) for rtol in (TIGHT, LOOSE)]
+        results = [
+            sensitivities(self._freed, records, full, rtol=rtol, threads=self._threads, jumps="cross") for rtol in (TIGHT, LOOSE)
+        ]
         status = np.max([result.status.reshape(-1, samples) for result in results], axis=(0, 2), initial=0)
         shape = (len(points), samples, len(self._model.outputs), len(self._all_columns))
         near, far = (result.dy_dtheta[:, :, self._all_columns].reshape(shape) for result in results)

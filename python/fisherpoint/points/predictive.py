@@ -61,7 +61,7 @@ def predictive_covariance(
     rtol: float = 1e-6,
     threads: int | None = None,
     kinks: str = "cross",
-    jumps: str = "exclude",
+    jumps: str = "cross",
     parameters: tuple[str, ...] | None = None,
     method: str | None = None,
 ) -> PredictiveCovariance:

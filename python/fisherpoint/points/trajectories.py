@@ -43,7 +43,10 @@ class Status(IntEnum):
 
 _ADVICE = {
     Status.ok: "The trajectory reached its end.",
-    Status.met_jump: "The right-hand side jumps on the way, which jumps='exclude' forbids: start further off or sample earlier.",
+    Status.met_jump: (
+        "The right-hand side jumps on the way, and jumps='exclude' or the kind of jump (see model.crossable) forbids to cross it: "
+        "start further off or sample earlier."
+    ),
     Status.left_domain: "The state reached a limit beyond which the model has no value: start further inside or sample earlier.",
     Status.step_limit: "The tolerance requires more or smaller steps than allowed: increase rtol or sample earlier.",
     Status.not_finite: "A rate, an output or what depends on it overflowed: check constants, parameters and standard deviations.",
@@ -94,7 +97,7 @@ def simulate(
     rtol: float = 1e-6,
     threads: int | None = None,
     kinks: str = "cross",
-    jumps: str = "exclude",
+    jumps: str = "cross",
     method: str | None = None,
 ) -> Trajectories:
     """Simulate experiment points, (14) and (15).
@@ -112,9 +115,10 @@ def simulate(
         Number of threads; the default is every core. The result does not depend on it.
     kinks : {"cross", "exclude"}
         Whether a kink is crossed by ending a step on it, or ends the trajectory as `Status.met_kink`.
-    jumps : {"exclude", "cross"}
-        Whether a jump ends the trajectory as `Status.met_jump`, or is crossed: behind it the trajectory goes on, or slides along
-        it, as a piston that sticks does. Jumps at times that depend on no parameter are crossed in any case.
+    jumps : {"cross", "exclude"}
+        Whether a jump is crossed, or ends the trajectory as `Status.met_jump`, the strict reading of (21). Behind a jump that is
+        crossed the trajectory goes on, or slides along it, as a piston that sticks does. Jumps at times that depend on no
+        parameter are crossed in any case; jumps that are not in `model.crossable` never are.
     method : {"RK45", "DOP853", "Radau"}, optional
         The Runge-Kutta method. The default is DOP853, the fastest one at every tolerance that was tried, until its steps turn out
         to be limited by stability: the trajectory then goes on by Radau, which is implicit.
@@ -144,7 +148,7 @@ def sensitivities(
     rtol: float = 1e-6,
     threads: int | None = None,
     kinks: str = "cross",
-    jumps: str = "exclude",
+    jumps: str = "cross",
     method: str | None = None,
 ) -> Sensitivities:
     """Simulate experiment points with the sensitivities of states and outputs, (8) and (9).
@@ -227,7 +231,7 @@ def check_kinks(kinks: str) -> bool:
 
 def check_jumps(jumps: str) -> bool:
     """Return whether jumps are crossed."""
-    return check_choice(jumps, ("exclude", "cross"), "jumps") == "cross"
+    return check_choice(jumps, ("cross", "exclude"), "jumps") == "cross"
 
 
 def crossed_surfaces(model: Model, kinks: bool, jumps: bool) -> tuple[str, ...]:
