@@ -26,6 +26,7 @@ from typing import Any
 
 import fisherpoint as fp
 from check_bits import Levels
+from checks import CHANCE, CHANCES, TIGHT
 from figures import Figures, Finding
 from random_models import Case
 from rounds import Round, run_round
@@ -151,6 +152,12 @@ class Campaign:
             f"{self.wrong} wrong"
         )
 
+    def weigh_chances(self) -> None:
+        """What may happen by chance is wrong where it is not as rare as it may be."""
+        chances, of = (self.figures.counts[name] for name in (CHANCE, f"trajectories compared with rtol {TIGHT:g}"))
+        if chances > 1 + CHANCES * of:
+            self.figures.count(f"WRONG: {CHANCE}", chances)
+
     @property
     def wrong(self) -> int:
         return sum(count for name, count in self.figures.counts.items() if name.startswith("WRONG"))
@@ -166,6 +173,7 @@ def main(given: Sequence[str] | None = None) -> int:
     campaign = Campaign(chosen.minutes, chosen.seed, chosen.output, chosen.jobs, lambda text: print(text, flush=True))
     os.environ.setdefault("FISHERPOINT_CACHE", str(chosen.output.resolve() / "compiled"))
     campaign.run()
+    campaign.weigh_chances()
     print(f"\ninstruction set {fp.isa()} of {', '.join(fp.available_isas())}, seed {chosen.seed}\n")
     print(campaign.figures.table())
     for kind, findings in sorted(campaign.figures.examples.items()):

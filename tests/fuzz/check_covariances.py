@@ -14,8 +14,9 @@ import numpy as np
 
 import fisherpoint as fp
 from check_sensitivities import largest_column
-from checks import ALLOWED, CLOSE, OK, Bench, output_slopes
+from checks import ALLOWED, CLOSE, OK, Bench
 from reading import Floats
+from room import output_room, output_slopes, slope_room
 
 RTOL, TIGHT = 1e-6, 1e-11
 ROWS = 2  # points of a case
@@ -64,10 +65,11 @@ def check_linearized(bench: Bench, k: int, prior: fp.GaussianPrior, given: fp.Pr
     expected = S @ prior.covariance @ S.T
     std = np.sqrt(np.diag(prior.covariance))
     x, u, p = done.x[0].tolist(), bench.points.u[k].tolist(), bench.case.mean.tolist()
-    slopes = np.abs(output_slopes(bench.reading, x, u, p)[0][:, : len(sizes)])
     columns = [largest_column(bench, k, j, 0.0, bench.case.mean) for j in range(len(p))] if len(sizes) else np.zeros(len(p))
     size = np.abs(S) @ std
-    more = size * (1 + ALLOWED * RTOL) + ALLOWED * RTOL * np.outer(slopes @ sizes, columns) @ std
+    off = ALLOWED * RTOL * sizes
+    room = slope_room(bench.reading, done.x[0], u, p, off, done.dx_dtheta[0], np.outer(off, columns))
+    more = size * (1 + ALLOWED * RTOL) + room @ std
     bench.figures.count("covariances compared")
     allowed = np.outer(more, more) - np.outer(size, size) + 1e-14 * np.outer(size, size)
     # At rest on a kink, rounding decides of which side the sensitivities are.
@@ -77,14 +79,13 @@ def check_linearized(bench: Bench, k: int, prior: fp.GaussianPrior, given: fp.Pr
 def deviations_room(bench: Bench, k: int, x: list[float]) -> Floats:
     """How far a point's deviations of the outputs (n_y,), by the prior from those of the mean, may be off at the tolerance."""
     case, u, p = bench.case, bench.points.u[k].tolist(), bench.case.mean.tolist()
-    off = RTOL * case.sizes
-    if isinstance(case.rule_of(), fp.Linearized):
-        std = np.sqrt(np.diag(case.prior().covariance))
-        off = off * float(np.dot([largest_column(bench, k, j, 0.0, case.mean) for j in range(len(p))], std))
-    else:
-        off = 2 * off  # of a node and of the mean
-    room: Floats = np.abs(output_slopes(bench.reading, x, u, p)[0][:, : len(off)]) @ off
-    return room
+    off, at = RTOL * case.sizes, np.array(x)
+    if not isinstance(case.rule_of(), fp.Linearized):
+        return 2 * output_room(bench.reading, at, u, p, off)  # of a node and of the mean
+    done = fp.sensitivities(bench.model, bench.points[k], case.mean, rtol=RTOL, threads=1, jumps="exclude")
+    largest = [largest_column(bench, k, j, 0.0, case.mean) for j in range(len(p))]
+    room = slope_room(bench.reading, at, u, p, off, done.dx_dtheta[0], np.outer(off, largest))
+    return room @ np.sqrt(np.diag(case.prior().covariance))
 
 
 def sides_in_doubt(bench: Bench, x: list[float], u: list[float], p: list[float]) -> bool:
@@ -118,6 +119,9 @@ def check_nodes(
     if failed != expected_failure and (lost_tightly != (bench.simulate(earlier, everything, TIGHT).status[1:] != OK)).any():
         bench.figures.count("covariances whose lost nodes are too close to tell")
         return
+    if failed and not expected_failure and lost_at_others(bench, points, everything, method):
+        bench.figures.count("covariances excluded by a node that is lost at other tolerances")
+        return
     if failed != expected_failure:
         remark = f"given status {given.status[0]}; of the nodes' own trajectories {share:.3g} of the weight are not ok"
         kind = "covariance excluded wrongly" if failed else "wrong ok: covariance with lost nodes"
@@ -141,14 +145,27 @@ def check_nodes(
         if np.linalg.eigvalsh(_scaled(given.covariance[0]))[0] < -1e-7:
             bench.report("covariance that is none", 1.0, k, call, f"given {given.covariance[0].tolist()}", theta=False)
         return
-    room = output_room(bench, k, everything, rough, tight)
-    error = np.where(lost[:, None], 0.0, room[1:] + room[0])
     d = np.abs(deviation)
-    allowed = np.einsum("r,ri,rj->ij", np.abs(w), d + error, d + error) - np.einsum("r,ri,rj->ij", np.abs(w), d, d)
+
+    def allowed(thorough: bool) -> Floats:
+        room = nodes_room(bench, k, everything, rough, tight, thorough)
+        error = np.where(lost[:, None], 0.0, room[1:] + room[0])
+        # Sums of both signs cancel.
+        rounding = 1e-12 * np.einsum("r,ri,rj->ij", np.abs(w), d, d)
+        return np.einsum("r,ri,rj->ij", np.abs(w), d + error, d + error) - np.einsum("r,ri,rj->ij", np.abs(w), d, d) + rounding
+
+    def excuse() -> bool:
+        within = (np.abs(given.covariance[0] - expected) <= allowed(thorough=True)).all()
+        return bool(within) or near_a_branch(bench, k, everything, tight)
+
     bench.figures.count("covariances compared")
-    # Sums of both signs cancel.
-    rounding = 1e-12 * np.einsum("r,ri,rj->ij", np.abs(w), d, d)
-    compare(bench, k, given.covariance[0], expected, allowed + rounding, call, lambda: near_a_branch(bench, k, everything, tight))
+    compare(bench, k, given.covariance[0], expected, allowed(thorough=False), call, excuse)
+
+
+def lost_at_others(bench: Bench, points: fp.Experiments, theta: Floats, method: str | None) -> bool:
+    """Whether any node is excluded at larger tolerances: then one of the steps that lead there may be taken at this one too, as a
+    sum over the prior does not begin each node with the same step as a trajectory alone."""
+    return any(bench.simulate(points, theta, share * RTOL, method).status.any() for share in (3, 10, 30, 100))
 
 
 def near_a_branch(bench: Bench, k: int, theta: Floats, tight: fp.Trajectories) -> bool:
@@ -163,16 +180,18 @@ def near_a_branch(bench: Bench, k: int, theta: Floats, tight: fp.Trajectories) -
     return False
 
 
-def output_room(bench: Bench, k: int, theta: Floats, rough: fp.Trajectories, tight: fp.Trajectories) -> Floats:
-    """How far every output may be off, (R, n_y)."""
-    size, n = bench.case.sizes, len(bench.case.rates)
+def nodes_room(bench: Bench, k: int, theta: Floats, rough: fp.Trajectories, tight: fp.Trajectories, thorough: bool) -> Floats:
+    """How far every node's outputs may be off, (R, n_y), by the output's slopes at the states; thorough: and about them."""
     u = bench.points.u[k].tolist()
     room = np.zeros_like(tight.y)
     for r in np.flatnonzero(tight.status == OK):
-        x, p = tight.x[r].tolist(), theta[r].tolist()
-        slopes = np.abs(output_slopes(bench.reading, x, u, p)[0][:, :n])
-        allowed = ALLOWED * RTOL * size + 1e-12 * np.abs(x)
-        room[r] = slopes @ allowed + 10 * np.abs(rough.y[r] - tight.y[r]) + 1e-12 * np.abs(tight.y[r])
+        x, p = tight.x[r], theta[r].tolist()
+        allowed = ALLOWED * RTOL * bench.case.sizes + 1e-12 * np.abs(x)
+        if thorough:
+            room[r] = output_room(bench.reading, x, u, p, allowed)
+        else:
+            room[r] = np.abs(np.nan_to_num(output_slopes(bench.reading, x.tolist(), u, p)[:, : len(x)])) @ allowed
+        room[r] += 10 * np.abs(rough.y[r] - tight.y[r]) + 1e-12 * np.abs(tight.y[r])
     return room
 
 
@@ -193,7 +212,7 @@ def compare(
     if ratio > 1 and (error <= RTOL * np.sqrt(np.outer(np.diag(expected), np.diag(expected)).clip(0))).all():
         bench.figures.count("covariances good to the relative tolerance alone")  # of states far above their natural size
     elif ratio > 1 and excuse():
-        bench.figures.count("covariances too close to a branch of the output")
+        bench.figures.count("covariances of outputs that are steep, or close to a branch, next to the states")
     elif ratio > 1:
         remark = f"expected {expected.tolist()} by brute force, given {given.tolist()}"
         bench.report("wrong ok: covariance", float(ratio), k, call, remark, theta=False)

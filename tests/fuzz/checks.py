@@ -14,8 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
-from itertools import pairwise
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -24,6 +23,7 @@ import fisherpoint as fp
 from figures import Figures, Finding
 from random_models import Case
 from reading import Floats, Reading, side_of
+from room import by_own_rounding, by_rounding, output_slopes, undecided
 from scipy_route import Course, End, course
 
 TIGHT = 1e-12
@@ -32,7 +32,8 @@ METHODS = ("RK45", "DOP853")
 ALLOWED = 100.0
 CLOSE = 1000.0  # times rtol: nearer to a surface than this, nobody can tell
 ROUNDING = 1e-12  # of the largest number on the way
-FEW_ROUNDINGS = 1e-14  # relative
+CHANCE = "states off by a chance of the error's estimate"
+CHANCES = 5e-5  # of all trajectories, the share of which that may be true
 COUNT = 24  # points of a case
 COURSES = 4  # of them that SciPy integrates
 OK = fp.Status.ok
@@ -51,6 +52,7 @@ class Bench:
         self.points, self.theta = self.case.points(COUNT)
         self._admit()
         self._courses: dict[int, Course] = {}
+        self.growths: dict[tuple[int, float], float] = {}  # see magnification
 
     def _admit(self) -> None:
         """Leave out points that are refused, as those that start on a surface."""
@@ -113,6 +115,14 @@ class Bench:
             self.figures.count("trajectories by SciPy that cross a kink", bool(self._courses[k].crossed))
         return self._courses[k]
 
+    def undecided(self, k: int) -> bool:
+        """Whether rounding decides which way point k goes: at a condition whose sides are the same."""
+        point, shares = self.points[k], np.array([0.1, 0.3, 0.5, 0.7, 0.9, 1.0])
+        way = fp.Experiments(np.repeat(point.x0, 6, 0), np.repeat(point.u, 6, 0), point.dt * shares)
+        seen = np.vstack([point.x0, fp.simulate(self.model, way, self.theta[k], threads=1, jumps="exclude").x])
+        u, p, unit = self.points.u[k].tolist(), self.theta[k].tolist(), self.case.sizes / self.case.time
+        return any(undecided(self.reading, x, u, p, unit) for x in seen.tolist())
+
     def code(self, k: int, call: str, remark: str, theta: bool = True) -> str:
         shown = self.case.point_code(self.points, k, self.theta[k] if theta else None)
         return f"{shown}\nprint({call})\n# {remark}"
@@ -132,6 +142,12 @@ class Bench:
 
 def magnification(bench: Bench, k: int, rtol: float) -> float:
     """What a deviation by rtol, anywhere on the way, has grown to at the end; at least 1."""
+    if (k, rtol) not in bench.growths:
+        bench.growths[k, rtol] = _magnification(bench, k, rtol)
+    return bench.growths[k, rtol]
+
+
+def _magnification(bench: Bench, k: int, rtol: float) -> float:
     points, theta, size = bench.points[k], bench.theta[k : k + 1], bench.case.sizes
     largest = 1.0
     for share in (0.0, 0.05, 0.25, 0.5, 0.75, 0.9, 0.98):
@@ -172,6 +188,9 @@ def check_functions(bench: Bench) -> None:
     def rates(x: list[float], u: list[float], p: list[float]) -> list[float] | None:
         return reading.held(x, u, p, reading.sides(x, u, p))
 
+    def rough_rates(x: list[float], u: list[float], p: list[float]) -> list[float] | None:
+        return reading.rough.held(x, u, p, reading.rough.sides(x, u, p))
+
     f = bench.model.core.rhs(points.x0, points.u, bench.theta) if case.rates else None
     for k in range(len(points)):
         x0, u, p = points.x0[k].tolist(), points.u[k].tolist(), bench.theta[k].tolist()
@@ -181,69 +200,29 @@ def check_functions(bench: Bench) -> None:
             whole = expected is not None and np.isfinite(expected).all() and np.isfinite(f[k]).all()
             if whole and 0 not in reading.sides(x0, u, p):
                 allowed = 1e-9 * (unit * 1e3 + np.abs(expected)) + by_rounding(rates, expected, x0, u, p)
-                compare(
-                    bench, "right-hand side", f[k], np.array(expected), allowed, k, "model.rhs(points.x0[0], points.u[0], theta)"
-                )
+                call = "model.rhs(points.x0[0], points.u[0], theta)"
+                own = partial(by_own_rounding, rough_rates, expected, x0, u, p)
+                compare(bench, "right-hand side", f[k], np.array(expected), allowed, k, call, own)
         if bench.tight.status[k] == OK:
             x = bench.tight.x[k].tolist()
-            expected, slopes = reading.output(x, u, p), output_slopes(reading, x, u, p)[0]
+            expected, slopes = reading.output(x, u, p), output_slopes(reading, x, u, p)
             if expected is not None and np.isfinite(expected).all():
-                room = np.abs(slopes) @ np.abs([*x, *p]) + np.abs(expected) + 1
+                room = np.abs(np.nan_to_num(slopes)) @ np.abs([*x, *p]) + np.abs(expected) + 1
                 allowed = 1e-9 * room + by_rounding(reading.output, expected, x, u, p)
-                compare(
-                    bench,
-                    "output",
-                    bench.tight.y[k],
-                    np.array(expected),
-                    allowed,
-                    k,
-                    f"fp.simulate(model, points, theta, rtol={TIGHT}, jumps='exclude').y",
-                )
+                call = f"fp.simulate(model, points, theta, rtol={TIGHT}, jumps='exclude').y"
+                values = expected, x, u, p
+                own = partial(by_own_rounding, reading.rough.output, *values)
+                compare(bench, "output", bench.tight.y[k], np.array(expected), allowed, k, call, own)
 
 
-def by_rounding(
-    function: Callable[..., list[float] | None], value: list[float], x: list[float], u: list[float], p: list[float]
-) -> Floats:
-    """What roundings of its arguments do to a function: much at a jump, and where a root is zero."""
-    total = np.zeros(len(value))
-    for part in range(3):
-        for i in range(len((x, u, p)[part])):
-            for sign in (1.0, -1.0):
-                moved = [list(x), list(u), list(p)]
-                moved[part][i] *= 1 + sign * FEW_ROUNDINGS
-                other = function(*moved)
-                if other is not None and np.isfinite(other).all():
-                    total += np.abs(np.array(other) - value)
-    return total
-
-
-def output_slopes(reading: Reading, x: list[float], u: list[float], p: list[float]) -> tuple[Floats, Floats]:
-    """dg/d(x, p) (n_y, n_x + p) by differences and an estimate of their errors, which is infinite where there are none."""
-    at, n = [*x, *p], len(x)
-    slopes, error = np.zeros((reading.n_y, len(at))), np.full((reading.n_y, len(at)), math.inf)
-    for j, value in enumerate(at):
-        central = []
-        for share in (1e-5, 5e-6, 2.5e-6):
-            step = share * abs(value) or 1e-30
-            both = [reading.output(*_parts([*at[:j], value + sign * step, *at[j + 1 :]], n, u)) for sign in (1, -1)]
-            if both[0] is None or both[1] is None:
-                break
-            with np.errstate(all="ignore"):
-                central.append((np.array(both[0]) - np.array(both[1])) / (2 * step))
-        if len(central) == 3 and np.isfinite(central).all():
-            once = [(4 * b - a) / 3 for a, b in pairwise(central)]
-            slopes[:, j] = (16 * once[1] - once[0]) / 15
-            error[:, j] = np.abs(slopes[:, j] - once[1]) + 1e-15 * np.abs(np.array(both[0])) / step
-    return slopes, error
-
-
-def _parts(at: list[float], n: int, u: list[float]) -> tuple[list[float], list[float], list[float]]:
-    return at[:n], u, at[n:]
-
-
-def compare(bench: Bench, what: str, given: Floats, expected: Floats, allowed: Floats, k: int, call: str) -> None:
+def compare(
+    bench: Bench, what: str, given: Floats, expected: Floats, allowed: Floats, k: int, call: str, own: Callable[[], Floats]
+) -> None:
+    """Compare numbers; `own` is what roundings on the way to them make of them, and is asked where that decides."""
     bench.figures.count(f"{what} compared")
     ratio = float(np.max(np.abs(given - expected) / allowed, initial=0.0))
+    if ratio > 1:
+        ratio = float(np.max(np.abs(given - expected) / (allowed + own())))
     if ratio > 1:
         bench.report(f"{what} differs", ratio, k, call, f"expected {expected.tolist()}, given {given.tolist()}")
 
@@ -301,28 +280,53 @@ def check_states(bench: Bench) -> None:
                 done.x[k],
                 rtol,
                 f"fp.simulate(model, points, theta, rtol={rtol:g}, method={method!r}, jumps='exclude')",
+                method,
             )
 
 
-def judge(bench: Bench, k: int, status: int, x: Floats, rtol: float, call: str) -> None:
+def judge(bench: Bench, k: int, status: int, x: Floats, rtol: float, call: str, method: str | None = None) -> None:
     """Compare one result with SciPy's."""
     true, name = bench.course(k), fp.Status(status).name
     bench.figures.count("judged by SciPy")
     if true.end is End.unknown:
         return
     if status == OK and true.end is End.ok:
-        if true.stiff and rtol < 1e-6:
-            return
-        error = float(state_error(bench, x, true.x))
-        if error > ALLOWED * rtol:
-            error /= magnification(bench, k, rtol)
-        bench.figures.ratio("states against SciPy", error / rtol)
-        if error > ALLOWED * rtol:
-            bench.report("wrong ok: states", error / (ALLOWED * rtol), k, call, f"x = {true.x.tolist()} by SciPy")
+        judge_state(bench, k, true, x, rtol, call, method)
     elif status == OK:
         judge_ok(bench, k, true, rtol, call)
     elif true.end is End.ok:
         judge_exclusion(bench, k, true, name, rtol, call)
+
+
+def judge_state(bench: Bench, k: int, true: Course, x: Floats, rtol: float, call: str, method: str | None) -> None:
+    """A trajectory that gets to its end, here and there."""
+    if true.stiff and rtol < 1e-6:
+        return
+    error, growth = float(state_error(bench, x, true.x)), 1.0
+    if error > ALLOWED * rtol:
+        growth = magnification(bench, k, rtol)
+        error /= growth
+    if error > ALLOWED * rtol and bench.undecided(k):
+        bench.figures.count("conditions that rounding decides about")
+        return
+    if error > ALLOWED * rtol and by_chance(bench, k, true, rtol, growth, method):
+        bench.figures.count(CHANCE)
+        return
+    bench.figures.ratio("states against SciPy", error / rtol)
+    if error > ALLOWED * rtol:
+        bench.report("wrong ok: states", error / (ALLOWED * rtol), k, call, f"x = {true.x.tolist()} by SciPy")
+
+
+def by_chance(bench: Bench, k: int, true: Course, rtol: float, growth: float, method: str | None) -> bool:
+    """Whether a smooth trajectory is right at other tolerances next to this: so it is where the estimate of one step's error
+    happens to vanish, of which the documentation says that no rule sees it, and how rare it is (`CHANCES`)."""
+    if true.crossed or true.stiff:
+        return False
+    for share in (0.5, 0.8, 1.25, 2.0):
+        one = bench.simulate(bench.points[k], bench.theta[k : k + 1], share * rtol, method)
+        if one.status[0] != OK or state_error(bench, one.x[0], true.x) > ALLOWED * share * rtol * growth:
+            return False
+    return True
 
 
 def judge_ok(bench: Bench, k: int, true: Course, rtol: float, call: str) -> None:

@@ -14,11 +14,13 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
-from functools import reduce
+from functools import cached_property, reduce
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from arithmetic import Dual, Rough, names_for, slope_of
 
 Floats = NDArray[np.float64]
 Values = Sequence[float]
@@ -41,6 +43,7 @@ NAMES: dict[str, Any] = {
     "exp": _exp,
     "sinh": _sinh,
     "cosh": _cosh,
+    "_power": math.pow,  # a real power, or ValueError: Python's own would be complex
     "abs": abs,
     "sign": lambda a: (a > 0) - (a < 0),
     "heaviside": lambda a: float(a > 0),
@@ -79,7 +82,10 @@ class Reading:
         inputs: Sequence[str],
         parameters: Sequence[str],
         constants: Mapping[str, float],
+        names: Mapping[str, Any] = NAMES,
     ) -> None:
+        self._texts = rates, outputs, states, inputs, parameters, constants
+        self._names = names
         self.surfaces: list[str] = []
         self.limits: list[Limit] = []
         self._vary = {*states, *inputs}
@@ -112,6 +118,23 @@ class Reading:
         """g; None where it has no value."""
         try:
             return [float(value) for value in self._output(x, u, p)]
+        except ERRORS:
+            return None
+
+    @cached_property
+    def _dual(self) -> Reading:
+        return Reading(*self._texts, names_for(NAMES, Dual))
+
+    @cached_property
+    def rough(self) -> Reading:
+        """The same texts, with roundings that vary from call to call (arithmetic.py)."""
+        return Reading(*self._texts, names_for(NAMES, Rough))
+
+    def output_slope(self, x: Values, u: Values, p: Values, place: int) -> list[float] | None:
+        """The derivative of g by one of x, p; None where it has no value."""
+        at = [Dual(value, float(i == place)) for i, value in enumerate((*x, *p))]
+        try:
+            return [slope_of(value) for value in self._dual._output(at[: len(x)], u, at[len(x) :])]
         except ERRORS:
             return None
 
@@ -150,13 +173,12 @@ class Reading:
         body = ", ".join(ast.unparse(_Power().visit(deepcopy(tree))) for tree in trees)
         source = f"def function({arguments}):\n    {self._unpack}return [{body}]\n"
         space = {
-            **NAMES,
+            **self._names,
             **self._constants,
             "_root": _root,
             "_pole": _pole,
             "_last": _last,
             "_note": _note,
-            "_power": _power,
             "side_of": side_of,
         }
         exec(source, space)
@@ -249,11 +271,6 @@ def _pole(seen: dict[int, float], place: int, value: float) -> float:
     if abs(value) < abs(seen.get(place, math.inf)):
         seen[place] = value
     return value
-
-
-def _power(base: float, exponent: float) -> float:
-    """A real power, or ValueError: Python's own would be complex."""
-    return math.pow(base, exponent)
 
 
 def _note(taken: list[int], height: float) -> int:

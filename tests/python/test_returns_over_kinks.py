@@ -95,3 +95,26 @@ def test_a_power_behind_an_edge(rtol: float, method: str) -> None:
     expected = 0.8732 - 2.3032 * np.exp(-100 * duration)
     truth = [expected + 1e3**2.5 * quad(lambda s, c=c: s**1.5 * np.exp(-100 * (duration - c - s)), 0, duration - c)[0] for c in c]
     np.testing.assert_allclose(result.y[:, 0], truth, rtol=0, atol=60 * rtol)
+
+
+def test_a_bump_behind_the_edge_that_a_trajectory_starts_on() -> None:
+    """Of states far below their natural sizes, where the first step spans the bump."""
+    size = ("1", 1e4)
+    model = fp.SymbolicModel(["1.0", "-1.0", "max(c * max(s - a, 0), 0)"], ["x"], {"s": size, "c": size, "x": size}, {}, {"a": "1"})
+    a = np.linspace(0.05, 0.9, 200)
+    points = fp.Experiments(np.column_stack([a, 1 - a, 0 * a]), np.zeros((200, 0)), np.full(200, 1.5))
+    result = fp.simulate(model, points, a[:, None], rtol=1e-4)
+    np.testing.assert_allclose(result.y[:, 0], (1 - a) ** 3 / 6, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("method", ["RK45", "DOP853"])
+@pytest.mark.parametrize("rtol", TOLERANCES)
+def test_a_bump_from_rest_on_an_edge_that_ends_on_another(rtol: float, method: str) -> None:
+    """c max(s - a, 0) rests at zero up to s = a, and is zero again at c = 0: between, a step has no sign of it at either end."""
+    model = fp.SymbolicModel(["1.0", "-1.0", "max(c * max(s - a, 0), 0)"], ["x"], {"s": "1", "c": "1", "x": "1"}, {}, {"a": "1"})
+    a = np.linspace(0.05, 0.9, 200)
+    points = fp.Experiments(np.tile([0.0, 1.0, 0.0], (200, 1)), np.zeros((200, 0)), np.full(200, 1.5))
+    result = fp.sensitivities(model, points, a[:, None], rtol=rtol, method=method)
+    assert (result.status == fp.Status.ok).all()
+    np.testing.assert_allclose(result.y[:, 0], (1 - a) ** 3 / 6, rtol=0, atol=10 * rtol)
+    np.testing.assert_allclose(result.dy_dtheta[:, 0, 0], -((1 - a) ** 2) / 2, rtol=0, atol=10 * rtol)

@@ -83,6 +83,12 @@ class Integrator {
     for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
       if (!crosses(m)) on_jump = on_jump | on_it(m);
     });
+    Mask on_kink = Lanes::none();
+    for_each_index(f_.jumps_end, f_.kinks_end, [&](auto m) { on_kink = on_kink | on_it(m); });
+    if (any(on_kink)) {
+      const Surfaces past = rates_past(y, min(starting_step(y), duration));
+      for_each_index(f_.surfaces, [&](auto m) { rate_[m] = select(on_kink, past[m], rate_[m]); });
+    }
     for_each_index(f_.jumps_end, f_.kinks_end,
                    [&](auto m) { side_[m] = select(on_it(m) & (rate_[m] < P(0.0)), P(-1.0), side_[m]); });
     for_each_index(f_.kinks_end, f_.sides, [&](auto m) { outside = outside | on_it(m); });
@@ -209,7 +215,8 @@ class Integrator {
         landed_[m] =
             good & !along & !wrong & !(ends_ & (h.b4 > zero)) & ((abs(h.b4) <= -landing_ * slope) | (crossed & short_step));
         crossed = crossed & !landed_[m] & !along & !wrong;
-        unclear = unclear & !along & !short_step;
+        // From rest it may go to the other side and end on the kink again, with no sign at either end.
+        unclear = unclear & !(along & !(min(h.b2, h.b3) < -rounding * abs(h.b4))) & !short_step;
         if (any(crossed | unclear)) {
           const Mask heard = !drowned(m, y);
           crossed = crossed & heard;
@@ -303,6 +310,7 @@ class Integrator {
   // Onto surfaces, and over them: surfaces.hpp.
   [[gnu::noinline]] void settle(const Mask& taken);
   [[gnu::noinline]] void turn(const State& y, const Mask& taken);
+  [[gnu::noinline]] Surfaces rates_past(const State& y, const P& step) const;
   [[gnu::noinline]] Mask drowned(auto m, const State& y) const;
 
   // Stiff stretches: stiffness.hpp.

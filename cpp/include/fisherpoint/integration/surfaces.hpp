@@ -6,6 +6,9 @@
 
 namespace fisherpoint {
 
+// Of a step, how far past a kink it is looked.
+inline constexpr double glance = 1e-6;
+
 // Moves the ends of steps that landed next to a kink onto it, along the slope there: an error of the second order.
 template <class Equation, class Method>
 void Integrator<Equation, Method>::settle(const Mask& taken) {
@@ -39,12 +42,21 @@ void Integrator<Equation, Method>::turn(const State& y, const Mask& taken) {
   fit(fresh, f_.states);
   derivative(y, fresh);
   for_each_index(f_.states, [&](auto i) { stage_[0][i] = select(turned, fresh[i], stage_[0][i]); });
-  const Surfaces value = f_.surface_values(y), rate = f_.surface_rates(y, stage_[0]);
+  const Surfaces value = f_.surface_values(y), rate = rates_past(y, step_size_);
   for_each_index(f_.surfaces, [&](auto m) {
     value_[m] = select(turned, value[m], value_[m]);
     rate_[m] = select(turned, rate[m], rate_[m]);
   });
   if (f_.jumps_end > 0 && slide_) watch_hold(turned, y, step_);
+}
+
+// The rates of the surfaces just past a kink on which y lies, at the start of a step of about this size. On the kink itself one
+// that reads what has the kink, as c max(s - a, 0) > 0 does, may have its rate from the side that is left.
+template <class Equation, class Method>
+auto Integrator<Equation, Method>::rates_past(const State& y, const P& step) const -> Surfaces {
+  State past = y;
+  for_each_index(f_.states, [&](auto i) { past[i] += glance * step * stage_[0][i]; });
+  return f_.surface_rates(past, stage_[0]);
 }
 
 // Where a surface's value all along the step is nothing but the rounding of the states that it reads.
