@@ -60,61 +60,9 @@ class Integrator {
                  const Mask& stiff = Lanes::none());
 
  private:
-  FISHERPOINT_HOT void begin(const State& y, const P& duration, const P& first_step) {
-    outcome_ = {};
-    running_ = duration > P(0.0);
-    time_ = P(0.0);
-    cap_ = wished_ = P(infinity);
-    rejected_ = broken_ = behind_kink_ = Lanes::none();
-    landed_.fill(Lanes::none());
-    leaving_.fill(Lanes::none());
-    slide_ = false;
-    turns_ = P(0.0);
-    implicit_ = Lanes::none();
-    if (implicit_step_) implicit_step_->forget(!Lanes::none());
-    value_ = f_.surface_values(y);
-    // A start on a kink belongs to the side that it moves to; the sign of its rate needs some side first.
-    for_each_index(f_.sides, [&](auto m) { side_[m] = select(value_[m] < P(0.0), P(-1.0), P(1.0)); });
-    f_.derivative(y, side_, stage_[0]);
-    rate_ = f_.surface_rates(y, stage_[0]);
-    Mask outside = Lanes::none(), on_jump = Lanes::none();
-    const auto on_it = [&](int m) { return !((value_[m] < P(0.0)) | (value_[m] > P(0.0))); };
-    if (f_.jumps_end > 0 && starts_next_to_jump(duration)) start_on_jumps(y, duration);
-    for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
-      if (!crosses(m)) on_jump = on_jump | on_it(m);
-    });
-    Mask on_kink = Lanes::none();
-    for_each_index(f_.jumps_end, f_.kinks_end, [&](auto m) { on_kink = on_kink | on_it(m); });
-    if (any(on_kink)) {
-      const Surfaces past = rates_past(y, min(starting_step(y), duration));
-      for_each_index(f_.surfaces, [&](auto m) { rate_[m] = select(on_kink, past[m], rate_[m]); });
-    }
-    for_each_index(f_.jumps_end, f_.kinks_end,
-                   [&](auto m) { side_[m] = select(on_it(m) & (rate_[m] < P(0.0)), P(-1.0), side_[m]); });
-    for_each_index(f_.kinks_end, f_.sides, [&](auto m) { outside = outside | on_it(m); });
-    for_each_index(f_.sides, f_.surfaces, [&](auto m) { outside = outside | !(value_[m] > P(0.0)); });
-    stop(running_ & outside, Status::left_domain);
-    stop(running_ & on_jump, Status::met_jump);
-    step_size_ = f_.states == 0 ? duration : min(select(first_step > P(0.0), first_step, starting_step(y)), duration);
-  }
-
-  // The starting step of Hairer, Norsett, Wanner, section II.4, from the states alone. States that start at zero, or next to
-  // it, are taken as a thousandth of their scales.
-  P starting_step(const State& y) {
-    const P size = squared_weight() * max(f_.squared_size(y), P(1e-6)), slope = squared_weight() * f_.squared_size(stage_[0]);
-    const P probe = 0.01 * sqrt(size / (slope + 1e-300));
-    State ahead = y, change;
-    fit(change, f_.states);
-    for_each_index(f_.states, [&](auto i) { ahead[i] += probe * stage_[0][i]; });
-    derivative(ahead, change);
-    for_each_index(f_.states, [&](auto i) { change[i] -= stage_[0][i]; });
-    const P bend = squared_weight() * f_.squared_size(change) / (probe * probe + 1e-300);
-    // The formula does not know the unit of time: in fast models it is many time constants, at one of which the error's
-    // estimate vanishes.
-    const P constant = most_constants * sqrt(slope / (bend + 1e-300));
-    const P step = min(constant, inverse_root(1e4 * max(slope, bend) * max(slope, bend) + 1e-300));
-    return select(step > P(0.0), min(100.0 * probe, step), probe);
-  }
+  // Where it starts: start.hpp.
+  FISHERPOINT_HOT void begin(const State& y, const P& duration, const P& first_step);
+  P starting_step(const State& y);
 
   P squared_weight() const { return P(weight_); }
 
@@ -410,5 +358,6 @@ auto Integrator<Equation, Method>::run(State& y, const P& duration, const P& fir
 
 #include "fisherpoint/integration/jumps.hpp"
 #include "fisherpoint/integration/limits.hpp"
+#include "fisherpoint/integration/start.hpp"
 #include "fisherpoint/integration/stiffness.hpp"
 #include "fisherpoint/integration/surfaces.hpp"
