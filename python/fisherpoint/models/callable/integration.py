@@ -54,33 +54,17 @@ def integrate(
 ) -> tuple[Array, int]:
     """Integrate z' = derivative(z) over dt, where z begins with the state; return z and a status.
 
-    What takes too many steps by the default method, as stiff models do, is tried again by an implicit one.
-    """
-    arguments = model, derivative, z0, u, dt, theta, rtol, cross_kinks
-    if method != "fastest":
-        return _integrate(*arguments, method)
-    z, status = _integrate(*arguments, "DOP853")
-    return _integrate(*arguments, "Radau") if status == STEP_LIMIT else (z, status)
-
-
-def _integrate(
-    model: CallableCore,
-    derivative: Callable[[Array], Array],
-    z0: Array,
-    u: Array,
-    dt: float,
-    theta: Array,
-    rtol: float,
-    cross_kinks: bool,
-    method: str,
-) -> tuple[Array, int]:
-    """By one of SciPy's methods.
-
     A kink is crossed by ending a step on it. Where the status is not ok, z is the last one that was reached.
 
     A step may go over something of which none of its stages sees anything. So f and the surfaces are looked at within long steps,
     and where they are not what they were taken for, steps are kept short from then on.
+    What takes too many steps by the default method, as stiff models do, is tried again by an implicit one.
     """
+    if method == "fastest":
+        z, status = integrate(model, derivative, z0, u, dt, theta, rtol, cross_kinks, "DOP853")
+        if status == STEP_LIMIT:
+            z, status = integrate(model, derivative, z0, u, dt, theta, rtol, cross_kinks, "Radau")
+        return z, status
     from scipy.integrate import solve_ivp
 
     n_x, u, theta = model.n_x, u[None], theta[None]
