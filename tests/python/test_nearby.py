@@ -15,7 +15,7 @@ from defaults import problem as cylinder
 from defaults import without_checksum
 from fisherpoint.design.evaluated import evaluate_points
 from fisherpoint.design.report import design_report, evaluation_report
-from fisherpoint.information.nearby import DISTANCE, LARGEST_GROWTH
+from fisherpoint.information.nearby import DISTANCE, LARGEST_GROWTH, _shortened
 from fisherpoint.show.text import to_text
 
 SLIDER = fp.SymbolicModel(
@@ -203,3 +203,11 @@ def test_log_normal_parameters_stay_positive() -> None:
     problem = fp.DesignProblem(SLIDER, prior, None, noise_std={"v": 5.0})
     nearby = evaluate_points(problem, points(BRAKING, PUSHED, [0.0, 1.5, 1.0])).evaluation.nearby
     assert nearby is not None and all(value > 0 for value in nearby.parameters.values())
+
+
+@pytest.mark.parametrize("rows", [1, 24, 25, 1000])
+def test_long_matrices_are_made_short_without_a_loss(rows: int) -> None:
+    matrix = np.random.default_rng(rows).standard_normal((rows, 3)) * [1.0, 1e6, 1e-6]
+    short = _shortened(matrix)
+    assert len(short) <= 24
+    np.testing.assert_allclose(short.T @ short, matrix.T @ matrix, rtol=1e-10, atol=1e-12)

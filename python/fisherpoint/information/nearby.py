@@ -37,6 +37,9 @@ UNDETERMINED = 1e6
 SHARE = 0.1
 """Share of the information that is lost from which a point counts among those that lose it."""
 
+BLOCK = 8
+"""Rows, in multiples of the columns, of which long matrices are made short."""
+
 WITHOUT_TANGENT = (Status.on_jump, Status.grazes_jump, Status.two_jumps)
 """Where there is a trajectory but no derivative, just there: a little beside there is one."""
 
@@ -165,10 +168,19 @@ def _white(d: Criterion, factor: Array, information: PointInformation) -> Array:
 
 def _half(white: Array) -> Array:
     """A root (p, p) of the covariance; what is not determined has a standard error that is large, but finite."""
-    singular_values, directions, length = column_scaled_svd(white.reshape(-1, white.shape[2]))
+    singular_values, directions, length = column_scaled_svd(_shortened(white.reshape(-1, white.shape[2])))
     floor = max(singular_values[0], 1e-300) / (100 * UNDETERMINED)
     root: Array = directions.T / np.maximum(singular_values, floor) / np.where(length > 0, length, 1.0)[:, None]
     return root
+
+
+def _shortened(matrix: Array) -> Array:
+    """Few rows (m, p) with the same Gram matrix, by QR of blocks: what is long is slow while other programs use the cores."""
+    p = matrix.shape[1]
+    while len(matrix) > BLOCK * p:
+        whole = np.concatenate([matrix, np.zeros((-len(matrix) % (BLOCK * p), p))])
+        matrix = np.asarray(np.linalg.qr(whole.reshape(-1, BLOCK * p, p), mode="r"), dtype=np.float64).reshape(-1, p)
+    return matrix
 
 
 def _losing(at_mean: Array, there: Array, direction: Array) -> tuple[int, ...]:
