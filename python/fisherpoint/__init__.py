@@ -19,6 +19,7 @@ from .information.assumed import assumed_covariance
 from .information.comparison import RuleComparison, compare_rules
 from .information.evaluation import Evaluation, evaluate_design, evaluate_under_noise
 from .information.identifiability import Identifiability, identifiability
+from .information.nearby import Nearby
 from .information.problem import DesignProblem
 from .models import HydraulicCylinder, Model
 from .points.constraints import Constraint
@@ -63,6 +64,7 @@ __all__ = [
     "Linearized",
     "Measurements",
     "Model",
+    "Nearby",
     "PredictiveCovariance",
     "Progress",
     "Quantity",

@@ -119,7 +119,7 @@ def test_every_status_is_explained() -> None:
     assert re.findall(r"^\| `(\w+)` \| (\d) \|", page, re.MULTILINE) == [(status.name, str(status.value)) for status in fp.Status]
 
 
-REPORTING = ("warnings", "_warnings", "_beside_numerical_error")
+REPORTING = ("warnings", "_warnings", "_nearby_warnings", "_beside_numerical_error")
 """The functions that put warnings into reports."""
 
 SOURCES = [ast.parse(path.read_text()) for path in sorted((ROOT / "python" / "fisherpoint").rglob("*.py"))]

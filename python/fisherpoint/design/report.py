@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..basics.quantity import Quantity
 from ..information.evaluation import value_of_criterion
+from ..information.nearby import DISTANCE, Nearby, times
 from ..information.problem import DesignProblem
 from ..models import Model
 from ..points.experiments import Experiments
@@ -21,6 +22,7 @@ from .evaluated import Evaluated
 from .found import FoundDesign
 
 _ROWS = 40  # points shown of a longer list
+_WORST = 3  # parameters named in a warning
 
 
 def design_report(design: FoundDesign) -> Report:
@@ -104,6 +106,8 @@ def _parameter_table(evaluated: Evaluated) -> Section:
             'To first order in what is uncertain; assumed_covariance = "predictive" takes in curvature, which may make estimates '
             "worse than this. fisherpoint validate tells."
         )
+    if under_noise.nearby is not None:
+        notes.append(under_noise.nearby.described)
     return Section(f"Parameters, predicted under {noise}", columns, rows, marked, notes)
 
 
@@ -228,3 +232,39 @@ def _warnings(evaluated: Evaluated) -> Iterator[str]:
             f"The standard error stays above half the prior std for {', '.join(evaluated.under_noise.weak_parameters)}: these "
             "experiments add little information about them. More points, a longer dt or wider bounds may help."
         )
+    if evaluated.under_noise is not None and evaluated.under_noise.nearby is not None:
+        yield from _nearby_warnings(evaluated, evaluated.under_noise.nearby)
+
+
+def _nearby_warnings(evaluated: Evaluated, nearby: Nearby) -> Iterator[str]:
+    """What happens to the promise within what it promises."""
+    problem = evaluated.problem
+    if nearby.broken:
+        units = {quantity.name: quantity.unit for quantity in problem.model.parameters}
+        worst = nearby.broken[:_WORST]
+        errors = ", ".join(f"that of {name} is up to {times(nearby.growth[name])} as large" for name in worst)
+        where = ", ".join(f"{name} = {number(nearby.parameters[name])} {units[name]}".removesuffix(" 1") for name in worst)
+        ways = "other or more points"
+        if problem.jumps == "cross" and problem.model.crossable:
+            ways += ', jumps = "exclude", or a smooth form of what jumps'
+        yield (
+            f"The standard errors hold at the prior mean, but not {DISTANCE:g} of them away from it: there {errors}. It is worst "
+            f"at {where}, where {_losing(evaluated, nearby)} much less than at the mean, as behind a threshold. Estimates may be "
+            f"worse than promised, and fits may fail: validate before measuring (fisherpoint validate). What may help: {ways}."
+        )
+    if nearby.without_trajectory:
+        lost = ", ".join(f"{name} {count}" for name, count in nearby.without_trajectory.items())
+        advice = " ".join(Status[name].advice for name in nearby.without_trajectory)
+        yield (
+            f"Points have no trajectory where the parameters are {DISTANCE:g} standard errors off: {lost}. {advice} "
+            "Validate before measuring (fisherpoint validate)."
+        )
+
+
+def _losing(evaluated: Evaluated, nearby: Nearby) -> str:
+    """The points that tell less there, as the report numbers them."""
+    previous = getattr(evaluated, "n_previous", 0)
+    own = [str(k - previous + 1) for k in nearby.points if k >= previous]
+    texts = [f"point{'s' * (len(own) > 1)} {' and '.join(own)}"] if own else []
+    texts += ["previous points"] * (len(own) < len(nearby.points))
+    return f"{' and '.join(texts)} tell{'s' * (len(own) == len(nearby.points) == 1)}"

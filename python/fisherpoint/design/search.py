@@ -236,7 +236,8 @@ class ExchangeSearch:
         if self.problem.noise_std is None:
             return None
         information = self._with_previous(self.best.information)
-        return evaluate_information(self.problem, information, criterion(self.problem, information, self.threads, "noise"))
+        d = criterion(self.problem, information, self.threads, "noise")
+        return evaluate_information(self.problem, information, d, self.threads)
 
     def found(
         self,
@@ -245,11 +246,15 @@ class ExchangeSearch:
         efficiency: Efficiency | None,
         previous_left_out: Mapping[str, int],
     ) -> FoundDesign:
+        evaluation = under_noise
+        if evaluation is None or self.criterion.kind != "noise":
+            information = self._with_previous(self.best.information)
+            evaluation = evaluate_information(self.problem, information, self.criterion, self.threads)
         return FoundDesign(
             problem=self.problem,
             settings=self.settings,
             points=self.best.information.points,
-            evaluation=evaluate_information(self.problem, self._with_previous(self.best.information), self.criterion),
+            evaluation=evaluation,
             under_noise=under_noise,
             efficiency=efficiency,
             trace=tuple(self.trace),

@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..basics.checks import check_positive_int, names_among
+from ..basics.checks import as_float, by_name, check_positive_int, names_among
 from ..basics.values import Array, FrozenMapping
 from ..models.codec import model_from_json, model_to_json
 from ..points.region import ExperimentRegion
+from ..points.trajectories import Status
 from ..prior.codec import prior_from_json, prior_to_json, rule_from_json, rule_to_json
 from .evaluation import Evaluation
+from .nearby import Nearby
 from .problem import DERIVED, DesignProblem
 
 
@@ -80,6 +82,8 @@ def evaluation_to_json(evaluation: Evaluation | None) -> dict[str, Any] | None:
             value = value.tolist()
         elif isinstance(value, Mapping):
             value = dict(value)
+        elif isinstance(value, Nearby):
+            value = _nearby_to_json(value)
         elif field.name == "null_directions":
             value = [dict(direction) for direction in value]
         data[field.name] = number_to_json(value) if field.name == "log_det" else value
@@ -87,10 +91,10 @@ def evaluation_to_json(evaluation: Evaluation | None) -> dict[str, Any] | None:
 
 
 def evaluation_from_json(data: dict[str, Any] | None, n_points: int) -> Evaluation | None:
-    """The evaluation of which this is the JSON; files from before this was kept lack `n_points`."""
+    """The evaluation of which this is the JSON; files from before these were kept lack `n_points` and `nearby`."""
     if data is None:
         return None
-    data = {"n_points": n_points} | data
+    data = {"n_points": n_points, "nearby": None} | data
     values = {field.name: data[field.name] for field in fields(Evaluation)}
     values["n_points"] = check_positive_int(values["n_points"], "n_points")
     for name in ("parameters", "outputs", "outputs_left_out"):
@@ -101,7 +105,31 @@ def evaluation_from_json(data: dict[str, Any] | None, n_points: int) -> Evaluati
         values[name] = None if values[name] is None else FrozenMapping(dict(values[name]))
     values["null_directions"] = tuple(FrozenMapping(dict(direction)) for direction in values["null_directions"])
     values["log_det"] = log_det_from_json(values["log_det"])
+    values["nearby"] = values["nearby"] and _nearby_from_json(values["nearby"], values["parameters"], values["n_points"])
     return Evaluation(**values)
+
+
+def _nearby_to_json(nearby: Nearby) -> dict[str, Any]:
+    return {
+        "growth": {name: number_to_json(growth) for name, growth in nearby.growth.items()},
+        "parameters": dict(nearby.parameters),
+        "points": list(nearby.points),
+        "lost": dict(nearby.lost),
+    }
+
+
+def _nearby_from_json(data: dict[str, Any], parameters: tuple[str, ...], n_points: int) -> Nearby:
+    growth = {name: np.inf if value is None else value for name, value in data["growth"].items()}
+    return Nearby(
+        by_name(growth, parameters, "growth", _growth, complete=True),
+        by_name(data["parameters"], parameters, "parameters", as_float, complete=True),
+        tuple(check_positive_int(k, "points", 0, most=n_points - 1) for k in data["points"]),
+        by_name(data["lost"], Status.__members__, "lost", check_positive_int),
+    )
+
+
+def _growth(value: Any, name: str) -> float:
+    return value if value == np.inf else as_float(value, name)
 
 
 def number_to_json(value: float) -> float | None:

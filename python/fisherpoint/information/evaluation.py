@@ -21,6 +21,7 @@ from ..show.numbers import computed, counted, number, percent
 from ..show.section import Report, Section
 from ..show.shown import Shown
 from .combinations import combination
+from .nearby import Nearby, nearby_of
 from .null_space import column_scaled_svd, unscaled
 from .output_covariance import Criterion, cholesky_factor, criterion, needs_covariances
 from .point_information import PointInformation, point_information
@@ -68,7 +69,11 @@ class Evaluation(Shown, Kept):
     prior_std : mapping of parameter name to float
     n_points : int
         L of (7): the points that were evaluated, previous ones with them.
+    nearby : Nearby or None
+        What becomes of the standard errors where the parameters are two of them off; where D is R, and F is not singular.
     """
+
+    _INSIDE = (Nearby,)
 
     parameters: tuple[str, ...]
     log_det: float
@@ -85,6 +90,7 @@ class Evaluation(Shown, Kept):
     null_directions: tuple[Mapping[str, float], ...]
     prior_std: Mapping[str, float]
     n_points: int
+    nearby: Nearby | None = None
 
     @property
     def information(self) -> Array:
@@ -154,6 +160,7 @@ class Evaluation(Shown, Kept):
             rows.append((name, number(std), computed(error), percent((self.rse or {}).get(name, np.nan)), percent(error / std)))
         marked = [k for k, name in enumerate(self.parameters) if name in self.weak_parameters]
         notes = [] if kind == "noise" else ["Those of an estimate only where D is R: see evaluate_under_noise"]
+        notes += [] if self.nearby is None else [self.nearby.described]
         facts = [("output covariance D", kind), ("outputs used", ", ".join(self.outputs))]
         if self.outputs_left_out:
             facts.append(("outputs left out", ", ".join(self.outputs_left_out)))
@@ -206,7 +213,7 @@ def evaluate_design(
         warnings.warn(f"previous: expected points that are valid at the prior mean, left out {reasons}", stacklevel=2)
     if known is not None:
         information = PointInformation.join([known, information])
-    return evaluate_information(problem, information, criterion(problem, information, threads))
+    return evaluate_information(problem, information, criterion(problem, information, threads), threads)
 
 
 def evaluate_under_noise(
@@ -220,7 +227,7 @@ def evaluate_under_noise(
     return evaluate_design(problem.replace(output_covariance="noise"), points, threads=threads, previous=previous)
 
 
-def evaluate_information(problem: DesignProblem, information: PointInformation, d: Criterion) -> Evaluation:
+def evaluate_information(problem: DesignProblem, information: PointInformation, d: Criterion, threads: int | None) -> Evaluation:
     """Evaluate points whose information is known."""
     names, std = problem.estimated, problem.std
     prepared = d.prepare(information)
@@ -240,7 +247,7 @@ def evaluate_information(problem: DesignProblem, information: PointInformation, 
         rank = min(rank, len(names) - 1)  # so small that squares are zero
     null = tuple(_null_direction(v, length, names) for v in directions[rank:])
 
-    covariance = correlation = standard_errors = rse = None
+    covariance = correlation = standard_errors = rse = nearby = None
     if rank == len(names) and np.isfinite(log_det):
         # (sum S^T D^-1 S)^-1 = V s^-2 V^T of the column-scaled sensitivities, without forming or inverting their square.
         half = directions.T / singular_values / length[:, None]
@@ -259,6 +266,8 @@ def evaluate_information(problem: DesignProblem, information: PointInformation, 
         rse = FrozenMapping(
             {name: standard_errors[name] / abs(problem.prior.mean[name]) for name in names if problem.prior.mean[name]}
         )
+        if d.kind == "noise":
+            nearby = nearby_of(problem, information, d, factor, half, threads)
     else:
         log_det = -np.inf
 
@@ -281,6 +290,7 @@ def evaluate_information(problem: DesignProblem, information: PointInformation, 
         null_directions=null,
         prior_std=FrozenMapping(dict(zip(names, std.tolist(), strict=True))),
         n_points=len(prepared),
+        nearby=nearby,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -26,6 +26,9 @@ from ..points.trajectories import (
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import Linearized, Rule
 from .problem import DesignProblem
+
+MOST_POINTS = 20_000
+"""Points that the engine is given at once, so that memory stays bounded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +105,29 @@ def point_sensitivities(problem: DesignProblem, points: Experiments, threads: in
             share, over_nodes = assumed.predictive(points, problem.theta, problem.rule, settings)
             status = np.where(status != Status.ok, status, over_nodes)
     return PointInformation(points, scaled, np.zeros((len(points), n_y, n_y)), share), status
+
+
+def sensitivities_at(
+    problem: DesignProblem, points: Experiments, theta: Array, threads: int | None
+) -> Iterator[tuple[Array, IntArray]]:
+    """For each of R sets of parameters (R, p) of the model: standardised sensitivities (K, n_y, p) and statuses (K,) of K points.
+
+    Kinks and jumps are crossed, as in fits. Where the status is not ok the sensitivities are zero.
+    """
+    settings: Settings = float(problem.rtol), True, True, "fastest", resolve_threads(threads)
+    count, each = len(points), max(1, MOST_POINTS // len(points))
+    for first in range(0, len(theta), each):
+        rows = theta[first : first + each]
+        many = points[np.tile(np.arange(count), len(rows))]
+        result = checked_sensitivities(problem.model, many, np.repeat(rows, count, axis=0), settings, outputs_alone=True)
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
+            scaled = np.ascontiguousarray(result.dy_dtheta[:, :, problem.estimated_columns] * problem.std)
+        scaled[~(np.abs(scaled) <= problem.largest_sensitivity)] = np.inf
+        status = only_finite(result.status, scaled)
+        scaled[status != Status.ok] = 0.0
+        for part in range(len(rows)):
+            some = slice(part * count, (part + 1) * count)
+            yield scaled[some], status[some]
 
 
 def _settings(problem: DesignProblem, threads: int | None) -> Settings:

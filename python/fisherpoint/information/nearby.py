@@ -1,0 +1,198 @@
+"""Whether a promise survives within what it promises.
+
+Promised standard errors are those of the tangents at the prior mean. The truth is somewhere else, and where a model changes its
+behaviour on the way there, as a motor does whose torque just overcomes friction, its tangents change too. So the points are
+evaluated again at parameters that are two promised standard errors off: in each parameter, the others going along as their
+correlation says, and along the principal axes of the covariance. The output covariance stays that at the mean, as it does in fits.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..basics.values import Array, FrozenMapping, IntArray
+from ..points.trajectories import Status
+from ..show.numbers import computed
+from .null_space import column_scaled_svd
+from .output_covariance import Criterion
+from .point_information import PointInformation, sensitivities_at
+from .problem import DesignProblem
+
+DISTANCE = 2.0
+"""Promised standard errors by which the parameters are moved; at one, edges are missed that one fit in ten meets."""
+
+LARGEST_GROWTH = 2.0
+"""Growth of a standard error past which a promise counts as broken.
+
+Examples that keep their promise stay below 1.4, and below 1.6 with ten times their noise; those that break it are above 3.
+"""
+
+UNDETERMINED = 1e6
+"""Growth past which a parameter counts as not determined any more."""
+
+SHARE = 0.1
+"""Share of the information that is lost from which a point counts among those that lose it."""
+
+BLOCK = 8
+"""Rows, in multiples of the columns, of which long matrices are made short."""
+
+WITHOUT_TANGENT = (Status.on_jump, Status.grazes_jump, Status.two_jumps)
+"""Where there is a trajectory but no derivative, just there: a little beside there is one."""
+
+
+@dataclass(frozen=True)
+class Nearby:
+    """What the standard errors of a design are where the parameters are two promised standard errors off the prior mean.
+
+    No parameter is moved further than its prior standard deviation.
+
+    Attributes
+    ----------
+    growth : mapping of parameter name to float
+        The largest standard error there over the promised one; inf where the points do not determine the parameter there.
+    parameters : mapping of parameter name to float
+        The estimated parameters, SI units, where a standard error grows most.
+    points : tuple of int
+        The points, previous ones first, that tell much less there than at the mean, the worst first.
+    lost : mapping of status name to int
+        Points that have no trajectory, or no derivative, at some of these parameters.
+    """
+
+    growth: Mapping[str, float]
+    parameters: Mapping[str, float]
+    points: tuple[int, ...]
+    lost: Mapping[str, int]
+
+    @property
+    def worst(self) -> str:
+        """The parameter whose standard error grows most."""
+        return max(self.growth, key=lambda name: self.growth[name])
+
+    @property
+    def broken(self) -> tuple[str, ...]:
+        """Parameters whose standard error grows to more than twice the promised one, the worst first."""
+        names = [name for name, growth in self.growth.items() if growth > LARGEST_GROWTH]
+        return tuple(sorted(names, key=lambda name: -self.growth[name]))
+
+    @property
+    def described(self) -> str:
+        """The largest growth, as a sentence of a report."""
+        growth = self.growth[self.worst]
+        most = f"{times(growth)} ({self.worst})" if growth > 1.005 else times(1.0)
+        promise = ": validate before measuring" if self.broken else ""
+        return f"With parameters that are {DISTANCE:g} standard errors off, they are at most {most} as large{promise}."
+
+    @property
+    def without_trajectory(self) -> Mapping[str, int]:
+        """`lost`, without what only has no derivative just there."""
+        beside = [status.name for status in WITHOUT_TANGENT]
+        return FrozenMapping({name: count for name, count in self.lost.items() if name not in beside})
+
+
+def times(growth: float) -> str:
+    """A growth as a word of a sentence."""
+    return "infinitely many times" if np.isinf(growth) else f"{computed(growth)} times"
+
+
+def nearby_of(
+    problem: DesignProblem, information: PointInformation, d: Criterion, factor: Array, half: Array, threads: int | None
+) -> Nearby:
+    """Evaluate points near the prior mean.
+
+    Parameters
+    ----------
+    problem : DesignProblem
+    information : PointInformation
+        The points at the prior mean.
+    d : Criterion
+        The sensor noise.
+    factor : ndarray
+        Cholesky factor of the D by which prepared sensitivities are whitened.
+    half : ndarray, (p, p)
+        half half^T is the promised covariance of the standardised parameters; columns are its principal axes.
+    threads : int or None
+    """
+    names, promised, moves = problem.estimated, np.linalg.norm(half, axis=1), _moves(half)
+    at_mean = _white(d, factor, information)
+    growth, worst = np.ones(len(names)), (0.0, 0, np.zeros(len(names)), at_mean)
+    status = np.zeros((len(information), 0), dtype=np.int32)
+    for m, (sensitivity, found) in enumerate(sensitivities_at(problem, information.points, _moved(problem, moves), threads)):
+        kept = np.isin(found, WITHOUT_TANGENT)
+        sensitivity[kept] = information.sensitivity[kept]
+        there = _white(d, factor, replace(information, sensitivity=sensitivity))
+        root = _half(there)
+        errors = np.linalg.norm(root, axis=1)
+        ratio = errors / promised
+        j = int(np.argmax(ratio))
+        if ratio[j] > worst[0]:
+            worst = ratio[j], m, root @ root[j] / errors[j], there
+        growth = np.maximum(growth, ratio)
+        status = np.column_stack([status, found])
+    _, m, direction, there = worst
+    values = _moved(problem, moves[m : m + 1])[0, problem.estimated_columns]
+    growth = np.where(growth > UNDETERMINED, np.inf, growth)
+    return Nearby(
+        FrozenMapping(dict(zip(names, growth.tolist(), strict=True))),
+        FrozenMapping(dict(zip(names, values.tolist(), strict=True))),
+        _losing(at_mean, there, direction),
+        FrozenMapping(dict(_lost(status))),
+    )
+
+
+def _moves(half: Array) -> Array:
+    """By how many prior standard deviations each parameter is moved, (4p, p)."""
+    covariance = half @ half.T
+    axes = DISTANCE * np.concatenate([covariance / np.linalg.norm(half, axis=1)[:, None], half.T])
+    axes /= np.maximum(1.0, np.abs(axes).max(axis=1, keepdims=True))
+    return np.concatenate([axes, -axes])
+
+
+def _moved(problem: DesignProblem, moves: Array) -> Array:
+    """Parameters (R, p) of the model; log-normal ones are moved by shares, so that they stay positive."""
+    theta = np.tile(problem.theta, (len(moves), 1))
+    log = np.array([name in problem.prior.log for name in problem.estimated])
+    mean, steps = problem.theta[problem.estimated_columns], moves * problem.std
+    shares = np.divide(steps, mean, out=np.zeros_like(steps), where=log)
+    theta[:, problem.estimated_columns] = np.where(log, mean * np.exp(shares), mean + steps)
+    return theta
+
+
+def _white(d: Criterion, factor: Array, information: PointInformation) -> Array:
+    """Sensitivities (K, n, p) in units of the outputs' standard deviations."""
+    return np.asarray(np.linalg.solve(factor, d.prepare(information).sensitivity), dtype=np.float64)
+
+
+def _half(white: Array) -> Array:
+    """A root (p, p) of the covariance; what is not determined has a standard error that is large, but finite."""
+    singular_values, directions, length = column_scaled_svd(_shortened(white.reshape(-1, white.shape[2])))
+    floor = max(singular_values[0], 1e-300) / (100 * UNDETERMINED)
+    root: Array = directions.T / np.maximum(singular_values, floor) / np.where(length > 0, length, 1.0)[:, None]
+    return root
+
+
+def _shortened(matrix: Array) -> Array:
+    """Few rows (m, p) with the same Gram matrix, by QR of blocks: what is long is slow while other programs use the cores."""
+    p = matrix.shape[1]
+    while len(matrix) > BLOCK * p:
+        whole = np.concatenate([matrix, np.zeros((-len(matrix) % (BLOCK * p), p))])
+        matrix = np.asarray(np.linalg.qr(whole.reshape(-1, BLOCK * p, p), mode="r"), dtype=np.float64).reshape(-1, p)
+    return matrix
+
+
+def _losing(at_mean: Array, there: Array, direction: Array) -> tuple[int, ...]:
+    """Points whose information along a direction (p,) is lost."""
+    loss = np.square(at_mean @ direction).sum(axis=1) - np.square(there @ direction).sum(axis=1)
+    total = np.maximum(loss, 0.0).sum()
+    return tuple(k for k in np.argsort(-loss, kind="stable").tolist() if loss[k] > SHARE * total)
+
+
+def _lost(status: IntArray) -> Iterator[tuple[str, int]]:
+    """How many points (K, R) meet each status, each point counted once, by the first."""
+    bad = status != Status.ok
+    rows = np.flatnonzero(bad.any(axis=1))
+    first = status[rows, np.argmax(bad[rows], axis=1)]
+    yield from Counter(Status(int(code)).name for code in first).items()
