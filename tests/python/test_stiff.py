@@ -53,21 +53,20 @@ def test_explicit_methods_stay_explicit() -> None:
 
 
 def test_neighbours_and_threads_change_no_bit() -> None:
-    """Lanes that turn stiff at different times, beside one that never does."""
-    case = CASES["robertson"]
-    model, rng = case.model(), np.random.default_rng(3)
-    theta = np.array(list(case.theta.values())) * 10.0 ** rng.uniform(-0.3, 0.3, (150, 3))
-    points = fp.Experiments([case.x0] * 150, [[]] * 150, 10.0 ** rng.uniform(-4, 4, 150))
+    """Lanes that turn stiff at different times, beside some that never do."""
+    case, rng = CASES["robertson"], np.random.default_rng(3)
+    model, count = case.model(), 96
+    theta = np.array(list(case.theta.values())) * 10.0 ** rng.uniform(-2, 1, (count, 3))
+    points = fp.Experiments([case.x0] * count, [[]] * count, 10.0 ** rng.uniform(-4, 4, count))
     results = [fp.sensitivities(model, points, theta, threads=threads) for threads in (1, 2, 5)]
-    order = rng.permutation(150)
-    turned = fp.sensitivities(model, points[order], theta[order])
+    assert not results[0].status.any()
     for name in ("status", "x", "dx_dtheta"):
         expected = getattr(results[0], name)
         for other in results[1:]:
             np.testing.assert_array_equal(getattr(other, name), expected)
-        np.testing.assert_array_equal(getattr(turned, name), expected[order])
-    for k in (0, 7, 149):
+    for k in range(count):
         alone = fp.sensitivities(model, points[[k]], theta[[k]])
+        np.testing.assert_array_equal(alone.x[0], results[0].x[k])
         np.testing.assert_array_equal(alone.dx_dtheta[0], results[0].dx_dtheta[k])
 
 

@@ -19,6 +19,7 @@ void Integrator<Equation, Method>::begin(const State& y, const P& duration, cons
   slide_ = false;
   turns_ = P(0.0);
   implicit_ = Lanes::none();
+  stiff_signs_ = others_ = P(0.0);
   if (implicit_step_) implicit_step_->forget(!Lanes::none());
   value_ = f_.surface_values(y);
   // A start on a kink belongs to the side that it moves to; the sign of its rate needs some side first.

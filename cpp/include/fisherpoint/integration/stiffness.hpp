@@ -11,7 +11,6 @@ template <class Equation, class Method>
 void Integrator<Equation, Method>::set_stiff(const Mask& lanes) {
   stiff_ = lanes;
   any_stiff_ = any(stiff_);
-  stiff_signs_ = others_ = P(0.0);
   if (any_stiff_ && !implicit_step_) implicit_step_.emplace(f_);
 }
 
