@@ -84,8 +84,7 @@ class _Ended(Exception):
 
 
 def course(reading: Reading, x0: Floats, u: Floats, p: Floats, dt: float, size: Floats, careful: bool = True) -> Course:
-    """The trajectory from x0 over dt; states are measured by `size` (n_x,). Careful: least distances
-    are found within steps too, for the sake of which it is a little less exact."""
+    """The trajectory from x0 over dt; states are measured by `size` (n_x,). Careful: less exact, but least distances too."""
     return _Walk(reading, np.asarray(x0, float), tuple(map(float, u)), tuple(map(float, p)), float(dt), size, careful).run()
 
 
@@ -222,12 +221,20 @@ class _Walk:
         after = self.beyond(dense, at, now, place, side_of(heights[place]))
         if self.jumps(dense, before, at, now, after):
             self.end(End.jump, at, z, place, self.depth(at, z, place))
+        if self.crawls(z, place):
+            self.end(End.unknown, at, z)
         changed = [m for m, side in enumerate(after) if side != self.sides[m]]
         self.done.crossed += changed
         self.sides = after
         self.fresh.update(changed)
         at = self.entered(dense, at, now)
         return at, dense(at)
+
+    def crawls(self, z: Floats, place: int) -> bool:
+        """Whether a trajectory on a kink does not get off it, as that of x' = |x| does: errors alone have led it there."""
+        x, here = z * self.size, self.rates(z * self.size)
+        ahead = math.nan if here is None else self.height(x + 1e-6 * self.dt * here, "surface", place)
+        return abs(ahead - self.height(x, "surface", place)) < 1e-14 * self.unit(x, "surface", place)
 
     def entered(self, dense: Any, at: float, now: float) -> float:
         """When f has a value past a surface: rounding may leave a root's argument below zero at the very place."""
@@ -363,8 +370,7 @@ class _Walk:
     def depth(self, t: float, z: Floats, place: int) -> float:
         """How far the trajectory would go past a surface if f went on as before it."""
         unit = self.unit(z * self.size, "surface", place)
-        sign = self.sides[place]
-        deepest = 0.0
+        sign, deepest = self.sides[place], 0.0
         with np.errstate(all="ignore"):
             solver = DOP853(self.scaled, t, z, 1.0, rtol=1e-6, atol=1e-9)
             for _ in range(100):
