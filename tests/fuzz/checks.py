@@ -28,7 +28,7 @@ from scipy_route import Course, End, course
 
 TIGHT = 1e-12
 TOLERANCES = (1e-4, 1e-6, 1e-9)
-METHODS = ("RK45", "DOP853")
+METHODS = ("RK45", "DOP853", "Radau")
 ALLOWED = 100.0
 CLOSE = 1000.0  # times rtol: nearer to a surface than this, nobody can tell
 ROUNDING = 1e-12  # of the largest number on the way

@@ -222,15 +222,18 @@ def _tree(text: str) -> ast.expr:
 
 
 class _Undone(ast.NodeTransformer):
-    """sin(asin(a)) and sqrt(a)**2 are a, (a**1.5)**(-2) is a**-3, and none has a limit of a's: so SymPy reads them too."""
+    """sin(asin(a)) and sqrt(a)**2 are a, exp(-log(a)) is 1/a, (a**1.5)**(-2) is a**-3, and none has a limit of a's: so SymPy reads
+    them too."""
 
     PAIRS = (("sin", "asin"), ("cos", "acos"), ("tan", "atan"), ("exp", "log"))
 
     def visit_Call(self, node: ast.Call) -> ast.expr:
         self.generic_visit(node)
-        inner = node.args[0] if node.args else None
+        inner, power = (node.args[0] if node.args else None), 1
+        if ast.unparse(node.func) == "exp" and isinstance(inner, ast.UnaryOp) and isinstance(inner.op, ast.USub):
+            inner, power = inner.operand, -1
         if isinstance(inner, ast.Call) and (ast.unparse(node.func), ast.unparse(inner.func)) in self.PAIRS:
-            return inner.args[0]
+            return inner.args[0] if power == 1 else ast.BinOp(ast.Constant(1), ast.Div(), inner.args[0])
         return node
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
