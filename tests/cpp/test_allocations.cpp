@@ -73,6 +73,28 @@ TEST_CASE("steps take no memory, over kinks and with rejections") {
   CHECK(attempts > 20);
 }
 
+TEST_CASE("a piston that sticks and breaks away takes no memory") {
+  using Equation = StateEquation<HydraulicCylinder, P>;
+  Equation::Theta theta;
+  Equation::State x;
+  set_lanes(theta, cylinder_theta.data());
+  const Equation equation(HydraulicCylinder{}, theta, {P(0.0)});
+  Outcome<P> outcome;
+  const auto taken_until = [&](double duration) {
+    return taken_by([&] {
+      set_lanes(x, std::array{0.15, 0.0, 6e6, 6e6 * HydraulicCylinder{}.A_A / HydraulicCylinder{}.A_B, 0.1}.data());
+      const Tolerance tolerance{.relative = 1e-9, .cross_jumps = true};
+      outcome = Integrator<Equation, Method>(equation, tolerance).run(x, P(duration), P(0.0));
+    });
+  };
+  CHECK(taken_until(2e-4) == 0);
+  CHECK(std::abs(x[1][0]) < 1e-12);
+  CHECK(taken_until(2e-3) == 0);
+  CHECK(std::abs(x[1][0]) > 1e-3);
+  CHECK(outcome.status[0] == Status::ok);
+  CHECK(outcome.attempts > 5);
+}
+
 TEST_CASE("implicit steps take memory once, however many there are") {
   using Equation = StateEquation<HydraulicCylinder, P>;
   Equation::Theta theta;
