@@ -75,15 +75,15 @@ class Adjoints {
     for (int j = 0; j < f_.parameters; ++j) squared_size_of_[j] = squared_rounding(f_.theta()[j], tolerance);
   }
 
-  // A lane whose step is 0 stays as it is.
-  void advance(const P& size, const Side& side) {
+  // A lane whose step is 0 stays as it is; those of `beside` begin or end on a kink.
+  void advance(const P& size, const Side& side, const mask_of_lanes<P>& beside = lanes_of<P>::none()) {
     const std::size_t at = steps_.size() % block_;
     if (at == 0) starts_.push_back(x);
     steps_.push_back({size, P(1.0), side});
     const Embedded embedded = take(steps_.back(), at, x);
-    squared_error_ += Method::squared_error(embedded.fine, embedded.coarse);
+    squared_error_ += judged<Method>(embedded.fine, embedded.coarse, beside);
     const P fine = embedded.fine + least_;
-    steps_.back().share = sqrt(Method::squared_error(fine, embedded.coarse) / fine);
+    steps_.back().share = sqrt(judged<Method>(fine, embedded.coarse, beside) / fine);
     note_drive(size, jacobian_[at * stages]);
   }
 

@@ -12,6 +12,7 @@ struct DormandPrince {
   static constexpr double most_growth = 5.0;       // of a step's size
   static constexpr double allowed_estimate = 1.0;  // of sensitivities, in tolerances
   static constexpr double stability = 3.25;
+  static constexpr double beside_kink = 10.0;
 
   static constexpr std::array<double, 7> c = {0, 1.0 / 5, 3.0 / 10, 4.0 / 5, 8.0 / 9, 1, 1};
   static constexpr std::array<std::array<double, 6>, 7> a = {{

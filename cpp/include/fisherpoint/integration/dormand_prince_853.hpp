@@ -12,6 +12,7 @@ struct DormandPrince853 {
   static constexpr double most_growth = 6.0;       // of a step's size
   static constexpr double allowed_estimate = 5.0;  // of sensitivities, in tolerances
   static constexpr double stability = 6.1;
+  static constexpr double beside_kink = 2.0;
 
   static constexpr std::array<double, 13> c = {0,
                                                0.05260015195876773,

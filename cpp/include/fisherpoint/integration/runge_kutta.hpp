@@ -10,6 +10,7 @@
 //     bow                    x(t + step/2) less the middle of the cubic through both ends of the step
 //     most_growth            of the step's size from one step to the next
 //     stability              the largest step along a fast decay, in units of its time constant
+//     beside_kink            the error of sensitivities over the embedded one, where f_x rises like a root
 //     allowed_estimate       of the error of sensitivities, in tolerances: it exceeds the error itself, with most points by far
 #pragma once
 

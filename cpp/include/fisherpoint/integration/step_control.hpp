@@ -27,6 +27,14 @@ P squared_rounding(const P& theta, double tolerance) {
   return select(abs(theta) > P(0.0), size * size, P(0.0));
 }
 
+// What is taken for a step's squared error. Beside a kink f may rise like t^1.5, and f_x like a root: the error there is the
+// embedded one times a number of the method, however large the coarse one.
+template <class Method, class P>
+P judged(const P& embedded, const P& coarse, const mask_of_lanes<P>& beside) {
+  const P judged = Method::squared_error(embedded, coarse), rough = Method::beside_kink * Method::beside_kink * embedded;
+  return select(beside & (rough > judged), rough, judged);
+}
+
 // The largest of an error and of others in units of their own sizes, all squared; NaN where any is.
 template <class P>
 P largest_relative_error(const P& squared_error, const auto& squared_errors, const auto& squared_sizes) {

@@ -23,6 +23,7 @@ class Tangents {
   using Equation = VariationalEquation<M, P>;
   using State = typename Equation::State;
   using Side = typename Equation::Side;
+  using Mask = mask_of_lanes<P>;
   static constexpr int last = Method::stages - 1;
   static constexpr int stages = last + end_counts<Method>();  // that take part in S
 
@@ -47,8 +48,9 @@ class Tangents {
   // size of the outputs, columns of weak parameters would be integrated without any control. NaN where anything is.
   P relative_error() const { return largest_relative_error(squared_error_, squared_column_error_, squared_column_size_); }
 
-  // A lane whose step is 0 stays as it is.
-  FISHERPOINT_HOT void advance(const P& step, const Side& side) {
+  // A lane whose step is 0 stays as it is; those of `beside` begin or end on a kink.
+  FISHERPOINT_HOT void advance(const P& step, const Side& side, const Mask& beside = lanes_of<P>::none()) {
+    beside_ = beside;
     slide_ = f_.jumps_end > 0 && any(any_slides<P>(f_, side));
     if (slide_ && sliding_.empty()) prepare_slides();
     State rate[Method::stages], ahead;
@@ -59,7 +61,7 @@ class Tangents {
     });
     Estimate estimate;
     for_each_index(f_.states, [&](auto i) { estimate.add(finish(x[i], rate, i), f_.inverse_scale(i)); });
-    squared_error_ += estimate.squared();
+    squared_error_ += squared(estimate);
     for_each_index(f_.parameters, [&](auto j) {
       if (f_.dependence.leader(j) != j) return;
       for (int k = j; k < f_.parameters; k = f_.dependence.next_alike(k)) advance_column(j, k);
@@ -168,8 +170,11 @@ class Tangents {
       error += square(inverse_scale * differences.first);
       coarse += square(inverse_scale * differences.second);
     }
-    P squared() const { return Method::squared_error(error, coarse); }
   };
+  P squared(const Estimate& estimate) const {
+    if (f_.kinks_end == 0) return Method::squared_error(estimate.error, estimate.coarse);
+    return judged<Method>(estimate.error, estimate.coarse, beside_);
+  }
 
   // Moves a number to the step's end; returns its differences to the embedded solutions.
   static std::pair<P, P> finish(P& value, const State* rate, auto i) {
@@ -220,7 +225,7 @@ class Tangents {
       estimate.add(finish(entry, rate, i), f_.inverse_scale(i));
       size += square(entry * f_.inverse_scale(i));
     });
-    squared_column_error_[k] += estimate.squared();
+    squared_column_error_[k] += squared(estimate);
     squared_column_size_[k] = max(squared_column_size_[k], size);
   }
 
@@ -240,6 +245,7 @@ class Tangents {
 
   const Equation& f_;
   double tolerance_;
+  Mask beside_ = lanes_of<P>::none();        // in this step
   bool slide_ = false;                       // any lane slides in this step
   ShelfVector<SlidingStage<M, P>> sliding_;  // of every stage
   // Squared estimates, summed over the steps, in units of the states' scales: of the error of x, and of the error and the

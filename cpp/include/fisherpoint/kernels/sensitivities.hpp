@@ -19,6 +19,7 @@
 #include "fisherpoint/integration/implicit_tangents.hpp"
 #include "fisherpoint/integration/integrator.hpp"
 #include "fisherpoint/integration/tangents.hpp"
+#include "fisherpoint/kernels/point_paths.hpp"
 #include "fisherpoint/kernels/points.hpp"
 #include "fisherpoint/kernels/workers.hpp"
 
@@ -29,92 +30,6 @@ struct SensitiveTrajectories {
   double *dx_dtheta, *dy_dtheta;  // (count, n_x, p) or none, (count, n_y, p); zero where it is not ok
   Status* status;                 // (count,)
 };
-
-// The steps that a point takes; none where nothing is to be done any more.
-template <class M>
-struct PointPath {
-  struct Run {  // of steps of one kind on the same sides
-    std::size_t end;
-    typename ArraysOf<M, double>::Sides side;
-    bool implicit;
-  };
-  std::vector<double> sizes;
-  std::vector<Run> runs;
-
-  std::size_t size() const { return sizes.size(); }
-  void push_back(double size, const typename ArraysOf<M, double>::Sides& side, bool implicit) {
-    if (runs.empty() || runs.back().side != side || runs.back().implicit != implicit) runs.push_back({0, side, implicit});
-    sizes.push_back(size);
-    runs.back().end = sizes.size();
-  }
-};
-
-// Whether it crosses a jump, or slides on one.
-template <class M>
-bool meets_jump(const auto& shape, const PointPath<M>& path) {
-  for (const auto& run : path.runs)
-    for (int m = 0; m < shape.jumps_end; ++m)
-      if (run.side[m] == 0.0 || run.side[m] != path.runs[0].side[m]) return true;
-  return false;
-}
-
-template <class M>
-bool is_stiff(const PointPath<M>& path) {
-  return std::any_of(path.runs.begin(), path.runs.end(), [](const auto& run) { return run.implicit; });
-}
-
-// For which memory is taken at once.
-inline constexpr std::size_t usual_steps = 64;
-
-// The columns need finer steps than the states.
-inline constexpr double first_refinement = 1.4;
-
-// The same path in about `factor` times as many steps, whose sizes change along it as they did.
-template <class M>
-PointPath<M> refined(const PointPath<M>& path, double factor) {
-  PointPath<M> finer;
-  finer.sizes.reserve(static_cast<std::size_t>(factor * path.size()) + path.runs.size());
-  finer.runs.reserve(path.runs.size());
-  std::size_t first = 0;
-  for (const auto& run : path.runs) {
-    const double coarse = static_cast<double>(run.end - first), parts = std::ceil(coarse * factor);
-    std::size_t n = first;
-    double rest = 1.0;  // of step n, as a share of it
-    for (int part = 0; part < parts; ++part) {
-      double share = coarse / parts, size = 0.0;
-      for (; share > rest && n + 1 < run.end; rest = 1.0) size += rest * path.sizes[n++], share -= rest;
-      const double taken = part + 1 < parts ? std::min(share, rest) : rest;
-      finer.sizes.push_back(size + taken * path.sizes[n]);
-      rest -= taken;
-    }
-    finer.runs.push_back({finer.sizes.size(), run.side, run.implicit});
-    first = run.end;
-  }
-  return finer;
-}
-
-// Steps that are refined by more than this lie beside a kink, behind which f_x may rise like a root: t^1.25 has the slope
-// t^0.25.
-inline constexpr double graded_from = 2.0;
-
-// The same path with the steps beside its kinks divided by halves towards them.
-template <class M>
-PointPath<M> graded(const PointPath<M>& path) {
-  PointPath<M> finer;
-  std::size_t first = 0;
-  for (std::size_t r = 0; r < path.runs.size(); ++r) {
-    const auto& run = path.runs[r];
-    for (std::size_t n = first; n < run.end; ++n) {
-      const bool behind = n == first && r > 0, before = n + 1 == run.end && r + 1 < path.runs.size() && !behind;
-      constexpr std::array<double, 4> shares = {1.0 / 8, 1.0 / 8, 1.0 / 4, 1.0 / 2};
-      if (!behind && !before) finer.push_back(path.sizes[n], run.side, run.implicit);
-      for (std::size_t part = 0; (behind || before) && part < shares.size(); ++part)
-        finer.push_back(path.sizes[n] * shares[behind ? part : shares.size() - 1 - part], run.side, run.implicit);
-    }
-    first = run.end;
-  }
-  return finer;
-}
 
 // A trajectory that ends next to a jump, or starts off one that moves with theta, has no derivative.
 template <class M, class P>
@@ -169,48 +84,6 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
   }
 }
 
-// The sides from which a trajectory comes that starts on these: to slide on a jump, from either.
-void set_start(auto& sides, int lane, const double* start) {
-  for (auto& side : sides) {
-    using P = std::remove_cvref_t<decltype(side)>;
-    lanes_of<P>::set(side, lane, *start == 0.0 ? 1.0 : *start);
-    ++start;
-  }
-}
-
-// advance(size, side, implicit) for every step of the paths of points[rows[0]], ...; of size 0 in the lanes whose path has
-// ended. Before it pass(before, after) where the sides of any lane change, those of jumps among them.
-template <class P, class M>
-void for_each_step(const Shape<M>& shape, std::span<const std::size_t> rows, const std::vector<PointPath<M>>& paths,
-                   auto&& pass, auto&& advance) {
-  const int used = static_cast<int>(rows.size());
-  std::size_t longest = 0;
-  for (const std::size_t k : rows) longest = std::max(longest, paths[k].size());
-  typename ArraysOf<M, P>::Sides side, before;
-  fit(side, shape.sides);
-  side.fill(P(1.0));
-  auto implicit = lanes_of<P>::none();
-  std::array<std::size_t, lanes_of<P>::width> run{}, run_end{};  // of every lane: which is next, and where the current one ends
-  for (std::size_t n = 0; n < longest; ++n) {
-    P size(0.0);
-    bool turned = false;
-    for (int lane = 0; lane < used; ++lane) {
-      const auto& path = paths[rows[lane]];
-      if (n >= path.size()) continue;
-      lanes_of<P>::set(size, lane, path.sizes[n]);
-      if (n < run_end[lane]) continue;
-      if (!turned) before = side;
-      set_lane(side, lane, path.runs[run[lane]].side.data());
-      if (n == 0) set_start(before, lane, path.runs[0].side.data());
-      lanes_of<P>::set(implicit, lane, path.runs[run[lane]].implicit);
-      run_end[lane] = path.runs[run[lane]++].end;
-      turned = true;
-    }
-    if (shape.jumps_end > 0 && turned) pass(before, side);
-    advance(size, side, implicit);
-  }
-}
-
 // Whether an estimated error is small enough, and the path done with; if not, the path is refined, or given up with a status.
 template <class Method, class M>
 bool accepted(double error, double allowed, const Tolerance& tolerance, PointPath<M>& path, Status& status) {
@@ -223,8 +96,7 @@ bool accepted(double error, double allowed, const Tolerance& tolerance, PointPat
   const bool known = excess < 1e100;
   const double factor = known ? std::clamp(1.1 * std::pow(excess, 1.0 / order), 1.1, 4.0) : 2.0;
   if (factor * path.size() <= tolerance.max_attempts) {
-    path = refined<M>(path, factor);
-    if (factor > graded_from) path = graded<M>(path);
+    path = graded<M>(refined<M>(path, factor));
   } else {
     path = PointPath<M>();
     status = known ? Status::step_limit : Status::not_finite;
@@ -250,10 +122,10 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
   mask_of_lanes<P> grazes = lanes_of<P>::none();
   for_each_step<P, M>(
       shape, rows, paths, [&](const auto& before, const auto& after) { grazes = grazes | tangents.pass(before, after); },
-      [&](const P& size, const auto& side, const auto& implicit) {
-        if (!implicit_tangents) return tangents.advance(size, side);
-        tangents.advance(select(implicit, P(0.0), size), side);
-        implicit_tangents->advance(select(implicit, size, P(0.0)), side);
+      [&](const P& size, const auto& side, const auto& kind) {
+        if (!implicit_tangents) return tangents.advance(size, side, kind.beside);
+        tangents.advance(select(kind.implicit, P(0.0), size), side, kind.beside);
+        implicit_tangents->advance(select(kind.implicit, size, P(0.0)), side);
       });
 
   const P error = tangents.relative_error();
@@ -314,7 +186,7 @@ void follow_rows(const M& model, const Points& points, const Parameters& paramet
   Adjoints<M, P, Method> adjoints(equation, pack.x0, tolerance.relative);
   for_each_step<P, M>(
       shape, rows, paths, [](const auto&...) {},
-      [&](const P& size, const auto& side, const auto&) { adjoints.advance(size, side); });
+      [&](const P& size, const auto& side, const auto& kind) { adjoints.advance(size, side, kind.beside); });
 
   // lambda at the end is the output's row of g_x, against whose size in the states' scales errors are measured.
   typename Adjoints<M, P, Method>::Rows back;

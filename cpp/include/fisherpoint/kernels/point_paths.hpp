@@ -1,0 +1,156 @@
+// The steps of trajectories, which the states alone have taken, for sensitivities to follow: made finer, and walked along with
+// a path in every lane.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "fisherpoint/models/shape.hpp"
+#include "fisherpoint/numbers/lanes.hpp"
+#include "fisherpoint/numbers/unroll.hpp"
+
+namespace fisherpoint {
+
+// The steps that a point takes; none where nothing is to be done any more.
+template <class M>
+struct PointPath {
+  struct Run {  // of steps of one kind on the same sides
+    std::size_t end;
+    typename ArraysOf<M, double>::Sides side;
+    bool implicit;
+  };
+  std::vector<double> sizes;
+  std::vector<Run> runs;
+
+  std::size_t size() const { return sizes.size(); }
+  void push_back(double size, const typename ArraysOf<M, double>::Sides& side, bool implicit) {
+    if (runs.empty() || runs.back().side != side || runs.back().implicit != implicit) runs.push_back({0, side, implicit});
+    sizes.push_back(size);
+    runs.back().end = sizes.size();
+  }
+};
+
+// Whether it crosses a jump, or slides on one.
+template <class M>
+bool meets_jump(const auto& shape, const PointPath<M>& path) {
+  for (const auto& run : path.runs)
+    for (int m = 0; m < shape.jumps_end; ++m)
+      if (run.side[m] == 0.0 || run.side[m] != path.runs[0].side[m]) return true;
+  return false;
+}
+
+template <class M>
+bool is_stiff(const PointPath<M>& path) {
+  return std::any_of(path.runs.begin(), path.runs.end(), [](const auto& run) { return run.implicit; });
+}
+
+// For which memory is taken at once.
+inline constexpr std::size_t usual_steps = 64;
+
+// The columns need finer steps than the states.
+inline constexpr double first_refinement = 1.4;
+
+// The same path in about `factor` times as many steps, whose sizes change along it as they did.
+template <class M>
+PointPath<M> refined(const PointPath<M>& path, double factor) {
+  PointPath<M> finer;
+  finer.sizes.reserve(static_cast<std::size_t>(factor * path.size()) + path.runs.size());
+  finer.runs.reserve(path.runs.size());
+  std::size_t first = 0;
+  for (const auto& run : path.runs) {
+    const double coarse = static_cast<double>(run.end - first), parts = std::ceil(coarse * factor);
+    std::size_t n = first;
+    double rest = 1.0;  // of step n, as a share of it
+    for (int part = 0; part < parts; ++part) {
+      double share = coarse / parts, size = 0.0;
+      for (; share > rest && n + 1 < run.end; rest = 1.0) size += rest * path.sizes[n++], share -= rest;
+      const double taken = part + 1 < parts ? std::min(share, rest) : rest;
+      finer.sizes.push_back(size + taken * path.sizes[n]);
+      rest -= taken;
+    }
+    finer.runs.push_back({finer.sizes.size(), run.side, run.implicit});
+    first = run.end;
+  }
+  return finer;
+}
+
+// The same path with the steps beside its kinks divided by halves towards them: f_x may rise like a root there.
+template <class M>
+PointPath<M> graded(const PointPath<M>& path) {
+  PointPath<M> finer;
+  std::size_t first = 0;
+  for (std::size_t r = 0; r < path.runs.size(); ++r) {
+    const auto& run = path.runs[r];
+    for (std::size_t n = first; n < run.end; ++n) {
+      const bool behind = n == first && r > 0, before = n + 1 == run.end && r + 1 < path.runs.size() && !behind;
+      constexpr std::array<double, 4> shares = {1.0 / 8, 1.0 / 8, 1.0 / 4, 1.0 / 2};
+      if (!behind && !before) finer.push_back(path.sizes[n], run.side, run.implicit);
+      for (std::size_t part = 0; (behind || before) && part < shares.size(); ++part)
+        finer.push_back(path.sizes[n] * shares[behind ? part : shares.size() - 1 - part], run.side, run.implicit);
+    }
+    first = run.end;
+  }
+  return finer;
+}
+
+// The sides from which a trajectory comes that starts on these: to slide on a jump, from either.
+void set_start(auto& sides, int lane, const double* start) {
+  for (auto& side : sides) {
+    using P = std::remove_cvref_t<decltype(side)>;
+    lanes_of<P>::set(side, lane, *start == 0.0 ? 1.0 : *start);
+    ++start;
+  }
+}
+
+// How the lanes take a step.
+template <class P>
+struct StepKind {
+  mask_of_lanes<P> implicit = lanes_of<P>::none(), beside = lanes_of<P>::none();  // beside: from or to a kink or jump
+};
+
+// advance(size, side, kind) for every step of the paths of points[rows[0]], ...; of size 0 in the lanes whose path has ended.
+// Before it pass(before, after) where the sides of any lane change, those of jumps among them.
+template <class P, class M>
+void for_each_step(const Shape<M>& shape, std::span<const std::size_t> rows, const std::vector<PointPath<M>>& paths,
+                   auto&& pass, auto&& advance) {
+  const int used = static_cast<int>(rows.size());
+  std::size_t longest = 0;
+  for (const std::size_t k : rows) longest = std::max(longest, paths[k].size());
+  typename ArraysOf<M, P>::Sides side, before;
+  fit(side, shape.sides);
+  side.fill(P(1.0));
+  StepKind<P> kind;
+  // Of every lane: which run is next, where the current one ends, and the step at which something changes.
+  std::array<std::size_t, lanes_of<P>::width> run{}, run_end{}, next{};
+  for (std::size_t n = 0; n < longest; ++n) {
+    P size(0.0);
+    bool turned = false;
+    for (int lane = 0; lane < used; ++lane) {
+      const auto& path = paths[rows[lane]];
+      if (n >= path.size()) continue;
+      lanes_of<P>::set(size, lane, path.sizes[n]);
+      if (n < next[lane]) continue;
+      const bool first = n == run_end[lane];
+      if (first) {
+        if (!turned) before = side;
+        set_lane(side, lane, path.runs[run[lane]].side.data());
+        if (n == 0) set_start(before, lane, path.runs[0].side.data());
+        lanes_of<P>::set(kind.implicit, lane, path.runs[run[lane]].implicit);
+        run_end[lane] = path.runs[run[lane]++].end;
+        turned = true;
+      }
+      const bool another = run[lane] < path.runs.size();  // behind this one
+      const bool beside = (first && n > 0) || (another && n + 1 == run_end[lane]);
+      lanes_of<P>::set(kind.beside, lane, beside);
+      next[lane] = beside ? n + 1 : another ? run_end[lane] - 1 : run_end[lane];
+    }
+    if (shape.jumps_end > 0 && turned) pass(before, side);
+    advance(size, side, kind);
+  }
+}
+
+}  // namespace fisherpoint
