@@ -187,3 +187,13 @@ def test_the_bits_do_not_depend_on_threads_and_neighbours(name: str) -> None:
     order = np.random.default_rng(0).permutation(60)
     other = fp.sensitivities(case.model, points[order], p[order], jumps="cross")
     assert all(np.array_equal(a[order], b) for a, b in zip(once, other, strict=True))
+
+
+def test_the_bits_of_the_built_in_cylinder_do_not_depend_on_neighbours() -> None:
+    model, rng, count = fp.HydraulicCylinder(), np.random.default_rng(0), 1000
+    lower, upper = np.array([[0.15, -0.06, 7e6, 12e6, -0.3], [0.15, 0.06, 10e6, 19e6, 0.1]])
+    points = fp.Experiments(rng.uniform(lower, upper, (count, 5)), rng.uniform(-0.3, 0.5, (count, 1)), np.full(count, 5e-3))
+    once, order = fp.sensitivities(model, points, model.nominal), rng.permutation(count)
+    assert (once.status == fp.Status.ok).all() and (points.x0[:, 1] * once.x[:, 1] < 0).sum() > 100
+    other = fp.sensitivities(model, points[order], model.nominal)
+    assert all(np.array_equal(a[order], b) for a, b in zip(once, other, strict=True))

@@ -45,6 +45,21 @@ def test_what_ends_before_the_pole_is_right(rtol: float, method: str) -> None:
     np.testing.assert_allclose(done.x[:, 0], 2 - np.sqrt((2 - x0) ** 2 - 2 * P * shorter), rtol=0, atol=100 * rtol)
 
 
+@pytest.mark.parametrize("method", ["RK45", "DOP853"])
+@pytest.mark.parametrize("rtol", [1e-3, 1e-5, 1e-8])
+def test_no_step_goes_over_a_divisor_that_touches_zero(rtol: float, method: str) -> None:
+    # x falls to pi / 2 like the cube root of the time that is left, and would go on below it with the same sign of the divisor.
+    model = fp.SymbolicModel(
+        f=["p * x / (1.2 + x) + p / (sin(x) - 1)"], g=["x"], states={"x": "1"}, inputs={"u": "1"}, parameters={"p": "1"}
+    )
+    off = np.random.default_rng(0).uniform(0.05, 0.6, 2000)
+    points = fp.Experiments(np.pi / 2 + off[:, None], np.zeros((2000, 1)), np.linspace(1.1, 4.0, 2000) * off**3 / 6)
+    status = fp.simulate(model, points, [1.0], rtol=rtol, method=method).status
+    assert (status != fp.Status.ok).mean() > 0.999
+    early = fp.simulate(model, fp.Experiments(points.x0, points.u, 0.5 * off**3 / 6), [1.0], rtol=rtol, method=method).status
+    assert (early == fp.Status.ok).all()
+
+
 def test_nodes_that_run_into_a_pole_are_lost() -> None:
     """The last node of the rule would reach the pole before dt, the others after it."""
     x0, end = starts()

@@ -71,15 +71,18 @@ class Integrator {
     return f_.dependence.crossable(m) && (tolerance_.cross_jumps || !f_.dependence.switching_depends(m));
   }
 
-  // f on the sides where the trajectories run.
-  void derivative(const State& x, State& dx) const {
-    if (f_.jumps_end > 0 && slide_)
-      derivative_sliding(x, side_, dx);
-    else
-      f_.derivative(x, side_, dx);
+  // f on the sides where the trajectories run. Of lanes that do not slide it is the same code, and so the same bits, whether a
+  // neighbour does or not.
+  void derivative(const State& x, State& dx) const { derivative(x, side_, dx); }
+  void derivative(const State& x, const Side& side, State& dx) const {
+    if (f_.jumps_end == 0) return f_.derivative(x, side, dx);
+    f_.derivative(x, slide_ ? beside<P>(f_, side, 1.0) : side, dx);
+    if (slide_) slide(x, side, dx);
   }
-  [[gnu::noinline]] void derivative_sliding(const State& x, const Side& side, State& dx) const {
-    BothSides<Equation>(f_, x, side).slide(f_, side, dx);
+  [[gnu::noinline]] void slide(const State& x, const Side& side, State& dx) const {
+    const auto on = any_slides<P>(f_, side);
+    const BothSides<Equation> at(f_, x, side);
+    for_each_index(f_.states, [&](auto i) { dx[i] = select(on, at.sliding(i), dx[i]); });
   }
 
   // Of a squared error, the factor by which a step may be longer: both methods' estimates fall faster than the step's
@@ -197,10 +200,14 @@ class Integrator {
       unsure = unsure | unclear;
     });
     // Past a pole f has values again: where a step may have reached it, no stage may be past it. x' = 1 / (2 - x) reaches 2 in
-    // half the time that the straight line takes.
+    // half the time that the straight line takes. And x' = 1 / (2 - x)^2 goes on behind it, with the same sign of the divisor
+    // that has turned in between: such a turn is looked at in shorter steps, of which none is short enough at a pole.
     Mask nearing = Lanes::none();
-    for_each_index(f_.kinks_end, f_.sides,
-                   [&](auto m) { nearing = nearing | (good & (min(along_[m].b1, along_[m].b4) < 0.87 * along_[m].b0)); });
+    for_each_index(f_.kinks_end, f_.sides, [&](auto m) {
+      const Quartic<P>& h = along_[m];
+      nearing = nearing | (good & (min(h.b1, h.b4) < 0.87 * h.b0));
+      unsure = unsure | (good & (h.b1 < 0.87 * h.b0) & (h.b3 < h.b4));
+    });
     if (any(nearing)) unsure = unsure | (nearing & past_pole(y));
     if (!tolerance_.cross_kinks && any(at_kink)) {
       stop(at_kink & !stopped, Status::met_kink);

@@ -38,8 +38,12 @@ void Integrator<Equation, Method>::start_on_jumps(const State& y, const P& durat
     outcome_.starts_on_jump = outcome_.starts_on_jump | up | down;
   });
   slide_ = any(any_slides<P>(f_, side_) & running_);
-  derivative(y, stage_[0]);
-  rate_ = f_.surface_rates(y, stage_[0]);
+  State fresh;
+  fit(fresh, f_.states);
+  derivative(y, fresh);
+  for_each_index(f_.states, [&](auto i) { stage_[0][i] = select(on, fresh[i], stage_[0][i]); });
+  const Surfaces rate = f_.surface_rates(y, stage_[0]);
+  for_each_index(f_.surfaces, [&](auto m) { rate_[m] = select(on, rate[m], rate_[m]); });
   if (slide_) watch_hold(on, y, 1e-5 * duration);
 }
 
@@ -113,7 +117,7 @@ void Integrator<Equation, Method>::pass_jump(auto m, const Mask& lanes, const St
   fit(rates, f_.states);
   for (const int which : {0, 1}) {
     tried[m] = select(lanes, P(1.0 - 2.0 * which), side);
-    slide_ ? derivative_sliding(y, tried, rates) : f_.derivative(y, tried, rates);
+    derivative(y, tried, rates);
     rate[which] = f_.surface_rates(y, rates)[m];
   }
   const P before = side * select(side > zero, rate[0], rate[1]), behind = side * select(side > zero, rate[1], rate[0]);

@@ -65,11 +65,8 @@ class BothSides {
     return select(r_plus < r_minus, product, -abs(product));
   }
 
-  void slide(const Equation& f, const Side& side, State& rates) const {
-    const auto on = any_slides<P>(f, side);
-    const P share = select(on, r_minus / (r_minus - r_plus), P(0.0));
-    for_each_index(f.states, [&](auto i) { rates[i] = select(on, minus[i] + share * (plus[i] - minus[i]), plus[i]); });
-  }
+  // The rate of state i on the slide.
+  P sliding(auto i) const { return minus[i] + r_minus / (r_minus - r_plus) * (plus[i] - minus[i]); }
 };
 
 }  // namespace fisherpoint

@@ -26,16 +26,16 @@ struct SlidingStage {
   }
 };
 
-// f and its Jacobian at the share a, and what columns need besides.
+// f and its Jacobian at the share a in the place of those on the sides 1, and what columns need besides. Lanes that do not slide
+// keep theirs.
 template <class M, class P>
-[[gnu::noinline]] void linearise_sliding(const VariationalEquation<M, P>& f, const typename ArraysOf<M, P>::States& x,
-                                         const typename ArraysOf<M, P>::Sides& side, const P& step,
-                                         typename ArraysOf<M, P>::States& rate, Jacobian<M, P>& jacobian,
-                                         SlidingStage<M, P>& stage) {
+[[gnu::noinline]] void slide_linearised(const VariationalEquation<M, P>& f, const typename ArraysOf<M, P>::States& x,
+                                        const typename ArraysOf<M, P>::Sides& side, const P& step,
+                                        typename ArraysOf<M, P>::States& rate, Jacobian<M, P>& jacobian,
+                                        SlidingStage<M, P>& stage) {
   const auto on = any_slides<P>(f, side);
   auto behind = rate;
   auto jacobian_behind = jacobian;
-  f.linearise(x, beside<P>(f, side, 1.0), rate, jacobian);
   f.linearise(x, beside<P>(f, side, -1.0), behind, jacobian_behind);
   const auto normal_of = [&](const auto& at) {  // to the surface that each lane slides on
     JumpGradient<M, P> normal(f);

@@ -3,6 +3,7 @@
 // one column stay in the data cache.
 #pragma once
 
+#include <algorithm>
 #include <array>
 
 #include "fisherpoint/equations/variational_equation.hpp"
@@ -42,6 +43,20 @@ class Tangents {
     s.fill(P(0.0));
     squared_column_error_.fill(P(0.0));
     for (int j = 0; j < f_.parameters; ++j) squared_column_size_[j] = squared_rounding(f_.theta()[j], tolerance);
+  }
+
+  // Has S start at these numbers (n_x, p) in a lane, in the place of zero. What no parameter can reach stays zero.
+  void start(int lane, const double* from) {
+    for (int j = 0; j < f_.parameters; ++j) {
+      double size = 0.0;
+      for_each_row(j, [&](int i, int at) {
+        const double entry = from[i * f_.parameters + j], scaled = entry * f_.inverse_scale(i);
+        lanes_of<P>::set(s[f_.dependence.column_start[j] + at], lane, entry);
+        size += scaled * scaled;
+      });
+      P& largest = squared_column_size_[j];
+      lanes_of<P>::set(largest, lane, std::max(lanes_of<P>::get(largest, lane), size));
+    }
   }
 
   // The largest estimated error: of x in units of the states' scales, of every column in units of its own size. Against the
@@ -133,16 +148,15 @@ class Tangents {
       if (f_.dependence.depends(i, j)) use(i, at++);
   }
 
-  void rates(const State& at, const Side& side, State& rate) const {
+  [[gnu::noinline]] void rates(const State& at, const Side& side, State& rate) const {
     Jacobian<M, P> jacobian;
     fit(jacobian.by_state, f_.dependence.by_state);
     fit(jacobian.by_theta, f_.dependence.by_theta);
+    f_.linearise(at, beside<P>(f_, side, 1.0), rate, jacobian);
+    if (!any(any_slides<P>(f_, side))) return;
     SlidingStage<M, P> stage;
     stage.fit_to(f_);
-    if (any(any_slides<P>(f_, side)))
-      linearise_sliding(f_, at, side, P(0.0), rate, jacobian, stage);
-    else
-      f_.linearise(at, side, rate, jacobian);
+    slide_linearised(f_, at, side, P(0.0), rate, jacobian, stage);
   }
 
   [[gnu::noinline]] void prepare_slides() {
@@ -153,10 +167,12 @@ class Tangents {
   // All that the stage adds up, per step; once in the code for all stages, which would overflow the instruction cache.
   FISHERPOINT_HOT void linearise(const State& at, const Side& side, const P& step, State& rate, int s) {
     Jacobian<M, P>& jacobian = jacobian_[s];
-    if (slide_)
-      linearise_sliding(f_, at, side, step, rate, jacobian, sliding_[s]);
-    else
+    if (f_.jumps_end == 0) {
       f_.linearise(at, side, rate, jacobian);
+    } else {  // the same code whether a neighbour slides or not, and so the same bits
+      f_.linearise(at, slide_ ? beside<P>(f_, side, 1.0) : side, rate, jacobian);
+      if (slide_) slide_linearised(f_, at, side, step, rate, jacobian, sliding_[s]);
+    }
     for (P& entry : rate) entry *= step;
     for (P& entry : jacobian.by_state) entry *= step;
     for (P& entry : jacobian.by_theta) entry *= step;
