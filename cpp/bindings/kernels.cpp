@@ -7,12 +7,15 @@
 #include "fisherpoint/compiled/compiled_model.hpp"
 #include "fisherpoint/kernels/kernel_models.hpp"
 #include "fisherpoint/kernels/predictive_covariance.hpp"
-#include "fisherpoint/kernels/records.hpp"
+#include "fisherpoint/kernels/run_sensitivities.hpp"
+#include "fisherpoint/kernels/runs.hpp"
 #include "fisherpoint/kernels/sensitivities.hpp"
 #include "fisherpoint/kernels/simulate.hpp"
 
 namespace fisherpoint::bindings {
 namespace {
+
+using Flags = py::array_t<bool, py::array::c_style | py::array::forcecast>;
 
 // Runs without the interpreter lock; a pending signal's exception (Ctrl-C) is raised once the work has stopped.
 void run(int threads, const std::function<void(const Workers&)>& work) {
@@ -54,6 +57,22 @@ Points checked_points(const M& model, const Input& x0, const Input& u, const Inp
   check_shape(x0, {count, shape_of(model).states}, "x0");
   check_shape(u, {count, shape_of(model).inputs}, "u");
   return {static_cast<std::size_t>(count), x0.data(), u.data(), dt.data()};
+}
+
+template <class M>
+Runs checked_runs(const M& model, const Input& x0, const Input& u, const Input& dt) {
+  const py::ssize_t n_u = shape_of(model).inputs, count = x0.ndim() == 2 ? x0.shape(0) : -1;
+  const bool shared = dt.ndim() == 1;
+  const py::ssize_t segments = dt.ndim() > 0 ? dt.shape(dt.ndim() - 1) : -1;
+  check_shape(x0, {count, shape_of(model).states}, "x0");
+  if (shared) {
+    check_shape(dt, {segments}, "dt");
+    check_shape(u, {segments, n_u}, "u");
+  } else {
+    check_shape(dt, {count, segments}, "dt");
+    check_shape(u, {count, segments, n_u}, "u");
+  }
+  return {static_cast<std::size_t>(count), static_cast<std::size_t>(segments), x0.data(), u.data(), dt.data(), shared};
 }
 
 template <class M>
@@ -109,30 +128,57 @@ void bind_model(py::module_& m) {
       "x, y, dx_dtheta, dy_dtheta and statuses; with `outputs_alone` no dx_dtheta, in less time.");
 
   m.def(
-      "simulate_records",
+      "simulate_runs",
       [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& theta, double rtol, bool cross_kinks,
          bool cross_jumps, const std::string& method, int threads) {
-        const auto [n_x, n_y, p] = sizes_of(model);
-        const py::ssize_t count = x0.ndim() == 2 ? x0.shape(0) : -1, pieces = dt.ndim() == 1 ? dt.shape(0) : -1;
-        check_shape(x0, {count, n_x}, "x0");
-        check_shape(dt, {-1}, "dt");
-        check_shape(u, {pieces, shape_of(model).inputs}, "u");
-        const Points records{static_cast<std::size_t>(count), x0.data(), u.data(), dt.data()};
+        const py::ssize_t n_x = sizes_of(model)[0];
+        const Runs runs = checked_runs(model, x0, u, dt);
+        const auto count = static_cast<py::ssize_t>(runs.count), segments = static_cast<py::ssize_t>(runs.segments);
         const Parameters parameters = checked_parameters(model, theta, count);
-        auto x = empty({count, pieces + 1, n_x});
+        auto x = empty({count, segments + 1, n_x});
         py::array_t<std::int32_t> status(count);
         py::array_t<std::int64_t> reached(count);
-        const RecordStates out{x.mutable_data(), reinterpret_cast<Status*>(status.mutable_data()), reached.mutable_data()};
+        const RunStates out{x.mutable_data(), reinterpret_cast<Status*>(status.mutable_data()), reached.mutable_data()};
         run(threads, [&](const Workers& workers) {
-          simulate_records(model, records, static_cast<std::size_t>(pieces), parameters,
-                           tolerance_of(rtol, cross_kinks, cross_jumps, method), workers, out);
+          simulate_runs(model, runs, parameters, tolerance_of(rtol, cross_kinks, cross_jumps, method), workers, out);
         });
         return py::make_tuple(x, status, reached);
       },
       "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "cross_jumps"_a, "method"_a, "threads"_a,
-      "States (B, pieces + 1, n_x) of records with the starts x0 (B, n_x) under the inputs u (pieces, n_u), each held for its "
-      "dt "
-      "(pieces,); statuses, and how many pieces were completed. A jump ends a record.");
+      "States (K, N + 1, n_x) of runs with the starts x0 (K, n_x) under the inputs u (K, N, n_u), each held for its dt (K, N), "
+      "or of u (N, n_u) and dt (N,) that all share; statuses, and how many segments were completed.");
+
+  m.def(
+      "run_sensitivities",
+      [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& theta, double rtol, bool cross_kinks,
+         bool cross_jumps, const std::string& method, int threads, const Flags& measured, const Input& s, bool outputs_alone) {
+        const auto [n_x, n_y, p] = sizes_of(model);
+        const Runs runs = checked_runs(model, x0, u, dt);
+        const auto count = static_cast<py::ssize_t>(runs.count), segments = static_cast<py::ssize_t>(runs.segments);
+        const Parameters parameters = checked_parameters(model, theta, count);
+        if (measured.ndim() != 2 || measured.shape(0) != count || measured.shape(1) != segments)
+          throw py::value_error("measured: expected a flag for every segment");
+        if (s.size() > 0) check_shape(s, {count, n_x, p}, "s");
+        auto x = empty({count, segments + 1, n_x}), y = empty({count, segments, n_y}), dy = empty({count, segments, n_y, p});
+        auto dx = empty({outputs_alone ? 0 : count, segments, n_x, p});
+        py::array_t<std::int32_t> status(count);
+        py::array_t<std::int64_t> reached(count);
+        const RunStart start{s.size() > 0 ? s.data() : nullptr, reinterpret_cast<const unsigned char*>(measured.data())};
+        const SensitiveRuns out{x.mutable_data(),
+                                y.mutable_data(),
+                                outputs_alone ? nullptr : dx.mutable_data(),
+                                dy.mutable_data(),
+                                reinterpret_cast<Status*>(status.mutable_data()),
+                                reached.mutable_data()};
+        run(threads, [&](const Workers& workers) {
+          run_sensitivities(model, runs, start, parameters, tolerance_of(rtol, cross_kinks, cross_jumps, method), workers, out);
+        });
+        return py::make_tuple(x, y, dx, dy, status, reached);
+      },
+      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "cross_jumps"_a, "method"_a, "threads"_a,
+      "measured"_a, "s"_a, "outputs_alone"_a = false,
+      "x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, "
+      "empty for zero; at an end that is not `measured` no derivative need exist.");
 
   m.def(
       "predictive_covariance",

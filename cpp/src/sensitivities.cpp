@@ -1,6 +1,7 @@
 #include "fisherpoint/kernels/sensitivities.hpp"
 
 #include "fisherpoint/kernels/kernel_models.hpp"
+#include "fisherpoint/kernels/run_sensitivities.hpp"
 
 namespace fisherpoint {
 
@@ -14,5 +15,16 @@ void sensitivities(const M& model, const Points& points, const Parameters& param
 
 template void sensitivities(const FISHERPOINT_MODEL&, const Points&, const Parameters&, const Tolerance&, const Workers&,
                             const SensitiveTrajectories&);
+
+template <class M>
+void run_sensitivities(const M& model, const Runs& runs, const RunStart& start, const Parameters& parameters,
+                       const Tolerance& tolerance, const Workers& workers, const SensitiveRuns& out) {
+  with_method(tolerance.method, [&]<class Method>(Method) {
+    run_sensitivity_packs<Pack<lanes_for<M>>, Method>(model, runs, start, parameters, tolerance, workers, out);
+  });
+}
+
+template void run_sensitivities(const FISHERPOINT_MODEL&, const Runs&, const RunStart&, const Parameters&, const Tolerance&,
+                                const Workers&, const SensitiveRuns&);
 
 }  // namespace fisherpoint

@@ -8,12 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..basics.checks import as_floats_of_shape, in_order
+from ..basics.checks import as_floats_of_shape, check_type, in_order
 from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
 from ..models import Model
 from ..points.natural_sizes import warn_of_small_states
-from ..points.trajectories import Settings, Status, check_rtol, check_type
+from ..points.settings import Settings, check_rtol
+from ..points.status import Status
 from .record import checked_times, held_inputs
 
 
@@ -91,7 +92,7 @@ def record_trajectories(
         x, failed = np.empty((count, samples, 0)), ended.reshape(count, samples)
         status, reached = first_failure(failed), np.full(count, samples - 1)
     else:
-        x, status, reached = model.kernels.simulate_records(model.core, x0, u[:-1], np.diff(t), theta, *settings)
+        x, status, reached = model.kernels.simulate_runs(model.core, x0, u[:-1], np.diff(t), theta, *settings)
         y = model.core.output(x.reshape(count * samples, -1), np.tile(u, (count, 1)), np.repeat(theta, samples, axis=0))
         failed = np.zeros((count, samples), dtype=np.int32)
     y = y.reshape(count, samples, -1)

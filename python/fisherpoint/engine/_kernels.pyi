@@ -4,7 +4,7 @@ import numpy
 import numpy.typing
 import typing
 
-__all__: list[str] = ["predictive_covariance", "sensitivities", "simulate", "simulate_records"]
+__all__: list[str] = ["predictive_covariance", "run_sensitivities", "sensitivities", "simulate", "simulate_runs"]
 
 @typing.overload
 def predictive_covariance(
@@ -82,6 +82,87 @@ def predictive_covariance(
 ]:
     """
     Predictive covariances, statuses, nodes for which the planned steps did not do, outputs (K, R, n_y) where kept, and the lost shares of the absolute weight.
+    """
+
+@typing.overload
+def run_sensitivities(
+    model: fisherpoint.engine._core.HydraulicCylinder,
+    x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    dt: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    rtol: typing.SupportsFloat | typing.SupportsIndex,
+    cross_kinks: bool,
+    cross_jumps: bool,
+    method: str,
+    threads: typing.SupportsInt | typing.SupportsIndex,
+    measured: typing.Annotated[numpy.typing.ArrayLike, numpy.bool],
+    s: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    outputs_alone: bool = False,
+) -> tuple[
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.int32],
+    numpy.typing.NDArray[numpy.int64],
+]:
+    """
+    x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, empty for zero; at an end that is not `measured` no derivative need exist.
+    """
+
+@typing.overload
+def run_sensitivities(
+    model: fisherpoint.engine._core.CompiledModel,
+    x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    dt: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    rtol: typing.SupportsFloat | typing.SupportsIndex,
+    cross_kinks: bool,
+    cross_jumps: bool,
+    method: str,
+    threads: typing.SupportsInt | typing.SupportsIndex,
+    measured: typing.Annotated[numpy.typing.ArrayLike, numpy.bool],
+    s: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    outputs_alone: bool = False,
+) -> tuple[
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.int32],
+    numpy.typing.NDArray[numpy.int64],
+]:
+    """
+    x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, empty for zero; at an end that is not `measured` no derivative need exist.
+    """
+
+@typing.overload
+def run_sensitivities(
+    model: fisherpoint.engine._core.TapeModel,
+    x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    dt: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    rtol: typing.SupportsFloat | typing.SupportsIndex,
+    cross_kinks: bool,
+    cross_jumps: bool,
+    method: str,
+    threads: typing.SupportsInt | typing.SupportsIndex,
+    measured: typing.Annotated[numpy.typing.ArrayLike, numpy.bool],
+    s: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    outputs_alone: bool = False,
+) -> tuple[
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.int32],
+    numpy.typing.NDArray[numpy.int64],
+]:
+    """
+    x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, empty for zero; at an end that is not `measured` no derivative need exist.
     """
 
 @typing.overload
@@ -205,7 +286,7 @@ def simulate(
     numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int32]
 ]: ...
 @typing.overload
-def simulate_records(
+def simulate_runs(
     model: fisherpoint.engine._core.HydraulicCylinder,
     x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
@@ -218,11 +299,11 @@ def simulate_records(
     threads: typing.SupportsInt | typing.SupportsIndex,
 ) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int32], numpy.typing.NDArray[numpy.int64]]:
     """
-    States (B, pieces + 1, n_x) of records with the starts x0 (B, n_x) under the inputs u (pieces, n_u), each held for its dt (pieces,); statuses, and how many pieces were completed. A jump ends a record.
+    States (K, N + 1, n_x) of runs with the starts x0 (K, n_x) under the inputs u (K, N, n_u), each held for its dt (K, N), or of u (N, n_u) and dt (N,) that all share; statuses, and how many segments were completed.
     """
 
 @typing.overload
-def simulate_records(
+def simulate_runs(
     model: fisherpoint.engine._core.CompiledModel,
     x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
@@ -235,11 +316,11 @@ def simulate_records(
     threads: typing.SupportsInt | typing.SupportsIndex,
 ) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int32], numpy.typing.NDArray[numpy.int64]]:
     """
-    States (B, pieces + 1, n_x) of records with the starts x0 (B, n_x) under the inputs u (pieces, n_u), each held for its dt (pieces,); statuses, and how many pieces were completed. A jump ends a record.
+    States (K, N + 1, n_x) of runs with the starts x0 (K, n_x) under the inputs u (K, N, n_u), each held for its dt (K, N), or of u (N, n_u) and dt (N,) that all share; statuses, and how many segments were completed.
     """
 
 @typing.overload
-def simulate_records(
+def simulate_runs(
     model: fisherpoint.engine._core.TapeModel,
     x0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
@@ -252,5 +333,5 @@ def simulate_records(
     threads: typing.SupportsInt | typing.SupportsIndex,
 ) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int32], numpy.typing.NDArray[numpy.int64]]:
     """
-    States (B, pieces + 1, n_x) of records with the starts x0 (B, n_x) under the inputs u (pieces, n_u), each held for its dt (pieces,); statuses, and how many pieces were completed. A jump ends a record.
+    States (K, N + 1, n_x) of runs with the starts x0 (K, n_x) under the inputs u (K, N, n_u), each held for its dt (K, N), or of u (N, n_u) and dt (N,) that all share; statuses, and how many segments were completed.
     """

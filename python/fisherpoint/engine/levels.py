@@ -36,8 +36,14 @@ class Kernels(Protocol):
         which may take less time.
         """
 
-    def simulate_records(self, model: Any, x0: Any, u: Any, dt: Any, theta: Any, *settings: Any, **options: Any) -> tuple[Any, ...]:
-        """x, status, reached of records; u and dt are of their pieces."""
+    def simulate_runs(self, model: Any, x0: Any, u: Any, dt: Any, theta: Any, *settings: Any, **options: Any) -> tuple[Any, ...]:
+        """x (K, N + 1, n_x), status, reached of runs; u (K, N, n_u) and dt (K, N) are of their segments, or of those of all."""
+
+    def run_sensitivities(
+        self, model: Any, x0: Any, u: Any, dt: Any, theta: Any, *settings: Any, **options: Any
+    ) -> tuple[Any, ...]:
+        """x (K, N + 1, n_x), y, dx_dtheta and dy_dtheta (K, N, ...), status, reached; with the options `measured`,
+        the flags of the ends, `s`, dx_dtheta at the starts or empty, and `outputs_alone`."""
 
     def predictive_covariance(
         self, model: Any, x0: Any, u: Any, dt: Any, theta: Any, nodes: _core.PriorNodes, *settings: Any, **options: Any

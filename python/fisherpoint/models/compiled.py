@@ -33,8 +33,11 @@ _INTEGRATORS = "".join(
     f"template class Integrator<CompiledEquation<{_NAME}>, {method}>;\n" for method in ("DormandPrince", "DormandPrince853")
 )
 _LONG = {
-    "predictive_covariance": f"template FisherpointPredictiveCovariance predictive_covariance_request<{_NAME}>;\n",
-    "sensitivities": f"template FisherpointSensitivities sensitivities_request<{_NAME}>;\n",
+    "predictive_covariance": (f"template FisherpointPredictiveCovariance predictive_covariance_request<{_NAME}>;\n",),
+    "sensitivities": (
+        f"template FisherpointSensitivities sensitivities_request<{_NAME}>;\n",
+        f"template FisherpointRunSensitivities run_sensitivities_request<{_NAME}>;\n",
+    ),
 }
 _LIBRARY = f"""
 extern "C" __attribute__((visibility("default"))) const FisherpointKernels* fisherpoint_kernels() {{
@@ -43,8 +46,8 @@ extern "C" __attribute__((visibility("default"))) const FisherpointKernels* fish
 """
 # Built side by side, the longest first; the integrators are built once.
 _SOURCES = {
-    **{name: _INTEGRATORS.replace("template", "extern template") + kernel for name, kernel in _LONG.items()},
-    "library": _INTEGRATORS + "".join(f"extern {kernel}" for kernel in _LONG.values()) + _LIBRARY,
+    **{name: _INTEGRATORS.replace("template", "extern template") + "".join(kernels) for name, kernels in _LONG.items()},
+    "library": _INTEGRATORS + "".join(f"extern {kernel}" for kernels in _LONG.values() for kernel in kernels) + _LIBRARY,
 }
 _FLAGS = ("-std=c++20", "-O3", "-fPIC", "-fvisibility=hidden", "-ffp-contract=fast", "-fno-math-errno", "-w")
 

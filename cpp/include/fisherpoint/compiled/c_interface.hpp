@@ -6,7 +6,7 @@
 
 extern "C" {
 
-enum : std::int32_t { fisherpoint_interface_version = 2 };
+enum : std::int32_t { fisherpoint_interface_version = 3 };
 enum { fisherpoint_reason_size = 200 };
 enum FisherpointOutcome : std::int32_t { fisherpoint_done, fisherpoint_stopped, fisherpoint_out_of_memory, fisherpoint_failed };
 
@@ -35,9 +35,14 @@ using FisherpointSimulate = FisherpointOutcome(const FisherpointRequest*, double
 // dx_dtheta may be null: then dy_dtheta alone is asked for.
 using FisherpointSensitivities = FisherpointOutcome(const FisherpointRequest*, double* x, double* y, double* dx_dtheta,
                                                     double* dy_dtheta, std::int32_t* status);
-// x0 is of `count` records; u and dt are of `pieces`.
-using FisherpointSimulateRecords = FisherpointOutcome(const FisherpointRequest*, std::int64_t pieces, double* x,
-                                                      std::int32_t* status, std::int64_t* reached);
+// x0 is of `count` runs; u and dt are of their segments, or of those that all share.
+using FisherpointSimulateRuns = FisherpointOutcome(const FisherpointRequest*, std::int64_t segments, std::int32_t shared,
+                                                   double* x, std::int32_t* status, std::int64_t* reached);
+// s and dx_dtheta may be null.
+using FisherpointRunSensitivities = FisherpointOutcome(const FisherpointRequest*, std::int64_t segments, std::int32_t shared,
+                                                       const double* s, const unsigned char* measured, double* x, double* y,
+                                                       double* dx_dtheta, double* dy_dtheta, std::int32_t* status,
+                                                       std::int64_t* reached);
 using FisherpointPredictiveCovariance = FisherpointOutcome(const FisherpointRequest*, const FisherpointNodes*, double max_lost,
                                                            double* covariance, std::int32_t* status, std::int64_t* redone,
                                                            double* lost, double* y);
@@ -46,7 +51,8 @@ struct FisherpointKernels {
   std::int32_t version;  // the first of every version
   FisherpointSimulate* simulate;
   FisherpointSensitivities* sensitivities;
-  FisherpointSimulateRecords* simulate_records;
+  FisherpointSimulateRuns* simulate_runs;
+  FisherpointRunSensitivities* run_sensitivities;
   FisherpointPredictiveCovariance* predictive_covariance;
 };
 

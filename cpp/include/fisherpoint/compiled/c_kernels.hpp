@@ -9,7 +9,8 @@
 
 #include "fisherpoint/compiled/c_interface.hpp"
 #include "fisherpoint/kernels/predictive_covariance.hpp"
-#include "fisherpoint/kernels/records.hpp"
+#include "fisherpoint/kernels/run_sensitivities.hpp"
+#include "fisherpoint/kernels/runs.hpp"
 #include "fisherpoint/kernels/sensitivities.hpp"
 #include "fisherpoint/kernels/simulate.hpp"
 
@@ -30,6 +31,10 @@ struct Request {
                   .method = static_cast<MethodName>(r.method),
                   .whole_first = r.whole_first != 0},
         workers(r.threads, [r] { return r.interrupted(r.asked) != 0; }) {}
+
+  Runs runs(std::int64_t segments, std::int32_t shared) const {
+    return {points.count, static_cast<std::size_t>(segments), points.x0, points.u, points.dt, shared != 0};
+  }
 };
 
 inline FisherpointOutcome outcome_of(const FisherpointRequest& request, auto&& work) {
@@ -100,13 +105,27 @@ FisherpointOutcome sensitivities_request(const FisherpointRequest* request, doub
 }
 
 template <class M>
-FisherpointOutcome simulate_records_request(const FisherpointRequest* request, std::int64_t pieces, double* x,
-                                            std::int32_t* status, std::int64_t* reached) {
+FisherpointOutcome simulate_runs_request(const FisherpointRequest* request, std::int64_t segments, std::int32_t shared,
+                                         double* x, std::int32_t* status, std::int64_t* reached) {
   return outcome_of(*request, [&] {
     const Request r(*request);
     with_method(r.tolerance.method, [&]<class Method>(Method) {
-      record_packs<Pack<native_lanes>, Method>(M{}, r.points, static_cast<std::size_t>(pieces), r.parameters, r.tolerance,
-                                               r.workers, {x, statuses(status), reached});
+      run_packs<Pack<native_lanes>, Method>(M{}, r.runs(segments, shared), r.parameters, r.tolerance, r.workers,
+                                            {x, statuses(status), reached});
+    });
+  });
+}
+
+template <class M>
+FisherpointOutcome run_sensitivities_request(const FisherpointRequest* request, std::int64_t segments, std::int32_t shared,
+                                             const double* s, const unsigned char* measured, double* x, double* y,
+                                             double* dx_dtheta, double* dy_dtheta, std::int32_t* status,
+                                             std::int64_t* reached) {
+  return outcome_of(*request, [&] {
+    const Request r(*request);
+    with_method(r.tolerance.method, [&]<class Method>(Method) {
+      run_sensitivity_packs<Pack<native_lanes>, Method>(M{}, r.runs(segments, shared), {s, measured}, r.parameters, r.tolerance,
+                                                        r.workers, {x, y, dx_dtheta, dy_dtheta, statuses(status), reached});
     });
   });
 }
@@ -126,7 +145,8 @@ FisherpointOutcome predictive_covariance_request(const FisherpointRequest* reque
 }
 
 template <class M>
-inline constexpr FisherpointKernels kernels_of{fisherpoint_interface_version, simulate_request<M>, sensitivities_request<M>,
-                                               simulate_records_request<M>, predictive_covariance_request<M>};
+inline constexpr FisherpointKernels kernels_of{fisherpoint_interface_version, simulate_request<M>,
+                                               sensitivities_request<M>,      simulate_runs_request<M>,
+                                               run_sensitivities_request<M>,  predictive_covariance_request<M>};
 
 }  // namespace fisherpoint

@@ -9,7 +9,8 @@
 
 #include "fisherpoint/compiled/c_interface.hpp"
 #include "fisherpoint/kernels/predictive_covariance.hpp"
-#include "fisherpoint/kernels/records.hpp"
+#include "fisherpoint/kernels/run_sensitivities.hpp"
+#include "fisherpoint/kernels/runs.hpp"
 #include "fisherpoint/kernels/sensitivities.hpp"
 #include "fisherpoint/kernels/simulate.hpp"
 #include "fisherpoint/models/tape.hpp"
@@ -89,11 +90,19 @@ inline void sensitivities(const CompiledModel& model, const Points& points, cons
               out.dx_dtheta, out.dy_dtheta, detail::plain(out.status));
 }
 
-inline void simulate_records(const CompiledModel& model, const Points& records, std::size_t pieces,
-                             const Parameters& parameters, const Tolerance& tolerance, const Workers& workers,
-                             const RecordStates& out) {
-  detail::ask(model.kernels().simulate_records, records, parameters.theta, parameters.per_point, tolerance, workers,
-              static_cast<std::int64_t>(pieces), out.x, detail::plain(out.status), out.reached);
+inline void simulate_runs(const CompiledModel& model, const Runs& runs, const Parameters& parameters,
+                          const Tolerance& tolerance, const Workers& workers, const RunStates& out) {
+  detail::ask(model.kernels().simulate_runs, Points{runs.count, runs.x0, runs.u, runs.dt}, parameters.theta,
+              parameters.per_point, tolerance, workers, static_cast<std::int64_t>(runs.segments),
+              static_cast<std::int32_t>(runs.shared), out.x, detail::plain(out.status), out.reached);
+}
+
+inline void run_sensitivities(const CompiledModel& model, const Runs& runs, const RunStart& start, const Parameters& parameters,
+                              const Tolerance& tolerance, const Workers& workers, const SensitiveRuns& out) {
+  detail::ask(model.kernels().run_sensitivities, Points{runs.count, runs.x0, runs.u, runs.dt}, parameters.theta,
+              parameters.per_point, tolerance, workers, static_cast<std::int64_t>(runs.segments),
+              static_cast<std::int32_t>(runs.shared), start.s, start.measured, out.x, out.y, out.dx_dtheta, out.dy_dtheta,
+              detail::plain(out.status), out.reached);
 }
 
 inline void predictive_covariance(const CompiledModel& model, const Points& points, const double* nominal_theta,

@@ -31,12 +31,24 @@ struct SensitiveTrajectories {
   Status* status;                 // (count,)
 };
 
-// A trajectory that ends next to a jump, or starts off one that moves with theta, has no derivative.
+// What points have from where the segment before them ended, of runs (run_sensitivities.hpp).
+struct Carried {
+  const double* s;                // (count, n_x, p), dx/dtheta at the start
+  double* step;                   // (count,), the first step to try, 0 to choose one; then the one to try next
+  unsigned char* stiff;           // (count,), whether it is implicit, and is so next
+  const unsigned char* measured;  // (count,), whether the derivative at the end is asked for
+  bool first;                     // segment of their runs
+};
+
+// A trajectory that ends next to a jump, or starts off one that moves with theta, has no derivative. What was carried on has
+// that of the side where it ran.
 template <class M, class P>
 [[gnu::noinline]] void note_jumps(const M& model, const PointPack<M, P>& pack, const Outcome<P>& outcome,
-                                  std::span<const std::size_t> rows, const SensitiveTrajectories& out) {
+                                  std::span<const std::size_t> rows, const Carried* carried, const SensitiveTrajectories& out) {
   auto none = outcome.ends_on_jump;
-  if (any(outcome.starts_on_jump)) {
+  for (int lane = 0; carried && lane < pack.used; ++lane)
+    if (!carried->measured[rows[lane]]) lanes_of<P>::set(none, lane, false);
+  if ((!carried || carried->first) && any(outcome.starts_on_jump)) {
     const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
     for_each_index(Count<0>{}, equation.jumps_end, [&](auto m) {
       const auto h = equation.jump(m, pack.x0);
@@ -54,7 +66,8 @@ template <class M, class P>
 // Into the paths of points[rows[0]], points[rows[1]], ...: as many as the pack has lanes.
 template <class P, class Method, class M>
 void find_paths(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
-                std::span<const std::size_t> rows, std::vector<PointPath<M>>& paths, const SensitiveTrajectories& out) {
+                std::span<const std::size_t> rows, const Carried* carried, std::vector<PointPath<M>>& paths,
+                const SensitiveTrajectories& out) {
   using Equation = StateEquation<M, P>;
   const auto shape = shape_of(model);
   const std::size_t n_x = shape.states, n_y = shape.outputs, p = shape.parameters;
@@ -65,10 +78,19 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
   const PointPack<M, P> pack(shape, points, parameters, rows);
   const Equation equation(model, pack.theta, pack.u);
   auto x = pack.x0;
-  const auto outcome =
-      Integrator<Equation, Method>(equation, tolerance).run(x, pack.dt, tolerance.whole_first ? pack.dt : P(0.0), &steps);
+  P first = tolerance.whole_first ? pack.dt : P(0.0);
+  mask_of_lanes<P> stiff = lanes_of<P>::none();
+  for (int lane = 0; carried && lane < pack.used; ++lane) {
+    lanes_of<P>::set(first, lane, carried->step[rows[lane]]);
+    lanes_of<P>::set(stiff, lane, carried->stiff[rows[lane]] != 0);
+  }
+  const auto outcome = Integrator<Equation, Method>(equation, tolerance).run(x, pack.dt, first, &steps, stiff);
   store_ends<P>(x, equation.output(x), outcome.status, rows, out);
-  if (shape.jumps_end > 0 && !tolerance.whole_first) note_jumps<M, P>(model, pack, outcome, rows, out);
+  for (int lane = 0; carried && lane < pack.used; ++lane) {
+    carried->step[rows[lane]] = lanes_of<P>::get(outcome.next_step, lane);
+    carried->stiff[rows[lane]] = lanes_of<P>::get(outcome.stiff, lane);
+  }
+  if (shape.jumps_end > 0 && !tolerance.whole_first) note_jumps<M, P>(model, pack, outcome, rows, carried, out);
   for (int lane = 0; lane < pack.used; ++lane) {
     const std::size_t k = rows[lane];
     if (out.dx_dtheta) std::fill_n(out.dx_dtheta + k * n_x * p, n_x * p, 0.0);
@@ -107,12 +129,14 @@ bool accepted(double error, double allowed, const Tolerance& tolerance, PointPat
 // S along the paths of points[rows[0]], ..., column by column; a path that turns out too coarse is refined instead.
 template <class P, class Method, class M>
 void follow_columns(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
-                    std::span<const std::size_t> rows, std::vector<PointPath<M>>& paths, const SensitiveTrajectories& out) {
+                    std::span<const std::size_t> rows, const Carried* carried, std::vector<PointPath<M>>& paths,
+                    const SensitiveTrajectories& out) {
   const auto shape = shape_of(model);
   const std::size_t n_x = shape.states, n_y = shape.outputs, p = shape.parameters;
   const PointPack<M, P> pack(shape, points, parameters, rows);
   const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
   Tangents<M, P, Method> tangents(equation, pack.x0, tolerance.relative);
+  for (int lane = 0; carried && lane < pack.used; ++lane) tangents.start(lane, carried->s + rows[lane] * n_x * p);
   std::optional<StateEquation<M, P>> states;  // of stiff paths
   std::optional<ImplicitTangents<M, P, Method>> implicit_tangents;
   if (std::any_of(rows.begin(), rows.end(), [&](auto k) { return is_stiff(paths[k]); })) {
@@ -230,7 +254,7 @@ void follow_rows(const M& model, const Points& points, const Parameters& paramet
 
 template <class P, class Method, class M>
 void sensitivity_packs(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
-                       const Workers& workers, const SensitiveTrajectories& out) {
+                       const Workers& workers, const SensitiveTrajectories& out, const Carried* carried = nullptr) {
   constexpr std::size_t width = lanes_of<P>::width, batch = 8192;
   const Shelves shelves;  // for all rounds of the calling thread
   std::vector<PointPath<M>> paths(points.count);
@@ -239,7 +263,7 @@ void sensitivity_packs(const M& model, const Points& points, const Parameters& p
   for (std::size_t from = 0; from < order.size(); from += batch) {  // so that few paths are kept at a time
     std::vector<std::size_t> todo(order.begin() + from, order.begin() + std::min(from + batch, order.size()));
     in_packs(workers, todo, width,
-             [&](auto rows) { find_paths<P, Method>(model, points, parameters, tolerance, rows, paths, out); });
+             [&](auto rows) { find_paths<P, Method>(model, points, parameters, tolerance, rows, carried, paths, out); });
     while (std::erase_if(todo, [&](auto k) { return paths[k].size() == 0; }), !todo.empty()) {
       std::stable_sort(todo.begin(), todo.end(), [&](auto a, auto b) { return paths[a].size() < paths[b].size(); });
       std::vector<std::size_t> in_columns;
@@ -253,7 +277,7 @@ void sensitivity_packs(const M& model, const Points& points, const Parameters& p
         }
       }
       in_packs(workers, by_rows ? in_columns : todo, width,
-               [&](auto rows) { follow_columns<P, Method>(model, points, parameters, tolerance, rows, paths, out); });
+               [&](auto rows) { follow_columns<P, Method>(model, points, parameters, tolerance, rows, carried, paths, out); });
     }
   }
 }

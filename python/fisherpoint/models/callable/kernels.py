@@ -59,36 +59,49 @@ def sensitivities(
     dx, dy = np.zeros((count, n_x, p)), np.zeros((count, model.n_y, p))
     start = perf_counter()
     for k in range(count):
-        size = np.where(rows[k] != 0, np.abs(rows[k]), 1.0)  # one step along a parameter is relative
-
-        def derivative(z: Array, k: int = k, size: Array = size) -> Array:
-            state, s = z[:n_x], z[n_x:].reshape(n_x, p)
-            rates, along = tangents(model.rhs, state, s, u[k], rows[k], size, model.scale, by_complex_step)
-            return np.concatenate([rates, along.ravel()])
-
-        if n_x:
-            z0 = np.concatenate([x0[k], np.zeros(n_x * p)])
-            z, status[k] = integrate(model, derivative, z0, u[k], dt[k], rows[k], rtol, cross_kinks, method)
-        else:
-            z, status[k] = np.empty(0), static_status(model, x0[k], u[k], rows[k])
-        x[k], s = z[:n_x], z[n_x:].reshape(n_x, p)
-        if status[k] == OK:
-            _, along = tangents(model.output, x[k], s, u[k], rows[k], size, model.scale, by_complex_step)
-            dx[k], dy[k] = s / size, along / size
-            if not (np.isfinite(dx[k]).all() and np.isfinite(dy[k]).all()):
-                status[k] = NOT_FINITE
+        settings = (rtol, cross_kinks, method)
+        x[k], dx[k], dy[k], status[k] = _sensed(model, x0[k], dx[k], u[k], dt[k], rows[k], settings, by_complex_step)
     y, status = _outputs(model, x, u, rows, status)
     dx[status != OK], dy[status != OK] = 0.0, 0.0
     if count:
-        kind = "complex step" if by_complex_step else "central differences (the functions do not take complex numbers)"
-        what = (
-            f"1 integration of {n_x * (p + 1)} states per point, with {(p if by_complex_step else 2 * p) + 1} rows per evaluation"
-        )
-        _warn(model, f"sensitivities by {kind}", what, (perf_counter() - start) / count)
+        _warn_of_sensitivities(model, by_complex_step, p, (perf_counter() - start) / count)
     return x, y, dx[: 0 if outputs_alone else count], dy, status
 
 
-def simulate_records(
+def _sensed(
+    model: CallableCore, x0: Array, s0: Array, u: Array, dt: float, theta: Array, settings: Settings, by_complex_step: bool
+) -> tuple[Array, Array, Array, int]:
+    """x, dx_dtheta, dy_dtheta and status at the end, from a start with dx_dtheta s0 (n_x, p)."""
+    n_x, p = s0.shape
+    size = np.where(theta != 0, np.abs(theta), 1.0)  # one step along a parameter is relative
+
+    def derivative(z: Array) -> Array:
+        state, s = z[:n_x], z[n_x:].reshape(n_x, p)
+        rates, along = tangents(model.rhs, state, s, u, theta, size, model.scale, by_complex_step)
+        return np.concatenate([rates, along.ravel()])
+
+    if n_x:
+        z0 = np.concatenate([x0, (s0 * size).ravel()])
+        z, status = integrate(model, derivative, z0, u, dt, theta, *settings)
+    else:
+        z, status = np.empty(0), static_status(model, x0, u, theta)
+    x, s = z[:n_x], z[n_x:].reshape(n_x, p)
+    if status != OK:
+        return x, np.zeros((n_x, p)), np.zeros((model.n_y, p)), status
+    _, along = tangents(model.output, x, s, u, theta, size, model.scale, by_complex_step)
+    dx, dy = s / size, along / size
+    return x, dx, dy, OK if np.isfinite(dx).all() and np.isfinite(dy).all() else NOT_FINITE
+
+
+def _warn_of_sensitivities(model: CallableCore, by_complex_step: bool, p: int, seconds: float) -> None:
+    kind = "complex step" if by_complex_step else "central differences (the functions do not take complex numbers)"
+    what = (
+        f"1 integration of {model.n_x * (p + 1)} states per point, with {(p if by_complex_step else 2 * p) + 1} rows per evaluation"
+    )
+    _warn(model, f"sensitivities by {kind}", what, seconds, stacklevel=6)
+
+
+def simulate_runs(
     model: CallableCore,
     x0: Array,
     u: Array,
@@ -100,19 +113,60 @@ def simulate_records(
     method: str,
     threads: int,
 ) -> tuple[Array, IntArray, NDArray[np.int64]]:
-    """x (B, pieces + 1, n_x), status, pieces that were completed."""
-    count, pieces = len(x0), len(dt)
+    """x (K, N + 1, n_x), status, segments that were completed."""
+    count, segments = len(x0), dt.shape[-1]
     rows = _rows(theta, count)
-    x, status = np.repeat(x0[:, None], pieces + 1, axis=1), np.zeros(count, dtype=np.int32)
+    u, dt = np.broadcast_to(u, (count, *u.shape[-2:])), np.broadcast_to(dt, (count, segments))
+    x, status = np.repeat(x0[:, None], segments + 1, axis=1), np.zeros(count, dtype=np.int32)
     reached = np.zeros(count, dtype=np.int64)
-    for b in range(count):
-        for n in range(pieces):
-            end, status[b] = _end(model, x[b, n], u[n], dt[n], rows[b], (rtol, cross_kinks, method))
-            x[b, n + 1 :] = end
-            if status[b] != OK:
+    for k in range(count):
+        for n in range(np.count_nonzero(dt[k])):
+            x[k, n + 1 :], status[k] = _end(model, x[k, n], u[k, n], dt[k, n], rows[k], (rtol, cross_kinks, method))
+            if status[k] != OK:
                 break
-            reached[b] += 1
+            reached[k] += 1
     return x, status, reached
+
+
+def run_sensitivities(
+    model: CallableCore,
+    x0: Array,
+    u: Array,
+    dt: Array,
+    theta: Array,
+    rtol: float,
+    cross_kinks: bool,
+    cross_jumps: bool,
+    method: str,
+    threads: int,
+    measured: NDArray[np.bool_],
+    s: Array,
+    outputs_alone: bool = False,
+) -> tuple[Array, Array, Array, Array, IntArray, NDArray[np.int64]]:
+    """x (K, N + 1, n_x), y, dx_dtheta and dy_dtheta (K, N, ...) at the segments' ends, status, segments that were completed."""
+    count, segments, n_x, p = len(x0), dt.shape[-1], model.n_x, theta.shape[-1]
+    rows = _rows(theta, count)
+    u, dt = np.broadcast_to(u, (count, *u.shape[-2:])), np.broadcast_to(dt, (count, segments))
+    by_complex_step = model.takes_complex(x0, u[:, 0], rows) if segments else True
+    x, y = np.repeat(x0[:, None], segments + 1, axis=1), np.zeros((count, segments, model.n_y))
+    dx, dy = np.zeros((count, segments, n_x, p)), np.zeros((count, segments, model.n_y, p))
+    status, reached = np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.int64)
+    start = perf_counter()
+    for k in range(count):
+        along = s[k] if s.size else np.zeros((n_x, p))
+        for n in range(np.count_nonzero(dt[k])):
+            settings = (rtol, cross_kinks, method)
+            end, along, of_y, ended = _sensed(model, x[k, n], along, u[k, n], dt[k, n], rows[k], settings, by_complex_step)
+            x[k, n + 1 :] = end
+            told, now = _outputs(model, end[None], u[k, n : n + 1], rows[k : k + 1], np.array([ended], dtype=np.int32))
+            y[k, n], status[k] = told[0], now[0]
+            if status[k] != OK:
+                break
+            dx[k, n], dy[k, n] = along, of_y
+            reached[k] += 1
+    if reached.any():
+        _warn_of_sensitivities(model, by_complex_step, p, (perf_counter() - start) / int(reached.sum()))
+    return x, y, dx[:, : 0 if outputs_alone else segments], dy, status, reached
 
 
 def predictive_covariance(
@@ -194,7 +248,7 @@ def _rows(theta: Array, count: int) -> Array:
     return np.broadcast_to(theta, (count, theta.shape[-1]))
 
 
-def _warn(model: CallableCore, what: str, cost: str, seconds: float) -> None:
+def _warn(model: CallableCore, what: str, cost: str, seconds: float, stacklevel: int = 5) -> None:
     """Say once for each kind of result what it costs."""
     kind = what.split(" by ")[0]
     if kind in model.warned:
@@ -202,5 +256,7 @@ def _warn(model: CallableCore, what: str, cost: str, seconds: float) -> None:
     model.warned.add(kind)
     advice = "a SymbolicModel is a thousand times faster"
     warnings.warn(
-        f"CallableModel {model.name!r}: {what}: {cost}, {1e3 * seconds:.3g} ms per point; {advice}", UserWarning, stacklevel=5
+        f"CallableModel {model.name!r}: {what}: {cost}, {1e3 * seconds:.3g} ms per point; {advice}",
+        UserWarning,
+        stacklevel=stacklevel,
     )

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <vector>
 
-#include "fisherpoint/kernels/records.hpp"
+#include "fisherpoint/kernels/runs.hpp"
 #include "models.hpp"
 
 using namespace fisherpoint;
@@ -58,9 +58,9 @@ Result simulated_records(const M& model, const std::vector<double>& x0, const st
                          const Workers& workers = Workers(1)) {
   const std::size_t n_x = sizes<M>::states, count = x0.size() / n_x;
   Result r{std::vector<double>(count * (dt.size() + 1) * n_x), std::vector<Status>(count), std::vector<std::int64_t>(count)};
-  record_packs<P, DormandPrince853>(model, Points{count, x0.data(), u.data(), dt.data()}, dt.size(),
-                                    Parameters{theta.data(), theta.size() > sizes<M>::parameters}, tolerance, workers,
-                                    {r.x.data(), r.status.data(), r.reached.data()});
+  run_packs<P, DormandPrince853>(model, Runs{count, dt.size(), x0.data(), u.data(), dt.data(), true},
+                                 Parameters{theta.data(), theta.size() > sizes<M>::parameters}, tolerance, workers,
+                                 {r.x.data(), r.status.data(), r.reached.data()});
   return r;
 }
 
