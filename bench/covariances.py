@@ -10,7 +10,7 @@ import numpy as np
 
 import fisherpoint as fp
 from fisherpoint.engine.levels import kernels
-from fisherpoint.points.trajectories import resolve_threads
+from fisherpoint.points.settings import resolve_threads
 
 from . import fresh_process
 from .accuracy import ACCURACY_RULE, Errors, loosest_rtol, output_errors

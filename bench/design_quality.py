@@ -29,7 +29,7 @@ from fisherpoint.estimation.precision import Precision, covariances
 from fisherpoint.estimation.small_samples import output_degrees_of_freedom
 from fisherpoint.estimation.unknowns import checked_bounds, prior_factor, spread_starts, unknowns_of
 from fisherpoint.estimation.weighting import WeightedResiduals, noise_covariance
-from fisherpoint.points.trajectories import resolve_threads
+from fisherpoint.points.settings import resolve_threads
 from fisherpoint.validation.fits import Estimator
 from fisherpoint.validation.truths import TRUTH_RTOL, Rig, Streams, drawn_from_prior
 

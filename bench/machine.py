@@ -8,7 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import fisherpoint as fp
-from fisherpoint.points.trajectories import resolve_threads
+from fisherpoint.points.settings import resolve_threads
 
 
 def describe() -> dict[str, str]:

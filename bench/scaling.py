@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import fisherpoint as fp
 from fisherpoint.engine import _core
-from fisherpoint.points.trajectories import resolve_threads
+from fisherpoint.points.settings import resolve_threads
 
 from .timing import best_times
 from .workload import MODEL, PRIOR, Array, candidates, random_pairs

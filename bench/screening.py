@@ -10,7 +10,7 @@ from fisherpoint.design.search import SHORTLIST, ExchangeSearch
 from fisherpoint.design.settings import ExchangeSettings
 from fisherpoint.engine import _core
 from fisherpoint.information.point_information import PointInformation, with_linearized_covariance
-from fisherpoint.points.trajectories import resolve_threads
+from fisherpoint.points.settings import resolve_threads
 
 from .designs import default_problem
 

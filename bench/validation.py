@@ -13,7 +13,7 @@ import fisherpoint as fp
 from fisherpoint.basics.values import Array
 from fisherpoint.estimation.least_squares import minimise
 from fisherpoint.estimation.weighting import WeightedResiduals
-from fisherpoint.points.trajectories import resolve_threads
+from fisherpoint.points.settings import resolve_threads
 from fisherpoint.validation.fits import Estimator
 from fisherpoint.validation.truths import Rig, Streams, truths_of
 

@@ -26,7 +26,10 @@ from .points.constraints import Constraint
 from .points.experiments import Experiments
 from .points.predictive import PredictiveCovariance, predictive_covariance
 from .points.region import ExperimentRegion
-from .points.trajectories import Sensitivities, Status, Trajectories, sensitivities, simulate
+from .points.run_trajectories import RunSensitivities, RunTrajectories
+from .points.runs import Runs
+from .points.status import Status
+from .points.trajectories import Sensitivities, Trajectories, sensitivities, simulate
 from .prior.gaussian import GaussianPrior
 from .prior.rules import GaussHermite, Linearized, Rule, Sobol, SparseGaussHermite, TensorGrid, Unscented
 from .validation.design_validation import DesignValidation
@@ -72,6 +75,9 @@ __all__ = [
     "RecordTrajectory",
     "Rule",
     "RuleComparison",
+    "RunSensitivities",
+    "RunTrajectories",
+    "Runs",
     "Sensitivities",
     "Sobol",
     "SparseGaussHermite",

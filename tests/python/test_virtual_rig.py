@@ -25,7 +25,7 @@ def test_the_same_seed_and_calls_give_the_same_data(monkeypatch: pytest.MonkeyPa
         return [one.measure(POINTS), one.measure(POINTS, repeats=3)]
 
     first, again = measured(), measured()
-    monkeypatch.setattr("fisherpoint.points.trajectories.resolve_threads", lambda _: 1)
+    monkeypatch.setattr("fisherpoint.points.settings.resolve_threads", lambda _: 1)
     for data, other, alone in zip(first, again, measured(), strict=True):
         assert same_bits(data.y, other.y) and same_bits(data.y, alone.y)
     assert not np.any(first[0].y == first[1].y[:6])  # the noise goes on, it does not start again

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..basics.checks import check_type
 from ..basics.extras import needed_for
 from ..basics.values import Array, FrozenMapping
 from ..data import Measurements
@@ -22,7 +23,7 @@ from ..estimation.precision import quantile
 from ..information.codec import problem_from_json, problem_to_json
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
-from ..points.trajectories import check_type, resolve_threads
+from ..points.settings import resolve_threads
 from ..show.section import Report
 from ..show.shown import Shown
 from .files import CampaignFiles

@@ -24,7 +24,7 @@ from ..basics.quantity import DURATION, names_of
 from ..basics.values import Array
 from ..models import Model
 from ..points.experiments import Experiments
-from ..points.trajectories import Status
+from ..points.status import Status
 from .plausibility import refuse_implausible
 
 BOOKKEEPING = ("comment", "note", "time", "date", "operator", "run", "point", "replicate", "batch")

@@ -9,12 +9,14 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..basics.checks import as_std_or_zero, by_name, check_positive_int
+from ..basics.checks import as_std_or_zero, by_name, check_positive_int, check_type
 from ..basics.quantity import names_of
 from ..basics.values import FrozenMapping
 from ..models import Model
 from ..points.experiments import Experiments
-from ..points.trajectories import Status, check_rtol, check_type, failures_of, simulate
+from ..points.settings import check_rtol
+from ..points.status import Status, failures_of
+from ..points.trajectories import simulate
 from .measurements import Measurements
 
 MAX_POINTS = 10**8

@@ -13,7 +13,7 @@ from ..basics.checks import check_type
 from ..information.evaluation import Evaluation
 from ..information.previous import Previous, previous_information
 from ..information.problem import DesignProblem
-from ..points.trajectories import resolve_threads
+from ..points.settings import resolve_threads
 from .efficiency import Efficiency, efficiency_of, median_of, random_designs
 from .result import Design
 from .search import ExchangeSearch, Progress

@@ -12,7 +12,7 @@ from ..information.evaluation import Evaluation
 from ..information.problem import DesignProblem
 from ..models import Model
 from ..points.experiments import Experiments
-from ..points.trajectories import Status
+from ..points.status import Status
 
 
 def simulation_frame(model: Model, points: Experiments, y: NDArray[Any], status: NDArray[Any]) -> pd.DataFrame:

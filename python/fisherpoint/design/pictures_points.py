@@ -20,7 +20,8 @@ from ..basics.quantity import Quantity
 from ..information.problem import DesignProblem
 from ..models import Model
 from ..points.experiments import Experiments
-from ..points.trajectories import Status, simulate
+from ..points.status import Status
+from ..points.trajectories import simulate
 from ..prior.rules import Sobol
 from ..show.style import NOISE, PRIOR, STYLE, TEXT, scale
 from .evaluated import Evaluated

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from ..basics.quantity import Quantity
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
-from ..points.trajectories import Status, simulate
+from ..points.status import Status
+from ..points.trajectories import simulate
 from ..show.style import NOISE, STYLE, TEXT, scale
 from .evaluated import Evaluated
 

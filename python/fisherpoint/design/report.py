@@ -15,7 +15,7 @@ from ..information.nearby import DISTANCE, Nearby, times
 from ..information.problem import DesignProblem
 from ..models import Model
 from ..points.experiments import Experiments
-from ..points.trajectories import Status
+from ..points.status import Status
 from ..show.numbers import column, computed, counted, number, percent
 from ..show.section import Report, Section
 from .evaluated import Evaluated

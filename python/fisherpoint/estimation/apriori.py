@@ -12,7 +12,7 @@ from ..data.measurements import Measurements
 from ..data.record import Record
 from ..models import Model
 from ..points.predictive import predictive_covariance
-from ..points.trajectories import Status
+from ..points.status import Status
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import DEFAULT_RULE
 

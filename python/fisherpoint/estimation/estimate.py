@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..basics.checks import as_float, by_name, check_mapping, check_positive_int, some_names_among
+from ..basics.checks import as_float, by_name, check_mapping, check_positive_int, check_type, some_names_among
 from ..basics.messages import listed, shown
 from ..basics.quantity import names_of
 from ..basics.values import Array
@@ -16,7 +16,8 @@ from ..data.measurements import Measurements
 from ..data.record import Record
 from ..models import Model
 from ..points.natural_sizes import warn_of_small_states
-from ..points.trajectories import Status, check_rtol, check_type, resolve_threads
+from ..points.settings import check_rtol, resolve_threads
+from ..points.status import Status
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import Rule
 from .fit import Fit

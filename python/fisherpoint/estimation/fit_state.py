@@ -13,7 +13,7 @@ from ..data.measurements import Measurements
 from ..data.record import Record
 from ..models.codec import model_from_json, model_to_json
 from ..points.codec import points_from_json, points_to_json
-from ..points.trajectories import resolve_threads
+from ..points.settings import resolve_threads
 from ..prior.codec import prior_from_json, prior_to_json
 from .observed import Observed
 from .statistics import FitStatistics

@@ -11,7 +11,7 @@ from ..basics.values import Array
 from ..data.measurements import Measurements
 from ..data.record import Record
 from ..models import Model
-from ..points.trajectories import Status
+from ..points.status import Status
 from ..prior.rules import Rule
 
 

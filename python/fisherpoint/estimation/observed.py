@@ -12,7 +12,8 @@ from ..basics.values import Array
 from ..data.measurements import Measurements
 from ..models import Model
 from ..points.experiments import Experiments
-from ..points.trajectories import Settings, Status, checked_arguments
+from ..points.settings import Settings, checked_arguments
+from ..points.status import Status
 from .record_response import RecordResponse
 from .response import Response, measurements_response, sensible
 

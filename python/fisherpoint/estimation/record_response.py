@@ -7,12 +7,14 @@ from functools import cached_property
 
 import numpy as np
 
+from ..basics.checks import check_type
 from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
 from ..data.record import Record
 from ..data.record_trajectory import first_failure, record_trajectories
 from ..models import Model
-from ..points.trajectories import Settings, Status, check_rtol, check_type, resolve_threads
+from ..points.settings import Settings, check_rtol, resolve_threads
+from ..points.status import Status
 from .response import Response, sensible
 
 _BLOCK = 1 << 14

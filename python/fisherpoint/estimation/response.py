@@ -11,7 +11,7 @@ from ..basics.values import Array, IntArray
 from ..data.record_trajectory import first_failure
 from ..models import Model
 from ..points.experiments import Experiments
-from ..points.trajectories import Settings
+from ..points.settings import Settings
 
 MOST_POINTS = 200_000
 """Points that the engine is given at once, so that memory stays bounded."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..basics.values import Array
-from ..points.trajectories import Status
+from ..points.status import Status
 from .known_noise import KnownNoise
 from .least_squares import CONVERGED, ENDS, NOT_EVALUABLE, UNSETTLED, Minima, minimise
 from .unknown_noise import correlations_can_be_told, likelihood_deviance, minimise_log_det

@@ -14,13 +14,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..basics.checks import as_std_or_zero, by_name
+from ..basics.checks import as_std_or_zero, by_name, check_type
 from ..basics.quantity import names_of
 from ..basics.values import Array, FrozenMapping, IntArray
 from ..models import Model
 from ..points.experiments import Experiments
 from ..points.predictive import PredictiveCovariance, covariance_over_nodes, nodes_of
-from ..points.trajectories import Settings, Status, check_type, checked_arguments, checked_sensitivities, only_finite
+from ..points.settings import Settings, checked_arguments
+from ..points.status import Status, only_finite
+from ..points.trajectories import checked_sensitivities
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import Linearized, Rule
 

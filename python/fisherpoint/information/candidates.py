@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from ..basics.values import IntArray
 from ..points.experiments import Experiments
-from ..points.trajectories import Status, failures_of, on_surface
+from ..points.settings import on_surface
+from ..points.status import Status, failures_of
 from .assumed import starts_near
 from .point_information import PointInformation, point_sensitivities, with_covariance, with_linearized_covariance
 from .problem import DesignProblem

@@ -13,7 +13,7 @@ from ..basics.checks import as_float, by_name, check_positive_int, names_among
 from ..basics.values import Array, FrozenMapping
 from ..models.codec import model_from_json, model_to_json
 from ..points.region import ExperimentRegion
-from ..points.trajectories import Status
+from ..points.status import Status
 from ..prior.codec import prior_from_json, prior_to_json, rule_from_json, rule_to_json
 from .evaluation import Evaluation
 from .nearby import Nearby

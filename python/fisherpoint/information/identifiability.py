@@ -8,13 +8,14 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ..basics.checks import check_positive_int, names_among, some_names_among
+from ..basics.checks import check_positive_int, check_type, names_among, some_names_among
 from ..basics.kept import Kept
 from ..basics.quantity import names_of
 from ..basics.values import Array, FrozenMapping
 from ..models import Model
 from ..points.region import ExperimentRegion
-from ..points.trajectories import Status, check_type, crossed_surfaces
+from ..points.settings import crossed_surfaces
+from ..points.status import Status
 from ..prior.gaussian import GaussianPrior
 from ..show.section import Report, Section
 from ..show.shown import Shown

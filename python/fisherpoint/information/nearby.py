@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..basics.values import Array, FrozenMapping, IntArray
-from ..points.trajectories import Status
+from ..points.status import Status
 from ..show.numbers import computed
 from .null_space import column_scaled_svd
 from .output_covariance import Criterion

@@ -13,16 +13,9 @@ from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
 from ..points.experiments import Experiments
 from ..points.predictive import covariance_over_nodes, linearized, nodes_of
-from ..points.trajectories import (
-    Settings,
-    Status,
-    check_jumps,
-    check_kinks,
-    checked_arguments,
-    checked_sensitivities,
-    only_finite,
-    resolve_threads,
-)
+from ..points.settings import Settings, check_jumps, check_kinks, checked_arguments, resolve_threads
+from ..points.status import Status, only_finite
+from ..points.trajectories import checked_sensitivities
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import Linearized, Rule
 from .problem import DesignProblem

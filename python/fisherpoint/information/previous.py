@@ -11,7 +11,8 @@ import numpy as np
 
 from ..basics.values import FrozenMapping
 from ..points.experiments import Experiments
-from ..points.trajectories import Status, failures_of, on_surface
+from ..points.settings import on_surface
+from ..points.status import Status, failures_of
 from .output_covariance import needs_covariances
 from .point_information import PointInformation, point_sensitivities, with_covariance
 from .problem import DesignProblem

@@ -17,7 +17,7 @@ from ..basics.values import Array
 from ..models import Model
 from ..points.natural_sizes import warn_of_small_states
 from ..points.region import ExperimentRegion
-from ..points.trajectories import check_jumps, check_kinks, check_rtol, crossed_surfaces
+from ..points.settings import check_jumps, check_kinks, check_rtol, crossed_surfaces
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import DEFAULT_RULE, Rule
 from .assumed import Assumed, assumed_of

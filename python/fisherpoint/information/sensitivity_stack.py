@@ -16,7 +16,9 @@ from ..basics.values import Array
 from ..models import Model
 from ..points.experiments import Experiments
 from ..points.region import ExperimentRegion
-from ..points.trajectories import Status, crossed_surfaces, failures_of, on_surface, only_finite, sensitivities
+from ..points.settings import crossed_surfaces, on_surface
+from ..points.status import Status, failures_of, only_finite
+from ..points.trajectories import sensitivities
 from ..prior.gaussian import GaussianPrior
 
 TIGHT, LOOSE = 1e-10, 1e-8

@@ -52,7 +52,7 @@ class Experiments:
         if not (self.dt > 0).all():
             row = int(np.argmin(self.dt))
             raise ValueError(f"dt: expected positive durations in s, given {self.dt[row]:g} in points[{row}]")
-        self.columns = None if columns is None else _checked_columns(columns, self.x0.shape[1] + self.u.shape[1])
+        self.columns = None if columns is None else checked_columns(columns, self.x0.shape[1] + self.u.shape[1])
         for array in (self.x0, self.u, self.dt):
             array.flags.writeable = False
 
@@ -105,7 +105,7 @@ class Experiments:
     def of_table(cls, model: Model, table: Array) -> Experiments:
         """Points of `model` from such rows, of which dt may be left out where there is no state."""
         n_x, n = len(model.states), len(model.states) + len(model.inputs)
-        return cls(table[:, :n_x], table[:, n_x:n], table[:, n] if table.shape[1] > n else None, columns=_columns(model))
+        return cls(table[:, :n_x], table[:, n_x:n], table[:, n] if table.shape[1] > n else None, columns=columns_of(model))
 
     def to_csv(self, path: str | Path, model: Model | None = None) -> None:
         """Write one row per point under a header of the state and input names and dt; every digit is kept.
@@ -130,7 +130,7 @@ class Experiments:
         check_type(model, Model, "model")
         table = CsvTable(path)
         names, n_x, n_u = names_of(model.axes), len(model.states), len(model.inputs)
-        places = (*_places(n_x, n_u), *names[n_x + n_u :])
+        places = (*place_names(n_x, n_u), *names[n_x + n_u :])
         columns = places if places[0] in table and names[0] not in table else names
         if "dt" in table and "dt" not in columns:
             columns = (*columns, "dt")
@@ -148,24 +148,26 @@ def points_csv(points: Experiments, model: Model | None) -> str:
     if model is not None:
         check_type(model, Model, "model")
         check_alike([(len(model.states), len(model.inputs)), given], "states and inputs", "model")
-    columns = _columns(model) if model is not None else points.columns
+    columns = columns_of(model) if model is not None else points.columns
     if columns is None:
-        columns = _places(*given)
+        columns = place_names(*given)
     header = (*columns, "dt") if given[0] else columns
     return csv_text(header, points.table[:, : len(header)].tolist())
 
 
-def _checked_columns(given: tuple[str, ...], count: int) -> tuple[str, ...]:
+def checked_columns(given: tuple[str, ...], count: int) -> tuple[str, ...]:
+    """Names of `count` columns."""
     columns = as_sequence(given, "columns", "names")
     if len(columns) != count:
         raise ValueError(f"columns: expected {count} names, given {len(columns)}")
     return tuple(check_name(name, "columns") for name in columns)
 
 
-def _columns(model: Model) -> tuple[str, ...]:
+def columns_of(model: Model) -> tuple[str, ...]:
+    """Names of the states and inputs."""
     return (*names_of(model.states), *names_of(model.inputs))
 
 
-def _places(n_x: int, n_u: int) -> tuple[str, ...]:
+def place_names(n_x: int, n_u: int) -> tuple[str, ...]:
     """Names of the columns of points without names."""
     return (*(f"x0_{i}" for i in range(n_x)), *(f"u_{i}" for i in range(n_u)))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..basics.checks import check_names, some_names_among
+from ..basics.checks import check_names, check_type, some_names_among
 from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
 from ..engine import _core
@@ -16,7 +16,9 @@ from ..prior.gaussian import GaussianPrior
 from ..prior.rules import Linearized, Rule
 from .experiments import Experiments
 from .natural_sizes import warn_of_small_states
-from .trajectories import Settings, Status, check_type, checked_arguments, checked_sensitivities, only_finite
+from .settings import Settings, checked_arguments
+from .status import Status, only_finite
+from .trajectories import checked_sensitivities
 
 
 class _CovarianceAndStatus(NamedTuple):

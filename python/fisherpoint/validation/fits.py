@@ -21,7 +21,7 @@ from ..estimation.weighting import WeightedResiduals, noise_covariance
 from ..information.point_information import point_information
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
-from ..points.trajectories import Status
+from ..points.status import Status
 from .figures import LEVEL
 from .truths import Rig, Streams
 

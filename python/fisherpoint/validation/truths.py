@@ -17,7 +17,8 @@ from ..information.assumed import Assumed, assumed_of
 from ..information.problem import DesignProblem
 from ..models import Model
 from ..points.experiments import Experiments
-from ..points.trajectories import Status, simulate
+from ..points.status import Status
+from ..points.trajectories import simulate
 from ..prior.coordinates import cholesky_coordinates
 
 TRUTH_RTOL = 1e-10

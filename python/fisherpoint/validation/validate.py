@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..basics.checks import as_std, by_name, check_choice, check_flag, check_mapping, check_name, check_positive_int
+from ..basics.checks import as_std, by_name, check_choice, check_flag, check_mapping, check_name, check_positive_int, check_type
 from ..basics.messages import listed
 from ..basics.quantity import names_of
 from ..basics.values import FrozenMapping
@@ -17,7 +17,7 @@ from ..design.result import Design
 from ..information.problem import DesignProblem
 from ..models import Model
 from ..points.experiments import Experiments
-from ..points.trajectories import check_rtol, check_type, resolve_threads
+from ..points.settings import check_rtol, resolve_threads
 from .design_validation import DesignValidation
 from .figures import parameter_figures
 from .fits import Estimator, Runs, run

@@ -1,0 +1,75 @@
+"""Files of runs: one row per segment, as an operator reads them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..basics.checks import check_alike, check_type
+from ..basics.csv_table import CsvTable, csv_text
+from ..basics.messages import listed
+from ..basics.quantity import DURATION, Quantity
+from ..basics.values import Array
+from ..models import Model
+from .experiments import columns_of, place_names
+
+RUN, SEGMENT = Quantity("run", "1", "number of a run, from 1"), Quantity("segment", "1", "number of a segment of it, from 1")
+MEASURED = Quantity("measured", "1", "whether the outputs are measured at the segment's end")
+
+
+def runs_csv(
+    x0: Array, u: Array, dt: Array, measured: NDArray[np.bool_], columns: tuple[str, ...] | None, model: Model | None
+) -> str:
+    """The text of a file of runs; see `Runs.to_csv`."""
+    n_x, n_u = x0.shape[1], u.shape[2]
+    if model is not None:
+        check_type(model, Model, "model")
+        check_alike([(len(model.states), len(model.inputs)), (n_x, n_u)], "states and inputs", "model")
+        columns = columns_of(model)
+    names = columns or place_names(n_x, n_u)
+    k, n = np.nonzero(dt)
+    starts = np.where((n == 0)[:, None], x0[k], np.nan)
+    numbers = np.column_stack([starts, u[k, n], dt[k, n]]).tolist()
+    rows: list[list[Any]] = [
+        [str(run + 1), str(segment + 1), *row, str(int(measured[run, segment]))]
+        for run, segment, row in zip(k.tolist(), n.tolist(), numbers, strict=True)
+    ]
+    return csv_text((RUN.name, SEGMENT.name, *names, DURATION.name, MEASURED.name), rows)
+
+
+def read_runs(path: str | Path, model: Model) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    """x0, u, dt and measured of the runs in a file; see `Runs.from_csv`."""
+    return runs_of_table(CsvTable(path), model)
+
+
+def runs_of_table(table: CsvTable, model: Model, outputs: tuple[str, ...] = ()) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    """The same of a table that may have columns of outputs besides."""
+    expected = (RUN.name, SEGMENT.name, *columns_of(model), DURATION.name, MEASURED.name)
+    if set(table.names) - set(outputs) != set(expected):
+        raise ValueError(f"{table.path}: expected the columns {listed(expected)}; given {listed(table.names)}")
+    table.read_decimal_commas((*columns_of(model), DURATION.name, *outputs))
+    run, segment, flag = (table.complete(quantity) for quantity in (RUN, SEGMENT, MEASURED))
+    table.refuse((flag != 0) & (flag != 1), MEASURED.name, "1 or 0")
+    first = np.diff(run, prepend=0.0) != 0
+    table.refuse(run != np.cumsum(first), RUN.name, "runs in order, from 1 on")
+    rows = np.arange(len(run))
+    within = rows - np.maximum.accumulate(np.where(first, rows, 0))
+    table.refuse(segment != within + 1, SEGMENT.name, "the segments of a run in order, from 1 on")
+    starts = []
+    for quantity in model.states:
+        values = table.numbers(quantity.name, quantity.unit)
+        table.refuse(np.isnan(values) & first, quantity.name, "the start in the first row of a run")
+        table.refuse(~np.isnan(values) & ~first, quantity.name, "nothing behind the first row of a run")
+        starts.append(values[first])
+    k, n = run.astype(int) - 1, within
+    shape = int(k[-1]) + 1, int(n.max()) + 1
+    held = np.column_stack([np.empty((len(k), 0)), *(table.complete(quantity) for quantity in model.inputs)])
+    u, dt, measured = np.zeros((*shape, held.shape[1])), np.zeros(shape), np.zeros(shape, dtype=bool)
+    u[k, n], dt[k, n], measured[k, n] = held, table.complete(DURATION), flag == 1
+    ends = np.bincount(k)
+    for short in np.flatnonzero(ends < shape[1]):
+        u[short, ends[short] :] = u[short, ends[short] - 1]
+    return np.column_stack(starts), u, dt, measured

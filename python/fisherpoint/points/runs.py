@@ -1,0 +1,197 @@
+"""Runs: a start, then segments with held inputs, of which some ends are measured. A run of one segment is an experiment point."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..basics.checks import as_floats, as_index, as_parts, check_alike, check_type
+from ..basics.files import write_whole
+from ..basics.messages import shown
+from ..basics.values import Array
+from ..models import Model
+from .experiments import Experiments, checked_columns, columns_of
+from .run_files import read_runs, runs_csv
+
+Flags = NDArray[np.bool_]
+
+
+class Runs:
+    """A sequence of K runs of N segments, or fewer: from x0 the inputs u[k, n] are held for dt[k, n], one segment after the other.
+
+    Parameters
+    ----------
+    x0 : array_like, (K, n_x)
+        Start states, SI units.
+    u : array_like, (K, N, n_u)
+        Inputs of every segment; (K, N) is taken for a single input.
+    dt : array_like, (K, N), or (N,) or a number for all runs
+        Durations of the segments, s. A run of fewer segments has zeros behind its last one.
+    measured : array_like of bool, (K, N), or (N,) for all runs, optional
+        At the ends of which segments the outputs are measured. Default: all.
+    columns : tuple of str, optional
+        Names of the states and inputs, for files; the model's, where the runs come from one.
+
+    Raises
+    ------
+    ValueError
+        For wrong shapes, numbers that are not finite, a duration that is negative or zero between others, and a run without
+        a segment or a sample.
+    """
+
+    def __init__(
+        self,
+        x0: ArrayLike,
+        u: ArrayLike,
+        dt: ArrayLike,
+        measured: ArrayLike | None = None,
+        *,
+        columns: tuple[str, ...] | None = None,
+    ) -> None:
+        self.x0, self.u = as_floats(x0, "x0"), as_floats(u, "u")
+        if self.x0.ndim != 2 or not self.x0.shape[1]:
+            raise ValueError(f"x0: expected shape (K, n_x), of a model with states, given {self.x0.shape}")
+        count = len(self.x0)
+        if self.u.ndim == 2:
+            self.u = self.u[:, :, None]
+        if self.u.ndim != 3 or len(self.u) != count:
+            raise ValueError(f"u: expected shape ({count}, N, n_u), given {self.u.shape}")
+        shape = self.u.shape[:2]
+        if not shape[1]:
+            raise ValueError("u: expected at least one segment, given none")
+        self.dt = _of_segments(as_floats(dt, "dt"), shape, "dt")
+        flags = np.asarray(True if measured is None else measured)
+        if flags.dtype != np.bool_:
+            raise ValueError(f"measured: expected flags, given {shown(measured)}")
+        self.measured: Flags = _of_segments(flags, shape, "measured") & (self.dt > 0)
+        _check(self.dt, self.measured)
+        self.columns = None if columns is None else checked_columns(columns, self.x0.shape[1] + self.u.shape[2])
+        self._keep()
+
+    @classmethod
+    def of_points(cls, points: Experiments) -> Runs:
+        """Return experiment points, of a model with states, as runs of one segment."""
+        check_type(points, Experiments, "points")
+        return cls(points.x0, points.u[:, None], points.dt[:, None], columns=points.columns)
+
+    @staticmethod
+    def join(parts: Sequence[Runs]) -> Runs:
+        """Return the runs of all parts, one after the other."""
+        parts = as_parts(parts, Runs)
+        check_alike([(part.x0.shape[1], part.u.shape[2]) for part in parts], "states and inputs")
+        longest = max(part.dt.shape[1] for part in parts)
+
+        def padded(array: NDArray[Any], mode: str) -> NDArray[Any]:
+            width = [(0, 0), (0, longest - array.shape[1]), *[(0, 0)] * (array.ndim - 2)]
+            return np.pad(array, width, mode="edge") if mode == "edge" else np.pad(array, width)
+
+        return Runs._of(
+            np.concatenate([part.x0 for part in parts]),
+            np.concatenate([padded(part.u, "edge") for part in parts]),
+            np.concatenate([padded(part.dt, "zero") for part in parts]),
+            np.concatenate([padded(part.measured, "zero") for part in parts]),
+            parts[0].columns,
+        )
+
+    @classmethod
+    def _of(cls, x0: Array, u: Array, dt: Array, measured: Flags, columns: tuple[str, ...] | None) -> Runs:
+        """Runs of which the parts are known to be valid."""
+        runs = cls.__new__(cls)
+        runs.x0, runs.u, runs.dt, runs.measured, runs.columns = x0, u, dt, measured, columns
+        runs._keep()
+        return runs
+
+    def _keep(self) -> None:
+        for array in (self.x0, self.u, self.dt, self.measured):
+            array.flags.writeable = False
+
+    def __len__(self) -> int:
+        return len(self.x0)
+
+    def __getitem__(self, index: int | slice | Sequence[int] | NDArray[Any]) -> Runs:
+        rows = as_index(index, len(self), "runs")
+        try:
+            return Runs._of(self.x0[rows], self.u[rows], self.dt[rows], self.measured[rows], self.columns)
+        except IndexError as error:
+            raise IndexError(f"runs: expected indices below {len(self)}, or as many flags; given {shown(index)}") from error
+
+    def __iter__(self) -> Iterator[Runs]:
+        return (self[k] for k in range(len(self)))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Runs) and all(
+            np.array_equal(getattr(self, name), getattr(other, name)) for name in ("x0", "u", "dt", "measured")
+        )
+
+    __hash__ = None  # type: ignore[assignment]  # arrays
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Runs._of, (self.x0, self.u, self.dt, self.measured, self.columns)
+
+    def __repr__(self) -> str:
+        lengths = np.unique(self.segments)
+        segments = f"{lengths[0]}" if len(lengths) == 1 else f"up to {lengths.max(initial=0)}"
+        return f"Runs({len(self)} of {segments} segments, {self.measured.sum()} samples, {self.u.shape[2]} inputs)"
+
+    @property
+    def segments(self) -> NDArray[np.intp]:
+        """Number of segments of each run, (K,)."""
+        return np.asarray(np.count_nonzero(self.dt, axis=1), dtype=np.intp)
+
+    @property
+    def t(self) -> Array:
+        """Times at which the segments end, from the runs' starts, (K, N)."""
+        return np.cumsum(self.dt, axis=1)
+
+    @property
+    def starts(self) -> Experiments:
+        """The first segments, as points."""
+        return Experiments(self.x0, self.u[:, 0], self.dt[:, 0], columns=self.columns)
+
+    @property
+    def points(self) -> Experiments | None:
+        """The runs as experiment points; None where one has more than a segment."""
+        return self.starts if self.dt.shape[1] == 1 else None
+
+    def to_csv(self, path: str | Path, model: Model | None = None) -> None:
+        """Write one row per segment: run, segment, the start in the run's first row, the inputs, dt, and measured (1 or 0).
+
+        Every digit is kept, and the file appears whole or not at all. `Runs.from_csv` reads it back.
+        """
+        write_whole(path, runs_csv(self.x0, self.u, self.dt, self.measured, self.columns, model))
+
+    @classmethod
+    def from_csv(cls, path: str | Path, model: Model) -> Runs:
+        """Read runs of `model`, as `to_csv` writes them; headers may have units, as ``q [mm]``.
+
+        Raises
+        ------
+        OSError
+            Where the file cannot be read.
+        ValueError
+            Where a column is missing or unknown, an entry is no number, or rows are not in the order of runs and segments; the
+            message names row and column.
+        """
+        check_type(model, Model, "model")
+        return cls(*read_runs(path, model), columns=columns_of(model))
+
+
+def _of_segments(array: NDArray[Any], shape: tuple[int, int], name: str) -> NDArray[Any]:
+    """An array of one entry for every segment."""
+    if array.ndim > 2 or (array.ndim and array.shape[-1] != shape[1]) or (array.ndim == 2 and len(array) != shape[0]):
+        raise ValueError(f"{name}: expected shape {shape}, given {array.shape}")
+    return np.broadcast_to(array, shape).copy()
+
+
+def _check(dt: Array, measured: Flags) -> None:
+    for wrong, what in ((dt < 0, "no negative ones"), ((dt[:, :-1] == 0) & (dt[:, 1:] > 0), "none of zero before others")):
+        if wrong.any():
+            k, n = (int(i) for i in np.argwhere(wrong)[0])
+            raise ValueError(f"dt: expected durations in s, {what}, given {dt[k, n]:g} in segment {n} of runs[{k}]")
+    for rows, what in ((~(dt[:, :1] > 0).any(axis=1), "segment"), (~measured.any(axis=1), "measured segment")):
+        if rows.any():
+            raise ValueError(f"runs: expected at least one {what} in each, given none in runs[{int(np.argmax(rows))}]")

@@ -1,0 +1,100 @@
+"""What kernels are told beside points: tolerance, what is crossed, the method, threads; and which starts they take."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..basics.checks import as_float, check_choice, check_positive_int
+from ..basics.values import Array
+from ..models import Model
+from .experiments import Experiments
+from .runs import Runs
+
+MAX_THREADS = 4096
+
+Settings = tuple[float, bool, bool, str, int]
+"""rtol, whether kinks and jumps are crossed, the method and the number of threads, as the kernels take them."""
+
+
+def resolve_threads(threads: int | None) -> int:
+    """Return the number of threads: as given, or the cores that this process may use."""
+    if threads is None:
+        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return check_positive_int(threads, "threads", most=MAX_THREADS)
+
+
+def checked_arguments(
+    model: Model,
+    points: Experiments | Runs,
+    theta: Array,
+    rtol: float,
+    threads: int | None,
+    kinks: str,
+    jumps: str,
+    method: str | None,
+) -> Settings:
+    """Check points and settings; return the settings as the kernels take them."""
+    if not isinstance(points, Experiments | Runs):
+        raise TypeError(f"points: expected Experiments or Runs, given {type(points).__name__}")
+    n_x, n_u = len(model.states), len(model.inputs)
+    if points.x0.shape[1] != n_x:
+        raise ValueError(f"x0: expected shape (K, {n_x}), given {points.x0.shape}")
+    if points.u.shape[-1] != n_u:
+        axes = "K" if points.u.ndim == 2 else "K, N"
+        raise ValueError(f"u: expected shape ({axes}, {n_u}), given {points.u.shape}")
+    if theta.ndim == 2 and len(theta) != len(points):
+        raise ValueError(f"theta: expected {len(points)} rows, one for each point, given {len(theta)}")
+    rtol = check_rtol(rtol)
+    crosses = check_kinks(kinks), check_jumps(jumps)
+    starts = points.starts if isinstance(points, Runs) else points
+    refuse_starts_on_surfaces(model, starts, theta, crossed_surfaces(model, *crosses))
+    if method is not None:
+        method = check_choice(method, ("RK45", "DOP853", "Radau"), "method")
+    return rtol, *crosses, method or "fastest", resolve_threads(threads)
+
+
+def check_rtol(rtol: float) -> float:
+    """Return a tolerance that the core can keep."""
+    value = as_float(rtol, "rtol")
+    if not 1e-13 <= value <= 0.1:
+        raise ValueError(f"rtol: expected a tolerance between 1e-13 and 0.1, given {value:g}")
+    return value
+
+
+def check_kinks(kinks: str) -> bool:
+    """Return whether kinks are crossed."""
+    return check_choice(kinks, ("cross", "exclude"), "kinks") == "cross"
+
+
+def check_jumps(jumps: str) -> bool:
+    """Return whether jumps are crossed."""
+    return check_choice(jumps, ("cross", "exclude"), "jumps") == "cross"
+
+
+def crossed_surfaces(model: Model, kinks: bool, jumps: bool) -> tuple[str, ...]:
+    """Names of the surfaces that trajectories cross, and may start on."""
+    return (model.kinks if kinks else ()) + (model.crossable if jumps else ())
+
+
+def on_surface(model: Model, points: Experiments, theta: Array, crossed: Collection[str] = ()) -> dict[str, NDArray[np.intp]]:
+    """Return for each divisor, and each switching surface that is not `crossed`, the indices of the points that start on it."""
+    if not len(points):
+        return {}
+    surfaces, values = (*model.jumps, *model.kinks, *model.poles), model.switching(points.x0, points.u, theta)
+    if model.poles:
+        values = np.column_stack([values, model.limits(points.x0, points.u, theta)[:, : len(model.poles)]])
+    told = ((m, name) for m, name in enumerate(surfaces) if name not in crossed)
+    return {name: np.flatnonzero(values[:, m] == 0) for m, name in told if (values[:, m] == 0).any()}
+
+
+def refuse_starts_on_surfaces(model: Model, points: Experiments, theta: Array, crossed: Collection[str]) -> None:
+    for surface, rows in on_surface(model, points, theta, crossed).items():
+        where = f"off {surface} = 0, a divisor of the model or an argument of its roots"
+        if surface in (*model.jumps, *model.kinks):
+            where = f"off the switching surface {surface} = 0, where the model is not differentiable"
+        listed = ", ".join(f"points[{k}]" for k in rows[:5]) + (" ..." if len(rows) > 5 else "")
+        raise ValueError(f"points: expected starts {where}; given {surface} = 0 in {listed}")

@@ -1,0 +1,63 @@
+"""How a trajectory ended."""
+
+from __future__ import annotations
+
+from collections import Counter
+from enum import IntEnum
+
+import numpy as np
+
+from ..basics.values import Array, IntArray
+
+
+class Status(IntEnum):
+    """How a trajectory ended."""
+
+    ok = 0
+    met_jump = 1
+    left_domain = 2
+    step_limit = 3
+    not_finite = 4
+    met_kink = 5
+    grazes_jump = 6
+    on_jump = 7
+    two_jumps = 8
+    chatters = 9
+
+    @property
+    def advice(self) -> str:
+        """What it means and what helps, in one sentence."""
+        return _ADVICE[self]
+
+
+_ADVICE = {
+    Status.ok: "The trajectory reached its end.",
+    Status.met_jump: (
+        "The right-hand side jumps on the way, and jumps='exclude' or the kind of jump (see model.crossable) forbids to cross it: "
+        "start further off or sample earlier."
+    ),
+    Status.left_domain: "The state reached a limit beyond which the model has no value: start further inside or sample earlier.",
+    Status.step_limit: "The tolerance requires more or smaller steps than allowed: increase rtol or sample earlier.",
+    Status.not_finite: "A rate, an output or what depends on it overflowed: check constants, parameters and standard deviations.",
+    Status.met_kink: "The trajectory crosses one of the model's kinks, which kinks='exclude' forbids.",
+    Status.grazes_jump: "The trajectory touches a jump along its tangent, and has no derivative: change the start or the duration.",
+    Status.on_jump: "The trajectory starts or ends on a jump, where it has no derivative: change the start or the duration.",
+    Status.two_jumps: "The trajectory meets two jumps at once: change the start, or sample earlier.",
+    Status.chatters: "The trajectory meets jumps again and again in ever shorter times: sample earlier.",
+}
+
+
+def failures_of(status: IntArray) -> Counter[str]:
+    """How many trajectories ended otherwise than ok, by the names of their statuses."""
+    counts = np.bincount(status, minlength=len(Status))
+    return Counter({Status(value).name: int(n) for value, n in enumerate(counts) if n and value != Status.ok})
+
+
+def only_finite(status: IntArray, *results: Array) -> IntArray:
+    """Statuses (K,) with `Status.not_finite` where an ok row of a result (K, ...) is not finite; such rows become zero."""
+    finite = np.all([np.isfinite(result).all(axis=tuple(range(1, result.ndim))) for result in results], axis=0)
+    if finite.all():
+        return status
+    for result in results:
+        result[~finite] = 0.0
+    return np.where((status == Status.ok) & ~finite, Status.not_finite, status).astype(np.int32)
