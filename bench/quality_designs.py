@@ -78,10 +78,10 @@ def averaged(_noise: float, seed: int) -> Candidate:
     source = CandidateSource(asked, np.random.default_rng([seed, 2]), None)
     chosen = source.draw_confirmed(N)
     for _ in range(ROUNDS):
-        near, _ = source.draw_near(chosen.points, NEAR)
+        near, _ = source.draw_near(chosen.experiments, NEAR)
         pool = PointInformation.join([chosen, source.draw_confirmed(FRESH), source.confirm(near)])
-        chosen = pool[best_exchanges(node_rows(pool.points), list(range(N)))]
-    return Candidate(chosen.points)
+        chosen = pool[best_exchanges(node_rows(pool.experiments), list(range(N)))]
+    return Candidate(chosen.experiments)
 
 
 def node_rows(points: fp.Experiments) -> Array:
@@ -121,7 +121,7 @@ def best_exchanges(rows: Array, chosen: list[int]) -> list[int]:
 def random(_: float, seed: int) -> Candidate:
     """Valid points of the region, as an exchange starts from."""
     source = CandidateSource(problem(), np.random.default_rng([seed, 3]), None)
-    return Candidate(source.draw_confirmed(N).points)
+    return Candidate(source.draw_confirmed(N).experiments)
 
 
 @cache

@@ -161,7 +161,7 @@ class ExchangeSearch:
         if not settings.local or not np.isfinite(self.best.log_det):
             return False
         each = max(1, round(MOVE_EVERY * settings.local * settings.n_candidates / len(start)))
-        candidates, near = self.source.draw_near(start.points, each)
+        candidates, near = self.source.draw_near(start.experiments, each)
         chosen, places = self._nearby(candidates, near)
         moved = False
         for m, k in enumerate(places):
@@ -253,7 +253,7 @@ class ExchangeSearch:
         return FoundDesign(
             problem=self.problem,
             settings=self.settings,
-            points=self.best.information.points,
+            points=self.best.information.experiments,
             evaluation=evaluation,
             under_noise=under_noise,
             efficiency=efficiency,

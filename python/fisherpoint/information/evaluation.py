@@ -17,6 +17,7 @@ from ..basics.quantity import names_of
 from ..basics.values import Array, FrozenMapping
 from ..engine import _core
 from ..points.experiments import Experiments
+from ..points.runs import Runs
 from ..show.numbers import computed, counted, number, percent
 from ..show.section import Report, Section
 from ..show.shown import Shown
@@ -27,6 +28,7 @@ from .output_covariance import Criterion, cholesky_factor, criterion, needs_cova
 from .point_information import PointInformation, point_information
 from .previous import Previous, previous_information
 from .problem import DesignProblem
+from .run_information import run_information
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,7 +56,7 @@ class Evaluation(Shown, Kept):
     output_covariance_kind : str
     output_covariance : ndarray, (n, n), or (K, n, n) where each point has its own
         D over `outputs`, in squared output units: one for each point, previous ones first, for "pointwise" and where constants or
-        starts are uncertain.
+        starts are uncertain. Of runs R, beside which what is uncertain is common to a run.
     outputs, outputs_left_out : tuple of str
         Outputs that take part; those that carry neither variance nor sensitivity do not.
     covariance : ndarray, (p, p), or None
@@ -68,7 +70,7 @@ class Evaluation(Shown, Kept):
         Combinations of standardised parameters that the design says nothing about.
     prior_std : mapping of parameter name to float
     n_points : int
-        L of (7): the points that were evaluated, previous ones with them.
+        L of (7): the points, or samples of runs, that were evaluated, previous ones with them.
     nearby : Nearby or None
         What becomes of the standard errors where the parameters are two of them off; where D is R, and F is not singular.
     """
@@ -178,7 +180,7 @@ def value_of_criterion(evaluation: Evaluation) -> list[tuple[str, str]]:
 
 
 def evaluate_design(
-    problem: DesignProblem, points: Experiments, *, threads: int | None = None, previous: Previous | None = None
+    problem: DesignProblem, points: Experiments | Runs, *, threads: int | None = None, previous: Previous | None = None
 ) -> Evaluation:
     """Evaluate any design, also one with fewer points than parameters.
 
@@ -186,8 +188,9 @@ def evaluate_design(
     ----------
     problem : DesignProblem
         Its region may be None.
-    points : Experiments
-        At least one point. The rule is run over the prior where D needs it ("pooled" and "pointwise").
+    points : Experiments or Runs
+        At least one point, or run. The rule is run over the prior where D needs it ("pooled" and "pointwise"); runs take D = R, and
+        what is uncertain moves all samples of a run at once.
     threads : int, optional
     previous : Measurements, Experiments, Design, or a sequence of these, optional
         Points whose information is already collected, as for `exchange`: the evaluation is of all points together.
@@ -203,10 +206,11 @@ def evaluate_design(
         Where a point is none (its trajectory is not ok, or it starts on a switching surface), or D is singular.
     """
     check_type(problem, DesignProblem, "problem")
-    check_type(points, Experiments, "points")
-    if not len(points):
-        raise ValueError("points: expected at least one point, given none")
-    information = point_information(problem, points, needs_covariances(str(problem.output_covariance)), threads)
+    _check_points(points)
+    if isinstance(points, Runs):
+        information = run_information(problem, points, threads)
+    else:
+        information = point_information(problem, points, needs_covariances(str(problem.output_covariance)), threads)
     known, left_out = previous_information(problem, previous, threads)
     if left_out:
         reasons = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
@@ -217,14 +221,21 @@ def evaluate_design(
 
 
 def evaluate_under_noise(
-    problem: DesignProblem, points: Experiments, *, threads: int | None = None, previous: Previous | None = None
+    problem: DesignProblem, points: Experiments | Runs, *, threads: int | None = None, previous: Previous | None = None
 ) -> Evaluation | None:
     """Evaluate a design with D = R, or R_k, whatever the problem's D is; None where the sensor noise is not known."""
     check_type(problem, DesignProblem, "problem")
-    check_type(points, Experiments, "points")
+    _check_points(points)
     if problem.noise_std is None:
         return None
     return evaluate_design(problem.replace(output_covariance="noise"), points, threads=threads, previous=previous)
+
+
+def _check_points(points: object) -> None:
+    if not isinstance(points, Experiments | Runs):
+        raise TypeError(f"points: expected Experiments or Runs, given {type(points).__name__}")
+    if not len(points):
+        raise ValueError("points: expected at least one point, given none")
 
 
 def evaluate_information(problem: DesignProblem, information: PointInformation, d: Criterion, threads: int | None) -> Evaluation:

@@ -15,12 +15,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..basics.values import Array, FrozenMapping, IntArray
+from ..points.runs import Runs
 from ..points.status import Status
 from ..show.numbers import computed
 from .null_space import column_scaled_svd
 from .output_covariance import Criterion
 from .point_information import PointInformation, sensitivities_at
 from .problem import DesignProblem
+from .run_information import run_samples_at
 
 DISTANCE = 2.0
 """Promised standard errors by which the parameters are moved; at one, edges are missed that one fit in ten meets."""
@@ -57,7 +59,7 @@ class Nearby:
     parameters : mapping of parameter name to float
         The estimated parameters, SI units, where a standard error grows most.
     points : tuple of int
-        The points, previous ones first, that tell much less there than at the mean, the worst first.
+        The points, or samples of runs, previous ones first, that tell much less there than at the mean, the worst first.
     lost : mapping of status name to int
         Points that have no trajectory, or no derivative, at some of these parameters.
     """
@@ -120,7 +122,13 @@ def nearby_of(
     at_mean = _white(d, factor, information)
     growth, worst = np.ones(len(names)), (0.0, 0, np.zeros(len(names)), at_mean)
     status = np.zeros((len(information), 0), dtype=np.int32)
-    for m, (sensitivity, found) in enumerate(sensitivities_at(problem, information.points, _moved(problem, moves), threads)):
+    points, theta = information.points, _moved(problem, moves)
+    at_all = (
+        run_samples_at(problem, points, theta, threads)
+        if isinstance(points, Runs)
+        else sensitivities_at(problem, points, theta, threads)
+    )
+    for m, (sensitivity, found) in enumerate(at_all):
         kept = np.isin(found, WITHOUT_TANGENT)
         sensitivity[kept] = information.sensitivity[kept]
         there = _white(d, factor, replace(information, sensitivity=sensitivity))

@@ -13,6 +13,7 @@ from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
 from ..points.experiments import Experiments
 from ..points.predictive import covariance_over_nodes, linearized, nodes_of
+from ..points.runs import Runs
 from ..points.settings import Settings, check_jumps, check_kinks, checked_arguments, resolve_threads
 from ..points.status import Status, only_finite
 from ..points.trajectories import checked_sensitivities
@@ -26,11 +27,11 @@ MOST_POINTS = 20_000
 
 @dataclass(frozen=True, eq=False)
 class PointInformation:
-    """K points as the Fisher matrix takes them.
+    """K points, or the K samples of runs, as the Fisher matrix takes them.
 
     Attributes
     ----------
-    points : Experiments
+    points : Experiments or Runs
     sensitivity : ndarray, (K, n_y, p)
         dy/dtheta times the prior std.
     covariance : ndarray, (K, n_y, n_y)
@@ -41,14 +42,21 @@ class PointInformation:
         Which outputs are measured; None for all.
     """
 
-    points: Experiments
+    points: Experiments | Runs
     sensitivity: Array
     covariance: Array
     assumed: Array | None = None
     measured: NDArray[np.bool_] | None = None
 
     def __len__(self) -> int:
-        return len(self.points)
+        return len(self.sensitivity)
+
+    @property
+    def experiments(self) -> Experiments:
+        """The points, which are no runs."""
+        if not isinstance(self.points, Experiments):
+            raise TypeError(f"points: expected Experiments, given {type(self.points).__name__}")
+        return self.points
 
     def __getitem__(self, rows: slice | Sequence[int] | NDArray[np.bool_] | NDArray[np.intp]) -> PointInformation:
         assumed = None if self.assumed is None else self.assumed[rows]
@@ -66,7 +74,7 @@ class PointInformation:
     @staticmethod
     def join(parts: Sequence[PointInformation]) -> PointInformation:
         """The points of all parts, which are of one problem, one after the other."""
-        points = Experiments.join([part.points for part in parts])
+        points = joined([part.points for part in parts])
         sensitivity = np.concatenate([part.sensitivity for part in parts])
         covariance = np.concatenate([part.covariance for part in parts])
         assumed = [part.assumed for part in parts if part.assumed is not None]
@@ -75,6 +83,14 @@ class PointInformation:
             all_of = (np.ones(part.sensitivity.shape[:2], dtype=bool) if part.measured is None else part.measured for part in parts)
             measured = np.concatenate(list(all_of))
         return PointInformation(points, sensitivity, covariance, np.concatenate(assumed) if assumed else None, measured)
+
+
+def joined(parts: Sequence[Experiments | Runs]) -> Experiments | Runs:
+    """All parts, one after the other; where runs are among them, points are runs of one segment."""
+    points = [part for part in parts if isinstance(part, Experiments)]
+    if len(points) == len(parts):
+        return Experiments.join(points)
+    return Runs.join([Runs.of_points(part) if isinstance(part, Experiments) else part for part in parts])
 
 
 def point_sensitivities(problem: DesignProblem, points: Experiments, threads: int | None) -> tuple[PointInformation, IntArray]:
@@ -133,7 +149,7 @@ def with_covariance(problem: DesignProblem, given: PointInformation, threads: in
         return with_linearized_covariance(problem, given)
     nodes = nodes_of(problem.rule, problem.prior, names_of(problem.model.parameters), problem.estimated)
     settings = _settings(problem, threads)
-    result = covariance_over_nodes(problem.model, given.points, problem.theta, nodes, problem.rule, settings)
+    result = covariance_over_nodes(problem.model, given.experiments, problem.theta, nodes, problem.rule, settings)
     return replace(given, covariance=result.covariance), result.status
 
 

@@ -9,23 +9,25 @@ from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
-from ..basics.values import FrozenMapping
+from ..basics.values import Array, FrozenMapping
 from ..points.experiments import Experiments
+from ..points.runs import Runs
 from ..points.settings import on_surface
 from ..points.status import Status, failures_of
 from .output_covariance import needs_covariances
 from .point_information import PointInformation, point_sensitivities, with_covariance
 from .problem import DesignProblem
+from .run_information import checked_problem, run_rows, run_settings
 
 
 class HasPoints(Protocol):
     """A design; measurements have outputs `y` (K, n_y) too, NaN where nothing was measured."""
 
     @property
-    def points(self) -> Experiments: ...
+    def points(self) -> Experiments | Runs: ...
 
 
-Previous: TypeAlias = Experiments | HasPoints | Sequence[Experiments | HasPoints]
+Previous: TypeAlias = Experiments | Runs | HasPoints | Sequence[Experiments | Runs | HasPoints]
 
 
 def previous_information(
@@ -60,23 +62,27 @@ def _parts(previous: Any) -> list[Any]:
         return []
     parts = list(previous) if isinstance(previous, list | tuple) else [previous]
     for part in parts:
-        if not isinstance(_points(part), Experiments):
+        if not isinstance(_points(part), Experiments | Runs):
             given = type(part).__name__
-            raise TypeError(f"previous: expected Measurements, Experiments, a Design or a sequence of these, given {given}")
+            raise TypeError(f"previous: expected Measurements, Experiments, Runs, a Design or a sequence of these, given {given}")
     return parts
 
 
 def _points(part: Any) -> Any:
-    return part if isinstance(part, Experiments) else getattr(part, "points", None)
+    return part if isinstance(part, Experiments | Runs) else getattr(part, "points", None)
 
 
 def _of_part(problem: DesignProblem, part: Any, threads: int | None) -> tuple[PointInformation, Counter[str]]:
     model, points, y = problem.model, _points(part), getattr(part, "y", None)
-    given, expected = (points.x0.shape[1], points.u.shape[1]), (len(model.states), len(model.inputs))
+    given, expected = (points.x0.shape[1], points.u.shape[-1]), (len(model.states), len(model.inputs))
     if given != expected:
         raise ValueError(
             f"previous: expected points of {expected[0]} states and {expected[1]} inputs, given {given[0]} and {given[1]}"
         )
+    if y is not None and y.shape[-1] != len(model.outputs):
+        raise ValueError(f"previous: expected measurements of {len(model.outputs)} outputs, given {y.shape[-1]}")
+    if isinstance(points, Runs):
+        return _of_runs(problem, points, y, threads)
     lost: Counter[str] = Counter()
     keep = np.ones(len(points), dtype=bool)
     for surface, rows in on_surface(model, points, problem.theta, problem.crossed).items():
@@ -90,8 +96,22 @@ def _of_part(problem: DesignProblem, part: Any, threads: int | None) -> tuple[Po
     lost.update(failures_of(status))
     measured = None
     if y is not None:
-        if y.shape[1] != len(model.outputs):
-            raise ValueError(f"previous: expected measurements of {len(model.outputs)} outputs, given {y.shape[1]}")
         there = np.isfinite(y[kept])
         measured = None if there.all() else there
     return replace(information, measured=measured)[status == Status.ok], lost
+
+
+def _of_runs(problem: DesignProblem, runs: Runs, y: Array | None, threads: int | None) -> tuple[PointInformation, Counter[str]]:
+    """A run that does not reach its end says nothing, as a whole."""
+    starts = on_surface(problem.model, runs.starts, problem.theta, problem.crossed)
+    lost = Counter({f"starts on {surface} = 0": len(rows) for surface, rows in starts.items()})
+    kept = np.setdiff1d(np.arange(len(runs)), np.concatenate([[], *starts.values()]).astype(int))
+    checked_problem(problem)
+    rows = run_rows(problem, runs[kept], problem.theta, run_settings(problem, threads))
+    lost.update(failures_of(rows.status))
+    kept, sensitivity = kept[rows.status == Status.ok], rows.sensitivity[rows.status == Status.ok]
+    there = runs.measured[kept]
+    samples = sensitivity[there]
+    none = np.zeros((len(samples), samples.shape[1], samples.shape[1]))
+    measured = None if y is None else np.isfinite(y[kept])[there]
+    return PointInformation(runs[kept], samples, none, measured=measured), lost

@@ -26,8 +26,8 @@ struct SlidingStage {
   }
 };
 
-// f and its Jacobian at the share a in the place of those on the sides 1, and what columns need besides. Lanes that do not slide
-// keep theirs.
+// f and its Jacobian at the share a in the place of those on the sides 1, and what columns need besides. Lanes that do not
+// slide keep theirs.
 template <class M, class P>
 [[gnu::noinline]] void slide_linearised(const VariationalEquation<M, P>& f, const typename ArraysOf<M, P>::States& x,
                                         const typename ArraysOf<M, P>::Sides& side, const P& step,
