@@ -238,3 +238,20 @@ def test_cases_inside_a_condition_are_as_good_as_others(kind: str) -> None:
 def test_other_ways_to_join_conditions_are_refused_in_words(condition: Any) -> None:
     with pytest.raises(ValueError, match=r"^equations\.h: expected conditions that are joined by &, \| and ~, given "):
         fp.SymbolicModel([fp.where(condition, U, P)], ["h"], {"h": "m"}, {"u": "m/s"}, {"p": "m/s"})
+
+
+@pytest.mark.parametrize("method", ["RK45", "DOP853"])
+def test_what_is_left_and_met_again_within_a_step_is_seen(method: str) -> None:
+    # max(sin(x), b, 0) is zero from pi to 4, then b > 0 up to 6: a step from 4 to 6 has zeros at both ends.
+    model = fp.SymbolicModel(
+        f=["p * y", "1 + max(sin(x), max(1 - (x - 5)**2, 0), 0)", "1.2 * x + max(q, tanh(z), 0)"],
+        g=["x"],
+        states={"x": "1", "y": "1", "z": "1"},
+        inputs={},
+        parameters={"p": "1", "q": "1"},
+    )
+    x0 = np.random.default_rng(0).uniform([0.0, -0.4, -2.0], [0.3, 0.0, -1.0], (2000, 3))
+    points = fp.Experiments(x0, np.empty((2000, 0)), np.full(2000, 5.58))
+    rough, fine = (fp.simulate(model, points, [0.5074, -4.2], rtol=rtol, method=method) for rtol in (1e-4, 1e-10))
+    assert (rough.status == fp.Status.ok).all()
+    assert np.abs(rough.x - fine.x).max() < 5e-3

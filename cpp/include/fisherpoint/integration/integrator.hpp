@@ -161,7 +161,8 @@ class Integrator {
         const Mask along = good & !(abs(value_[m]) + abs(rate_[m]) > zero);
         // So does a start that rounding has put next to the kink, from where the kink cannot be landed on.
         const Mask next_to = good & (h.b0 <= -rounding * h.b4) & ((h.b1 < h.b0) | (h.b1 <= zero));
-        const Mask wrong = (along | next_to) & (h.b4 < zero);
+        // It may have been on the other side and be back on the kink at the step's end.
+        const Mask wrong = (along | next_to) & ((h.b4 < zero) | (!(h.b4 > zero) & (h.least_inside() < zero)));
         side_[m] = select(wrong, -side_[m], side_[m]);
         landed_[m] =
             good & !along & !wrong & !(ends_ & (h.b4 > zero)) & ((abs(h.b4) <= -landing_ * slope) | (crossed & short_step));
