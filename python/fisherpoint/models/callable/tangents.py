@@ -56,10 +56,10 @@ def tangents(
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
         at_x, at_theta = x + factors[:, None] * along_x[rows], theta + factors[:, None] * along_theta[rows]
     values = function(at_x, np.broadcast_to(u, (len(rows), len(u))), at_theta)
-    if by_complex_step:
-        return np.real(values[0]), np.imag(values[1:]).T / COMPLEX_STEP
-    values = np.real(values)
     with np.errstate(over="ignore", invalid="ignore"):  # both values of a difference may be infinite
+        if by_complex_step:
+            return np.real(values[0]), np.imag(values[1:]).T / COMPLEX_STEP
+        values = np.real(values)
         return values[0], ((values[1 : p + 1] - values[p + 1 :]) / (2 * step)[:, None]).T
 
 
