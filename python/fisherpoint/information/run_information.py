@@ -12,8 +12,10 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..basics.values import Array, IntArray
+from ..models import Model
 from ..points.run_trajectories import checked_run_sensitivities
 from ..points.runs import Runs
 from ..points.settings import Settings, check_jumps, check_kinks, checked_arguments, resolve_threads
@@ -40,6 +42,36 @@ class RunRows(NamedTuple):
         return self.sensitivity[runs.measured], self.status[run]
 
 
+class RunTangents(NamedTuple):
+    """K runs with their states x (K, N + 1, n_x) and the sensitivities of states and outputs, of the model with what is assumed.
+
+    theta (K, q) are the parameters of that model.
+    """
+
+    runs: Runs
+    theta: Array
+    x: Array
+    dx: Array  # (K, N, n_x, q), or none
+    dy: Array  # (K, N, n_y, q)
+    status: IntArray
+
+    def rows(self, problem: DesignProblem) -> RunRows:
+        """The rows as the Fisher matrix takes them."""
+        assumed, there = problem.assumed, self.runs.measured[:, :, None, None]
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
+            scaled = np.where(there, self.dy[..., problem.estimated_columns] * problem.std, 0.0)
+            scaled[~(np.abs(scaled) <= problem.largest_sensitivity)] = np.inf
+            status = only_finite(self.status, scaled)
+            if assumed is not None:
+                moved = np.where(there, self.dy[..., assumed.columns] * assumed.std, 0.0)
+                status = only_finite(status, moved)
+                noise = np.sqrt(np.diag(problem.noise_covariance))[:, None]
+                scaled = noise * _whitened(scaled / noise, moved / noise)
+                status = only_finite(status, scaled)
+        scaled[status != Status.ok] = 0.0
+        return RunRows(scaled, status)
+
+
 def checked_problem(problem: DesignProblem) -> DesignProblem:
     """Return the problem, which must weigh the samples of runs by the sensor noise."""
     if problem.output_covariance != "noise":
@@ -51,22 +83,61 @@ def checked_problem(problem: DesignProblem) -> DesignProblem:
 
 def run_rows(problem: DesignProblem, runs: Runs, theta: Array, settings: Settings) -> RunRows:
     """The rows of runs that fit the problem's model, at parameters (p,) or (K, p) of it."""
+    return run_tangents(problem, runs, theta, settings, outputs_alone=True).rows(problem)
+
+
+def run_tangents(problem: DesignProblem, runs: Runs, theta: Array, settings: Settings, outputs_alone: bool = False) -> RunTangents:
+    """States and sensitivities along runs."""
+    model, values = _extended(problem, theta)
+    result = checked_run_sensitivities(model, runs, values, settings, outputs_alone=outputs_alone)
+    theta = np.broadcast_to(values, (len(runs), values.shape[-1]))
+    return RunTangents(runs, theta, result.x, result.dx_dtheta, result.dy_dtheta, result.status)
+
+
+def tangents_from(
+    problem: DesignProblem,
+    base: RunTangents,
+    own: NDArray[np.intp],
+    runs: Runs,
+    theta: Array,
+    settings: Settings,
+    outputs_alone: bool = True,
+) -> RunTangents:
+    """The same for runs that are base.runs[own] up to some segment; they are computed from there on."""
+    model, values = _extended(problem, theta)
+    n, of = runs.dt.shape[1], base.runs
+    differs = (runs.u != of.u[own]).any(axis=2) | (runs.dt != of.dt[own])
+    first = np.where(differs.any(axis=1), np.argmax(differs, axis=1), n - 1)
+    whole = (runs.x0 != of.x0[own]).any(axis=1) | (first == 0)
+    x, dx, dy, status = base.x[own], base.dx[own], base.dy[own], base.status[own]
+    if whole.any():
+        done = checked_run_sensitivities(model, runs[whole], values[whole], settings, outputs_alone=outputs_alone)
+        x[whole], dy[whole], status[whole] = done.x, done.dy_dtheta, done.status
+        if not outputs_alone:
+            dx[whole] = done.dx_dtheta
+    rest = np.flatnonzero(~whole)
+    if len(rest):
+        from_segment = first[rest]
+        source = from_segment[:, None] + np.arange(n)
+        there, source = source < n, np.minimum(source, n - 1)
+        lanes = rest[:, None]
+        dt = np.where(there, runs.dt[lanes, source], 0.0)
+        measured = there & runs.measured[lanes, source]
+        x0, s = x[rest, from_segment], base.dx[own[rest], from_segment - 1]
+        new_x, _, new_dx, new_dy, status[rest], _ = model.kernels.run_sensitivities(
+            model.core, x0, runs.u[lanes, source], dt, values[rest], *settings, measured=measured, s=s, outputs_alone=outputs_alone
+        )
+        k, m = np.nonzero(there)
+        x[rest[k], source[k, m] + 1], dy[rest[k], source[k, m]] = new_x[k, m + 1], new_dy[k, m]
+        if not outputs_alone:
+            dx[rest[k], source[k, m]] = new_dx[k, m]
+    return RunTangents(runs, values, x, dx, dy, status)
+
+
+def _extended(problem: DesignProblem, theta: Array) -> tuple[Model, Array]:
+    """The model with what is assumed among its parameters, and their values (K, q)."""
     assumed = problem.assumed
-    model, values = (problem.model, theta) if assumed is None else (assumed.model, assumed.theta(theta))
-    result = checked_run_sensitivities(model, runs, values, settings, outputs_alone=True)
-    there = runs.measured[:, :, None, None]
-    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
-        scaled = np.where(there, result.dy_dtheta[..., problem.estimated_columns] * problem.std, 0.0)
-        scaled[~(np.abs(scaled) <= problem.largest_sensitivity)] = np.inf
-        status = only_finite(result.status, scaled)
-        if assumed is not None:
-            moved = np.where(there, result.dy_dtheta[..., assumed.columns] * assumed.std, 0.0)
-            status = only_finite(status, moved)
-            noise = np.sqrt(np.diag(problem.noise_covariance))[:, None]
-            scaled = noise * _whitened(scaled / noise, moved / noise)
-            status = only_finite(status, scaled)
-    scaled[status != Status.ok] = 0.0
-    return RunRows(scaled, status)
+    return (problem.model, theta) if assumed is None else (assumed.model, assumed.theta(theta))
 
 
 def _whitened(rows: Array, moved: Array) -> Array:
@@ -122,9 +193,8 @@ def run_settings(problem: DesignProblem, threads: int | None) -> Settings:
     return float(problem.rtol), check_kinks(problem.kinks), check_jumps(problem.jumps), "fastest", resolve_threads(threads)
 
 
-def information_matrices(problem: DesignProblem, rows: RunRows) -> Array:
-    """F of each run in its sum form, (K, p, p), standardised."""
+def information_matrices(problem: DesignProblem, rows: RunRows) -> tuple[Array, IntArray]:
+    """F of each run in its sum form, (K, p, p), standardised, and the statuses."""
     white = rows.sensitivity / np.sqrt(np.diag(problem.noise_covariance))[:, None]
     white = white.reshape(len(white), -1, white.shape[3])
-    product: Array = white.transpose(0, 2, 1) @ white
-    return product
+    return white.transpose(0, 2, 1) @ white, rows.status

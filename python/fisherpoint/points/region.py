@@ -51,7 +51,7 @@ class ExperimentRegion:
 
     def __init__(self, bounds: Mapping[str, Sequence[float]], constraints: Iterable[Constraint] = ()) -> None:
         given = check_mapping(bounds, "region", "(lower, upper)")
-        self.bounds: Mapping[str, tuple[float, float]] = by_name(given, None, "region", _pair)
+        self.bounds: Mapping[str, tuple[float, float]] = by_name(given, None, "region", pair)
         if "dt" in self.bounds and not self.bounds["dt"][0] > 0:
             raise ValueError(f"region['dt']: expected positive durations in s, given the lower bound {self.bounds['dt'][0]:g}")
         if isinstance(constraints, str) or callable(constraints):
@@ -158,7 +158,7 @@ class ExperimentRegion:
         return f"ExperimentRegion({dict(self.bounds)!r}, constraints={list(self.constraints)!r})"
 
 
-def _pair(given: Sequence[float], label: str) -> tuple[float, float]:
+def pair(given: Sequence[float], label: str) -> tuple[float, float]:
     """Bounds of a coordinate."""
     array = as_floats(given, label)
     if array.shape != (2,):

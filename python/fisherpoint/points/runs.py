@@ -152,6 +152,12 @@ class Runs:
         """The first segments, as points."""
         return Experiments(self.x0, self.u[:, 0], self.dt[:, 0], columns=self.columns)
 
+    def divided(self, parts: int) -> Runs:
+        """The same runs with every segment divided into equal parts, of which the last one ends as before."""
+        dt, ends = np.repeat(self.dt / parts, parts, axis=1), np.zeros((*self.dt.shape, parts), dtype=bool)
+        ends[:, :, -1] = self.measured
+        return Runs._of(self.x0, np.repeat(self.u, parts, axis=1), dt, ends.reshape(dt.shape), self.columns)
+
     @property
     def points(self) -> Experiments | None:
         """The runs as experiment points; None where one has more than a segment."""

@@ -1,0 +1,75 @@
+"""How far runs keep from the limits of the model's domain, counted in what the prior makes of that distance.
+
+A run that is fine with the parameters at the prior mean may break a limit on many of the plants that the prior allows. To first
+order the value of a limit h along a run varies by the root of sum_j (h_x S_j + h_theta_j)^2 over the principal parts of the prior,
+and of what is uncertain. A distance of fewer than `kappa` of these standard deviations costs, so that gradients lead away from the
+limit. What share of the plants can run a design, its trajectories tell; this only shows where to go.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..basics.values import Array
+from ..information.problem import DesignProblem
+from ..information.run_information import RunTangents
+
+WEIGHT = 1.0
+"""What one standard deviation too few costs at a sample, in log det F."""
+
+LEAST_SPREAD = 1e-3
+"""Spread of a limit's value, as a share of its largest value on the way, where the prior makes none."""
+
+MOST_ROWS = 400_000
+
+
+class RunMargins:
+    """Costs of runs that come near limits of the domain."""
+
+    def __init__(self, problem: DesignProblem) -> None:
+        assumed = problem.assumed
+        self._core = problem.model.core if assumed is None else assumed.model.core
+        self._poles = len(problem.model.poles)
+        self.exist = bool(problem.model.domain)
+        names = [quantity.name for quantity in problem.model.parameters]
+        chosen = problem.prior.marginal(problem.estimated)
+        factor = np.linalg.cholesky(chosen.covariance)
+        size = len(names) if assumed is None else len(assumed.model.parameters)
+        parts = np.zeros((len(problem.estimated), size))
+        parts[:, problem.estimated_columns] = factor.T
+        if assumed is not None:
+            further = np.zeros((len(assumed.columns), size))
+            further[np.arange(len(assumed.columns)), assumed.columns] = assumed.std
+            parts = np.concatenate([parts, further])
+        self._parts = parts
+
+    def costs(self, tangents: RunTangents, kappa: float) -> Array:
+        """What each run costs, (K,)."""
+        count, segments = tangents.runs.dt.shape
+        costs = np.zeros(count)
+        if not self.exist:
+            return costs
+        each = max(1, MOST_ROWS // (segments * (1 + len(self._parts))))
+        for first in range(0, count, each):
+            some = slice(first, first + each)
+            costs[some] = self._costs(tangents, some, kappa)
+        return costs
+
+    def _costs(self, tangents: RunTangents, some: slice, kappa: float) -> Array:
+        runs = tangents.runs[some]
+        there = runs.dt > 0
+        x, theta = tangents.x[some, 1:], tangents.theta[some]
+        k, n = np.nonzero(there)
+        moves = np.einsum("snp,jp->jsn", tangents.dx[some][k, n], self._parts)
+        q = len(self._parts)
+        states = np.concatenate([x[k, n][None], x[k, n] + moves]).reshape(-1, x.shape[2])
+        inputs = np.tile(runs.u[k, n], (1 + q, 1))
+        parameters = np.concatenate([theta[k][None], theta[k] + self._parts[:, None]]).reshape(-1, theta.shape[1])
+        with np.errstate(all="ignore"):  # outside the domain there may be no number
+            h = np.asarray(self._core.limits(states, inputs, parameters)).reshape(1 + q, len(k), -1)
+            h[:, :, : self._poles] *= np.sign(h[:1, :, : self._poles])
+            spread = np.linalg.norm(h[1:] - h[0], axis=0)
+            spread = np.maximum(spread, LEAST_SPREAD * np.abs(h[0]).max(axis=0, initial=0.0)) + 1e-300
+            short = np.maximum(0.0, kappa - h[0] / spread)
+        short = np.where(np.isfinite(short), short, kappa)
+        return np.asarray(WEIGHT * np.bincount(k, np.square(short).sum(axis=1), minlength=len(there)))

@@ -1,0 +1,354 @@
+"""The search for runs: a pool of random ones, exchange among them, then all free numbers together by gradients, and again.
+
+One start of it takes runs from a part of the pool, by exchange. Gradients then lead to a local maximum of log det F, all numbers of
+all runs together (L-BFGS-B); single changes of a run (run_moves.py) lead out of it, until none of them gains. All starts are made
+a little better before the first of them, the best one then, is followed to its end. How many end at the same value is what is known
+about whether there is a better one.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from ..basics.values import Array
+from ..information.problem import DesignProblem
+from ..information.run_information import run_settings, run_tangents
+from ..points.run_region import RunCoordinates, RunRegion
+from ..points.runs import Runs
+from ..points.settings import Settings
+from ..points.status import failures_of
+from .run_moves import moved_runs
+from .run_objective import Judged, RunObjective
+from .run_plants import RunPlants
+from .run_profiles import draw_runs
+from .sample_choice import best_samples
+
+LEAST_GAIN = 1e-4
+"""What log det F must gain for the search to go on from a maximum."""
+
+SAME = 1e-2
+"""Starts whose log det F is this near to the best one have found the same."""
+
+FINE = 1e-6
+"""Tolerance of the trajectories that differences are taken of, or the problem's where that is finer."""
+
+MOST_ROUNDS = 40
+"""Of single changes and gradients, for one start."""
+
+RIDGE = 1e-9
+"""Share of the prior's information that is added to F where no runs determine all parameters, to tell such runs apart."""
+
+MOST_SEGMENTS_OF_POOL = 400_000
+
+PLANTS = 400
+"""On which runs are tried during the search; half of the plants that may fail leave room for chance."""
+
+KAPPA, MORE_KAPPA, MOST_KAPPA = 2.5, 0.5, 6.0
+"""Standard deviations that runs keep from limits at first, by how much more where too many plants fail, and at most."""
+
+SHARE_OF_SKETCHES = 0.4
+"""Of the time, after which no further start is begun."""
+
+SKETCH, LONGEST = 12, 200
+"""Iterations of L-BFGS-B for a start at first, and of those that are followed."""
+
+
+class RunProgress(NamedTuple):
+    """What the search reports after each start: how many are done, its log det F, the best one so far, and seconds so far."""
+
+    start: int
+    n_starts: int
+    log_det: float
+    best: float
+    seconds: float
+
+
+class Found(NamedTuple):
+    """Runs that a start has ended with; replaced as a whole, so that an interrupt cannot tear it.
+
+    `share` is that of the plants on which they reach their ends, of those that the search has tried.
+    """
+
+    z: Array
+    selected: NDArray[np.bool_] | None
+    value: float
+    share: float
+    feasible: bool
+
+
+class RunSearch:
+    """The state of one search.
+
+    Parameters
+    ----------
+    problem : DesignProblem
+    region : RunRegion
+    n_runs : int
+    plants : ndarray, (R, p)
+        Parameters of the model over which log det F is averaged.
+    previous : ndarray, (R, p, p)
+    confidence : float or None
+        Share of the prior's plants that must be able to run the design.
+    n_starts, n_candidates, seed, threads : int
+    time_limit : float or None
+
+    Attributes
+    ----------
+    ends : list of Found
+        What each start ended with.
+    """
+
+    def __init__(
+        self,
+        problem: DesignProblem,
+        region: RunRegion,
+        n_runs: int,
+        plants: Array,
+        previous: Array,
+        *,
+        confidence: float | None,
+        n_starts: int,
+        n_candidates: int,
+        seed: int,
+        threads: int,
+        time_limit: float | None,
+    ) -> None:
+        self._began = time.perf_counter()
+        self.problem, self.region, self.n_runs, self.n_starts, self._limit = problem, region, n_runs, n_starts, time_limit
+        self.coordinates: RunCoordinates = region.coordinates(problem.model)
+        rtol, kinks, jumps, method, count = run_settings(problem, threads)
+        self._settings: Settings = (min(rtol, FINE), kinks, jumps, method, count)
+        self.objective = RunObjective(problem, self.coordinates, plants, previous, self._settings)
+        self._rng = np.random.default_rng(seed)
+        self._confidence = confidence
+        self._guard = RunPlants(problem, PLANTS, np.random.default_rng([seed, 1]), run_settings(problem, threads))
+        self.objective.kappa = 0.0 if confidence is None else KAPPA
+        self.rejected: Counter[str] = Counter()
+        self.drawn = 0
+        self.ends: list[Found] = []
+        self._draw_pool(n_candidates)
+
+    @property
+    def seconds(self) -> float:
+        return time.perf_counter() - self._began
+
+    @property
+    def best(self) -> Found:
+        """The best end so far: one that enough plants can run, where there is any."""
+        return max(self.ends, key=_worth)
+
+    @property
+    def again(self) -> int:
+        """How many starts have ended where the best one did."""
+        return sum(end.value >= self.best.value - SAME and end.feasible == self.best.feasible for end in self.ends)
+
+    def runs(self) -> Runs:
+        """The best runs."""
+        return self._planned(self.best.z, self.best.selected)
+
+    def _planned(self, z: Array, selected: NDArray[np.bool_] | None) -> Runs:
+        runs = self.coordinates.runs(z)
+        return runs if selected is None else Runs(runs.x0, runs.u, runs.dt, selected, columns=runs.columns)
+
+    def _draw_pool(self, wanted: int) -> None:
+        """Random runs that reach their ends on all plants, with what they are worth."""
+        plants, segments = len(self.objective.plants), self.region.segments
+        wanted = max(4 * self.n_runs, 20, min(wanted, MOST_SEGMENTS_OF_POOL // (segments * plants)))
+        z: list[Array] = []
+        found: list[Judged] = []
+        while (have := sum(len(part) for part in z)) < wanted:
+            if self.drawn >= 20 * wanted:
+                reasons = ", ".join(f"{name} {count}" for name, count in self.rejected.most_common())
+                raise ValueError(
+                    f"region: expected runs that reach their ends, given {have} of {self.drawn} drawn ({reasons}): "
+                    "shorten them or narrow the region"
+                )
+            drawn = draw_runs(self.coordinates, wanted, self._rng)
+            judged = self.objective.judged(self.objective.tried(drawn, None))
+            self.drawn += wanted
+            if not judged.ok.all():
+                self._count(self.coordinates.runs(drawn[~judged.ok]))
+            z.append(drawn[judged.ok])
+            found.append(judged.some(judged.ok))
+        self._pool, self._judged = np.concatenate(z), Judged.join(found)
+        everything = self._judged.matrices.sum(axis=(0, 1)) + self.objective.previous.sum(axis=0)
+        size = np.sqrt(np.maximum(np.diag(everything), 1e-300))
+        if np.linalg.eigvalsh(everything / size / size[:, None])[0] < 1e-13:
+            self.objective.previous = self.objective.previous + RIDGE * np.eye(len(everything))
+
+    def _count(self, runs: Runs) -> None:
+        """Why runs are none, at the prior mean."""
+        done = run_tangents(self.problem, runs, self.problem.theta, self._settings, outputs_alone=True)
+        reasons = failures_of(done.status)
+        elsewhere = len(runs) - reasons.total()
+        self.rejected.update(reasons + Counter({"not ok on another plant": elsewhere} if elsewhere else {}))
+
+    def run(self, progress: Callable[[RunProgress], None] | None) -> str:
+        try:
+            for start, z in enumerate(self._sketches()):
+                self.ends.append(self._followed(z))
+                if progress is not None:
+                    progress(RunProgress(start + 1, self.n_starts, self.ends[-1].value, self.best.value, self.seconds))
+                if self._late():
+                    return "time_limit" if start + 1 < self.n_starts else "all_starts"
+        except KeyboardInterrupt:
+            if not self.ends:
+                raise
+            return "interrupted"
+        return "all_starts"
+
+    def _late(self) -> bool:
+        return self._limit is not None and self.seconds >= self._limit
+
+    def _sketches(self) -> list[Array]:
+        """Free numbers of all starts, the best first; each has had some iterations and a single change."""
+        sketched = []
+        for _ in range(self.n_starts):
+            z = self._first()
+            if self.n_starts > 1:
+                selected = self._chosen_samples(z)
+                z, value = self._by_moves(*self._by_gradients(z, selected, SKETCH), selected)
+                sketched.append((value, z))
+                if self._limit is not None and self.seconds > SHARE_OF_SKETCHES * self._limit:
+                    break
+            else:
+                sketched.append((0.0, z))
+        order = sorted(range(len(sketched)), key=lambda k: -sketched[k][0])
+        return [sketched[k][1] for k in order]
+
+    def _first(self) -> Array:
+        """Runs of a random half of the pool, by exchange: each gives way to the best one beside the others, until none does."""
+        rng, objective = self._rng, self.objective
+        some = rng.permutation(len(self._pool))[: max(self.n_runs, (len(self._pool) + 1) // 2)]
+        f, costs = self._judged.matrices[some], self._judged.costs[some]
+        chosen = rng.integers(len(some), size=self.n_runs)
+        total = f[chosen].sum(axis=0) + objective.previous
+        ridge = RIDGE * np.eye(total.shape[-1])
+        value = -np.inf
+        for _ in range(MOST_ROUNDS):
+            before = value
+            for k in range(self.n_runs):
+                others, paid = total - f[chosen[k]], costs[chosen].sum() - costs[chosen[k]]
+                values = objective.log_dets(others + f + ridge) - costs - paid
+                chosen[k] = int(np.argmax(values))
+                total, value = others + f[chosen[k]], float(values[chosen[k]])
+            if not value > before + LEAST_GAIN:
+                break
+        z = self._pool[some[chosen]].copy()
+        z[:, self.coordinates.shared] = z[0, self.coordinates.shared]
+        return z
+
+    def _followed(self, z: Array) -> Found:
+        """The best runs that a start leads to: gradients and single changes in turns, until neither gains.
+
+        Where too many plants fail, the runs go on further from the limits.
+        """
+        objective, selected = self.objective, self._chosen_samples(z)
+        best: Found | None = None
+        for _ in range(MOST_ROUNDS):
+            z, value = self._by_gradients(z, selected)
+            found = self._tried(z, selected)
+            best = found if best is None else max(best, found, key=_worth)
+            if self._late():
+                break
+            if not found.feasible:
+                if objective.kappa >= MOST_KAPPA:
+                    break
+                objective.kappa += MORE_KAPPA
+                value = objective.of(objective.judged(objective.tried(z, selected)))
+            before = value
+            z, value = self._by_moves(z, value, selected)
+            if self.region.samples is not None:
+                chosen = self._chosen_samples(z)
+                if (again := objective.of(objective.judged(objective.tried(z, chosen)))) > value:
+                    selected, value = chosen, again
+            if found.feasible and not value > before + LEAST_GAIN:
+                break
+        assert best is not None
+        return best
+
+    def _tried(self, z: Array, selected: NDArray[np.bool_] | None) -> Found:
+        """What runs are worth without costs, and how many plants can run them."""
+        judged = self.objective.judged(self.objective.tried(z, selected))
+        value = self.objective.of(judged) + float(judged.costs.sum())
+        share = self._guard.share(self._planned(z, selected))
+        feasible = self._confidence is None or 1.0 - share <= (1.0 - self._confidence) / 2
+        return Found(z, selected, value, share, feasible)
+
+    def _chosen_samples(self, z: Array) -> NDArray[np.bool_] | None:
+        if self.region.samples is None:
+            return None
+        return best_samples(self.objective, self.coordinates.runs(z), self.region.samples)
+
+    def _by_gradients(self, z: Array, selected: NDArray[np.bool_] | None, iterations: int = LONGEST) -> tuple[Array, float]:
+        """The local maximum that L-BFGS-B finds from here; a step to runs that do not reach their ends counts as too long."""
+        free = np.flatnonzero(self.coordinates.stepped == 0)
+        common, own = np.flatnonzero(self.coordinates.shared[free]), np.flatnonzero(~self.coordinates.shared[free])
+
+        def placed(numbers: Array) -> Array:
+            there = z.copy()
+            there[:, free[common]] = numbers[: len(common)]
+            there[:, free[own]] = numbers[len(common) :].reshape(len(z), -1)
+            return there
+
+        best, best_value = z, -np.inf
+
+        def negative(numbers: Array) -> tuple[float, Array]:
+            nonlocal best, best_value
+            at = placed(numbers)
+            value, gradient = self.objective.value_and_gradient(at, selected)
+            if not np.isfinite(value):
+                return abs(best_value) + 1e3, np.zeros_like(numbers)
+            if value > best_value:
+                best, best_value = at, value
+            slopes = gradient[:, free]
+            return -value, -np.concatenate([slopes[:, common].sum(axis=0), slopes[:, own].ravel()])
+
+        start = np.concatenate([z[0, free[common]], z[:, free[own]].ravel()])
+        if not len(start):
+            return z, self.objective.of(self.objective.judged(self.objective.tried(z, selected)))
+        minimize(
+            negative,
+            start,
+            jac=True,
+            method="L-BFGS-B",
+            bounds=[(0.0, 1.0)] * len(start),
+            options={"maxiter": iterations, "ftol": 1e-7, "gtol": 1e-4},
+            callback=self._stop,
+        )
+        return best, best_value
+
+    def _stop(self, intermediate_result: object) -> None:
+        if self._late():
+            raise StopIteration
+
+    def _by_moves(self, z: Array, value: float, selected: NDArray[np.bool_] | None) -> tuple[Array, float]:
+        """The best single change of each run, one after the other."""
+        judged = self.objective.judged(self.objective.tried(z, selected))
+        total = judged.matrices.sum(axis=0) + self.objective.previous
+        paid = float(judged.costs.sum())
+        for k in range(len(z)):
+            moved = moved_runs(self.coordinates, z[k], self._rng)
+            rows = None if selected is None else np.repeat(selected[k : k + 1], len(moved), axis=0)
+            tried, own = self.objective.judged(self.objective.tried(moved, rows)), judged.some([k])
+            values = self.objective.log_dets(total - own.matrices[0] + tried.matrices) - (paid - own.costs[0] + tried.costs)
+            values = np.where(tried.ok, values, -np.inf)
+            m = int(np.argmax(values))
+            if values[m] > value + LEAST_GAIN:
+                z, value = z.copy(), float(values[m])
+                z[k] = moved[m]
+                total = total - own.matrices[0] + tried.matrices[m]
+                paid += float(tried.costs[m] - own.costs[0])
+        return z, value
+
+
+def _worth(found: Found) -> tuple[bool, float]:
+    """By which runs are compared: what too few plants can run is worth less than what enough can."""
+    return found.feasible, found.value if found.feasible else found.share

@@ -1,0 +1,236 @@
+"""What may vary in runs: starts, inputs and durations of segments, and which of their ends are measured."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..basics.checks import as_floats, as_positive, by_name, check_names, check_positive_int, check_type, names_among
+from ..basics.messages import shown
+from ..basics.quantity import names_of
+from ..basics.values import Array
+from ..models import Model
+from .region import pair
+from .runs import Runs
+
+MOST_SEGMENTS = 10_000
+
+DECADE = 10.0
+"""Bounds of durations that are further apart count logarithmically."""
+
+
+class RunRegion:
+    """Runs of N segments: a box for the start, for the inputs of every segment, and for the segments' durations.
+
+    Parameters
+    ----------
+    bounds : mapping of name to (lower, upper) or float
+        Of every state at the start, every input, and ``"dt"``, the duration of each segment, s; SI units. A number, or equal
+        bounds, fix the value.
+    segments : int
+        N.
+    constant : sequence of str
+        Inputs, or ``"dt"``, that stay the same over a run.
+    shared : sequence of str
+        States at the start, constant inputs, or ``"dt"``, that all runs of a design have alike.
+    levels : mapping of input to sequence of float, optional
+        The only values that an input may take, within its bounds.
+    slew : mapping of input to float, optional
+        The most that an input may change from one segment to the next.
+    duration : float, optional
+        The longest that a run may last, s; its segments are shortened alike where they would last longer.
+    measured : array_like of bool, (N,), optional
+        At the ends of which segments outputs may be measured. Default: all.
+    samples : int, optional
+        The design takes the best so many of these of each run. Default: all.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For bounds that are not finite or upside down, a duration that may be zero, levels outside the bounds, no segment, no
+        sample, and unknown names.
+    """
+
+    def __init__(
+        self,
+        bounds: Mapping[str, Sequence[float] | float],
+        segments: int,
+        *,
+        constant: Sequence[str] = (),
+        shared: Sequence[str] = (),
+        levels: Mapping[str, Sequence[float]] | None = None,
+        slew: Mapping[str, float] | None = None,
+        duration: float | None = None,
+        measured: ArrayLike | None = None,
+        samples: int | None = None,
+    ) -> None:
+        self.bounds: Mapping[str, tuple[float, float]] = by_name(bounds, None, "region", _pair_or_number)
+        if "dt" not in self.bounds:
+            raise ValueError("region: expected bounds of 'dt', the duration of a segment in s, given none")
+        if not self.bounds["dt"][0] > 0:
+            raise ValueError(f"region['dt']: expected positive durations in s, given the lower bound {self.bounds['dt'][0]:g}")
+        self.segments = check_positive_int(segments, "segments", most=MOST_SEGMENTS)
+        names = tuple(self.bounds)
+        self.constant = names_among(constant, names, "constant")
+        self.shared = names_among(shared, names, "shared")
+        self.levels: Mapping[str, tuple[float, ...]] = by_name(levels, names, "levels", _levels)
+        for name, values in self.levels.items():
+            lower, upper = self.bounds[name]
+            if min(values) < lower or max(values) > upper:
+                raise ValueError(f"levels[{name!r}]: expected values within {lower:g} and {upper:g}, given {shown(list(values))}")
+        self.slew: Mapping[str, float] = by_name(slew, names, "slew", as_positive)
+        self.duration = None if duration is None else as_positive(duration, "duration", "duration in s")
+        if self.duration is not None and self.duration < self.segments * self.bounds["dt"][0] * (1 - 1e-12):
+            least = self.segments * self.bounds["dt"][0]
+            raise ValueError(
+                f"duration: expected at least that of {self.segments} shortest segments, {least:g} s, given {duration:g}"
+            )
+        flags = np.ones(self.segments, dtype=bool) if measured is None else np.asarray(measured)
+        if flags.dtype != np.bool_ or flags.shape != (self.segments,):
+            raise ValueError(f"measured: expected {self.segments} flags, given {shown(measured)}")
+        if not flags.any():
+            raise ValueError("measured: expected at least one measured segment, given none")
+        self.measured: tuple[bool, ...] = tuple(flags.tolist())
+        self.samples = None if samples is None else check_positive_int(samples, "samples", most=int(flags.sum()))
+
+    def check(self, model: Model, crossed: Collection[str] = ()) -> None:
+        """Raise unless the region bounds exactly what a run of `model` consists of.
+
+        Runs may start on the surfaces that are `crossed`.
+        """
+        check_type(model, Model, "model")
+        if not model.states:
+            raise ValueError(f"model: expected one with states for runs, given {model.name}")
+        check_names(self.bounds, names_of(model.axes), "region")
+        inputs, states = names_of(model.inputs), names_of(model.states)
+        for label, given, known in (
+            ("constant", self.constant, (*inputs, "dt")),
+            ("levels", self.levels, inputs),
+            ("slew", self.slew, inputs),
+            ("shared", self.shared, (*states, *(name for name in self.constant))),
+        ):
+            for name in (name for name in given if name not in known):
+                raise ValueError(f"{label}: expected names among {', '.join(known) or 'none'}; given {name!r}")
+        for kind, zeros in (("switching surface", (*model.jumps, *model.kinks)), ("pole", model.poles)):
+            for zero in zeros:
+                if zero in states and self.bounds[zero] == (0.0, 0.0) and zero not in crossed:
+                    raise ValueError(f"region[{zero!r}]: expected bounds off the {kind} {zero} = 0, given (0, 0)")
+
+    def _identity(self) -> tuple[object, ...]:
+        held = self.bounds, self.segments, self.constant, self.shared, self.levels, self.slew
+        return (*held, self.duration, self.measured, self.samples)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, RunRegion) and self._identity() == other._identity()
+
+    def __hash__(self) -> int:
+        return hash(self._identity())
+
+    def __repr__(self) -> str:
+        return f"RunRegion({dict(self.bounds)!r}, segments={self.segments})"
+
+    def coordinates(self, model: Model) -> RunCoordinates:
+        """The free numbers of a run of `model`."""
+        self.check(model, (*model.jumps, *model.kinks))
+        return RunCoordinates(self, model)
+
+
+class RunCoordinates:
+    """The free numbers of a run, each between 0 and 1: starts, then inputs by segment, then durations by segment.
+
+    Attributes
+    ----------
+    names : tuple of str
+        What each is of.
+    segment : ndarray, (d,)
+        From which segment on it has an effect; 0 of starts and of what stays the same over a run.
+    shared : ndarray of bool, (d,)
+        Whether all runs of a design have it alike.
+    stepped : ndarray of int, (d,)
+        How many levels it has; 0 for any value.
+    """
+
+    def __init__(self, region: RunRegion, model: Model) -> None:
+        self._region, self._model, n = region, model, region.segments
+        states, inputs = names_of(model.states), names_of(model.inputs)
+        self._places: list[tuple[str, str, slice]] = []  # kind, name, and where its numbers are
+        names: list[str] = []
+        segment: list[int] = []
+        stepped: list[int] = []
+        for kind, group in (("state", states), ("input", inputs), ("dt", ("dt",))):
+            for name in group:
+                lower, upper = region.bounds[name]
+                levels = len(region.levels.get(name, ()))
+                if lower == upper or levels == 1:
+                    continue
+                count = n if kind != "state" and name not in region.constant else 1
+                self._places.append((kind, name, slice(len(names), len(names) + count)))
+                names += [name] * count
+                segment += list(range(count))
+                stepped += [levels] * count
+        self.names = tuple(names)
+        self.segment, self.stepped = np.array(segment, dtype=np.intp), np.array(stepped, dtype=np.intp)
+        self.shared: NDArray[np.bool_] = np.array([name in region.shared for name in names], dtype=bool)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @cached_property
+    def inputs(self) -> list[tuple[str, slice]]:
+        """Inputs that may change from segment to segment, and where their numbers are."""
+        places = ((name, where) for kind, name, where in self._places if kind == "input")
+        return [(name, where) for name, where in places if where.stop - where.start == self._region.segments]
+
+    def runs(self, z: Array) -> Runs:
+        """The runs with free numbers z (K, d)."""
+        region, model, count = self._region, self._model, len(z)
+        shape = (count, region.segments)
+        values: dict[str, Array] = {}
+        for name, (lower, _) in region.bounds.items():
+            fixed = region.levels[name][0] if len(region.levels.get(name, ())) == 1 else lower
+            values[name] = np.full((count, 1), fixed)
+        for _, name, where in self._places:
+            values[name] = self._value(name, z[:, where])
+        x0 = np.column_stack([values[name] for name in names_of(model.states)])
+        u = np.empty((*shape, len(model.inputs)))
+        for i, name in enumerate(names_of(model.inputs)):
+            u[:, :, i] = self._slewed(name, np.broadcast_to(values[name], shape))
+        dt = np.broadcast_to(values["dt"], shape).copy()
+        if region.duration is not None:
+            dt *= np.minimum(1.0, region.duration / dt.sum(axis=1, keepdims=True))
+        measured = np.broadcast_to(np.array(region.measured), shape).copy()
+        return Runs(x0, u, dt, measured, columns=(*names_of(model.states), *names_of(model.inputs)))
+
+    def _value(self, name: str, share: Array) -> Array:
+        lower, upper = self._region.bounds[name]
+        if name in self._region.levels:
+            levels = np.array(self._region.levels[name])
+            return np.asarray(levels[np.clip((share * len(levels)).astype(int), 0, len(levels) - 1)])
+        if name == "dt" and upper > DECADE * lower:
+            return np.asarray(np.clip(lower * (upper / lower) ** share, lower, upper))
+        return np.asarray(np.clip(lower + (upper - lower) * share, lower, upper))
+
+    def _slewed(self, name: str, values: Array) -> Array:
+        """The same, as near as the steps from one segment to the next allow."""
+        most = self._region.slew.get(name)
+        if most is None:
+            return values
+        slewed = values.copy()
+        for n in range(1, values.shape[1]):
+            slewed[:, n] = np.clip(values[:, n], slewed[:, n - 1] - most, slewed[:, n - 1] + most)
+        return slewed
+
+
+def _pair_or_number(given: Sequence[float] | float, label: str) -> tuple[float, float]:
+    array = as_floats(given, label)
+    return pair((float(array), float(array)) if array.ndim == 0 else given, label)  # type: ignore[arg-type]
+
+
+def _levels(given: Sequence[float], label: str) -> tuple[float, ...]:
+    array = as_floats(given, label)
+    if array.ndim != 1 or not len(array):
+        raise ValueError(f"{label}: expected a sequence of values, at least one, given {shown(given)}")
+    return tuple(sorted(set(array.tolist())))
