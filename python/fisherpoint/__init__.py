@@ -6,10 +6,13 @@ from .basics.extras import needed_for
 from .basics.quantity import Quantity
 from .campaign.campaign import Campaign
 from .data import Measurements, Record, RecordTrajectory, VirtualRig, simulate_record
+from .design.design_runs import design_runs
 from .design.efficiency import Efficiency
 from .design.exchange import exchange
 from .design.found import TraceRecord
 from .design.result import Design
+from .design.run_design import RunDesign, RunSettings
+from .design.run_search import RunProgress
 from .design.search import Progress
 from .design.settings import ExchangeSettings
 from .engine.levels import available_isas, isa
@@ -26,6 +29,7 @@ from .points.constraints import Constraint
 from .points.experiments import Experiments
 from .points.predictive import PredictiveCovariance, predictive_covariance
 from .points.region import ExperimentRegion
+from .points.run_region import RunRegion
 from .points.run_trajectories import RunSensitivities, RunTrajectories
 from .points.runs import Runs
 from .points.status import Status
@@ -75,7 +79,11 @@ __all__ = [
     "RecordTrajectory",
     "Rule",
     "RuleComparison",
+    "RunDesign",
+    "RunProgress",
+    "RunRegion",
     "RunSensitivities",
+    "RunSettings",
     "RunTrajectories",
     "Runs",
     "Sensitivities",
@@ -92,6 +100,7 @@ __all__ = [
     "assumed_covariance",
     "available_isas",
     "compare_rules",
+    "design_runs",
     "estimate",
     "evaluate_design",
     "evaluate_under_noise",

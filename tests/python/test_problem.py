@@ -38,7 +38,7 @@ def test_one_that_was_told_is_refused_where_it_does_not_fit() -> None:
         with pytest.raises(ValueError, match="noise_std: expected the sensor noise for output_covariance='noise', given none"):
             told.replace(noise_std=None)
     for told in copies(problem(output_covariance="region")):
-        with pytest.raises(ValueError, match="region: expected a region for output_covariance='region', given None"):
+        with pytest.raises(ValueError, match="region: expected a region of points for output_covariance='region', given None"):
             told.replace(region=None)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..basics.quantity import names_of
 from ..basics.values import Array
@@ -42,11 +43,16 @@ class RunPlants:
     def __len__(self) -> int:
         return len(self._theta)
 
-    def share(self, runs: Runs) -> float:
-        """The share of plants on which all runs reach their ends."""
-        many = runs[np.repeat(np.arange(len(runs)), len(self))]
-        done = checked_run_trajectories(self._model, many, np.tile(self._theta, (len(runs), 1)), self._settings)
-        return float((done.status.reshape(len(runs), -1) == Status.ok).all(axis=0).mean())
+    def can_run(self, runs: Runs) -> NDArray[np.bool_]:
+        """Which plants (R,) reach the ends of all runs."""
+        return np.asarray(self.outputs(runs)[1].all(axis=1))
+
+    def outputs(self, runs: Runs) -> tuple[Array, NDArray[np.bool_]]:
+        """Outputs (R, K, N, n_y) of runs on every plant, and which runs reach their ends (R, K)."""
+        many = runs[np.tile(np.arange(len(runs)), len(self))]
+        done = checked_run_trajectories(self._model, many, np.repeat(self._theta, len(runs), axis=0), self._settings)
+        shape = len(self), len(runs)
+        return done.y.reshape(*shape, *done.y.shape[1:]), done.status.reshape(shape) == Status.ok
 
 
 def _sensible(problem: DesignProblem, theta: Array) -> Array:

@@ -47,6 +47,9 @@ RIDGE = 1e-9
 
 MOST_SEGMENTS_OF_POOL = 400_000
 
+PART = 4
+"""Every so manieth run of the pool is there for a start, so that starts differ."""
+
 PLANTS = 400
 """On which runs are tried during the search; half of the plants that may fail leave room for chance."""
 
@@ -224,9 +227,9 @@ class RunSearch:
         return [sketched[k][1] for k in order]
 
     def _first(self) -> Array:
-        """Runs of a random half of the pool, by exchange: each gives way to the best one beside the others, until none does."""
+        """Runs of a random part of the pool, by exchange: each gives way to the best one beside the others, until none does."""
         rng, objective = self._rng, self.objective
-        some = rng.permutation(len(self._pool))[: max(self.n_runs, (len(self._pool) + 1) // 2)]
+        some = rng.permutation(len(self._pool))[: max(self.n_runs, -(-len(self._pool) // PART))]
         f, costs = self._judged.matrices[some], self._judged.costs[some]
         chosen = rng.integers(len(some), size=self.n_runs)
         total = f[chosen].sum(axis=0) + objective.previous
@@ -278,7 +281,7 @@ class RunSearch:
         """What runs are worth without costs, and how many plants can run them."""
         judged = self.objective.judged(self.objective.tried(z, selected))
         value = self.objective.of(judged) + float(judged.costs.sum())
-        share = self._guard.share(self._planned(z, selected))
+        share = float(self._guard.can_run(self._planned(z, selected)).mean())
         feasible = self._confidence is None or 1.0 - share <= (1.0 - self._confidence) / 2
         return Found(z, selected, value, share, feasible)
 

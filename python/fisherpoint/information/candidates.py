@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..basics.values import IntArray
 from ..points.experiments import Experiments
+from ..points.region import ExperimentRegion
 from ..points.settings import on_surface
 from ..points.status import Status, failures_of
 from .assumed import starts_near
@@ -39,8 +40,9 @@ class CandidateSource:
     """
 
     def __init__(self, problem: DesignProblem, rng: np.random.Generator, threads: int | None) -> None:
-        if problem.region is None:
-            raise ValueError("region: expected an ExperimentRegion to draw candidates from, given None")
+        if not isinstance(problem.region, ExperimentRegion):
+            given = "None" if problem.region is None else "a RunRegion, which is for design_runs"
+            raise ValueError(f"region: expected an ExperimentRegion to draw candidates from, given {given}")
         self._problem, self._region, self._rng, self._threads = problem, problem.region, rng, threads
         self._spare: PointInformation | None = None
         self.drawn = 0

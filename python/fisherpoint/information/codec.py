@@ -7,12 +7,11 @@ from dataclasses import fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..basics.checks import as_float, by_name, check_positive_int, names_among
-from ..basics.values import Array, FrozenMapping
+from ..basics.values import FrozenMapping
 from ..models.codec import model_from_json, model_to_json
-from ..points.region import ExperimentRegion
+from ..points.codec import region_from_json, region_to_json
 from ..points.status import Status
 from ..prior.codec import prior_from_json, prior_to_json, rule_from_json, rule_to_json
 from .evaluation import Evaluation
@@ -22,15 +21,10 @@ from .problem import DERIVED, DesignProblem
 
 def problem_to_json(problem: DesignProblem) -> dict[str, Any]:
     """A problem as JSON has it; functions among the constraints are not kept."""
-    region = problem.region
-    region_data = region and {
-        "bounds": {name: list(pair) for name, pair in region.bounds.items()},
-        "constraints": [constraint if isinstance(constraint, str) else None for constraint in region.constraints],
-    }
     return {
         "model": model_to_json(problem.model),
         "prior": prior_to_json(problem.prior),
-        "region": region_data,
+        "region": region_to_json(problem.region),
         "noise_std": None if problem.noise_std is None else dict(problem.noise_std),
         "rule": rule_to_json(problem.rule),
         "output_covariance": problem.output_covariance,
@@ -47,11 +41,10 @@ def problem_to_json(problem: DesignProblem) -> dict[str, Any]:
 
 def problem_from_json(data: dict[str, Any]) -> DesignProblem:
     """The problem of which this is the JSON, to the last bit."""
-    region = data["region"]
     problem = DesignProblem(
         model_from_json(data["model"]),
         prior_from_json(data["prior"]),
-        region and ExperimentRegion(region["bounds"], [_constraint_not_saved if c is None else c for c in region["constraints"]]),
+        region_from_json(data["region"]),
         noise_std=data["noise_std"],
         rule=rule_from_json(data["rule"]),
         output_covariance=data["output_covariance"],
@@ -66,10 +59,6 @@ def problem_from_json(data: dict[str, Any]) -> DesignProblem:
     # Not derived anew here: a later version might do so in another way.
     object.__setattr__(problem, "derived", names_among(data.get("derived", ()), DERIVED, "derived"))
     return problem
-
-
-def _constraint_not_saved(columns: Mapping[str, Array]) -> NDArray[np.bool_]:
-    raise ValueError("constraint: expected the function that this design was made with, given none: functions are not saved")
 
 
 def evaluation_to_json(evaluation: Evaluation | None) -> dict[str, Any] | None:

@@ -17,6 +17,7 @@ from ..basics.values import Array
 from ..models import Model
 from ..points.natural_sizes import warn_of_small_states
 from ..points.region import ExperimentRegion
+from ..points.run_region import RunRegion
 from ..points.settings import check_jumps, check_kinks, check_rtol, crossed_surfaces
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import DEFAULT_RULE, Rule
@@ -39,8 +40,8 @@ class DesignProblem:
     model : Model
     prior : GaussianPrior
         One mean and standard deviation for every parameter of the model; kept in the model's order.
-    region : ExperimentRegion or None
-        None is enough to evaluate given points.
+    region : ExperimentRegion, RunRegion or None
+        Where points, or runs, may lie. None is enough to evaluate given ones.
     noise_std : mapping of output name to float, optional
         Standard deviations of the sensor noise, SI units; R of (17) is their squares.
     rule : TensorGrid, GaussHermite, SparseGaussHermite, Sobol, Unscented or Linearized
@@ -81,7 +82,7 @@ class DesignProblem:
 
     model: Model
     prior: GaussianPrior
-    region: ExperimentRegion | None
+    region: ExperimentRegion | RunRegion | None
     _: KW_ONLY
     noise_std: Mapping[str, float] | None = None
     rule: Rule = DEFAULT_RULE
@@ -100,8 +101,8 @@ class DesignProblem:
         for name, kind in (("model", Model), ("prior", GaussianPrior), ("rule", Rule)):
             if not isinstance(getattr(self, name), kind):
                 raise TypeError(f"{name}: expected a {kind.__name__}, given {type(getattr(self, name)).__name__}")
-        if self.region is not None and not isinstance(self.region, ExperimentRegion):
-            raise TypeError(f"region: expected an ExperimentRegion or None, given {type(self.region).__name__}")
+        if self.region is not None and not isinstance(self.region, ExperimentRegion | RunRegion):
+            raise TypeError(f"region: expected an ExperimentRegion, a RunRegion or None, given {type(self.region).__name__}")
         everything = names_of(self.model.parameters)
         check_names(self.prior.names, everything, "prior")
         if self.prior.names != everything:
@@ -127,8 +128,9 @@ class DesignProblem:
         set_field(self, "output_covariance", check_choice(given_kind, OUTPUT_COVARIANCES, "output_covariance"))
         if self.output_covariance == "noise" and self.noise_std is None:
             raise ValueError("noise_std: expected the sensor noise for output_covariance='noise', given none")
-        if self.output_covariance == "region" and self.region is None:
-            raise ValueError("region: expected a region for output_covariance='region', given None")
+        if self.output_covariance == "region" and not isinstance(self.region, ExperimentRegion):
+            given_region = "None" if self.region is None else "one of runs"
+            raise ValueError(f"region: expected a region of points for output_covariance='region', given {given_region}")
 
     @property
     def crossed(self) -> tuple[str, ...]:

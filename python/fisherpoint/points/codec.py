@@ -1,12 +1,18 @@
-"""Experiment points as what JSON can hold, and back."""
+"""Experiment points, runs and regions as what JSON can hold, and back."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ..basics.values import Array
 from .experiments import Experiments
+from .region import ExperimentRegion
+from .run_region import RunRegion
+from .runs import Runs
 
 
 def points_to_json(points: Experiments) -> dict[str, Any]:
@@ -18,3 +24,39 @@ def points_from_json(data: dict[str, Any]) -> Experiments:
     count = len(data["dt"])  # of models without state or input the rows are empty
     x0, u = (np.array(data[name], dtype=np.float64).reshape(count, -1 if count and data[name][0] else 0) for name in ("x0", "u"))
     return Experiments(x0, u, data["dt"], columns=tuple(data["columns"] or ()) or None)
+
+
+def runs_to_json(runs: Runs) -> dict[str, Any]:
+    arrays = {name: getattr(runs, name).tolist() for name in ("x0", "u", "dt", "measured")}
+    return {"columns": list(runs.columns or ()), "n_u": runs.u.shape[2], **arrays}
+
+
+def runs_from_json(data: dict[str, Any]) -> Runs:
+    dt = np.array(data["dt"], dtype=np.float64)
+    u = np.array(data["u"], dtype=np.float64).reshape(*dt.shape, data["n_u"])
+    return Runs(data["x0"], u, dt, np.array(data["measured"], dtype=bool), columns=tuple(data["columns"]) or None)
+
+
+def region_to_json(region: ExperimentRegion | RunRegion | None) -> dict[str, Any] | None:
+    """A region as JSON has it; functions among the constraints are not kept."""
+    if region is None:
+        return None
+    bounds = {name: list(pair) for name, pair in region.bounds.items()}
+    if isinstance(region, ExperimentRegion):
+        return {"bounds": bounds, "constraints": [c if isinstance(c, str) else None for c in region.constraints]}
+    data = {name: getattr(region, name) for name in ("segments", "duration", "samples")}
+    data |= {name: list(getattr(region, name)) for name in ("constant", "shared", "measured")}
+    return {"bounds": bounds, **data, "levels": {k: list(v) for k, v in region.levels.items()}, "slew": dict(region.slew)}
+
+
+def region_from_json(data: dict[str, Any] | None) -> ExperimentRegion | RunRegion | None:
+    if data is None:
+        return None
+    if "segments" not in data:
+        return ExperimentRegion(data["bounds"], [_not_saved if c is None else c for c in data["constraints"]])
+    options = {name: data[name] for name in ("constant", "shared", "levels", "slew", "duration", "measured", "samples")}
+    return RunRegion(data["bounds"], data["segments"], **options)
+
+
+def _not_saved(columns: Mapping[str, Array]) -> NDArray[np.bool_]:
+    raise ValueError("constraint: expected the function that this design was made with, given none: functions are not saved")

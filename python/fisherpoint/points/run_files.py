@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..basics.checks import check_alike, check_type
 from ..basics.csv_table import CsvTable, csv_text
 from ..basics.messages import listed
-from ..basics.quantity import DURATION, Quantity
+from ..basics.quantity import DURATION, Quantity, names_of
 from ..basics.values import Array
 from ..models import Model
 from .experiments import columns_of, place_names
@@ -73,3 +73,22 @@ def runs_of_table(table: CsvTable, model: Model, outputs: tuple[str, ...] = ()) 
     for short in np.flatnonzero(ends < shape[1]):
         u[short, ends[short] :] = u[short, ends[short] - 1]
     return np.column_stack(starts), u, dt, measured
+
+
+def plan_csv(u: Array, dt: Array, measured: NDArray[np.bool_], model: Model) -> str:
+    """The text of a time table: at which time of which run which inputs are set, and whether a sample is taken just before.
+
+    A run's last row is its end, at which the inputs stay as they are.
+    """
+    header = (RUN.name, "t", *names_of(model.inputs), "measure")
+    rows: list[list[Any]] = []
+    for k in range(len(dt)):
+        n = int(np.count_nonzero(dt[k]))
+        t = np.concatenate([[0.0], np.cumsum(dt[k, :n])])
+        held = np.concatenate([u[k, :n], u[k, n - 1 : n]])
+        flags = np.concatenate([[False], measured[k, :n]])
+        rows += [
+            [str(k + 1), time, *values, "yes" if flag else "no"]
+            for time, values, flag in zip(t.tolist(), held.tolist(), flags.tolist(), strict=True)
+        ]
+    return csv_text(header, rows)

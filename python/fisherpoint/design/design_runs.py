@@ -1,0 +1,158 @@
+"""`fp.design_runs`: which runs to make."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.stats import beta
+
+from ..basics.checks import as_floats, as_positive, as_probability, check_positive_int, check_type
+from ..basics.values import Array, FrozenMapping
+from ..information.evaluation import evaluate_design
+from ..information.previous import Previous, previous_information
+from ..information.problem import DesignProblem
+from ..information.run_information import checked_problem, run_settings
+from ..points.run_region import RunRegion
+from ..points.settings import resolve_threads
+from .run_design import RunDesign, RunSettings
+from .run_plants import RunPlants
+from .run_search import RunProgress, RunSearch
+
+DRAWS = 1000
+"""Plants that the search has not seen, on which the design is tried at the end."""
+
+MOST_RUNS, MOST_STARTS, MOST_CANDIDATES = 1000, 10_000, 1_000_000
+
+
+def design_runs(
+    problem: DesignProblem,
+    n_runs: int = 1,
+    *,
+    n_starts: int = 8,
+    n_candidates: int = 500,
+    confidence: float | None = 0.99,
+    plants: ArrayLike | None = None,
+    seed: int = 0,
+    threads: int | None = None,
+    time_limit: float | None = None,
+    progress: Callable[[RunProgress], None] | None = None,
+    previous: Previous | None = None,
+) -> RunDesign:
+    """Find the runs with the largest det F that enough of the prior's plants can run.
+
+    Random runs with the usual profiles of inputs are exchanged for each other, then all free numbers of all runs are improved
+    together by gradients, and by single changes (docs/explanation/runs.md).
+
+    Parameters
+    ----------
+    problem : DesignProblem
+        With a `RunRegion` and the sensor noise.
+    n_runs : int
+        L.
+    n_starts : int
+        How often the search begins anew; the problem has many local maxima.
+    n_candidates : int
+        Random runs to begin with.
+    confidence : float or None
+        Share of the plants that the prior allows which must reach the ends of all runs. None asks it of the prior mean alone.
+    plants : array_like, (R, p), optional
+        Parameters of the model over which log det F is averaged, each a plant. Default: the prior mean alone.
+    seed : int
+        The same seed gives the same design, for any number of threads, unless a time limit ends the search.
+    threads : int, optional
+        Default: every core.
+    time_limit : float, optional
+        Stop after about so many seconds.
+    progress : callable, optional
+        Called with a `RunProgress` after each start.
+    previous : Measurements, Experiments, Runs, a design, or a sequence of these, optional
+        What is already measured, or planned: its information counts beside that of the runs.
+
+    Returns
+    -------
+    RunDesign
+        On Ctrl-C the best runs so far, once a first start has been followed.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For misuse, and where hardly any run of the region reaches its end; the reasons are listed.
+    """
+    check_type(problem, DesignProblem, "problem")
+    if not isinstance(problem.region, RunRegion):
+        given = "None" if problem.region is None else type(problem.region).__name__
+        raise ValueError(f"region: expected a RunRegion for runs, given {given}")
+    checked_problem(problem)
+    settings = RunSettings(
+        check_positive_int(n_runs, "n_runs", most=MOST_RUNS),
+        check_positive_int(n_starts, "n_starts", most=MOST_STARTS),
+        check_positive_int(n_candidates, "n_candidates", most=MOST_CANDIDATES),
+        check_positive_int(seed, "seed", 0),
+        None if confidence is None else as_probability(confidence, "confidence"),
+        None if time_limit is None else as_positive(time_limit, "time_limit", "time in s"),
+    )
+    threads = resolve_threads(threads)
+    theta = _plants(problem, plants)
+    known, left_out = previous_information(problem, previous, threads)
+    if left_out:
+        reasons = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
+        warnings.warn(f"previous: expected what is valid at the prior mean, left out {reasons}", stacklevel=2)
+    p = len(problem.estimated)
+    there = np.zeros((p, p))
+    if known is not None:
+        measured = known.sensitivity if known.measured is None else np.where(known.measured[:, :, None], known.sensitivity, 0.0)
+        white = (measured / np.sqrt(np.diag(problem.noise_covariance))[:, None]).reshape(-1, p)
+        there = white.T @ white
+    search = RunSearch(
+        problem,
+        problem.region,
+        settings.n_runs,
+        theta,
+        np.tile(there, (len(theta), 1, 1)),
+        confidence=settings.confidence,
+        n_starts=settings.n_starts,
+        n_candidates=settings.n_candidates,
+        seed=settings.seed,
+        threads=threads,
+        time_limit=settings.time_limit,
+    )
+    stop_reason = search.run(progress)
+    runs, seconds = search.runs(), search.seconds
+    unseen = RunPlants(problem, DRAWS, np.random.default_rng([settings.seed, 2]), run_settings(problem, threads))
+    can = int(unseen.can_run(runs).sum())
+    return RunDesign(
+        problem=problem,
+        settings=settings,
+        runs=runs,
+        evaluation=evaluate_design(problem, runs, threads=threads, previous=previous),
+        log_det=search.best.value,
+        plants=theta,
+        ends=tuple(end.value for end in search.ends),
+        again=search.again,
+        share=can / len(unseen),
+        share_interval=_interval(can, len(unseen)),
+        share_draws=len(unseen),
+        stop_reason=stop_reason,
+        drawn=search.drawn,
+        rejected=FrozenMapping(dict(search.rejected)),
+        seconds=seconds,
+    )
+
+
+def _plants(problem: DesignProblem, given: ArrayLike | None) -> Array:
+    if given is None:
+        return problem.theta[None]
+    theta = as_floats(given, "plants")
+    if theta.ndim != 2 or not len(theta) or theta.shape[1] != len(problem.theta):
+        raise ValueError(f"plants: expected shape (R, {len(problem.theta)}), given {theta.shape}")
+    return problem.model.theta(theta)
+
+
+def _interval(successes: int, trials: int) -> tuple[float, float]:
+    """Where a share lies with 95 % confidence, by Clopper and Pearson (1934)."""
+    low = 0.0 if successes == 0 else float(beta.ppf(0.025, successes, trials - successes + 1))
+    high = 1.0 if successes == trials else float(beta.ppf(0.975, successes + 1, trials - successes))
+    return low, high
