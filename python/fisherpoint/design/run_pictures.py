@@ -73,7 +73,7 @@ def plot_runs(problem: DesignProblem, runs: Runs) -> Figure:
             grid[0, k].set_title(f"run {k + 1}")
             grid[-1, k].set_xlabel(f"time [{unit_t}]")
         more = f"; {len(runs) - columns} further runs are not shown" if len(runs) > columns else ""
-        title = f"Inputs, outputs at the prior mean (dots: samples), 90 % of the prior's plants (grey){more}"
+        title = f"At the prior mean, and 90 % of the prior's plants (grey); dots: samples{more}"
         figure.suptitle(title, x=0.01, ha="left")
     return figure
 
@@ -86,14 +86,22 @@ def plot_information(problem: DesignProblem, runs: Runs) -> Figure:
     with mpl.rc_context(STYLE | {"axes.grid": False}):
         figure = Figure(figsize=(max(6.0, min(14.0, 2.0 + 0.12 * len(share))), 1.2 + 0.32 * share.shape[1]), layout="constrained")
         axes: Any = figure.subplots()
-        image = axes.imshow(100 * share.T, aspect="auto", cmap="cividis", interpolation="nearest", vmin=0)
+        count = len(share)
+        image = axes.imshow(
+            100 * share.T,
+            aspect="auto",
+            cmap="cividis",
+            interpolation="nearest",
+            vmin=0,
+            extent=(0.5, count + 0.5, share.shape[1] - 0.5, -0.5),
+        )
         axes.set_yticks(range(len(problem.estimated)), problem.estimated)
         ends = np.cumsum(runs.measured.sum(axis=1))
         for end in ends[:-1]:
-            axes.axvline(end - 0.5, color="white", linewidth=1.0)
+            axes.axvline(end + 0.5, color="white", linewidth=1.0)
         axes.set_xlabel("sample" if len(runs) == 1 else "sample, run after run")
-        axes.set_title("Share of each sample in what is told about each parameter, the others known [%]")
-        figure.colorbar(image, ax=axes, pad=0.01)
+        axes.set_title("Share of each sample in what is told about a parameter, the others known")
+        figure.colorbar(image, ax=axes, pad=0.01, format="%g %%")
     return figure
 
 

@@ -50,8 +50,9 @@ MOST_SEGMENTS_OF_POOL = 400_000
 PART = 4
 """Every so manieth run of the pool is there for a start, so that starts differ."""
 
-PLANTS = 400
-"""On which runs are tried during the search; half of the plants that may fail leave room for chance."""
+PLANTS, LEAST_PART = 1000, 0.4
+"""On which runs are tried during the search; and how many of the plants that may fail may do so there. Runs are chosen by these
+plants, so that others fail more often."""
 
 KAPPA, MORE_KAPPA, MOST_KAPPA = 2.5, 0.5, 6.0
 """Standard deviations that runs keep from limits at first, by how much more where too many plants fail, and at most."""
@@ -282,7 +283,7 @@ class RunSearch:
         judged = self.objective.judged(self.objective.tried(z, selected))
         value = self.objective.of(judged) + float(judged.costs.sum())
         share = float(self._guard.can_run(self._planned(z, selected)).mean())
-        feasible = self._confidence is None or 1.0 - share <= (1.0 - self._confidence) / 2
+        feasible = self._confidence is None or 1.0 - share <= LEAST_PART * (1.0 - self._confidence)
         return Found(z, selected, value, share, feasible)
 
     def _chosen_samples(self, z: Array) -> NDArray[np.bool_] | None:

@@ -36,6 +36,9 @@ Examples that keep their promise stay below 1.4, and below 1.6 with ten times th
 UNDETERMINED = 1e6
 """Growth past which a parameter counts as not determined any more."""
 
+TINY = 1e-100
+"""Size of sensitivities in place of zero, where no trajectory reaches its end: its square, and what it divides, are numbers."""
+
 SHARE = 0.1
 """Share of the information that is lost from which a point counts among those that lose it."""
 
@@ -177,7 +180,7 @@ def _white(d: Criterion, factor: Array, information: PointInformation) -> Array:
 def _half(white: Array) -> Array:
     """A root (p, p) of the covariance; what is not determined has a standard error that is large, but finite."""
     singular_values, directions, length = column_scaled_svd(_shortened(white.reshape(-1, white.shape[2])))
-    floor = max(singular_values[0], 1e-300) / (100 * UNDETERMINED)
+    floor = max(singular_values[0], TINY) / (100 * UNDETERMINED)
     root: Array = directions.T / np.maximum(singular_values, floor) / np.where(length > 0, length, 1.0)[:, None]
     return root
 

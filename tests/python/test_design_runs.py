@@ -1,0 +1,277 @@
+"""Designs of runs: published problems, gradients, what may vary, and which plants can run them."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fisherpoint as fp
+from fisherpoint.design.run_moves import moved_runs
+from fisherpoint.design.run_objective import RunObjective
+from fisherpoint.design.run_profiles import PROFILES, draw_runs
+from fisherpoint.points.run_region import RunCoordinates
+
+FINE: Any = (1e-9, True, True, "fastest", 1)
+
+
+def problem_of(
+    model: fp.Model, mean: dict[str, float], noise: dict[str, float], region: fp.RunRegion, **options: Any
+) -> fp.DesignProblem:
+    prior = fp.GaussianPrior(mean, {name: 0.1 * value for name, value in mean.items()})
+    return fp.DesignProblem(model, prior, region, noise_std=noise, **options)
+
+
+def own_units(design: fp.RunDesign) -> float:
+    """log det F of parameters that are not standardised."""
+    return float(design.log_det - 2 * np.log(design.problem.std).sum())
+
+
+def reactor(**options: Any) -> fp.DesignProblem:
+    """A -> B -> C under a temperature profile; 2016-2018 comparison of tools in shared/reference/published.md, problem 1."""
+    k1, k2 = "A_1*exp(-1000*E_1/(8.314*T))", "A_2*exp(-1000*E_2/(8.314*T))"
+    model = fp.SymbolicModel(
+        f=[f"-{k1}*A", f"{k1}*A - {k2}*B", f"{k2}*B"],
+        g=["A", "B", "C"],
+        states=dict.fromkeys("ABC", "mol"),
+        inputs={"T": "K"},
+        outputs=dict.fromkeys(("a", "b", "c"), "mol"),
+        parameters={"A_1": "1", "A_2": "1", "E_1": "1", "E_2": "1"},
+    )
+    region = fp.RunRegion({"A": (1, 5), "B": 0.0, "C": 0.0, "T": (300, 700), "dt": 1 / 8}, 8, **options)
+    return problem_of(model, {"A_1": 84.79, "A_2": 371.72, "E_1": 7.78, "E_2": 15.05}, dict.fromkeys(("a", "b", "c"), 0.01), region)
+
+
+def decay(**options: Any) -> fp.DesignProblem:
+    """Three exponentials, six samples; published.md, problem 3."""
+    states, rates = ("x", "y", "z"), ("k_1", "k_2", "k_3")
+    model = fp.SymbolicModel(
+        f=[f"-{k}*{x}" for k, x in zip(rates, states, strict=True)],
+        g=["a_1*x + a_2*y + a_3*z"],
+        states=dict.fromkeys(states, "1"),
+        inputs={},
+        outputs={"s": "1"},
+        parameters=dict.fromkeys(("a_1", "a_2", "a_3", *rates), "1"),
+    )
+    region = fp.RunRegion({**dict.fromkeys(states, 1.0), "dt": (0.01, 60)}, 6, duration=60, **options)
+    mean = {"a_1": 1.0, "a_2": 0.5, "a_3": 0.2, "k_1": 5.0, "k_2": 0.8, "k_3": 0.05}
+    return problem_of(model, mean, {"s": 0.01}, region)
+
+
+def mover(**options: Any) -> fp.RunRegion:
+    return fp.RunRegion({"x": 0.0, "v": 0.0, "u": (-1, 1), "dt": 0.5}, 8, **options)
+
+
+def slider(region: fp.RunRegion, **options: Any) -> fp.DesignProblem:
+    model = fp.SymbolicModel(
+        f=["v", "b*u - c*v"],
+        g=["x"],
+        states={"x": "m", "v": "m/s"},
+        inputs={"u": "1"},
+        outputs={"y": "m"},
+        parameters={"b": "1", "c": "1"},
+    )
+    return problem_of(model, {"b": 2.0, "c": 1.0}, {"y": 0.01}, region, **options)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_reactor_reaches_its_best_known_value(seed: int) -> None:
+    design = fp.design_runs(reactor(), seed=seed, n_starts=4)
+    assert own_units(design) > 14.4998
+    assert design.again > 1 and design.stop_reason == "all_starts"
+    np.testing.assert_allclose(design.runs.u[0, :3, 0], [300, 490.36, 300], atol=0.05)
+    assert design.log_det == pytest.approx(np.linalg.slogdet(design.evaluation.information)[1], abs=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_decay_reaches_its_best_known_value(seed: int) -> None:
+    design = fp.design_runs(decay(), seed=seed, n_starts=3)
+    assert own_units(design) > 42.8697
+    np.testing.assert_allclose(design.runs.t[0], [0.01, 0.1753, 0.6679, 2.0025, 6.2531, 26.8048], rtol=2e-3)
+
+
+def test_a_trap_is_told() -> None:
+    """A heater of which one of two temperatures is measured: three of four parameters (published.md, problem 4)."""
+    model = fp.SymbolicModel(
+        f=["(U_a*(296 - T_H) + U_b*(T_S - T_H) + 0.032*u)*i_H", "U_b*(T_H - T_S)*i_S"],
+        g=["T_S"],
+        states={"T_H": ("K", 300.0), "T_S": ("K", 300.0)},
+        inputs={"u": "1"},
+        outputs={"T": "K"},
+        parameters=dict.fromkeys(("U_a", "U_b", "i_H", "i_S"), "1"),
+    )
+    region = fp.RunRegion({"T_H": 296.0, "T_S": 296.0, "u": (0, 100), "dt": 60.0}, 10)
+    mean = {"U_a": 0.0417, "U_b": 0.00944, "i_H": 0.1659, "i_S": 5.836}
+    design = fp.design_runs(problem_of(model, mean, {"T": 0.25}, region), n_starts=2)
+    assert design.evaluation.rank == 3 and design.evaluation.standard_errors is None
+    (null,) = design.evaluation.null_directions
+    assert set(null) == {"U_b", "i_H", "i_S"}  # the gain tells U_a
+    assert "The runs determine 3 of 4 parameters" in str(design)
+
+
+@pytest.mark.parametrize("kappa", [0.0, 3.0])
+def test_the_gradient_is_that_of_differences(kappa: float) -> None:
+    region = fp.RunRegion({"x": (0.0, 0.2), "v": 0.0, "u": (-1, 1), "dt": (0.2, 0.6)}, 6, measured=[False, True] * 3)
+    model = slider(mover()).model.symbolic()
+    assert isinstance(model, fp.SymbolicModel)
+    limited = fp.SymbolicModel(
+        f=["v", "b*u - c*v + 0.001*sqrt(1.2 - v)"], g=["x"], states={"x": "m", "v": "m/s"}, inputs={"u": "1"},
+        outputs={"y": "m"}, parameters={"b": "1", "c": "1"}, constants={},
+    )  # fmt: skip
+    problem = problem_of(limited, {"b": 2.0, "c": 1.0}, {"y": 0.01}, region, uncertain=None, initial_state_std={"x": 0.01})
+    coordinates = region.coordinates(limited)
+    plants = problem.theta * [[1.0, 1.0], [1.1, 0.9]]
+    objective = RunObjective(problem, coordinates, plants, np.zeros((2, 2, 2)), FINE)
+    objective.kappa = kappa
+    z = np.random.default_rng(0).uniform(0.3, 0.7, (2, len(coordinates)))
+    found = objective.value_and_gradient(z)
+
+    def at(z: np.ndarray) -> float:
+        return objective.of(objective.judged(objective.tried(z, None)))
+
+    assert found.value == pytest.approx(at(z), rel=1e-9)
+    expected = np.zeros_like(z)
+    for index in np.ndindex(z.shape):
+        step = np.zeros_like(z)
+        step[index] = 3e-4
+        expected[index] = (at(z + step) - at(z - step)) / 6e-4
+    np.testing.assert_allclose(found.gradient, expected, atol=2e-4 * np.abs(expected).max())
+
+
+def test_levels_slew_lengths_and_samples_are_kept() -> None:
+    problem = slider(mover(levels={"u": [-1, 0, 1]}, samples=3, measured=[False] * 2 + [True] * 6))
+    design = fp.design_runs(problem, 2, n_starts=2, n_candidates=60)
+    assert set(np.unique(design.runs.u)) <= {-1.0, 0.0, 1.0}
+    assert (design.runs.measured.sum(axis=1) == 3).all() and not design.runs.measured[:, :2].any()
+    assert design.evaluation.n_points == 6
+
+    slow = fp.design_runs(slider(mover(slew={"u": 0.25})), n_starts=2, n_candidates=60)
+    assert np.abs(np.diff(slow.runs.u[0, :, 0])).max() < 0.25 + 1e-12
+    free = fp.design_runs(slider(mover()), n_starts=2, n_candidates=60)
+    assert free.log_det > slow.log_det
+
+    alike = fp.RunRegion(
+        {"x": (0.0, 1.0), "v": 0.0, "u": (-1, 1), "dt": (0.1, 0.5)}, 5, constant=("u", "dt"), shared=("x", "dt"), duration=1.5
+    )
+    both = fp.design_runs(slider(alike), 2, n_starts=2, n_candidates=60).runs
+    assert np.ptp(both.x0[:, 0]) == 0 and np.ptp(both.dt) == 0 and both.dt[0].sum() <= 1.5 + 1e-12
+    assert np.ptp(both.u, axis=1).max() == 0
+
+
+def test_few_samples_are_the_best_ones() -> None:
+    """By trying all choices of 2 of 8 samples at the runs that were found."""
+    problem = slider(mover(samples=2))
+    design = fp.design_runs(problem, n_starts=3)
+    runs = design.runs
+    values = []
+    for i in range(8):
+        for j in range(i):
+            measured = np.isin(np.arange(8), (i, j))
+            information = fp.evaluate_design(problem, fp.Runs(runs.x0, runs.u, runs.dt, measured)).information
+            values.append(np.linalg.slogdet(information)[1])
+    assert design.log_det == pytest.approx(max(values), abs=1e-5)
+
+
+def test_what_too_few_plants_can_run_is_avoided() -> None:
+    """Walls at x = -1 and 1: at the prior mean the best run ends next to one, which half of the plants would hit."""
+    model = fp.SymbolicModel(
+        f=["v", "b*u - c*v + 0.001*sqrt(1 - x**2)"], g=["x"], states={"x": "m", "v": "m/s"}, inputs={"u": "1"},
+        outputs={"y": "m"}, parameters={"b": "1", "c": "1"},
+    )  # fmt: skip
+    problem = problem_of(model, {"b": 2.0, "c": 1.0}, {"y": 0.01}, mover())
+    bold = fp.design_runs(problem, n_starts=2, confidence=None)
+    careful = fp.design_runs(problem, n_starts=2, confidence=0.99)
+    assert bold.share < 0.9 and bold.feasible
+    assert careful.share >= 0.99 and careful.feasible and careful.share_draws > 950
+    assert careful.share_interval[0] < careful.share <= careful.share_interval[1]
+    assert careful.log_det < bold.log_det
+    plants = np.random.default_rng(5).normal([2.0, 1.0], [0.2, 0.1], (4000, 2))
+    done = fp.simulate(model, careful.runs[np.zeros(4000, dtype=int)], plants)
+    assert (done.status == fp.Status.ok).mean() > 0.988
+
+
+def test_seeds_threads_and_files(tmp_path: Path) -> None:
+    problem = slider(mover())
+    one = fp.design_runs(problem, 2, n_starts=2, n_candidates=60, seed=3, threads=1)
+    two = fp.design_runs(problem, 2, n_starts=2, n_candidates=60, seed=3, threads=2)
+    other = fp.design_runs(problem, 2, n_starts=2, n_candidates=60, seed=4)
+    assert one.runs == two.runs and one.ends == two.ends and one.ends != other.ends
+    one.save(tmp_path)
+    kept = fp.RunDesign.load(tmp_path)
+    assert str(kept) == str(one) and kept.runs == one.runs and kept.problem.region == problem.region
+    assert str(pickle.loads(pickle.dumps(one))) == str(one)
+    assert fp.Runs.from_csv(tmp_path / "design.csv", problem.model) == one.runs
+    plan = (tmp_path / "plan.csv").read_text().splitlines()
+    assert plan[0] == "run,t,u,measure" and len(plan) == 1 + 2 * 9 and plan[1].endswith("no") and plan[9].endswith("yes")
+    again = fp.design_runs(problem, 1, n_starts=2, n_candidates=60, previous=one)
+    assert again.evaluation.n_points == 24 and again.log_det > one.log_det
+
+
+def test_ctrl_c_keeps_the_best_runs() -> None:
+    def stop(progress: fp.RunProgress) -> None:
+        raise KeyboardInterrupt
+
+    design = fp.design_runs(slider(mover()), n_starts=4, n_candidates=60, progress=stop)
+    assert design.stop_reason == "interrupted" and len(design.ends) == 1
+    assert "ended early" in str(design)
+
+
+def test_an_average_over_plants_is_maximised() -> None:
+    problem = slider(mover())
+    plants = problem.theta * np.random.default_rng(0).uniform(0.7, 1.3, (6, 2))
+    design = fp.design_runs(problem, n_starts=2, n_candidates=60, plants=plants)
+    each = [fp.sensitivities(problem.model, design.runs, theta).dy_dtheta[0, :, 0] * problem.std / 0.01 for theta in plants]
+    assert design.log_det == pytest.approx(np.mean([np.linalg.slogdet(s.T @ s)[1] for s in each]), abs=1e-4)
+    assert design.plants.shape == (6, 2)
+
+
+def test_profiles_and_changes_stay_in_the_box() -> None:
+    rng = np.random.default_rng(0)
+    for profile in PROFILES:
+        for n in (1, 2, 3, 8, 48):
+            values = profile(rng, n)
+            assert values.shape == (n,) and (values >= 0).all() and (values <= 1).all()
+    region = mover(levels={"u": [-1, 1]})
+    coordinates = RunCoordinates(region, slider(region).model)
+    z = draw_runs(coordinates, 5, rng)
+    moved = moved_runs(coordinates, z[0], rng)
+    assert ((moved >= 0) & (moved <= 1)).all() and (moved != z[0]).any(axis=1).sum() > 5
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"segments": 0}, "segments: expected a whole number of at least 1, given 0"),
+        ({"measured": [False] * 8}, "at least one measured segment, given none"),
+        ({"measured": [True] * 3}, "measured: expected 8 flags"),
+        ({"levels": {"u": [-2, 1]}}, r"levels\['u'\]: expected values within -1 and 1"),
+        ({"levels": {"w": [0.0]}}, "levels"),
+        ({"samples": 9}, "samples"),
+        ({"duration": 3.0}, "duration: expected at least that of 8 shortest segments, 4 s"),
+        ({"constant": ("w",)}, "constant"),
+        ({"slew": {"u": 0.0}}, "slew"),
+    ],
+)
+def test_misuse_of_regions_is_told(given: dict[str, Any], said: str) -> None:
+    arguments: dict[str, Any] = {"bounds": {"x": 0.0, "v": 0.0, "u": (-1, 1), "dt": 0.5}, "segments": 8, **given}
+    with pytest.raises(ValueError, match=said):
+        fp.RunRegion(**arguments)
+
+
+def test_misuse_of_the_search_is_told() -> None:
+    problem = slider(mover())
+    with pytest.raises(ValueError, match="region: expected a RunRegion for runs, given None"):
+        fp.design_runs(problem.replace(region=None))
+    with pytest.raises(ValueError, match="region: expected an ExperimentRegion to draw candidates from, given a RunRegion"):
+        fp.exchange(problem)
+    with pytest.raises(ValueError, match="plants: expected shape"):
+        fp.design_runs(problem, plants=[1.0, 2.0])
+    with pytest.raises(ValueError, match="confidence: expected a probability"):
+        fp.design_runs(problem, confidence=1.5)
+    with pytest.raises(ValueError, match="output_covariance: expected 'noise' for runs"):
+        fp.design_runs(problem.replace(output_covariance="pointwise"))
+    with pytest.raises(ValueError, match="shared: expected names among"):
+        slider(mover(shared=("u",)))
