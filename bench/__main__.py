@@ -5,6 +5,7 @@
 ``python -m bench validation`` times a thousand fits next to a loop over SciPy's `least_squares`, and compares the minima;
 ``python -m bench campaign`` compares experiments that are designed in batches with as many that are designed at once;
 ``python -m bench stiff`` compares stiff models with CVODES;
+``python -m bench runs`` compares designs of runs with published ones;
 ``python -m bench packs`` for what the core's packs could be made of;
 ``python -m bench cost`` counts instructions per trajectory, and exits with 1 where they are a tenth more than recorded;
 ``python -m bench table FILE`` prints what they wrote with ``--json`` as Markdown.
@@ -31,6 +32,7 @@ from . import (
     memory,
     models,
     packs,
+    runs,
     scaling,
     screening,
     sensitivities,
@@ -68,6 +70,11 @@ def main() -> int:
         of_stiff = stiff.measure(options.quick)
         tables.show_stiff(of_stiff)
         _save(options, {"machine": found, "quick": options.quick, "stiff": [asdict(figures) for figures in of_stiff]})
+        return 0
+    if options.task == "runs":
+        of_runs = runs.measure(options.quick, tables.console.print)
+        tables.show_runs(of_runs)
+        _save(options, {"machine": found, "quick": options.quick, "runs": [asdict(figures) for figures in of_runs]})
         return 0
     if options.task == "packs":
         of_packs, left_out = packs.measure(options.quick)
@@ -157,7 +164,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument(
         "task",
         nargs="?",
-        choices=("peers", "scaling", "models", "validation", "campaign", "stiff", "packs", "cost", "table"),
+        choices=("peers", "scaling", "models", "validation", "campaign", "stiff", "runs", "packs", "cost", "table"),
         help="other programs; how the cost grows; models written in Python; many fits; design in batches; stiff"
         " models; kinds of vectors;"
         " instructions per trajectory next to the recorded ones; a report as Markdown; nothing for all of fisherpoint next to"

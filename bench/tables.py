@@ -19,6 +19,7 @@ from .memory import MemoryFigures
 from .models import ModelFigures
 from .peers import show
 from .peers.compare import Comparison
+from .runs import RunFigures
 from .scaling import Series
 from .screening import ScreeningFigures
 from .sensitivities import SensitivityFigures
@@ -170,6 +171,23 @@ def show_cost(now: cost.Cost, before: cost.Cost) -> None:
     rows = [(kind, f"{before.instructions[kind]:,}", f"{now.instructions[kind]:,}", f"{grown[kind]:+.1%}") for kind in grown]
     header = ("", f"recorded, {before.compiler}", f"now, {now.compiler}", "change")
     _show("Instructions per trajectory, x86-64-v3", header, rows)
+
+
+def show_runs(figures: Sequence[RunFigures]) -> None:
+    """Print a row per problem."""
+    header = ("", "published", "least", "largest", "reached", "longest, s", "least share of plants", "asked share met")
+    rows = [
+        (
+            f.name,
+            *(f"{value:.4f}" for value in (f.published, f.least, f.largest)),
+            f"{f.reached} of {f.seeds}",
+            f"{f.longest:.1f}",
+            f"{f.least_share:.1%}",
+            f"{f.feasible} of {f.seeds}",
+        )
+        for f in figures
+    ]
+    _show("Designs of runs: log det F from several seeds", header, rows)
 
 
 def show_stiff(figures: Sequence[StiffFigures]) -> None:

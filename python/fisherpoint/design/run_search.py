@@ -54,7 +54,7 @@ PLANTS, LEAST_PART = 1000, 0.4
 """On which runs are tried during the search; and how many of the plants that may fail may do so there. Runs are chosen by these
 plants, so that others fail more often."""
 
-KAPPA, MORE_KAPPA, MOST_KAPPA = 2.5, 0.5, 6.0
+KAPPA, MORE_KAPPA, MOST_KAPPA = 3.0, 0.5, 6.0
 """Standard deviations that runs keep from limits at first, by how much more where too many plants fail, and at most."""
 
 SHARE_OF_SKETCHES = 0.4
