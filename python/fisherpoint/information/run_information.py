@@ -12,12 +12,15 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..basics.values import Array, IntArray
 from ..points.run_trajectories import checked_run_sensitivities
 from ..points.runs import Runs
 from ..points.settings import Settings, check_jumps, check_kinks, checked_arguments, resolve_threads
 from ..points.status import Status, only_finite
+from .assumed import Assumed
+from .common_error import CommonError
 from .point_information import PointInformation
 from .problem import DesignProblem
 
@@ -49,12 +52,17 @@ def checked_problem(problem: DesignProblem) -> DesignProblem:
     return problem
 
 
-def run_rows(problem: DesignProblem, runs: Runs, theta: Array, settings: Settings) -> RunRows:
-    """The rows of runs that fit the problem's model, at parameters (p,) or (K, p) of it."""
+def run_rows(
+    problem: DesignProblem, runs: Runs, theta: Array, settings: Settings, told: NDArray[np.bool_] | None = None
+) -> RunRows:
+    """The rows of runs that fit the problem's model, at parameters (p,) or (K, p) of it.
+
+    Outputs that are not `told` (K, N, n_y) say nothing; the default is all.
+    """
     assumed = problem.assumed
     model, values = (problem.model, theta) if assumed is None else (assumed.model, assumed.theta(theta))
     result = checked_run_sensitivities(model, runs, values, settings, outputs_alone=True)
-    there = runs.measured[:, :, None, None]
+    there = runs.measured[:, :, None, None] if told is None else told[..., None]
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
         scaled = np.where(there, result.dy_dtheta[..., problem.estimated_columns] * problem.std, 0.0)
         scaled[~(np.abs(scaled) <= problem.largest_sensitivity)] = np.inf
@@ -63,20 +71,24 @@ def run_rows(problem: DesignProblem, runs: Runs, theta: Array, settings: Setting
             moved = np.where(there, result.dy_dtheta[..., assumed.columns] * assumed.std, 0.0)
             status = only_finite(status, moved)
             noise = np.sqrt(np.diag(problem.noise_covariance))[:, None]
-            scaled = noise * _whitened(scaled / noise, moved / noise)
+            rows, by = ((array / noise).reshape(len(runs), -1, array.shape[3]) for array in (scaled, moved))
+            scaled = noise * CommonError.of(by).whitened(rows).reshape(scaled.shape)
             status = only_finite(status, scaled)
     scaled[status != Status.ok] = 0.0
     return RunRows(scaled, status)
 
 
-def _whitened(rows: Array, moved: Array) -> Array:
-    """(I + B B^T)^-1/2 A for rows A (K, N, n_y, p) and B (K, N, n_y, q) of each run."""
-    (count, _, _, p), q = rows.shape, moved.shape[3]
-    a, b = rows.reshape(count, -1, p), moved.reshape(count, -1, q)
-    u, s, _ = np.linalg.svd(b, full_matrices=False)
-    shrink = 1 / np.sqrt(1 + s * s) - 1
-    white: Array = (a + u @ (shrink[:, :, None] * (u.transpose(0, 2, 1) @ a))).reshape(rows.shape)
-    return white
+def run_tangents(assumed: Assumed, runs: Runs, theta: Array, settings: Settings) -> tuple[Array, IntArray]:
+    """By how much outputs move with a standard deviation of each thing that is assumed, (K, N, n_y, q), and statuses (K,).
+
+    Zero where nothing is measured, and where the status is not ok; theta is (p,).
+    """
+    result = checked_run_sensitivities(assumed.model, runs, assumed.theta(theta), settings, outputs_alone=True)
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
+        moved = np.where(runs.measured[:, :, None, None], result.dy_dtheta[..., assumed.columns] * assumed.std, 0.0)
+    status = only_finite(result.status, moved)
+    moved[status != Status.ok] = 0.0
+    return moved, status
 
 
 def run_information(problem: DesignProblem, runs: Runs, threads: int | None) -> PointInformation:
