@@ -208,3 +208,43 @@ def test_what_a_run_has_behind_its_last_number_says_nothing() -> None:
     short = fp.Runs(runs.x0, runs.u, np.where(np.arange(12) < [[6], [12]], runs.dt, 0.0), runs.measured)
     one, other = (fp.evaluate_design(problem(), drawn(2, seed=9), previous=given) for given in (cut, short))
     np.testing.assert_allclose(one.information, other.information, rtol=1e-12)
+
+
+def test_points_and_runs_count_together() -> None:
+    """A point is a run of one segment, whichever of them is previous; also where the parameters are off."""
+    given, runs, points = problem(initial_state_std=START, uncertain=CONSTANT), drawn(2), drawn(6, seed=9).starts
+    of_points = with_gaps(fp.VirtualRig(MODEL, THETA, NOISE, seed=6).measure(points))
+    of_runs = fp.Measurements(fp.Runs.of_points(points), of_points.y[:, None])
+    one, other, swapped = (
+        fp.evaluate_design(given, new, previous=old) for new, old in ((runs, of_points), (runs, of_runs), (points, runs))
+    )
+    np.testing.assert_allclose(one.information, other.information, rtol=1e-9)
+    assert one.nearby is not None and other.nearby is not None and swapped.nearby is not None
+    np.testing.assert_allclose(list(one.nearby.growth.values()), list(other.nearby.growth.values()), rtol=1e-9)
+    whole = fp.evaluate_design(given, fp.Runs.join([runs, fp.Runs.of_points(points)]))
+    assert whole.nearby is not None
+    np.testing.assert_allclose(swapped.information, whole.information, rtol=1e-9)
+    np.testing.assert_allclose(list(swapped.nearby.growth.values()), list(whole.nearby.growth.values()), rtol=1e-9)
+
+
+def test_what_an_output_would_have_said_nearby_does_not_count() -> None:
+    runs = drawn(3)
+    y = filled(runs, np.ones((*runs.dt.shape, 2)))
+    y[:, :, 1] = np.nan
+    quiet = fp.DesignProblem(MODEL, PRIOR, None, noise_std=NOISE | {"z": 1e6}, initial_state_std=START, rtol=1e-11)
+    alone = fp.evaluate_design(quiet, runs)
+    silent = fp.evaluate_design(quiet, runs[:1], previous=fp.Measurements(runs[1:], y[1:]))
+    assert alone.nearby is not None and silent.nearby is not None
+    np.testing.assert_allclose(list(alone.nearby.growth.values()), list(silent.nearby.growth.values()), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda runs: fp.assumed_covariance(MODEL, runs, THETA, uncertain=CONSTANT),
+        lambda runs: fp.predictive_covariance(MODEL, runs, PRIOR, fp.Linearized()),
+    ],
+)
+def test_covariances_of_points_are_not_of_runs(call: Any) -> None:
+    with pytest.raises(TypeError, match=r"^points: expected Experiments, given Runs$"):
+        call(drawn())

@@ -75,7 +75,7 @@ class WeightedResiduals:
     prior_factor : ndarray, (P, P), or None
         L^-1 of the prior's covariance L L^T in coordinates z, for residuals L^-1 z that are added: the maximum a posteriori.
     common : tuple of RunError
-        Of runs, what moves all of their samples; the noise is that of sensors, with the same R for all samples, then.
+        Of runs, what moves all samples of one; the covariance of these samples is R alone.
     """
 
     observed: Observed

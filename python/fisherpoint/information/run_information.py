@@ -113,17 +113,24 @@ def run_information(problem: DesignProblem, runs: Runs, threads: int | None) -> 
     return PointInformation(runs, sensitivity, np.zeros((len(sensitivity), n_y, n_y)))
 
 
-def run_samples_at(problem: DesignProblem, runs: Runs, theta: Array, threads: int | None) -> Iterator[tuple[Array, IntArray]]:
+def run_samples_at(
+    problem: DesignProblem, runs: Runs, theta: Array, threads: int | None, measured: NDArray[np.bool_] | None = None
+) -> Iterator[tuple[Array, IntArray]]:
     """For each of R sets of parameters (R, p) of the model: rows (S, n_y, p) and statuses (S,) of the samples.
 
-    Kinks and jumps are crossed, as in fits.
+    Kinks and jumps are crossed, as in fits. Outputs of samples that are not `measured` (S, n_y) say nothing; the default is all.
     """
+    told = None
+    if measured is not None:
+        told = np.zeros((*runs.dt.shape, measured.shape[1]), dtype=bool)
+        told[runs.measured] = measured
     settings: Settings = float(problem.rtol), True, True, "fastest", resolve_threads(threads)
     count, each = len(runs), max(1, MOST_SEGMENTS // runs.dt.size)
     for first in range(0, len(theta), each):
         some = theta[first : first + each]
         many = runs[np.tile(np.arange(count), len(some))]
-        rows = run_rows(problem, many, np.repeat(some, count, axis=0), settings)
+        of_many = None if told is None else np.tile(told, (len(some), 1, 1))
+        rows = run_rows(problem, many, np.repeat(some, count, axis=0), settings, of_many)
         for part in range(len(some)):
             own = slice(part * count, (part + 1) * count)
             yield RunRows(rows.sensitivity[own], rows.status[own]).samples(runs)
