@@ -36,7 +36,7 @@ class RunProblem:
 
 @dataclass(frozen=True)
 class RunFigures:
-    """Of several seeds: the least and the largest log det F, how many reach the published one, seconds, plants that can run them."""
+    """Of several seeds: the least and the largest log det F, how many reach the published one, seconds, plants that can run it."""
 
     name: str
     published: float
@@ -92,7 +92,7 @@ def yeast() -> RunProblem:
         parameters=dict.fromkeys(("mu", "Y", "K", "a"), "1"),
     )
     mean = {"mu": 0.31, "Y": 0.18, "K": 0.55, "a": 0.05}
-    box = {"X": (1, 10), "S": 0.1, "D": (0.05, 0.2), "S_in": (5, 35), "dt": 2.0}
+    box: dict[str, Any] = {"X": (1, 10), "S": 0.1, "D": (0.05, 0.2), "S_in": (5, 35), "dt": 2.0}
     region = fp.RunRegion(box, 5, constant=("D", "S_in"))
     problem = _problem(model, mean, {"x": 0.2, "s": 0.2}, region)
     points = qmc.Sobol(4, scramble=False).random_base2(8)[1:129]
@@ -103,7 +103,15 @@ def cylinder() -> RunProblem:
     """The default cylinder from rest, one run of 48 segments of 5 ms, sharp friction; 72 is what was aimed at."""
     problem = fp.load_problem(EXAMPLES / "cylinder.toml")
     areas = problem.model.constants
-    box = {"q": (0.03, 0.27), "v": 0.0, "p_A": 5e6, "p_B": 5e6 * areas["A_A"] / areas["A_B"], "x_v": 0.0, "u": (-1, 1), "dt": 5e-3}
+    box: dict[str, Any] = {
+        "q": (0.03, 0.27),
+        "v": 0.0,
+        "p_A": 5e6,
+        "p_B": 5e6 * areas["A_A"] / areas["A_B"],
+        "x_v": 0.0,
+        "u": (-1, 1),
+        "dt": 5e-3,
+    }
     problem = problem.replace(region=fp.RunRegion(box, 48))
     return RunProblem("cylinder from rest", problem, 1, 72.0, 10, {"time_limit": 18.0}, own_units=False)
 

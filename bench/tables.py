@@ -97,17 +97,17 @@ def show_screening(figures: Sequence[ScreeningFigures]) -> None:
 
 
 def show_validation(figures: Sequence[ValidationFigures]) -> None:
-    """Print one row per tolerance, and how near SciPy's minima are."""
-    header = ("rtol", "threads", "1000 fits, s", "cores", "validate, s", "per fit, next to a loop")
+    """Print one row per design and tolerance, and how near SciPy's minima are."""
+    header = ("design", "rtol", "threads", "1000 fits, s", "cores", "validate, s", "per fit, next to a loop")
     rows = [
-        (f"{f.rtol:.0e}", str(f.threads), f"{f.seconds:.2f}", f"{f.cores:.1f}", f"{f.whole:.2f}", f"{f.ratio:.0f} x")
+        (f.design, f"{f.rtol:.0e}", str(f.threads), f"{f.seconds:.2f}", f"{f.cores:.1f}", f"{f.whole:.2f}", f"{f.ratio:.0f} x")
         for f in figures
     ]
-    _show("Fits of a 12-point design of the default cylinder, nine parameters", header, rows)
+    _show("Fits of the cylinder, nine parameters", header, rows)
     for f in figures:
         console.print(
-            f"rtol {f.rtol:.0e}: {f.same} of {f.compared} within {SAME:.0e} standard errors of SciPy's (median {f.median:.0e},"
-            f" worst {f.worst:.0e}); after a Gauss-Newton step from there, worst {f.worst_stepped:.0e}."
+            f"{f.design}, rtol {f.rtol:.0e}: {f.same} of {f.compared} within {SAME:.0e} standard errors of SciPy's (median"
+            f" {f.median:.0e}, worst {f.worst:.0e}); after a Gauss-Newton step from there, worst {f.worst_stepped:.0e}."
         )
     console.print()
 

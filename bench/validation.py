@@ -1,4 +1,7 @@
-"""A thousand fits of a 12-point design of the default cylinder, next to a loop over SciPy's `least_squares`: time and agreement."""
+"""A thousand fits of the cylinder, next to a loop over SciPy's `least_squares`: time and agreement.
+
+Of a 12-point design of the default form, and of two runs of 48 samples of the smooth form, compiled.
+"""
 
 from __future__ import annotations
 
@@ -31,13 +34,14 @@ TIGHT = 1e-15
 
 @dataclass(frozen=True)
 class ValidationFigures:
-    """The fits at one tolerance of the trajectories.
+    """The fits of one design at one tolerance of the trajectories.
 
     `seconds` are those of all fits together and `whole` those of `fisherpoint.validate`, both on `threads`; `ratio` is the time of
     a fit in a loop of `least_squares` with the engine's Jacobian to that of one of many. Distances to its minima are in standard
     errors: as they are, where `same` of `compared` agree, and after a Gauss-Newton step on its residuals.
     """
 
+    design: str
     rtol: float
     threads: int
     seconds: float
@@ -55,10 +59,20 @@ def measure(quick: bool) -> list[ValidationFigures]:
     """Figures for every tolerance, with the truth at the prior mean."""
     problem = default_problem("noise")
     points = fp.exchange(problem, n_experiments=12, n_candidates=50, max_iterations=40 if quick else 200, seed=0).points
-    return [_figures(problem, points, rtol, quick) for rtol in RTOLS]
+    smooth = fp.HydraulicCylinder(smooth=dict.fromkeys(("v", "x_v"), 1e-3)).compile()
+    of_points = [_figures("12 points", problem, points, rtol, quick) for rtol in RTOLS]
+    return of_points + [_figures("2 runs of 48", problem.replace(model=smooth), runs(), rtol, quick) for rtol in RTOLS]
 
 
-def _figures(problem: fp.DesignProblem, points: fp.Experiments, rtol: float, quick: bool) -> ValidationFigures:
+def runs() -> fp.Runs:
+    """Two runs from rest, of 0.24 s each, under twelve random inputs that are held for four samples."""
+    levels = np.random.default_rng(0).uniform(-0.3, 0.3, (2, 12))
+    return fp.Runs([[0.15, 0.0, 8e6, 10e6, 0.0]] * 2, np.repeat(levels, 4, axis=1), 5e-3)
+
+
+def _figures(
+    design: str, problem: fp.DesignProblem, points: fp.Experiments | fp.Runs, rtol: float, quick: bool
+) -> ValidationFigures:
     threads = resolve_threads(None)
     estimator = Estimator.of(problem, points, NOISE_STD, True, False, rtol, threads)
     theta, _ = truths_of(problem, "mean", FITS, 0)
@@ -67,15 +81,16 @@ def _figures(problem: fp.DesignProblem, points: fp.Experiments, rtol: float, qui
     starts = np.tile(estimator.start, (FITS, 1))
     bounds = estimator.unknowns.lower, estimator.unknowns.upper
     tasks: dict[str, Callable[[], object]] = {
-        "together": partial(minimise, residuals, starts, *bounds),
+        "together": partial(minimise, residuals, starts, *bounds, accuracy=residuals.accuracy),
         "validate": partial(fp.validate, problem, {"design": points}, runs=FITS, theta="mean", rtol=rtol),
         "loop": lambda: [_alone(residuals, estimator.start, row) for row in range(LOOPED)],
     }
     times = best_times(tasks, 2 if quick else 5)
-    minima = minimise(residuals, starts, *bounds)
+    minima = minimise(residuals, starts, *bounds, accuracy=residuals.accuracy)
     compared = 20 if quick else COMPARED
     distances = np.array([_distances(residuals, estimator.start, minima.z[row], row) for row in range(compared)])
     return ValidationFigures(
+        design,
         rtol,
         threads,
         times["together"].seconds,

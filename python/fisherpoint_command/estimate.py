@@ -24,7 +24,8 @@ def estimate(
         list[Path],
         typer.Argument(
             metavar="DATA.csv...",
-            help="Measurements: the columns of a design.csv, and y_<output> for each measured output; with a column t, a record.",
+            help="Measurements: the columns of a design.csv, or of a file of runs, and y_<output> for each measured output; with a "
+            "column t, a record.",
         ),
     ],
     output: Output,
@@ -86,7 +87,7 @@ def estimate(
 
 
 def _read(path: Path, model: fp.Model) -> fp.Measurements | fp.Record:
-    """Measurements of points, or a record where the file has a column t that is not the model's."""
+    """Measurements of points or runs, or a record where the file has a column t that is not the model's."""
     axes = {quantity.name for quantity in (*model.axes, *model.outputs)}
     if "t" in CsvTable(path).names and "t" not in axes:
         return fp.Record.from_csv(path, model)
@@ -95,6 +96,6 @@ def _read(path: Path, model: fp.Model) -> fp.Measurements | fp.Record:
 
 def _measured_noise(problem: fp.DesignProblem, parts: Sequence[Any]) -> Mapping[str, float]:
     """The noise of the outputs that were measured."""
-    measured = np.any([np.isfinite(part.y).any(axis=0) for part in parts], axis=0)
+    measured = np.any([np.isfinite(part.samples).any(axis=0) for part in parts], axis=0)
     names = [quantity.name for quantity in problem.model.outputs]
     return {name: (problem.noise_std or {})[name] for name, told in zip(names, measured, strict=True) if told}

@@ -40,6 +40,16 @@ def points() -> fp.Experiments:
 
 
 @cache
+def runs() -> fp.Runs:
+    return fp.Runs([[1.0], [1.5], [0.8]], [[0.5, 0.1, 0.9], [0.2, 0.4, 0.1], [0.3, 0.3, 0.3]], 0.5)
+
+
+@cache
+def run_data() -> fp.Measurements:
+    return fp.VirtualRig(model(), THETA, NOISE).measure(runs())
+
+
+@cache
 def problem() -> fp.DesignProblem:
     return fp.DesignProblem(model(), prior(), region(), noise_std=NOISE)
 
@@ -88,6 +98,8 @@ def files() -> Path:
     atexit.register(shutil.rmtree, directory, ignore_errors=True)
     points().to_csv(directory / "points.csv", model())
     data().to_csv(directory / "data.csv", model())
+    runs().to_csv(directory / "runs.csv", model())
+    run_data().to_csv(directory / "run_data.csv", model())
     record().to_csv(directory / "record.csv", model())
     (directory / "model.toml").write_text(model().to_toml())
     rest = "".join(f"[prior.{name}]\nmean = {value}\nstd = 0.1\n" for name, value in THETA.items())

@@ -50,6 +50,20 @@ def test_it_writes_the_fit_and_prints_the_report(tmp_path: Path, measured: Path,
     assert told["parameters"]["k"]["estimate"] == pytest.approx(expected.estimate["k"], rel=1e-12)
 
 
+def test_runs_are_read_by_their_columns(tmp_path: Path, measured: Path) -> None:
+    config = load_config(DECAY)
+    model, out = config.build_model(), tmp_path / "fit"
+    rig = fp.VirtualRig(model, dict(model.nominal), {"c": 0.2}, seed=5)
+    runs = fp.Runs(np.ones((2, 1)), np.zeros((2, 4, 0)), 500.0, [True, False, True, True])
+    rig.measure(runs).to_csv(tmp_path / "runs.csv", model)
+    assert run(DECAY, measured, tmp_path / "runs.csv", "-o", out) == 0
+    data = [fp.Measurements.from_csv(path, model) for path in (measured, tmp_path / "runs.csv")]
+    expected = fp.estimate(model, data, config.build_prior(), noise_std={"c": 0.2})
+    told = json.loads((out / "fit.json").read_text())
+    assert told["parameters"]["k"]["estimate"] == pytest.approx(expected.estimate["k"], rel=1e-12)
+    assert (out / "time.png").exists() and fp.Fit.load(out).data[1] == data[1]
+
+
 @pytest.mark.parametrize(
     ("options", "known", "prior"),
     [

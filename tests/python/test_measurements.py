@@ -60,7 +60,7 @@ def test_what_are_no_outputs_of_the_points_is_refused(y: object, message: str) -
 
 
 def test_points_must_be_experiments() -> None:
-    with pytest.raises(TypeError, match="points: expected Experiments, given list"):
+    with pytest.raises(TypeError, match="points: expected Experiments or Runs, given list"):
         fp.Measurements([1, 2], [1.0, 2.0])  # type: ignore[arg-type, arg-type]
 
 

@@ -22,6 +22,7 @@ OPTIONAL_AND_POSITIONAL = {
     "GaussHermite": ["levels"],
     "GaussianPrior": ["std"],
     "Quantity": ["description"],
+    "Runs": ["measured"],
     "Sobol": ["n"],
     "SparseGaussHermite": ["level"],
     "SymbolicModel": ["outputs"],

@@ -290,7 +290,7 @@ def test_figures() -> None:
     ("changes", "message"),
     [
         ({"designs": {}}, "designs: expected at least one, given none"),
-        ({"designs": {"d": 3}}, r"designs\['d'\]: expected Experiments or a Design, given int"),
+        ({"designs": {"d": 3}}, r"designs\['d'\]: expected Experiments, Runs or a Design, given int"),
         ({"theta": "true"}, "theta: expected 'prior', 'mean' or a mapping"),
         ({"theta": {"z": 1.0}}, "theta: expected names of a, b; given unknown 'z'"),
         ({"noise_std": {"z": 1.0}}, "noise_std: expected names of y; given unknown 'z'"),

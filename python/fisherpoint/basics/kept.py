@@ -22,12 +22,14 @@ Codec = Mapping[type, tuple[Callable[[Any], Any], Callable[[Any], Any]]]
 class Kept:
     """A dataclass that is kept in a file; `load` gives it back to the last bit.
 
-    A subclass says which other dataclasses are inside, and which types have codecs.
+    A subclass says which other dataclasses are inside, which types have codecs, and which names of kinds have changed since the
+    first version of its format.
     """
 
     FORMAT_VERSION: ClassVar[int] = 1
     _INSIDE: ClassVar[tuple[type, ...]] = ()
     _CODEC: ClassVar[Codec] = {}
+    _RENAMED: ClassVar[Mapping[str, str]] = {}
 
     def save(self, path: str | Path) -> None:
         """Write a JSON file with a checksum, whole or not at all."""
@@ -52,10 +54,21 @@ class Kept:
         data = parse_json(path, read_bytes(path), _format(cls), cls.FORMAT_VERSION)
         kinds = {kind.__name__: kind for kind in (cls, *cls._INSIDE)}
         codec = {kind.__name__: decode for kind, (_, decode) in cls._CODEC.items()}
+        if cls._RENAMED and data["format_version"] == 1:
+            data = _renamed(data, cls._RENAMED)
         found = built_from(path, cls.__name__, data, lambda whole: _decoded(whole["content"], kinds, codec))
         if not isinstance(found, cls):
             raise ValueError(f"{path}: expected a {cls.__name__}, given {shown(found)}")
         return found
+
+
+def _renamed(data: Any, names: Mapping[str, str]) -> Any:
+    """The same content with other names of kinds."""
+    if isinstance(data, list):
+        return [_renamed(entry, names) for entry in data]
+    if isinstance(data, dict):
+        return {names.get(name, name): _renamed(entry, names) for name, entry in data.items()}
+    return data
 
 
 def _format(kind: type) -> str:

@@ -250,13 +250,13 @@ class Campaign(Shown):
         Raises
         ------
         TypeError, ValueError
-            For data of another model, data that were told before, and as `estimate`; the campaign stays as it was. Two rows that
-            were told before, to the last bit, are refused among others too. A single one is taken as a replicate that reads the
-            same, with a warning: replicates of a coarse sensor, of which several do, can be told one at a time.
+            For data of runs or of another model, data that were told before, and as `estimate`; the campaign stays as it was. Two
+            rows that were told before, to the last bit, are refused among others too. A single one is taken as a replicate that
+            reads the same, with a warning: replicates of a coarse sensor, of which several do, can be told one at a time.
         """
         check_type(data, Measurements, "data")
-        model = self.problem.model
-        given = (data.points.x0.shape[1], data.points.u.shape[1], data.y.shape[1])
+        model, points = self.problem.model, data.experiments
+        given = (points.x0.shape[1], points.u.shape[1], data.y.shape[1])
         expected = (len(model.states), len(model.inputs), len(model.outputs))
         if given != expected:
             raise ValueError(f"data: expected {expected} states, inputs and outputs of {model.name}, given {given}")
@@ -377,10 +377,10 @@ def _measured(parts: list[Measurements]) -> Measurements:
 def _rows_again(told: Measurements, data: Measurements) -> set[int]:
     """Rows of `data` at a point of `told` at which the outputs that both have are the same to the last bit."""
     before: dict[bytes, list[Array]] = {}
-    for point, y in zip(told.points.table, told.y, strict=True):
+    for point, y in zip(told.experiments.table, told.y, strict=True):
         before.setdefault(point.tobytes(), []).append(y)
     again = set()
-    for row, (point, y) in enumerate(zip(data.points.table, data.y, strict=True)):
+    for row, (point, y) in enumerate(zip(data.experiments.table, data.y, strict=True)):
         for other in before.get(point.tobytes(), ()):
             both = np.isfinite(y) & np.isfinite(other)
             if both.any() and (y[both] == other[both]).all():

@@ -159,7 +159,7 @@ def _state_from_json(data: dict[str, Any]) -> State:
 def _batch_to_json(batch: Batch) -> dict[str, Any]:
     return {
         "planned": _or_none(points_to_json, batch.planned),
-        "data": {"points": points_to_json(batch.data.points), "y": finite_or_none(batch.data.y)},
+        "data": {"points": points_to_json(batch.data.experiments), "y": finite_or_none(batch.data.y)},
         "estimate": dict(batch.estimate),
         "standard_errors": {name: value if np.isfinite(value) else None for name, value in batch.standard_errors.items()},
         "chi_square": batch.chi_square,

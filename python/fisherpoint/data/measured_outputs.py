@@ -3,18 +3,50 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..basics.checks import as_numbers, as_rows
 from ..basics.values import Array
+from ..points.runs import Runs
 
 
 def measured_outputs(values: ArrayLike, count: int) -> Array:
     """Outputs (count, n_y), NaN where not measured, of which one at least was; (count,) is taken for a single output."""
-    y = as_rows(as_numbers(values, "y"), count, "y", "n_y")
+    return _checked(as_rows(as_numbers(values, "y"), count, "y", "n_y"))
+
+
+def measured_run_outputs(values: ArrayLike, runs: Runs) -> Array:
+    """Outputs (K, N, n_y) of runs, NaN at segments that are not measured; (K, N) is taken for a single output."""
+    y, shape = as_numbers(values, "y"), runs.dt.shape
+    if y.shape == shape:
+        y = y[:, :, None]
+    if y.ndim != 3 or y.shape[:2] != shape:
+        raise ValueError(f"y: expected shape ({shape[0]}, {shape[1]}, n_y), given {y.shape}")
+    beside = np.argwhere(~np.isnan(y) & ~runs.measured[:, :, None])
+    if len(beside):
+        k, n, i = (int(place) for place in beside[0])
+        raise ValueError(f"y: expected NaN where runs are not measured, given {y[k, n, i]:g} in segment {n} of runs[{k}]")
+    return _checked(y)
+
+
+def told_runs(runs: Runs, y: Array) -> tuple[Runs, Array]:
+    """What says something: runs without a number are left out, and the others end at their last one.
+
+    The trajectories of what is left out may well fail.
+    """
+    there: NDArray[np.bool_] = np.asarray(np.isfinite(y).any(axis=2))
+    rows = np.flatnonzero(there.any(axis=1))
+    there, segments = there[rows], np.arange(there.shape[1])
+    needed = segments <= np.max(np.where(there, segments, 0), axis=1, initial=0)[:, None]
+    longest = slice(int(needed.sum(axis=1).max(initial=0)))
+    dt = np.where(needed, runs.dt[rows], 0.0)[:, longest]
+    return Runs(runs.x0[rows], runs.u[rows, longest], dt, there[:, longest], columns=runs.columns), y[rows, longest]
+
+
+def _checked(y: Array) -> Array:
     if np.isinf(y).any():
-        row, column = (int(i) for i in np.argwhere(np.isinf(y))[0])
-        raise ValueError(f"y: expected finite numbers, or NaN for what was not measured; given {y[row, column]} at {(row, column)}")
+        where = tuple(int(i) for i in np.argwhere(np.isinf(y))[0])
+        raise ValueError(f"y: expected finite numbers, or NaN for what was not measured; given {y[where]} at {where}")
     if np.isnan(y).all():
         raise ValueError("y: expected at least one measured number, given none")
     return y

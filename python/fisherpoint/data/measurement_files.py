@@ -1,5 +1,8 @@
 """Files of measurements: the design's CSV with a column for each measured output, checked before anything is estimated from them.
 
+A file with the columns ``run`` and ``segment``, where no state or input is called so, is one of runs: that of `Runs.to_csv`, with
+the same columns of outputs and of bookkeeping. Others are of points:
+
 =================  ===================================================================================================
 column             entry
 =================  ===================================================================================================
@@ -14,6 +17,7 @@ column             entry
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +27,9 @@ from ..basics.messages import listed
 from ..basics.quantity import DURATION, names_of
 from ..basics.values import Array
 from ..models import Model
-from ..points.experiments import Experiments
+from ..points.experiments import Experiments, columns_of
+from ..points.run_files import MEASURED, RUN, SEGMENT, runs_csv, runs_of_table
+from ..points.runs import Runs
 from ..points.status import Status
 from .plausibility import refuse_implausible
 
@@ -31,23 +37,30 @@ BOOKKEEPING = ("comment", "note", "time", "date", "operator", "run", "point", "r
 """Columns that a rig's file may have besides, and that are not read."""
 
 
-def measurements_csv(points: Experiments, y: Array, model: Model) -> str:
+def measurements_csv(points: Experiments | Runs, y: Array, model: Model) -> str:
     """The text of a file of measurements; every digit is kept, and what was not measured is an empty entry."""
-    axes = names_of(model.axes)
-    header = (*axes, *(f"y_{name}" for name in names_of(model.outputs)))
-    given = (points.x0.shape[1], points.u.shape[1], y.shape[1])
+    axes, outputs = names_of(model.axes), [f"y_{name}" for name in names_of(model.outputs)]
+    given = (points.x0.shape[1], points.u.shape[-1], y.shape[-1])
     expected = (len(model.states), len(model.inputs), len(model.outputs))
     if given != expected:
         raise ValueError(f"model: expected one of {given} states, inputs and outputs, given {model.name} of {expected}")
+    if isinstance(points, Runs):
+        of_segments = {name: y[:, :, i] for i, name in enumerate(outputs)}
+        return runs_csv(points.x0, points.u, points.dt, points.measured, None, model, of_segments)
+    header = (*axes, *outputs)
     if len(set(header)) != len(header):
         raise ValueError(f"model: expected names that differ from y_<output>, given {listed(axes)}")
     return csv_text(header, np.column_stack([points.table[:, : len(axes)], y]).tolist())
 
 
-def read_measurements(path: str | Path, model: Model) -> tuple[Experiments, Array]:
-    """Read and check points and outputs of a file of measurements of `model`; see `Measurements.from_csv`."""
+def read_measurements(path: str | Path, model: Model) -> tuple[Experiments | Runs, Array]:
+    """Read and check points, or runs, and outputs of a file of measurements of `model`; see `Measurements.from_csv`."""
     table = CsvTable(path)
     table.refuse_cut_off()
+    return _runs(table, model) if {RUN.name, SEGMENT.name} <= set(table.names) - set(_axes(model)) else _points(table, model)
+
+
+def _points(table: CsvTable, model: Model) -> tuple[Experiments, Array]:
     outputs = _match(table, model)
     starts = {state.name: name for state in model.states if (name := f"x0_{state.name}") in table and name not in _axes(model)}
     table.read_decimal_commas(name for name in table.names if name in {*_axes(model), *starts.values(), *outputs.values()})
@@ -62,16 +75,44 @@ def read_measurements(path: str | Path, model: Model) -> tuple[Experiments, Arra
         table.refuse(np.isnan(x0[:, i]), state.name if state.name in table else starts[state.name], "a start value")
     u = np.column_stack([np.empty((n, 0)), *(table.complete(quantity) for quantity in model.inputs)])
     dt = table.complete(DURATION) if "dt" in table else np.ones(n)
-    y = np.full((n, len(model.outputs)), np.nan)
+    y = _numbers(table, model, outputs, _failed(table))
+    refuse_implausible(table, model, outputs, np.column_stack([planned, u, dt]), x0, u, y)
+    return Experiments(x0, u, dt, columns=columns_of(model)), y
+
+
+def _runs(table: CsvTable, model: Model) -> tuple[Runs, Array]:
+    outputs = _columns_of_outputs(table, model, {*_axes(model), RUN.name, SEGMENT.name, MEASURED.name})
+    x0, u, dt, measured = runs_of_table(table, model, outputs.values(), BOOKKEEPING)
+    if not outputs:
+        of_outputs = listed(f"y_{name}" for name in names_of(model.outputs))
+        raise ValueError(f"{table.path}: expected of the columns {of_outputs} those that were measured; given none")
+    k, n = np.nonzero(dt)
+    numbers = _numbers(table, model, outputs, [])
+    for j, name in enumerate(names_of(model.outputs)):
+        if name in outputs:
+            table.refuse(~np.isnan(numbers[:, j]) & ~measured[k, n], outputs[name], f"no number where {MEASURED.name} is 0")
+    of_run = np.column_stack([x0, u.reshape(len(u), -1), dt])
+    _, same = np.unique(of_run, axis=0, return_inverse=True)
+    replicates = np.column_stack([same.reshape(-1)[k], n])
+    refuse_implausible(table, model, outputs, replicates, x0, u[:, 0], numbers, np.flatnonzero(n == 0))
+    y = np.full((*dt.shape, numbers.shape[1]), np.nan)
+    y[k, n] = numbers
+    try:
+        return Runs(x0, u, dt, measured, columns=columns_of(model)), y
+    except ValueError as error:
+        raise ValueError(f"{table.path}: {error}") from error
+
+
+def _numbers(table: CsvTable, model: Model, outputs: Mapping[str, str], failed: list[int]) -> Array:
+    """Outputs of the rows, (rows, n_y), NaN where not measured."""
+    y = np.full((len(table), len(model.outputs)), np.nan)
     for j, quantity in enumerate(model.outputs):
         if quantity.name in outputs:
             y[:, j] = table.numbers(outputs[quantity.name], quantity.unit)
-    y[_failed(table)] = np.nan
+    y[failed] = np.nan
     if np.isnan(y).all():
         raise ValueError(f"{table.path}: expected at least one measured output, given none in {listed(outputs.values())}")
-
-    refuse_implausible(table, model, outputs, np.column_stack([planned, u, dt]), x0, u, y)
-    return Experiments(x0, u, dt, columns=(*names_of(model.states), *names_of(model.inputs))), y
+    return y
 
 
 def _axes(model: Model) -> tuple[str, ...]:
@@ -82,13 +123,7 @@ def _axes(model: Model) -> tuple[str, ...]:
 def _match(table: CsvTable, model: Model) -> dict[str, str]:
     """Return the column of each output that has one, after a check of all columns."""
     axes = _axes(model)
-    outputs: dict[str, str] = {}
-    for output in names_of(model.outputs):
-        columns = [name for name in (f"y_{output}", output) if name in table and name not in axes]
-        if len(columns) > 1:
-            raise ValueError(f"{table.path}: expected one column of the output {output}, given {' and '.join(columns)}")
-        if columns:
-            outputs[output] = columns[0]
+    outputs = _columns_of_outputs(table, model, axes)
     starts = {f"x0_{state}": state for state in names_of(model.states)}
     given = {*table.names, *(state for name, state in starts.items() if name in table)}
     missing = [name for name in names_of(model.axes) if name not in given]
@@ -104,6 +139,18 @@ def _match(table: CsvTable, model: Model) -> dict[str, str]:
             f"{table.path}: expected the columns {listed(names_of(model.axes))}, and of {of_outputs} those that were measured; "
             f"given {'; '.join(wrong)}{another}"
         )
+    return outputs
+
+
+def _columns_of_outputs(table: CsvTable, model: Model, taken: Collection[str]) -> dict[str, str]:
+    """The column of each output that has one, which is none of those that are taken."""
+    outputs: dict[str, str] = {}
+    for output in names_of(model.outputs):
+        columns = [name for name in (f"y_{output}", output) if name in table and name not in taken]
+        if len(columns) > 1:
+            raise ValueError(f"{table.path}: expected one column of the output {output}, given {' and '.join(columns)}")
+        if columns:
+            outputs[output] = columns[0]
     return outputs
 
 

@@ -1,4 +1,4 @@
-"""Measured outputs of experiment points."""
+"""Measured outputs of experiment points and of runs."""
 
 from __future__ import annotations
 
@@ -15,35 +15,42 @@ from ..basics.files import write_whole
 from ..basics.values import Array
 from ..models import Model
 from ..points.experiments import Experiments
-from .measured_outputs import measured_outputs
+from ..points.runs import Runs
+from .measured_outputs import measured_outputs, measured_run_outputs, told_runs
 from .measurement_files import measurements_csv, read_measurements
 
 
 @dataclass(frozen=True, eq=False)
 class Measurements:
-    """The outputs that were measured at K experiment points.
+    """The outputs that were measured at K experiment points, or in K runs.
 
     Parameters
     ----------
-    points : Experiments
-        The K points; x0 as measured where it was, else as planned. Replicates are points that occur more than once.
-    y : array_like, (K, n_y)
-        Outputs in the model's order, SI units; NaN where an output was not measured. (K,) is taken for a single output.
+    points : Experiments or Runs
+        The K points, or runs; x0 as measured where it was, else as planned. Replicates are points, or runs, that occur more than
+        once.
+    y : array_like, (K, n_y), or (K, N, n_y) of runs
+        Outputs in the model's order, SI units; NaN where an output was not measured, as at every segment that is not `measured`.
+        (K,), or (K, N), is taken for a single output.
 
     Raises
     ------
     TypeError
-        Where `points` are no `Experiments`.
+        Where `points` are neither `Experiments` nor `Runs`.
     ValueError
-        For a wrong shape, infinite numbers, or no measured number at all.
+        For a wrong shape, infinite numbers, a number at a segment that is not measured, or no measured number at all.
     """
 
-    points: Experiments
+    points: Experiments | Runs
     y: Array
 
     def __post_init__(self) -> None:
-        check_type(self.points, Experiments, "points")
-        y = measured_outputs(self.y, len(self.points))
+        if isinstance(self.points, Runs):
+            y = measured_run_outputs(self.y, self.points)
+        elif isinstance(self.points, Experiments):
+            y = measured_outputs(self.y, len(self.points))
+        else:
+            raise TypeError(f"points: expected Experiments or Runs, given {type(self.points).__name__}")
         y.flags.writeable = False
         object.__setattr__(self, "y", y)
 
@@ -51,20 +58,49 @@ class Measurements:
         return len(self.points)
 
     def __getitem__(self, rows: int | slice | Sequence[int] | NDArray[Any]) -> Measurements:
-        """Measurements of the chosen rows, of which one at least must have a number."""
+        """Measurements of the chosen points or runs, of which one at least must have a number."""
         chosen = as_index(rows, len(self), "data")
         return Measurements(self.points[chosen], self.y[chosen])
 
+    @property
+    def experiments(self) -> Experiments:
+        """The points, which are no runs."""
+        if not isinstance(self.points, Experiments):
+            raise TypeError(f"points: expected Experiments, given {type(self.points).__name__}")
+        return self.points
+
+    @property
+    def samples(self) -> Array:
+        """Outputs (S, n_y) with a row for each sample: a point, or a measured segment, run after run."""
+        return self.y[self.points.measured] if isinstance(self.points, Runs) else self.y
+
+    @property
+    def told(self) -> Measurements:
+        """What says something: points and runs without a number are left out, and runs end at their last number."""
+        if isinstance(self.points, Runs):
+            runs, y = told_runs(self.points, self.y)
+            return self if runs == self.points else Measurements(runs, y)
+        there = np.isfinite(self.y).any(axis=1)
+        return self if there.all() else self[np.flatnonzero(there)]
+
     @staticmethod
     def join(parts: Sequence[Measurements]) -> Measurements:
-        """Return the measurements of all parts, one after the other."""
+        """Return the measurements of all parts, of points or of runs, one after the other."""
         parts = as_parts(parts, Measurements)
-        sizes = [(part.points.x0.shape[1], part.points.u.shape[1], part.y.shape[1]) for part in parts]
+        sizes = [(part.points.x0.shape[1], part.points.u.shape[-1], part.y.shape[-1]) for part in parts]
         check_alike(sizes, "states, inputs and outputs")
-        return Measurements(Experiments.join([part.points for part in parts]), np.concatenate([part.y for part in parts]))
+        runs = [part.points for part in parts if isinstance(part.points, Runs)]
+        if not runs:
+            return Measurements(Experiments.join([part.experiments for part in parts]), np.concatenate([part.y for part in parts]))
+        if len(runs) < len(parts):
+            raise TypeError("parts: expected measurements of points, or of runs; given both")
+        joined = Runs.join(runs)
+        longest = joined.dt.shape[1]
+        padded = [np.pad(part.y, ((0, 0), (0, longest - part.y.shape[1]), (0, 0)), constant_values=np.nan) for part in parts]
+        return Measurements(joined, np.concatenate(padded))
 
     def to_csv(self, path: str | Path, model: Model) -> None:
-        """Write the design's CSV with a column ``y_<output>`` for each output, empty where it was not measured.
+        """Write the design's CSV, or that of the runs, with a column ``y_<output>`` for each output, empty where not measured.
 
         Every digit is kept, and the file appears whole or not at all. The starts are written as they are, in the states' columns.
         """
@@ -73,10 +109,11 @@ class Measurements:
 
     @classmethod
     def from_csv(cls, path: str | Path, model: Model) -> Measurements:
-        """Read measurements of `model`: the design's CSV with a column ``y_<output>`` for each measured output.
+        """Read measurements of `model`: the CSV of a design or of runs with a column ``y_<output>`` for each measured output.
 
-        Outputs may be missing or empty; ``x0_<state>`` is a measured start; headers may have units, as ``p_A [bar]``. See
-        docs/how_to/measurements.md for the format, and for what is refused.
+        Outputs may be missing or empty; of points ``x0_<state>`` is a measured start; headers may have units, as ``p_A [bar]``.
+        Columns ``run`` and ``segment`` tell runs from points. See docs/how_to/measurements.md for the format, and for what is
+        refused.
 
         Raises
         ------
@@ -95,5 +132,6 @@ class Measurements:
     __hash__ = None  # type: ignore[assignment]  # arrays
 
     def __repr__(self) -> str:
-        measured = int(np.isfinite(self.y).sum())
-        return f"Measurements({len(self)} points, {self.y.shape[1]} outputs, {measured} of {self.y.size} numbers)"
+        samples = self.samples
+        of = f"{len(self)} runs, {len(samples)} samples" if isinstance(self.points, Runs) else f"{len(self)} points"
+        return f"Measurements({of}, {samples.shape[1]} outputs, {np.isfinite(samples).sum()} of {samples.size} numbers)"

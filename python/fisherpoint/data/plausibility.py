@@ -32,17 +32,29 @@ CLOSE = 0.05
 
 
 def refuse_implausible(
-    table: CsvTable, model: Model, outputs: Mapping[str, str], planned: Array, x0: Array, u: Array, y: Array
+    table: CsvTable,
+    model: Model,
+    outputs: Mapping[str, str],
+    planned: Array,
+    x0: Array,
+    u: Array,
+    y: Array,
+    starts: Places | None = None,
 ) -> None:
     """Raise for starts outside the model's domain, outputs of an impossible size, and replicates in different units.
 
     Parameters
     ----------
     outputs : mapping of output name to column name
-    planned : ndarray, (K, n_x + n_u + 1)
-        The points; equal rows are replicates, also where their measured starts differ.
+    planned : ndarray, (K, ...)
+        What a row of the table is of; equal rows are replicates, also where their measured starts differ.
+    x0, u : ndarray
+        Starts with the inputs there.
+    y : ndarray, (K, n_y)
+    starts : ndarray, optional
+        Rows of the table in which the starts stand, where these are not all.
     """
-    _refuse_starts(table, model, x0, u)
+    _refuse_starts(table, model, x0, u, np.arange(len(table)) if starts is None else starts)
     order, groups = _replicates(planned)
     for j, quantity in enumerate(model.outputs):
         if quantity.name in outputs:
@@ -51,7 +63,7 @@ def refuse_implausible(
             _refuse_sizes(table, column, y[:, j], quantity.scale)
 
 
-def _refuse_starts(table: CsvTable, model: Model, x0: Array, u: Array) -> None:
+def _refuse_starts(table: CsvTable, model: Model, x0: Array, u: Array, rows: Places) -> None:
     if not model.domain or not set(names_of(model.parameters)) <= set(model.nominal):
         return
     theta = np.tile(model.theta(model.nominal), (len(x0), 1))
@@ -69,7 +81,7 @@ def _refuse_starts(table: CsvTable, model: Model, x0: Array, u: Array) -> None:
     given = ", ".join(f"{states[i]} = {x0[row, i]:g} {model.states[i].unit}".removesuffix(" 1") for i in named)
     wanted = f"{model.domain[limit]} {'other than 0' if limit < poles else '> 0'}"
     what = f"expected a start with {wanted} at the model's nominal parameters, given {given}: is the unit wrong?"
-    raise table.error(row, ", ".join(columns), what)
+    raise table.error(int(rows[row]), ", ".join(columns), what)
 
 
 def _refuse_sizes(table: CsvTable, column: str, y: Array, scale: float | None) -> None:

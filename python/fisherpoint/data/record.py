@@ -77,6 +77,11 @@ class Record:
             f"Record({len(self)} samples over {self.t[-1] - self.t[0]:g} s, {sizes}, known start of {', '.join(self.x0) or 'none'})"
         )
 
+    @property
+    def samples(self) -> Array:
+        """Outputs (N, n_y) with a row for each sample, as y."""
+        return self.y
+
     def check(self, model: Model) -> None:
         """Raise unless inputs, outputs and the known start are those of `model`."""
         check_type(model, Model, "model")

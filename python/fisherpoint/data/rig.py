@@ -14,6 +14,7 @@ from ..basics.quantity import names_of
 from ..basics.values import FrozenMapping
 from ..models import Model
 from ..points.experiments import Experiments
+from ..points.runs import Runs
 from ..points.settings import check_rtol
 from ..points.status import Status, failures_of
 from ..points.trajectories import simulate
@@ -43,7 +44,7 @@ class VirtualRig:
     Attributes
     ----------
     failures : mapping of status name to int
-        Trajectories of all calls that did not reach their end and so gave no data.
+        Trajectories of all calls that did not reach their end, and so gave no data, or those of the way there.
 
     Raises
     ------
@@ -82,39 +83,51 @@ class VirtualRig:
     def failures(self) -> Mapping[str, int]:
         return FrozenMapping(self._failures)
 
-    def measure(self, points: Experiments, *, repeats: int = 1) -> Measurements:
-        """Carry out all points, one after the other, and that `repeats` times.
+    def measure(self, points: Experiments | Runs, *, repeats: int = 1) -> Measurements:
+        """Carry out all points, or runs, one after the other, and that `repeats` times.
+
+        The start of a run deviates once; every sample has noise of its own.
 
         Returns
         -------
         Measurements
-            len(points) times `repeats` rows. Where the trajectory did not reach its end, nothing is measured, and a warning says
-            how often that was, and why.
+            len(points) times `repeats` points or runs. Where the trajectory did not reach its end, a point is not measured, and a
+            run up to the last segment that was completed, as on a rig that records until it stops; not at all where it overflows.
+            A warning says how often that was, and why.
 
         Raises
         ------
         ValueError
-            Where no trajectory reaches its end, and for points that do not fit the model.
+            Where nothing is measured, as no trajectory gets as far, and for points that do not fit the model.
         """
-        check_type(points, Experiments, "points")
-        planned = Experiments.join([points] * check_positive_int(repeats, "repeats", most=MAX_POINTS // max(len(points), 1)))
+        if not isinstance(points, Experiments | Runs):
+            raise TypeError(f"points: expected Experiments or Runs, given {type(points).__name__}")
+        times = check_positive_int(repeats, "repeats", most=MAX_POINTS // max(points.dt.size, 1))
+        planned = points[np.tile(np.arange(len(points)), times)]
         deviation = self._start_std * self._starts.standard_normal((len(planned), len(self.model.states)))
-        noise = self._noise_std * self._noise.standard_normal((len(planned), len(self.model.outputs)))
+        noise = self._noise_std * self._noise.standard_normal((*planned.dt.shape, len(self.model.outputs)))
         if planned.x0.shape[1] != len(self.model.states):
             raise ValueError(f"x0: expected shape (K, {len(self.model.states)}), given {planned.x0.shape}")
-        true = Experiments(planned.x0 + deviation, planned.u, planned.dt, columns=planned.columns)
-        done = simulate(self.model, true, self.theta, rtol=self.rtol, jumps="cross")
-        failed = done.status != Status.ok
-        counts = failures_of(done.status)
+        if isinstance(planned, Runs):
+            runs = Runs(planned.x0 + deviation, planned.u, planned.dt, planned.measured, columns=planned.columns)
+            along = simulate(self.model, runs, self.theta, rtol=self.rtol, jumps="cross")
+            completed = np.arange(planned.dt.shape[1]) < along.reached[:, None]
+            there = planned.measured & completed & (along.status != Status.not_finite)[:, None]
+            y, status, what, ended = along.y, along.status, "runs", "are not measured to their ends"
+        else:
+            true = Experiments(planned.x0 + deviation, planned.u, planned.dt, columns=planned.columns)
+            done = simulate(self.model, true, self.theta, rtol=self.rtol, jumps="cross")
+            there = done.status == Status.ok
+            y, status, what, ended = done.y, done.status, "points", "are not measured"
+        counts = failures_of(status)
         self._failures += counts
         reasons = ", ".join(f"{name} {count}" for name, count in counts.items())
-        if failed.all():
-            raise ValueError(
-                f"points: expected at least one whose trajectory reaches its end, given none: {reasons or 'no points'}"
-            )
+        if not there.any():
+            far = "its end" if what == "points" else "a sample"
+            raise ValueError(f"points: expected at least one whose trajectory reaches {far}, given none: {reasons or f'no {what}'}")
         if counts:
-            warnings.warn(f"{failed.sum()} of {len(true)} points are not measured: {reasons}", RuntimeWarning, stacklevel=2)
-        return Measurements(planned, np.where(failed[:, None], np.nan, done.y + noise))
+            warnings.warn(f"{sum(counts.values())} of {len(planned)} {what} {ended}: {reasons}", RuntimeWarning, stacklevel=2)
+        return Measurements(planned, np.where(there[..., None], y + noise, np.nan))
 
     def __repr__(self) -> str:
         measured = [name for name, std in zip(names_of(self.model.outputs), self._noise_std, strict=True) if not np.isnan(std)]

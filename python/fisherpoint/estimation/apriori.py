@@ -11,6 +11,7 @@ from ..basics.values import Array
 from ..data.measurements import Measurements
 from ..data.record import Record
 from ..models import Model
+from ..points.experiments import Experiments
 from ..points.predictive import predictive_covariance
 from ..points.status import Status
 from ..prior.gaussian import GaussianPrior
@@ -22,13 +23,13 @@ def apriori_covariance(
 ) -> Array | None:
     """The noise's covariance plus the mean predictive covariance (16) of the points over the prior, (n_y, n_y).
 
-    None where there is no prior of all parameters, where there are records, and where no point has its trajectories.
+    None where there is no prior of all parameters, where there are records or runs, and where no point has its trajectories.
     """
     names = names_of(model.parameters)
-    measured = [part for part in data if isinstance(part, Measurements)]
+    measured = [part for part in data if isinstance(part, Measurements) and isinstance(part.points, Experiments)]
     if prior is None or set(names) - set(prior.names) or len(measured) < len(data):
         return None
-    points = Measurements.join(measured).points
+    points = Measurements.join(measured).experiments
     _, first, counts = np.unique(points.table, axis=0, return_index=True, return_counts=True)
     varied = tuple(name for name in names if name in estimated)
     spread = predictive_covariance(model, points[first], prior.marginal(names), DEFAULT_RULE, jumps="cross", parameters=varied)

@@ -62,7 +62,7 @@ def estimate(
     ----------
     model : Model
     data : Measurements, Record, or a sequence of these
-        Points of which nothing was measured are left out.
+        Points and runs of which nothing was measured are left out, and runs end at their last number.
     prior : GaussianPrior, optional
         Takes part in the estimate. Log-normal parameters stay positive: their logarithms are what is searched.
     start : mapping of name to float, or GaussianPrior, optional
@@ -75,11 +75,11 @@ def estimate(
     bounds : mapping of name to (lower, upper), optional
         None for no bound. Default: what the model itself demands (`Model.least`).
     uncertain, initial_state_std : mapping of name to float, optional
-        As in `DesignProblem`: standard deviations of constants, and of the starts of experiment points. What they add to the
-        covariance of the outputs is taken at the estimate. Not for records, of which they would correlate all samples: estimate
-        them there.
+        As in `DesignProblem`: standard deviations of constants, and of the starts of experiment points and runs. What they add to
+        the covariance of the outputs is taken at the estimate; the samples of a run share the error. Not for records: estimate them
+        there.
     assumed_rule : Rule, optional
-        Takes that share as a predictive covariance (16), where it is not linear; the default is by tangents.
+        Takes that share as a predictive covariance (16), where it is not linear; the default is by tangents, which runs need.
     starts : int
         Number of starts where there is a prior: its mean, and nodes spread over it, of which those at which trajectories are not
         ok are left out.
@@ -167,7 +167,7 @@ def estimate(
 
 
 def _parts(data: Any, model: Model) -> tuple[Measurements | Record, ...]:
-    """The sets of data, without points of which nothing was measured: their trajectories may well fail."""
+    """The sets of data, without points and runs of which nothing was measured: their trajectories may well fail."""
     given = tuple(data) if isinstance(data, list | tuple) else (data,)
     if not given:
         raise ValueError("data: expected at least one set of data, given none")
@@ -175,10 +175,12 @@ def _parts(data: Any, model: Model) -> tuple[Measurements | Record, ...]:
     for part in given:
         if not isinstance(part, Measurements | Record):
             raise TypeError(f"data: expected Measurements, a Record or a sequence of them, given {type(part).__name__}")
-        if part.y.shape[1] != len(model.outputs):
-            raise ValueError(f"y: expected shape (N, {len(model.outputs)}) for the outputs of {model.name}, given {part.y.shape}")
-        measured = np.isfinite(part.y).any(axis=1)
-        parts.append(part[np.flatnonzero(measured)] if isinstance(part, Measurements) and not measured.all() else part)
+        if part.samples.shape[1] != len(model.outputs):
+            axes = "K, N" if part.y.ndim == 3 else "N"
+            raise ValueError(
+                f"y: expected shape ({axes}, {len(model.outputs)}) for the outputs of {model.name}, given {part.y.shape}"
+            )
+        parts.append(part.told if isinstance(part, Measurements) else part)
     return tuple(parts)
 
 

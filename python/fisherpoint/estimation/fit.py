@@ -75,7 +75,7 @@ class Fit(FitStatistics, Shown):
         Parameters
         ----------
         kind : {"parity", "residuals", "time", "correlation", "ellipses", "profiles"}
-            Measured against predicted outputs; residuals in units of the noise; records over time; the correlation of the
+            Measured against predicted outputs; residuals in units of the noise; records and runs over time; the correlation of the
             estimates; joint confidence ellipses; the profile likelihood of every unknown, which takes a while.
         path : path, optional
             Where the picture is also written; the ending says the format, PNG where there is none.

@@ -12,6 +12,8 @@ from ..basics.checks import as_path
 from ..basics.csv_table import csv_text
 from ..basics.files import built_from, parse_json, read_bytes, sealed_json, write_together
 from ..basics.quantity import names_of
+from ..data.measurements import Measurements
+from ..points.runs import Runs
 from . import report
 from .fit_state import PLAIN, fit_from_state, fit_state
 from .statistics import FitStatistics
@@ -121,16 +123,30 @@ def _estimate_csv(fit: FitStatistics) -> str:
 
 
 def _residuals_csv(fit: FitStatistics) -> str:
-    """A row per number that was measured: which part of the data, sample within it, output, and what was found."""
-    header = ["data", "sample", "output", "measured", "predicted", "residual", "standardised"]
-    standardised, names, first = fit.standardised, names_of(fit.model.outputs), 0
+    """A row per number that was measured: which part of the data, sample within it, output, and what was found.
+
+    Where there are runs among the data, their numbers and those of their segments too.
+    """
+    of_runs = any(isinstance(part, Measurements) and isinstance(part.points, Runs) for part in fit.data)
+    header = [
+        "data",
+        "sample",
+        *(["run", "segment"] if of_runs else []),
+        "output",
+        "measured",
+        "predicted",
+        "residual",
+        "standardised",
+    ]
+    standardised, names, n = fit.standardised, names_of(fit.model.outputs), 0
     rows: list[list[float | str]] = []
-    for part, data in enumerate(fit.data, start=1):
-        for k in range(len(data)):
-            n = first + k
-            for i, name in enumerate(names):
-                if np.isfinite(fit.residuals[n, i]):
-                    numbers = (data.y[k, i], fit.predicted[n, i], fit.residuals[n, i], standardised[n, i])
-                    rows.append([str(part), str(k + 1), name, *numbers])
-        first += len(data)
+    for number, part in enumerate(fit.data, start=1):
+        runs = part.points if isinstance(part, Measurements) else None
+        places = np.argwhere(runs.measured) + 1 if isinstance(runs, Runs) else None
+        for k, y in enumerate(part.samples):
+            place = [] if not of_runs else ["", ""] if places is None else [str(i) for i in places[k]]
+            for i in np.flatnonzero(np.isfinite(fit.residuals[n])):
+                numbers = (y[i], fit.predicted[n, i], fit.residuals[n, i], standardised[n, i])
+                rows.append([str(number), str(k + 1), *place, names[i], *numbers])
+            n += 1
     return csv_text(header, rows, "\n")

@@ -12,10 +12,12 @@ from ..basics.values import Array, finite_or_none
 from ..data.measurements import Measurements
 from ..data.record import Record
 from ..models.codec import model_from_json, model_to_json
-from ..points.codec import points_from_json, points_to_json
+from ..points.codec import points_from_json, points_to_json, runs_from_json, runs_to_json
+from ..points.runs import Runs
 from ..points.settings import resolve_threads
 from ..prior.codec import prior_from_json, prior_to_json
 from .observed import Observed
+from .run_error import RunError
 from .statistics import FitStatistics
 from .unknowns import Unknowns, prior_factor
 from .weighting import WeightedResiduals
@@ -46,6 +48,7 @@ def fit_state(fit: FitStatistics) -> dict[str, Any]:
             **{side: finite_or_none(getattr(unknowns, side)) for side in BOUNDS},
         },
         "weights": fit.weighted.covariance.tolist(),
+        "common": [{"first": error.first, "moved": error.moved.tolist()} for error in fit.weighted.common],
         "noise_covariance": fit.noise_covariance.tolist(),
         **{name: getattr(fit, name) for name in PLAIN},
     }
@@ -63,7 +66,8 @@ def fit_from_state(data: dict[str, Any]) -> dict[str, Any]:
     if {len(array) for array in (values, unknowns.center, unknowns.scale, unknowns.log, lower, upper)} != {len(observed.names)}:
         raise ValueError(f"values: expected {len(observed.names)} unknowns, {listed(observed.names)}; given another number")
     factor = prior_factor(prior, unknowns) if data["prior_takes_part"] and prior is not None else None
-    weighted = WeightedResiduals(observed, unknowns, observed.y[None], _numbers(data["weights"]), factor)
+    common = tuple(RunError(error["first"], _numbers(error["moved"])) for error in data.get("common", ()))
+    weighted = WeightedResiduals(observed, unknowns, observed.y[None], _numbers(data["weights"]), factor, common)
     response = observed.respond(values[None])
     return dict(
         model=model,
@@ -83,15 +87,14 @@ def _data_to_json(part: Any) -> dict[str, Any]:
     y = finite_or_none(part.y)
     if isinstance(part, Record):
         return {"t": part.t.tolist(), "u": part.u.tolist(), "y": y, "x0": dict(part.x0)}
-    return points_to_json(part.points) | {"y": y}
+    return (runs_to_json(part.points) if isinstance(part.points, Runs) else points_to_json(part.points)) | {"y": y}
 
 
 def _data_from_json(data: dict[str, Any]) -> Measurements | Record:
-    y = np.array([[np.nan if value is None else value for value in row] for row in data["y"]], dtype=np.float64)
-    u = _numbers(data["u"]).reshape(len(y), -1)
+    y = np.array(data["y"], dtype=np.float64)  # of None it makes NaN
     if "t" in data:
-        return Record(_numbers(data["t"]), u, y, x0=data["x0"])
-    return Measurements(points_from_json(data), y)
+        return Record(_numbers(data["t"]), _numbers(data["u"]).reshape(len(y), -1), y, x0=data["x0"])
+    return Measurements(runs_from_json(data) if "measured" in data else points_from_json(data), y)
 
 
 def _numbers(values: Any) -> Array:

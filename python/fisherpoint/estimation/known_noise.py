@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,14 +10,19 @@ import numpy as np
 from ..basics.values import Array
 from ..data.measurements import Measurements
 from ..data.record import Record
+from ..information.assumed import assumed_covariance, assumed_of
 from ..models import Model
+from ..points.experiments import Experiments
+from ..points.runs import Runs
+from ..points.settings import Settings
 from ..points.status import Status
-from ..prior.rules import Rule
+from ..prior.rules import Linearized, Rule
+from .run_error import RunError, run_errors
 
 
 @dataclass(frozen=True, eq=False)
 class KnownNoise:
-    """R of the sensors, or R_k = R + G_k P G_k^T of every sample where constants or starts are uncertain.
+    """R of the sensors, or R_k = R + G_k P G_k^T of every point, and of every run, where constants or starts are uncertain.
 
     Attributes
     ----------
@@ -47,30 +52,44 @@ class KnownNoise:
         """Whether there is more than the sensors' noise."""
         return bool(self.uncertain or self.initial_state_std)
 
-    def covariance(self, theta: Array) -> Array:
-        """(n_y, n_y), or (N, n_y, n_y) where something is assumed, at the parameters (p,)."""
+    def at(self, theta: Array) -> tuple[Array, tuple[RunError, ...]]:
+        """Of every sample (n_y, n_y), or (N, n_y, n_y) where something is assumed, and of runs, at the parameters (p,)."""
         if not self.assumed:
-            return self.sensors
-        from ..information.assumed import assumed_covariance
-
-        shares = []
+            return self.sensors, ()
+        shares, common = [np.zeros((0, *self.sensors.shape))], list[RunError]()
         for part in self.parts:
             if not isinstance(part, Measurements):
                 label = "uncertain" if self.uncertain else "initial_state_std"
-                raise ValueError(f"{label}: expected measurements of points, given a record; there, estimate what is uncertain")
-            share, status = assumed_covariance(
-                self.model,
-                part.points,
-                theta,
-                uncertain=self.uncertain,
-                initial_state_std=self.initial_state_std,
-                rtol=self.rtol,
-                threads=self.threads,
-                jumps="cross",
-                rule=self.rule,
-            )
-            if status.any():
-                k = int(np.argmax(status != Status.ok))
-                raise ValueError(f"points: expected trajectories that are ok, given points[{k}] ({Status(status[k]).name})")
-            shares.append(share)
-        return self.sensors + np.concatenate(shares)
+                raise ValueError(
+                    f"{label}: expected measurements of points or runs, given a record; there, estimate what is uncertain"
+                )
+            if isinstance(part.points, Runs):
+                common += self._of_runs(part, theta, sum(map(len, shares)))
+                shares.append(np.zeros((len(part.samples), *self.sensors.shape)))
+            else:
+                shares.append(self._of_points(part.points, theta))
+        return self.sensors + np.concatenate(shares), tuple(common)
+
+    def _of_points(self, points: Experiments, theta: Array) -> Array:
+        share, status = assumed_covariance(
+            self.model,
+            points,
+            theta,
+            uncertain=self.uncertain,
+            initial_state_std=self.initial_state_std,
+            rtol=self.rtol,
+            threads=self.threads,
+            jumps="cross",
+            rule=self.rule,
+        )
+        if status.any():
+            k = int(np.argmax(status != Status.ok))
+            raise ValueError(f"points: expected trajectories that are ok, given points[{k}] ({Status(status[k]).name})")
+        return share
+
+    def _of_runs(self, data: Measurements, theta: Array, first: int) -> Iterator[RunError]:
+        if self.rule is not None and not isinstance(self.rule, Linearized):
+            raise ValueError(f"assumed_rule: expected tangents, None, for runs, given {self.rule}")
+        assumed = assumed_of(self.model, self.uncertain, self.initial_state_std)
+        settings: Settings = self.rtol, True, True, "fastest", self.threads
+        return run_errors(assumed, data, theta, settings, np.sqrt(np.diag(self.sensors)), first)

@@ -12,10 +12,11 @@ from ..basics.values import Array
 from ..data.measurements import Measurements
 from ..models import Model
 from ..points.experiments import Experiments
+from ..points.runs import Runs
 from ..points.settings import Settings, checked_arguments
 from ..points.status import Status
 from .record_response import RecordResponse
-from .response import Response, measurements_response, sensible
+from .response import Response, measurements_response, runs_response, sensible
 
 EPSILON = float(np.finfo(np.float64).eps)
 
@@ -56,13 +57,19 @@ class Observed:
         self.model, self.rtol, self._theta = model, rtol, theta
         self._given = (model, tuple(data), parameters, theta, rtol, threads)
         self._columns = [names_of(model.parameters).index(name) for name in parameters]
-        self.y = np.concatenate([part.y for part in data])
+        self.y = np.concatenate([part.samples for part in data])
         names, self._parts = list(parameters), []
         self.starts: dict[str, tuple[str, Any]] = {}
         for part in data:
             if isinstance(part, Measurements):
                 settings = checked_arguments(model, part.points, theta, rtol, threads, "cross", "cross", None)
-                self._parts.append((_points_response(model, part.points, self._columns, settings), len(part), slice(0)))
+                given = (self._columns, settings)
+                respond = (
+                    _runs_response(model, part.points, *given)
+                    if isinstance(part.points, Runs)
+                    else _points_response(model, part.points, *given)
+                )
+                self._parts.append((respond, len(part.samples), slice(0)))
                 continue
             respond, starts = _record_response(model, part, self._columns, rtol, threads)
             number = sum(not isinstance(other, Measurements) for other in data[: len(self._parts) + 1])
@@ -125,6 +132,21 @@ def _points_response(model: Model, points: Experiments, columns: list[int], sett
     def respond(theta: Array, _: Array) -> Response:
         found = measurements_response(model, distinct, theta, columns, settings)
         return Response(found.y[:, replicate], found.dy[:, replicate], found.status)
+
+    return respond
+
+
+def _runs_response(model: Model, runs: Runs, columns: list[int], settings: Settings) -> _Respond:
+    """The response of runs, of which replicates are simulated once."""
+    table = np.column_stack([runs.x0, runs.u.reshape(len(runs), -1), runs.dt, runs.measured])
+    _, first, replicate = np.unique(table, axis=0, return_index=True, return_inverse=True)
+    distinct, replicate = runs[first], replicate.reshape(-1)
+    number = np.split(np.arange(distinct.measured.sum()), np.cumsum(distinct.measured.sum(axis=1))[:-1])
+    places = np.concatenate([number[k] for k in replicate])
+
+    def respond(theta: Array, _: Array) -> Response:
+        found = runs_response(model, distinct, theta, columns, settings)
+        return Response(found.y[:, places], found.dy[:, places], found.status)
 
     return respond
 

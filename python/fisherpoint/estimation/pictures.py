@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
@@ -16,7 +16,8 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from ..basics.quantity import Quantity
-from ..data import Measurements
+from ..data import Record
+from ..points.runs import Runs
 from ..show import style
 from ..show.correlation import draw_correlation
 from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, scale
@@ -25,6 +26,9 @@ from .statistics import FitStatistics
 
 MANY = 150
 """Samples from which on they are drawn as small dots."""
+
+MOST_SERIES = 6
+"""Records and runs that are shown over time."""
 
 MOST_PAIRS = 6
 """Pairs of unknowns of which ellipses are shown."""
@@ -60,7 +64,7 @@ def plot_parity(fit: FitStatistics) -> Figure:
 
 def plot_residuals(fit: FitStatistics) -> Figure:
     """Residuals in units of the noise's standard deviation over the samples, with the band of two of them."""
-    residuals, parts = fit.standardised, np.cumsum([len(part) for part in fit.data])[:-1]
+    residuals, parts = fit.standardised, np.cumsum([len(part.samples) for part in fit.data])[:-1]
     noise = "given" if fit.noise_known else "estimated"
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(7.2, 0.9 + 1.35 * len(fit.tests)), layout="constrained")
@@ -165,30 +169,45 @@ def plot_profiles(profiles: Sequence[ProfileCurve]) -> Figure:
     return figure
 
 
-def plot_time(fit: FitStatistics) -> Figure:
-    """Measured and simulated outputs over time: a column per record, a row per measured output."""
-    records, first = [], 0
+class _Series(NamedTuple):
+    """Samples over time: of a record, or of a run; their rows among those of the fit."""
+
+    t: NDArray[np.float64]
+    rows: slice
+
+
+def _series(fit: FitStatistics) -> Iterator[_Series]:
+    first = 0
     for part in fit.data:
-        if not isinstance(part, Measurements):
-            records.append((part, slice(first, first + len(part))))
-        first += len(part)
-    outputs = list(_measured_outputs(fit))
+        if isinstance(part, Record):
+            yield _Series(part.t, slice(first, first + len(part)))
+        elif isinstance(part.points, Runs):
+            ends = first + np.cumsum(part.points.measured.sum(axis=1))
+            for t, there, end in zip(part.points.t, part.points.measured, ends.tolist(), strict=True):
+                yield _Series(t[there], slice(end - int(there.sum()), end))
+        first += len(part.samples)
+
+
+def plot_time(fit: FitStatistics) -> Figure:
+    """Measured and simulated outputs over time: a column per record or run, a row per measured output."""
+    everything, outputs = list(_series(fit)), list(_measured_outputs(fit))
+    series = everything[:MOST_SERIES]
     with mpl.rc_context(STYLE):
-        if not records:
-            return _nothing("Over time: there is no record among the data")
-        figure = Figure(figsize=(max(7.2, 4.6 * len(records)), 0.9 + 2.2 * len(outputs)), layout="constrained")
-        grid = figure.subplots(len(outputs), len(records), sharex="col", squeeze=False)
-        figure.suptitle("Measured and simulated over time", x=0.01, ha="left")
-        for column, (record, rows) in enumerate(records):
-            time_factor, time_unit = scale(Quantity("t", "s", "time"), record.t)
+        if not series:
+            return _nothing("Over time: there is no record or run among the data")
+        figure = Figure(figsize=(max(7.2, 4.6 * len(series)), 0.9 + 2.2 * len(outputs)), layout="constrained")
+        grid = figure.subplots(len(outputs), len(series), sharex="col", squeeze=False)
+        of = f"; the first {len(series)} of {len(everything)}" if len(series) < len(everything) else ""
+        figure.suptitle(f"Measured and simulated over time{of}", x=0.01, ha="left")
+        measured = fit.predicted + fit.residuals
+        for column, (t, rows) in enumerate(series):
+            time_factor, time_unit = scale(Quantity("t", "s", "time"), t)
             for axes, (i, quantity) in zip(grid[:, column], outputs, strict=True):
-                told = np.isfinite(record.y[:, i])
-                factor, unit = scale(quantity, np.append(record.y[told, i], fit.predicted[rows, i]))
-                label = "simulated"
-                axes.plot(
-                    time_factor * record.t[told], factor * record.y[told, i], ".", color=PRIOR, markersize=3, label="measured"
-                )
-                axes.plot(time_factor * record.t, factor * fit.predicted[rows, i], color=NOISE, linewidth=1.3, label=label)
+                y = measured[rows, i]
+                told = np.isfinite(y)
+                factor, unit = scale(quantity, np.append(y[told], fit.predicted[rows, i]))
+                axes.plot(time_factor * t[told], factor * y[told], ".", color=PRIOR, markersize=3, label="measured")
+                axes.plot(time_factor * t, factor * fit.predicted[rows, i], color=NOISE, linewidth=1.3, label="simulated")
                 rms = np.sqrt(np.mean(np.square(fit.residuals[rows, i][told]))) if told.any() else np.nan
                 axes.set_title(f"root mean square of the residuals {factor * rms:.3g} {unit}", fontsize=9, loc="right")
                 axes.set_ylabel(f"{quantity.name} [{unit}]")
@@ -210,7 +229,7 @@ PLOTS: dict[str, Callable[[FitStatistics], Figure]] = {
 def save_all(fit: FitStatistics, directory: str | Path, profiles: Sequence[ProfileCurve] = ()) -> list[Path]:
     """Write every picture that the fit has something to show in, as PNG, into an existing directory; return the files."""
     plots: dict[str, Callable[[], Figure]] = {name: partial(plot, fit) for name, plot in PLOTS.items()}
-    if all(isinstance(part, Measurements) for part in fit.data):
+    if not any(_series(fit)):
         del plots["time"]
     if len(fit.parameters) == 1:
         del plots["correlation"], plots["ellipses"]

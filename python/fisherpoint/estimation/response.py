@@ -11,10 +11,12 @@ from ..basics.values import Array, IntArray
 from ..data.record_trajectory import first_failure
 from ..models import Model
 from ..points.experiments import Experiments
+from ..points.run_trajectories import checked_run_sensitivities
+from ..points.runs import Runs
 from ..points.settings import Settings
 
 MOST_POINTS = 200_000
-"""Points that the engine is given at once, so that memory stays bounded."""
+"""Points, or segments, that the engine is given at once, so that memory stays bounded."""
 
 
 class Response(NamedTuple):
@@ -45,6 +47,23 @@ def measurements_response(model: Model, points: Experiments, theta: Array, colum
         y[some] = found.reshape(len(rows), n_points, n_y)
         dy[some] = derivatives[..., columns].reshape(len(rows), n_points, n_y, -1)
         status[some] = codes.reshape(len(rows), n_points)
+    return Response(y, dy, first_failure(status))
+
+
+def runs_response(model: Model, runs: Runs, theta: Array, columns: list[int], settings: Settings) -> Response:
+    """The same of the S samples of K runs, run after run."""
+    count, (n_runs, segments), n_y = len(theta), runs.dt.shape, len(model.outputs)
+    n_samples, each = int(runs.measured.sum()), max(1, MOST_POINTS // (n_runs * segments))
+    y, dy = np.empty((count, n_samples, n_y)), np.empty((count, n_samples, n_y, len(columns)))
+    status = np.empty((count, n_runs), dtype=np.int32)
+    for first in range(0, count, each):
+        rows = theta[first : first + each]
+        many = runs[np.tile(np.arange(n_runs), len(rows))]
+        found = checked_run_sensitivities(model, many, np.repeat(rows, n_runs, axis=0), settings, outputs_alone=True)
+        some = slice(first, first + len(rows))
+        y[some] = found.y[many.measured].reshape(len(rows), n_samples, n_y)
+        dy[some] = found.dy_dtheta[many.measured][..., columns].reshape(len(rows), n_samples, n_y, -1)
+        status[some] = found.status.reshape(len(rows), n_runs)
     return Response(y, dy, first_failure(status))
 
 

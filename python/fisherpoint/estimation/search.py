@@ -95,7 +95,8 @@ def _minimised(residuals: WeightedResiduals, z0: Array, max_evaluations: int) ->
 def _weighted(residuals: WeightedResiduals, noise: KnownNoise, z: Array) -> WeightedResiduals:
     """The residuals in units of the noise that there is at z (P,)."""
     theta = residuals.observed.parameters(residuals.unknowns.values(z[None]))[0]
-    return replace(residuals, covariance=noise.covariance(theta))
+    covariance, common = noise.at(theta)
+    return replace(residuals, covariance=covariance, common=common)
 
 
 def _best(minima: Minima, residuals: WeightedResiduals, z0: Array) -> tuple[int, int]:

@@ -19,7 +19,7 @@ from .apriori import apriori_covariance
 from .precision import Precision, in_words, quantile
 from .small_samples import Inflated, inflated, output_degrees_of_freedom
 from .unknown_noise import correlations_can_be_told, residual_covariance
-from .weighting import WeightedResiduals, whiten
+from .weighting import WeightedResiduals
 
 FEWEST_DEGREES = 0.5
 """Of freedom of an output, below which its residuals do not tell its noise."""
@@ -58,7 +58,7 @@ class FitStatistics:
     values : ndarray, (P,)
         The unknowns in the order of `parameters`: estimated parameters, and starts of records.
     predicted, residuals : ndarray, (N, n_y)
-        Of all samples in a row, SI units; measured - predicted, NaN where not measured.
+        Of all samples in a row, run after run, SI units; measured - predicted, NaN where not measured.
     noise_known : bool
     noise_covariance : ndarray, (n_y, n_y)
         R: of the given noise, or the estimated one, with each variance divided by its degrees of freedom instead of the samples.
@@ -287,8 +287,7 @@ class FitStatistics:
     @cached_property
     def whitened(self) -> Array:
         """Residuals in units of the noise, (N, n_y), zero where not measured."""
-        whitened: Array = whiten(self.weighted.covariance, np.isfinite(self.residuals), self.residuals[None])[0][0]
-        return whitened
+        return self.weighted.whitened(self.residuals)
 
     @property
     def standardised(self) -> Array:

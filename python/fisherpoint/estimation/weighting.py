@@ -15,6 +15,7 @@ from ..basics.values import Array
 from ..models import Model
 from .least_squares import Accuracy
 from .observed import Observed
+from .run_error import RunError
 from .unknowns import Unknowns
 
 
@@ -70,9 +71,11 @@ class WeightedResiduals:
     y : ndarray, (1 or B, N, n_y)
         Data; NaN, the same for all problems, where not measured.
     covariance : ndarray, broadcastable to (B, N, n_y, n_y)
-        Of the noise.
+        Of the noise of every sample.
     prior_factor : ndarray, (P, P), or None
         L^-1 of the prior's covariance L L^T in coordinates z, for residuals L^-1 z that are added: the maximum a posteriori.
+    common : tuple of RunError
+        Of runs, what moves all samples of one; the covariance of these samples is R alone.
     """
 
     observed: Observed
@@ -80,6 +83,7 @@ class WeightedResiduals:
     y: Array
     covariance: Array
     prior_factor: Array | None = None
+    common: tuple[RunError, ...] = ()
 
     @property
     def measured(self) -> NDArray[np.bool_]:
@@ -88,18 +92,35 @@ class WeightedResiduals:
 
     @property
     def variances(self) -> Array:
-        """Of the noise of every output, (..., n_y)."""
-        return np.asarray(np.einsum("...ii->...i", self.covariance))
+        """Of the noise of every output, (..., n_y), with what is common to runs."""
+        variances = np.einsum("...ii->...i", self.covariance)
+        if self.common:
+            variances = np.broadcast_to(variances, self.measured.shape).copy()
+            for error in self.common:
+                variances[error.rows] *= error.variances
+        return np.asarray(variances)
 
     @property
     def accuracy(self) -> Accuracy:
         """Of the residuals in units of the noise: rounding, or the trajectories' tolerance, is a share of what was measured."""
-        share = self.observed.precision * np.nan_to_num(self.y) / np.sqrt(self.variances)
+        share = self.observed.precision * np.nan_to_num(self.y) / np.sqrt(np.einsum("...ii->...i", self.covariance))
         return Accuracy(np.asarray(np.sqrt(np.square(share).sum(axis=(1, 2)))), self.observed.precision)
 
     def prior_square(self, z: Array) -> Array:
         """Sum of squares of the prior's residuals at z (B, P), zero without a prior."""
         return np.zeros(len(z)) if self.prior_factor is None else np.square(z @ self.prior_factor.T).sum(axis=1)
+
+    def whitened(self, residuals: Array) -> Array:
+        """Residuals (N, n_y) in units of the noise, zero where not measured."""
+        white: Array = self._whitened(self.covariance, residuals[None])[0][0]
+        return white
+
+    def _whitened(self, covariance: Array, *arrays: Array) -> list[Array]:
+        white = whiten(covariance, self.measured, *arrays)
+        for error in self.common:
+            for array in white:
+                array[:, error.rows] = error.whitened(array[:, error.rows])
+        return white
 
     def __call__(self, z: Array, rows: NDArray[np.intp]) -> tuple[Array, Array, NDArray[np.bool_]]:
         values = self.unknowns.values(z)
@@ -109,7 +130,7 @@ class WeightedResiduals:
         if covariance.ndim == 4 and len(covariance) > 1:
             covariance = covariance[rows]
         slopes = self.unknowns.slopes(values)[:, None, None, :]
-        e, jacobian = whiten(covariance, self.measured, response.y - y, response.dy * slopes)
+        e, jacobian = self._whitened(covariance, response.y - y, response.dy * slopes)
         r, jacobian = e.reshape(len(z), -1), jacobian.reshape(len(z), -1, z.shape[1])
         if self.prior_factor is not None:
             r = np.concatenate([r, z @ self.prior_factor.T], axis=1)

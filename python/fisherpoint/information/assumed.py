@@ -159,6 +159,7 @@ def assumed_covariance(
         equations, whose tangents nothing gives.
     """
     check_type(model, Model, "model")
+    check_type(points, Experiments, "points")
     values = model.theta(theta)
     assumed = assumed_of(model, uncertain, initial_state_std)
     settings = checked_arguments(model, points, values, rtol, threads, kinks, jumps, None)

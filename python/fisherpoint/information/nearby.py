@@ -127,14 +127,16 @@ def nearby_of(
     status = np.zeros((len(information), 0), dtype=np.int32)
     points, theta = information.points, _moved(problem, moves)
     at_all = (
-        run_samples_at(problem, points, theta, threads)
+        run_samples_at(problem, points, theta, threads, information.measured)
         if isinstance(points, Runs)
         else sensitivities_at(problem, points, theta, threads)
     )
+    if isinstance(points, Runs) and information.assumed is not None:  # of points among them; rows of runs have it in them
+        information = replace(information, assumed=np.zeros_like(information.assumed))
     for m, (sensitivity, found) in enumerate(at_all):
-        kept = np.isin(found, WITHOUT_TANGENT)
-        sensitivity[kept] = information.sensitivity[kept]
         there = _white(d, factor, replace(information, sensitivity=sensitivity))
+        kept = np.isin(found, WITHOUT_TANGENT)
+        there[kept] = at_mean[kept]
         root = _half(there)
         errors = np.linalg.norm(root, axis=1)
         ratio = errors / promised

@@ -77,12 +77,15 @@ class PointInformation:
         points = joined([part.points for part in parts])
         sensitivity = np.concatenate([part.sensitivity for part in parts])
         covariance = np.concatenate([part.covariance for part in parts])
-        assumed = [part.assumed for part in parts if part.assumed is not None]
+        assumed = None
+        if any(part.assumed is not None for part in parts):  # that of runs is in their sensitivities
+            own = (np.zeros_like(part.covariance) if part.assumed is None else part.assumed for part in parts)
+            assumed = np.concatenate(list(own))
         measured = None
         if any(part.measured is not None for part in parts):
             all_of = (np.ones(part.sensitivity.shape[:2], dtype=bool) if part.measured is None else part.measured for part in parts)
             measured = np.concatenate(list(all_of))
-        return PointInformation(points, sensitivity, covariance, np.concatenate(assumed) if assumed else None, measured)
+        return PointInformation(points, sensitivity, covariance, assumed, measured)
 
 
 def joined(parts: Sequence[Experiments | Runs]) -> Experiments | Runs:

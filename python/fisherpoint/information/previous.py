@@ -10,6 +10,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 
 from ..basics.values import Array, FrozenMapping
+from ..data.measured_outputs import told_runs
 from ..points.experiments import Experiments
 from ..points.runs import Runs
 from ..points.settings import on_surface
@@ -21,7 +22,7 @@ from .run_information import checked_problem, run_rows, run_settings
 
 
 class HasPoints(Protocol):
-    """A design; measurements have outputs `y` (K, n_y) too, NaN where nothing was measured."""
+    """A design; measurements have outputs `y` (K, n_y), or (K, N, n_y), too, NaN where nothing was measured."""
 
     @property
     def points(self) -> Experiments | Runs: ...
@@ -102,16 +103,19 @@ def _of_part(problem: DesignProblem, part: Any, threads: int | None) -> tuple[Po
 
 
 def _of_runs(problem: DesignProblem, runs: Runs, y: Array | None, threads: int | None) -> tuple[PointInformation, Counter[str]]:
-    """A run that does not reach its end says nothing, as a whole."""
+    """A run that does not reach its end, or its last number, says nothing, as a whole."""
+    told = None
+    if y is not None:
+        runs, y = told_runs(runs, y)
+        told = np.isfinite(y)
     starts = on_surface(problem.model, runs.starts, problem.theta, problem.crossed)
     lost = Counter({f"starts on {surface} = 0": len(rows) for surface, rows in starts.items()})
     kept = np.setdiff1d(np.arange(len(runs)), np.concatenate([[], *starts.values()]).astype(int))
     checked_problem(problem)
-    rows = run_rows(problem, runs[kept], problem.theta, run_settings(problem, threads))
+    rows = run_rows(problem, runs[kept], problem.theta, run_settings(problem, threads), None if told is None else told[kept])
     lost.update(failures_of(rows.status))
     kept, sensitivity = kept[rows.status == Status.ok], rows.sensitivity[rows.status == Status.ok]
     there = runs.measured[kept]
     samples = sensitivity[there]
     none = np.zeros((len(samples), samples.shape[1], samples.shape[1]))
-    measured = None if y is None else np.isfinite(y[kept])[there]
-    return PointInformation(runs[kept], samples, none, measured=measured), lost
+    return PointInformation(runs[kept], samples, none, measured=None if told is None else told[kept][there]), lost

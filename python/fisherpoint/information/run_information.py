@@ -20,6 +20,8 @@ from ..points.run_trajectories import checked_run_sensitivities
 from ..points.runs import Runs
 from ..points.settings import Settings, check_jumps, check_kinks, checked_arguments, resolve_threads
 from ..points.status import Status, only_finite
+from .assumed import Assumed
+from .common_error import CommonError
 from .point_information import PointInformation
 from .problem import DesignProblem
 
@@ -55,9 +57,10 @@ class RunTangents(NamedTuple):
     dy: Array  # (K, N, n_y, q)
     status: IntArray
 
-    def rows(self, problem: DesignProblem) -> RunRows:
-        """The rows as the Fisher matrix takes them."""
-        assumed, there = problem.assumed, self.runs.measured[:, :, None, None]
+    def rows(self, problem: DesignProblem, told: NDArray[np.bool_] | None = None) -> RunRows:
+        """The rows as the Fisher matrix takes them; outputs that are not `told` (K, N, n_y) say nothing."""
+        assumed = problem.assumed
+        there = self.runs.measured[:, :, None, None] if told is None else told[..., None]
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
             scaled = np.where(there, self.dy[..., problem.estimated_columns] * problem.std, 0.0)
             scaled[~(np.abs(scaled) <= problem.largest_sensitivity)] = np.inf
@@ -66,7 +69,8 @@ class RunTangents(NamedTuple):
                 moved = np.where(there, self.dy[..., assumed.columns] * assumed.std, 0.0)
                 status = only_finite(status, moved)
                 noise = np.sqrt(np.diag(problem.noise_covariance))[:, None]
-                scaled = noise * _whitened(scaled / noise, moved / noise)
+                rows, by = ((array / noise).reshape(len(array), -1, array.shape[3]) for array in (scaled, moved))
+                scaled = noise * CommonError.of(by).whitened(rows).reshape(scaled.shape)
                 status = only_finite(status, scaled)
         scaled[status != Status.ok] = 0.0
         return RunRows(scaled, status)
@@ -81,9 +85,14 @@ def checked_problem(problem: DesignProblem) -> DesignProblem:
     return problem
 
 
-def run_rows(problem: DesignProblem, runs: Runs, theta: Array, settings: Settings) -> RunRows:
-    """The rows of runs that fit the problem's model, at parameters (p,) or (K, p) of it."""
-    return run_tangents(problem, runs, theta, settings, outputs_alone=True).rows(problem)
+def run_rows(
+    problem: DesignProblem, runs: Runs, theta: Array, settings: Settings, told: NDArray[np.bool_] | None = None
+) -> RunRows:
+    """The rows of runs that fit the problem's model, at parameters (p,) or (K, p) of it.
+
+    Outputs that are not `told` (K, N, n_y) say nothing; the default is all.
+    """
+    return run_tangents(problem, runs, theta, settings, outputs_alone=True).rows(problem, told)
 
 
 def run_tangents(problem: DesignProblem, runs: Runs, theta: Array, settings: Settings, outputs_alone: bool = False) -> RunTangents:
@@ -140,14 +149,17 @@ def _extended(problem: DesignProblem, theta: Array) -> tuple[Model, Array]:
     return (problem.model, theta) if assumed is None else (assumed.model, assumed.theta(theta))
 
 
-def _whitened(rows: Array, moved: Array) -> Array:
-    """(I + B B^T)^-1/2 A for rows A (K, N, n_y, p) and B (K, N, n_y, q) of each run."""
-    (count, _, _, p), q = rows.shape, moved.shape[3]
-    a, b = rows.reshape(count, -1, p), moved.reshape(count, -1, q)
-    u, s, _ = np.linalg.svd(b, full_matrices=False)
-    shrink = 1 / np.sqrt(1 + s * s) - 1
-    white: Array = (a + u @ (shrink[:, :, None] * (u.transpose(0, 2, 1) @ a))).reshape(rows.shape)
-    return white
+def moves_of_runs(assumed: Assumed, runs: Runs, theta: Array, settings: Settings) -> tuple[Array, IntArray]:
+    """By how much outputs move with a standard deviation of each thing that is assumed, (K, N, n_y, q), and statuses (K,).
+
+    Zero where nothing is measured, and where the status is not ok; theta is (p,).
+    """
+    result = checked_run_sensitivities(assumed.model, runs, assumed.theta(theta), settings, outputs_alone=True)
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
+        moved = np.where(runs.measured[:, :, None, None], result.dy_dtheta[..., assumed.columns] * assumed.std, 0.0)
+    status = only_finite(result.status, moved)
+    moved[status != Status.ok] = 0.0
+    return moved, status
 
 
 def run_information(problem: DesignProblem, runs: Runs, threads: int | None) -> PointInformation:
@@ -172,17 +184,24 @@ def run_information(problem: DesignProblem, runs: Runs, threads: int | None) -> 
     return PointInformation(runs, sensitivity, np.zeros((len(sensitivity), n_y, n_y)))
 
 
-def run_samples_at(problem: DesignProblem, runs: Runs, theta: Array, threads: int | None) -> Iterator[tuple[Array, IntArray]]:
+def run_samples_at(
+    problem: DesignProblem, runs: Runs, theta: Array, threads: int | None, measured: NDArray[np.bool_] | None = None
+) -> Iterator[tuple[Array, IntArray]]:
     """For each of R sets of parameters (R, p) of the model: rows (S, n_y, p) and statuses (S,) of the samples.
 
-    Kinks and jumps are crossed, as in fits.
+    Kinks and jumps are crossed, as in fits. Outputs of samples that are not `measured` (S, n_y) say nothing; the default is all.
     """
+    told = None
+    if measured is not None:
+        told = np.zeros((*runs.dt.shape, measured.shape[1]), dtype=bool)
+        told[runs.measured] = measured
     settings: Settings = float(problem.rtol), True, True, "fastest", resolve_threads(threads)
     count, each = len(runs), max(1, MOST_SEGMENTS // runs.dt.size)
     for first in range(0, len(theta), each):
         some = theta[first : first + each]
         many = runs[np.tile(np.arange(count), len(some))]
-        rows = run_rows(problem, many, np.repeat(some, count, axis=0), settings)
+        of_many = None if told is None else np.tile(told, (len(some), 1, 1))
+        rows = run_rows(problem, many, np.repeat(some, count, axis=0), settings, of_many)
         for part in range(len(some)):
             own = slice(part * count, (part + 1) * count)
             yield RunRows(rows.sensitivity[own], rows.status[own]).samples(runs)

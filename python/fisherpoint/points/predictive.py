@@ -94,6 +94,7 @@ def predictive_covariance(
     """
     check_type(model, Model, "model")
     check_type(prior, GaussianPrior, "prior")
+    check_type(points, Experiments, "points")
     if not isinstance(rule, Rule):
         raise TypeError(f"rule: expected a rule such as fisherpoint.SparseGaussHermite(2), given {type(rule).__name__}")
     names = names_of(model.parameters)

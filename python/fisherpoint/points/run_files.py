@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,18 +13,26 @@ from ..basics.checks import check_alike, check_type
 from ..basics.csv_table import CsvTable, csv_text
 from ..basics.messages import listed
 from ..basics.quantity import DURATION, Quantity, names_of
-from ..basics.values import Array
+from ..basics.values import Array, FrozenMapping
 from ..models import Model
 from .experiments import columns_of, place_names
 
 RUN, SEGMENT = Quantity("run", "1", "number of a run, from 1"), Quantity("segment", "1", "number of a segment of it, from 1")
 MEASURED = Quantity("measured", "1", "whether the outputs are measured at the segment's end")
 
+NOTHING: Mapping[str, Array] = FrozenMapping({})
+
 
 def runs_csv(
-    x0: Array, u: Array, dt: Array, measured: NDArray[np.bool_], columns: tuple[str, ...] | None, model: Model | None
+    x0: Array,
+    u: Array,
+    dt: Array,
+    measured: NDArray[np.bool_],
+    columns: tuple[str, ...] | None,
+    model: Model | None,
+    outputs: Mapping[str, Array] = NOTHING,
 ) -> str:
-    """The text of a file of runs; see `Runs.to_csv`."""
+    """The text of a file of runs, see `Runs.to_csv`, with columns of outputs (K, N) behind."""
     n_x, n_u = x0.shape[1], u.shape[2]
     if model is not None:
         check_type(model, Model, "model")
@@ -33,11 +42,16 @@ def runs_csv(
     k, n = np.nonzero(dt)
     starts = np.where((n == 0)[:, None], x0[k], np.nan)
     numbers = np.column_stack([starts, u[k, n], dt[k, n]]).tolist()
+    behind = np.column_stack([np.empty((len(k), 0)), *(values[k, n] for values in outputs.values())]).tolist()
     rows: list[list[Any]] = [
-        [str(run + 1), str(segment + 1), *row, str(int(measured[run, segment]))]
-        for run, segment, row in zip(k.tolist(), n.tolist(), numbers, strict=True)
+        [str(run + 1), str(segment + 1), *row, str(int(measured[run, segment])), *further]
+        for run, segment, row, further in zip(k.tolist(), n.tolist(), numbers, behind, strict=True)
     ]
-    return csv_text((RUN.name, SEGMENT.name, *names, DURATION.name, MEASURED.name), rows)
+    header = (RUN.name, SEGMENT.name, *names, DURATION.name, MEASURED.name, *outputs)
+    if len(set(header)) != len(header):
+        taken = listed((RUN.name, SEGMENT.name, DURATION.name, MEASURED.name, *outputs))
+        raise ValueError(f"columns: expected names that differ from {taken}; given {listed(names)}")
+    return csv_text(header, rows)
 
 
 def read_runs(path: str | Path, model: Model) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
@@ -45,10 +59,12 @@ def read_runs(path: str | Path, model: Model) -> tuple[Array, Array, Array, NDAr
     return runs_of_table(CsvTable(path), model)
 
 
-def runs_of_table(table: CsvTable, model: Model, outputs: tuple[str, ...] = ()) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-    """The same of a table that may have columns of outputs besides."""
+def runs_of_table(
+    table: CsvTable, model: Model, outputs: Collection[str] = (), ignored: Collection[str] = ()
+) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    """The same of a table that may have columns of outputs besides, and others that are not read."""
     expected = (RUN.name, SEGMENT.name, *columns_of(model), DURATION.name, MEASURED.name)
-    if set(table.names) - set(outputs) != set(expected):
+    if set(table.names) - set(outputs) - (set(ignored) - set(expected)) != set(expected):
         raise ValueError(f"{table.path}: expected the columns {listed(expected)}; given {listed(table.names)}")
     table.read_decimal_commas((*columns_of(model), DURATION.name, *outputs))
     run, segment, flag = (table.complete(quantity) for quantity in (RUN, SEGMENT, MEASURED))

@@ -64,10 +64,7 @@ class Runs:
         if not shape[1]:
             raise ValueError("u: expected at least one segment, given none")
         self.dt = _of_segments(as_floats(dt, "dt"), shape, "dt")
-        flags = np.asarray(True if measured is None else measured)
-        if flags.dtype != np.bool_:
-            raise ValueError(f"measured: expected flags, given {shown(measured)}")
-        self.measured: Flags = _of_segments(flags, shape, "measured") & (self.dt > 0)
+        self.measured: Flags = _of_segments(_flags(True if measured is None else measured), shape, "measured") & (self.dt > 0)
         _check(self.dt, self.measured)
         self.columns = None if columns is None else checked_columns(columns, self.x0.shape[1] + self.u.shape[2])
         self._keep()
@@ -184,6 +181,16 @@ class Runs:
         """
         check_type(model, Model, "model")
         return cls(*read_runs(path, model), columns=columns_of(model))
+
+
+def _flags(given: ArrayLike) -> Flags:
+    try:
+        flags = np.asarray(given)
+    except (TypeError, ValueError) as error:  # ragged, or no array at all
+        raise ValueError(f"measured: expected flags, given {shown(given)}") from error
+    if flags.dtype != np.bool_:
+        raise ValueError(f"measured: expected flags, given {shown(given)}")
+    return flags
 
 
 def _of_segments(array: NDArray[Any], shape: tuple[int, int], name: str) -> NDArray[Any]:

@@ -14,13 +14,16 @@ from ..data.measurements import Measurements
 from ..estimation.least_squares import CONVERGED, ENDS, Minima, minimise
 from ..estimation.observed import Observed
 from ..estimation.precision import Precision, covariances, in_words, quantile
+from ..estimation.run_error import RunError, run_errors
 from ..estimation.small_samples import inflated, output_degrees_of_freedom, unbiased
 from ..estimation.unknown_noise import check_noise_can_be_told, correlations_can_be_told, minimise_log_det
 from ..estimation.unknowns import Unknowns, checked_bounds, prior_factor, spread_starts, unknowns_of
 from ..estimation.weighting import WeightedResiduals, noise_covariance
 from ..information.point_information import point_information
 from ..information.problem import DesignProblem
+from ..information.run_information import run_information, run_settings
 from ..points.experiments import Experiments
+from ..points.runs import Runs
 from ..points.status import Status
 from .figures import LEVEL
 from .truths import Rig, Streams
@@ -32,7 +35,7 @@ STARTS = 8
 """Starts of a search at most, as `estimate` has by default."""
 
 
-class Runs(NamedTuple):
+class VirtualFits(NamedTuple):
     """n virtual experiments and their fits; P estimated parameters.
 
     estimate and standard_error (n, P) in SI units, covered (n, P) by the interval, at_bound (n, P), and why a fit failed (n,), an
@@ -74,7 +77,7 @@ class Estimator:
     def of(
         cls,
         problem: DesignProblem,
-        points: Experiments,
+        points: Experiments | Runs,
         noise_std: dict[str, float],
         noise_known: bool,
         use_prior: bool,
@@ -83,18 +86,26 @@ class Estimator:
     ) -> Estimator:
         model, names = problem.model, problem.estimated
         outputs = names_of(model.outputs)
-        blank = np.tile([0.0 if name in noise_std else np.nan for name in outputs], (len(points), 1))
-        observed = Observed(model, [Measurements(points, blank)], names, problem.theta, rtol, threads)
+        data = Measurements(points, _blank(points, np.array([0.0 if name in noise_std else np.nan for name in outputs])))
+        blank = data.samples
+        observed = Observed(model, [data], names, problem.theta, rtol, threads)
         if not noise_known:
             check_noise_can_be_told(observed, problem.prior if use_prior else None)
         covariance = noise_covariance(model, noise_std, blank)
-        information = point_information(problem, points, False, threads)
-        if information.assumed is not None:
-            covariance = covariance + information.assumed
+        common: tuple[RunError, ...] = ()
+        if isinstance(points, Runs):
+            run_information(problem, points, threads)  # which must be there
+            if problem.assumed is not None:
+                std = np.sqrt(np.diag(covariance))
+                common = tuple(run_errors(problem.assumed, data, problem.theta, run_settings(problem, threads), std))
+        else:
+            information = point_information(problem, points, False, threads)
+            if information.assumed is not None:
+                covariance = covariance + information.assumed
         mean = {name: problem.prior.mean[name] for name in names}
         unknowns = unknowns_of(mean, problem.prior, {}, checked_bounds(model, None, names))
         factor = prior_factor(problem.prior, unknowns) if use_prior else None
-        residuals = WeightedResiduals(observed, unknowns, blank[None], covariance, factor)
+        residuals = WeightedResiduals(observed, unknowns, blank[None], covariance, factor, common)
         starts = spread_starts(unknowns, mean, problem.prior, STARTS)
         _, jacobian, _ = residuals(starts[:1], np.zeros(1, dtype=np.intp))
         return cls(residuals, starts[0], starts[1:], noise_known, Precision.of(jacobian[0]))
@@ -121,7 +132,7 @@ class Estimator:
         """How many problems are advanced together."""
         return max(1, MOST_NUMBERS // (int(self.residuals.y[0].size) * len(self.unknowns)))
 
-    def fit(self, y: Array, truth: Array) -> Runs:
+    def fit(self, y: Array, truth: Array) -> VirtualFits:
         """Fit data (B, N, n_y) of true unknowns (B, P)."""
         unknowns, count = self.unknowns, len(y)
         start, residuals = np.tile(self.start, (count, 1)), replace(self.residuals, y=y)
@@ -146,7 +157,7 @@ class Estimator:
         spread = np.where(determined, np.sqrt(np.einsum("bii->bi", covariance)), np.inf)
         estimate = unknowns.values(minima.z)
         off = np.abs(minima.z - unknowns.coordinates(truth))
-        return Runs(
+        return VirtualFits(
             truth,
             estimate,
             spread * unknowns.slopes(estimate),
@@ -179,8 +190,14 @@ class Estimator:
         return jacobian[:, : shape[0] * shape[1]].reshape(len(jacobian), *shape, -1)
 
 
-def run(estimator: Estimator, rig: Rig, points: Experiments, theta: Array, seed: int, threads: int) -> Runs:
-    """Measure the points at true parameters theta (n, p), and fit each run's data."""
+def _blank(points: Experiments | Runs, of_sample: Array) -> Array:
+    """Outputs of points or runs that are the same at every sample."""
+    there = points.measured if isinstance(points, Runs) else np.ones(len(points), dtype=bool)
+    return np.where(there[..., None], of_sample, np.nan)
+
+
+def run(estimator: Estimator, rig: Rig, points: Experiments | Runs, theta: Array, seed: int, threads: int) -> VirtualFits:
+    """Measure the points at true parameters theta (n, p), and fit the data of each virtual experiment."""
     columns = [names_of(rig.model.parameters).index(name) for name in estimator.unknowns.names]
     parts, streams = [], Streams.of(seed)
     for first in range(0, len(theta), estimator.at_once):
@@ -189,9 +206,9 @@ def run(estimator: Estimator, rig: Rig, points: Experiments, theta: Array, seed:
         failure = np.array([f"the true trajectory: {Status(int(code)).name}" for code in status], dtype="<U80")
         ok = status == Status.ok
         blank = np.full((len(some), len(columns)), np.nan)
-        runs = Runs(some[:, columns], blank, blank.copy(), blank > 0, blank > 0, failure)
+        found = VirtualFits(some[:, columns], blank, blank.copy(), blank > 0, blank > 0, failure)
         if ok.any():
-            for whole, part in zip(runs[1:], estimator.fit(y[ok], some[ok][:, columns])[1:], strict=True):
+            for whole, part in zip(found[1:], estimator.fit(y[ok], some[ok][:, columns])[1:], strict=True):
                 whole[ok] = part
-        parts.append(runs)
-    return Runs(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+        parts.append(found)
+    return VirtualFits(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))

@@ -34,7 +34,7 @@ def plot_validation(designs: Mapping[str, DesignValidation]) -> Figure:
                 if design.per_run is not None
                 else "no parameter is determined, nothing was fitted"
             )
-            errors.set_title(f"{name}: {len(design.points)} points, {fits}")
+            errors.set_title(f"{name}: {design.size}, {fits}")
         left, right = panels[-1]
         left.set_xscale("log")
         left.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=None))

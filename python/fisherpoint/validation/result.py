@@ -13,14 +13,15 @@ from ..information.codec import problem_from_json, problem_to_json
 from ..information.problem import DesignProblem
 from ..models import Model
 from ..models.codec import model_from_json, model_to_json
-from ..points.codec import points_from_json, points_to_json
+from ..points.codec import points_from_json, points_to_json, runs_from_json, runs_to_json
 from ..points.experiments import Experiments
+from ..points.runs import Runs
 from ..show.numbers import computed, with_error
 from ..show.section import Report, Section
 from ..show.shown import Shown
 from .design_validation import DesignValidation
 from .figures import FEWEST, Figure, ParameterFigures
-from .fits import Runs
+from .fits import VirtualFits
 
 if TYPE_CHECKING:
     import matplotlib.figure
@@ -71,10 +72,13 @@ class Validation(Shown, Kept):
     use_prior: bool
     seconds: float
 
-    _INSIDE = (DesignValidation, ParameterFigures, Figure, Runs)
+    FORMAT_VERSION = 2
+    _RENAMED: ClassVar[Mapping[str, str]] = {"Runs": "VirtualFits"}
+    _INSIDE = (DesignValidation, ParameterFigures, Figure, VirtualFits)
     _CODEC: ClassVar[Codec] = {
         DesignProblem: (problem_to_json, problem_from_json),
         Experiments: (points_to_json, points_from_json),
+        Runs: (runs_to_json, runs_from_json),
         Model: (model_to_json, model_from_json),
     }
 
@@ -129,7 +133,9 @@ def headline(validation: Validation) -> str:
     if validation.problem.uncertain and validation.truth is None:
         parts.append(f"{', '.join(validation.problem.uncertain)} off by an error that all points of an experiment share")
     if validation.problem.initial_state_std:
-        parts.append("starts off by an error of each point")
+        runs = [isinstance(design.points, Runs) for design in validation.designs.values()]
+        kinds = [kind for kind, there in (("point", not all(runs)), ("run", any(runs))) if there]
+        parts.append(f"starts off by an error of each {' and '.join(kinds)}")
     if validation.redrawn:
         parts.append(f"{validation.redrawn} draws from the prior left out, which make no sense to the model")
     return "; ".join(parts)
@@ -139,7 +145,7 @@ def _section(name: str, design: DesignValidation, n: int) -> Section:
     failed = sum(design.failures.values())
     notes = [f"{count} of {n}: {reason}" for reason, count in design.failures.items()]
     notes += [f"not determined: {direction}" for direction in design.null_directions]
-    title = f"{name}: {len(design.points)} points, {design.fits} fits, {failed} failed"
+    title = f"{name}: {design.size}, {design.fits} fits, {failed} failed"
     if design.per_run is None:
         return Section(title, notes=[*notes, "nothing was fitted: the points determine no parameter"])
     if design.fits < FEWEST:

@@ -17,6 +17,7 @@ from ..information.assumed import Assumed, assumed_of
 from ..information.problem import DesignProblem
 from ..models import Model
 from ..points.experiments import Experiments
+from ..points.runs import Runs
 from ..points.status import Status
 from ..points.trajectories import simulate
 from ..prior.coordinates import cholesky_coordinates
@@ -62,7 +63,8 @@ class Rig:
     model : Model
         What makes the data.
     assumed : Assumed or None
-        What deviates from run to run (constants) and from point to point (starts); None where nothing does.
+        What deviates from one virtual experiment to the next (constants), and from point to point or run to run (starts); None
+        where nothing does.
     n_starts : int
         The last so many of what is assumed are starts.
     noise_std : ndarray, (n_y,)
@@ -83,10 +85,11 @@ class Rig:
         std = np.array([noise_std.get(name, np.nan) for name in names_of(model.outputs)])
         return cls(model, assumed, len(starts or ()), std)
 
-    def measure(self, points: Experiments, theta: Array, rng: Streams, threads: int) -> tuple[Array, IntArray]:
-        """Outputs (B, K, n_y) for true parameters (B, p), NaN where not measured, and the worst status (B,) of each run."""
+    def measure(self, points: Experiments | Runs, theta: Array, rng: Streams, threads: int) -> tuple[Array, IntArray]:
+        """Outputs (B, S, n_y) of all samples for true parameters (B, p), NaN where not measured, and the worst statuses (B,)."""
         count, n_points = len(theta), len(points)
-        noise = self.noise_std * rng.noise.standard_normal((count, n_points, len(self.noise_std)))
+        n_samples = int(points.measured.sum()) if isinstance(points, Runs) else n_points
+        noise = self.noise_std * rng.noise.standard_normal((count, n_samples, len(self.noise_std)))
         model, true = self.model, np.repeat(theta, n_points, axis=0)
         if self.assumed is not None:
             model, std = self.assumed.model, self.assumed.std
@@ -100,19 +103,25 @@ class Rig:
             )
             true = self.assumed.theta(true)
             true[:, self.assumed.columns] += std * deviation
-        y = np.zeros((count * n_points, len(self.noise_std)))
         status = np.full(count * n_points, Status.not_finite, dtype=np.int32)
         rows = np.flatnonzero(sensible(model, true))
+        y = np.zeros((count * n_points, *points.dt.shape[1:], len(self.noise_std)))
         if len(rows):
-            many = points[np.tile(np.arange(n_points), count)[rows]]
-            done = simulate(model, many, true[rows], rtol=TRUTH_RTOL, threads=threads, jumps="cross")
-            y[rows], status[rows] = done.y, done.status
-        return y.reshape(count, n_points, -1) + noise, first_failure(status.reshape(count, n_points))
+            many = np.tile(np.arange(n_points), count)[rows]
+            if isinstance(points, Runs):
+                along = simulate(model, points[many], true[rows], rtol=TRUTH_RTOL, threads=threads, jumps="cross")
+                y[rows], status[rows] = along.y, along.status
+            else:
+                done = simulate(model, points[many], true[rows], rtol=TRUTH_RTOL, threads=threads, jumps="cross")
+                y[rows], status[rows] = done.y, done.status
+        if isinstance(points, Runs):
+            y = y[np.tile(points.measured, (count, 1))]
+        return y.reshape(count, n_samples, -1) + noise, first_failure(status.reshape(count, n_points))
 
 
 @dataclass(frozen=True, eq=False)
 class Streams:
-    """Random numbers of one design's runs, the same for every design: what differs between designs then is the designs."""
+    """Random numbers of virtual experiments, the same for every design: what differs between designs then is the designs."""
 
     noise: np.random.Generator
     constants: np.random.Generator

@@ -17,20 +17,21 @@ from ..design.result import Design
 from ..information.problem import DesignProblem
 from ..models import Model
 from ..points.experiments import Experiments
+from ..points.runs import Runs
 from ..points.settings import check_rtol, resolve_threads
 from .design_validation import DesignValidation
 from .figures import parameter_figures
-from .fits import Estimator, Runs, run
+from .fits import Estimator, VirtualFits, run
 from .result import Validation
 from .truths import Rig, truths_of
 
 MOST_RUNS = 10**6
-"""Runs of each design, past which they count as a slip."""
+"""Virtual experiments with each design, past which they count as a slip."""
 
 
 def validate(
     problem: DesignProblem,
-    designs: Mapping[str, Experiments],
+    designs: Mapping[str, Experiments | Runs],
     *,
     noise_std: Mapping[str, float] | None = None,
     runs: int = 1000,
@@ -44,22 +45,23 @@ def validate(
 ) -> Validation:
     """Measure designs virtually many times, estimate the parameters each time, and compare with what the designs promise.
 
-    Every run has true parameters, data y(theta) + v with v normal of standard deviations `noise_std`, and a fit that starts from
-    the prior mean. All fits of a design advance together.
+    Every virtual experiment has true parameters, data y(theta) + v with v normal of standard deviations `noise_std`, and a fit
+    that starts from the prior mean. All fits of a design advance together.
 
     Parameters
     ----------
     problem : DesignProblem
-        With `uncertain`, the constants of every run deviate, and with `initial_state_std` the start of every point does; the fits
-        take the covariance that this adds to the outputs at the prior mean.
-    designs : mapping of name to Experiments or Design
+        With `uncertain`, the constants deviate, once in every virtual experiment, and with `initial_state_std` the start of every
+        point, or run; the fits take the covariance that this adds to the outputs at the prior mean.
+    designs : mapping of name to Experiments, Runs or Design
         They share the true parameters and the random numbers.
     noise_std : mapping of output name to float, optional
         Standard deviations of the sensor noise, SI units. Outputs that are left out are not measured. Default: the problem's.
     runs : int
         Number of virtual experiments with each design.
     theta : "prior", "mean", or mapping of parameter name to float
-        The truth: drawn from the prior for each run, or the same for all runs; what a mapping leaves out is at the prior mean.
+        The truth: drawn from the prior for each virtual experiment, or the same for all; what a mapping leaves out is at the prior
+        mean.
         Draws for which the model has no meaning, such as a negative mass, are left out and counted.
     seed : int
         The same seed gives the same figures on any number of threads.
@@ -112,16 +114,18 @@ def validate(
     )
 
 
-def _validation(problem: DesignProblem, points: Experiments, estimator: Estimator, runs: Runs | None) -> DesignValidation:
+def _validation(
+    problem: DesignProblem, points: Experiments | Runs, estimator: Estimator, fits: VirtualFits | None
+) -> DesignValidation:
     """Figures of one design, of the fits that did not fail."""
     names, promised = estimator.unknowns.names, estimator.promised_errors
     nothing = np.empty((0, len(names)))
     errors, claimed, covered, at_bound, failures = nothing, nothing, nothing > 0, nothing > 0, Counter[str]()
-    if runs is not None:
-        fine = runs.failure == ""
-        errors, claimed = (runs.estimate - runs.truth)[fine], runs.standard_error[fine]
-        covered, at_bound = runs.covered[fine], runs.at_bound[fine]
-        failures.update(runs.failure[~fine].tolist())
+    if fits is not None:
+        fine = fits.failure == ""
+        errors, claimed = (fits.estimate - fits.truth)[fine], fits.standard_error[fine]
+        covered, at_bound = fits.covered[fine], fits.at_bound[fine]
+        failures.update(fits.failure[~fine].tolist())
     figures = {
         name: parameter_figures(
             name, problem.prior.std[name], float(promised[j]), errors[:, j], claimed[:, j], covered[:, j], at_bound[:, j]
@@ -129,20 +133,20 @@ def _validation(problem: DesignProblem, points: Experiments, estimator: Estimato
         for j, name in enumerate(names)
     }
     return DesignValidation(
-        points, FrozenMapping(figures), len(errors), FrozenMapping(dict(failures)), estimator.null_directions, runs
+        points, FrozenMapping(figures), len(errors), FrozenMapping(dict(failures)), estimator.null_directions, fits
     )
 
 
-def _designs(given: Any) -> dict[str, Experiments]:
-    check_mapping(given, "designs", "Experiments")
+def _designs(given: Any) -> dict[str, Experiments | Runs]:
+    check_mapping(given, "designs", "Experiments or Runs")
     if not given:
         raise ValueError("designs: expected at least one, given none")
     named = {}
     for name, design in given.items():
         points = design.points if isinstance(design, Design) else design
         check_name(name, "designs")
-        if not isinstance(points, Experiments):
-            raise TypeError(f"designs[{name!r}]: expected Experiments or a Design, given {type(points).__name__}")
+        if not isinstance(points, Experiments | Runs):
+            raise TypeError(f"designs[{name!r}]: expected Experiments, Runs or a Design, given {type(points).__name__}")
         if not len(points):
             raise ValueError(f"designs[{name!r}]: expected at least one point, given none")
         named[name] = points
