@@ -39,6 +39,7 @@ try:
 
     from .campaign import campaign
     from .estimate import estimate
+    from .runs import design_of_runs, evaluate_runs, read_points, simulate_runs
     from .terminal import (
         INTERRUPTED,
         MISUSE,
@@ -96,13 +97,15 @@ def design(
     no_plots: NoPlots = False,
     quiet: Quiet = False,
 ) -> int:
-    """Find the experiment points that determine the parameters best.
+    """Find the experiment points, or with [runs] the runs, that determine the parameters best.
 
     Writes design.csv, design.json, report.txt and pictures. Ctrl-C stops early and keeps the best design so far.
     """
     config = load_config(file)
     if config.region is None:
         raise config.error("region", "missing; expected a table with bounds of every state, every input and dt")
+    if config.runs is not None:
+        return design_of_runs(config, output, seed, threads, no_plots, quiet)
     problem, settings = config.problem(), config.exchange_settings()
     for name, value in (("seed", seed), ("max_iterations", max_iterations)):
         if value is not None:
@@ -145,9 +148,11 @@ def evaluate(
     config = load_config(file)
     problem = config.problem()
     save_pictures = _picture_writer(output) if output else None
-    experiments = read_data(points, "points", fp.Experiments.from_csv, config.build_model())
+    experiments = read_data(points, "points", read_points, config.build_model())
     if output:
         make_directory(output)
+    if isinstance(experiments, fp.Runs):
+        return evaluate_runs(problem, experiments, output)
     evaluated = evaluate_points(problem, experiments)
     report = evaluation_report(evaluated)
     show(report)
@@ -172,10 +177,12 @@ def simulate(
     """
     config = load_config(file)
     model, prior = config.build_model(), config.build_prior()
-    experiments = read_data(points, "points", fp.Experiments.from_csv, config.build_model())
+    experiments = read_data(points, "points", read_points, config.build_model())
     if output:
         check_file(output)
     theta = np.array([prior.mean[quantity.name] for quantity in model.parameters])
+    if isinstance(experiments, fp.Runs):
+        return simulate_runs(model, experiments, theta, config.crossings(), output)
     done = fp.simulate(model, experiments, theta, **config.crossings())
     show(simulation_report(model, experiments, done.y, done.status))
     if output:

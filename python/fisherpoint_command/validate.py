@@ -14,6 +14,7 @@ from fisherpoint.basics.files import write_together
 from fisherpoint.basics.messages import listed, printable
 from fisherpoint.design.configuration import ConfigError, load_config
 
+from .runs import read_points
 from .terminal import Noise, NoPlots, Output, Quiet, Threads, as_file, make_directory, read_data, say, show
 
 
@@ -45,7 +46,7 @@ def validate(
     problem = config.problem()
     if problem.noise_std is None:
         raise config.error("noise_std", "missing; expected the noise of every output, from which the promise is computed")
-    points = {name: read_data(path, "points", fp.Experiments.from_csv, problem.model) for name, path in _named(designs).items()}
+    points = {name: read_data(path, "points", read_points, problem.model) for name, path in _named(designs).items()}
     if not no_plots:
         with needed_for("pictures"):
             from fisherpoint.validation import pictures as plots_validation  # noqa: F401  what can fail for a trivial reason fails before the work

@@ -21,8 +21,19 @@ from ..basics.toml_tables import check_names, check_table, validated
 from ..information.problem import DesignProblem
 from ..models.toml import ModelFile, keys_of
 from ..points.region import ExperimentRegion
+from ..points.run_region import RunRegion
 from ..prior.gaussian import GaussianPrior
-from .configuration_tables import Bounds, CampaignTable, Correlation, DesignTable, PriorEntry, RegionTable, RuleTable, Std
+from .configuration_tables import (
+    Bounds,
+    CampaignTable,
+    Correlation,
+    DesignTable,
+    PriorEntry,
+    RegionTable,
+    RuleTable,
+    RunsTable,
+    Std,
+)
 
 __all__ = ["Config", "ConfigError", "load_config", "load_problem"]
 
@@ -38,6 +49,7 @@ class Config(ModelFile):
     uncertain: dict[str, Std] = Field(default_factory=dict)
     initial_state_std: dict[str, Std] = Field(default_factory=dict)
     region: RegionTable | None = None
+    runs: RunsTable | None = None
     rule: RuleTable = RuleTable()
     design: DesignTable = DesignTable()
     campaign: CampaignTable = CampaignTable()
@@ -122,11 +134,7 @@ class Config(ModelFile):
         ConfigError
             If the library refuses a value; the message names the table.
         """
-        model, prior, region = self.build_model(), self.build_prior(), None
-        if self.region is not None:
-            bounds = {name: (axis.bounds[0], axis.bounds[1]) for name, axis in self.region.bounds.items()}
-            with self._names_key("region"):
-                region = ExperimentRegion(bounds, constraints=self.region.constraints)
+        model, prior, region = self.build_model(), self.build_prior(), self._region()
         with self._names_key("rule"):
             rule = self.rule.build()
         noise_std, uncertain, initial_state_std = (
@@ -145,6 +153,18 @@ class Config(ModelFile):
                 **self.design.model_dump(include=_PROBLEM_KEYS, exclude_none=True),
             )
 
+    def _region(self) -> ExperimentRegion | RunRegion | None:
+        if self.region is None:
+            return None
+        bounds = {name: (axis.bounds[0], axis.bounds[1]) for name, axis in self.region.bounds.items()}
+        if self.runs is None:
+            with self._names_key("region"):
+                return ExperimentRegion(bounds, constraints=self.region.constraints)
+        if self.region.constraints:
+            raise self.error("region.constraints", "expected only for points, given beside [runs]")
+        with self._names_key("runs"):
+            return RunRegion(bounds, **self.runs.options())
+
     def crossings(self) -> dict[str, Any]:
         """Keyword arguments for :func:`fisherpoint.simulate`: whether kinks and jumps are crossed, where the file says it."""
         return self.design.model_dump(include={"kinks", "jumps"}, exclude_none=True)
@@ -152,6 +172,11 @@ class Config(ModelFile):
     def exchange_settings(self) -> dict[str, Any]:
         """Keyword arguments for :func:`fisherpoint.exchange`; what the file leaves out is left to its defaults."""
         return self.design.model_dump(exclude=_PROBLEM_KEYS, exclude_none=True)
+
+    def run_settings(self) -> dict[str, Any]:
+        """Keyword arguments for :func:`fisherpoint.design_runs`; what the file leaves out is left to its defaults."""
+        search = {} if self.runs is None else self.runs.search()
+        return search | self.design.model_dump(include={"n_candidates", "seed", "time_limit"}, exclude_none=True)
 
     def error(self, key: str, text: str) -> ConfigError:
         """A :class:`ConfigError` about `key` of this file."""
@@ -213,5 +238,11 @@ def _keys_of(place: tuple[str, ...]) -> list[str]:
     if len(place) > 1:
         entries: dict[str, type[BaseModel]] = {"prior": PriorEntry, "region": Bounds}
         return list(entries.get(place[0], Std).model_fields)
-    tables: dict[str, type[BaseModel]] = {"": Config, "rule": RuleTable, "design": DesignTable, "campaign": CampaignTable}
+    tables: dict[str, type[BaseModel]] = {
+        "": Config,
+        "runs": RunsTable,
+        "rule": RuleTable,
+        "design": DesignTable,
+        "campaign": CampaignTable,
+    }
     return list(tables["".join(place)].model_fields)

@@ -60,6 +60,37 @@ class RegionTable(Table):
         return self.__pydantic_extra__
 
 
+class RunsTable(Table):
+    """Runs of several segments in the place of points: how many, of what length, and what of them may vary."""
+
+    segments: Count
+    n_runs: Count | None = None
+    constant: list[str] = Field(default_factory=list)
+    shared: list[str] = Field(default_factory=list)
+    levels: dict[str, Annotated[list[Number], Field(min_length=1)]] = Field(default_factory=dict)
+    slew: dict[str, Positive] = Field(default_factory=dict)
+    duration: Positive | None = None
+    lead_in: Annotated[int, Field(ge=0)] = 0
+    samples: Count | None = None
+    n_starts: Count | None = None
+    confidence: Annotated[float, Field(gt=0, lt=1)] | None = None
+
+    @model_validator(mode="after")
+    def _something_is_measured(self) -> RunsTable:
+        if self.lead_in >= self.segments:
+            fail(f"runs.lead_in: expected fewer than all {self.segments} segments, given {self.lead_in}")
+        return self
+
+    def options(self) -> dict[str, Any]:
+        """Keyword arguments for `RunRegion`."""
+        given = self.model_dump(include={"segments", "constant", "shared", "levels", "slew", "duration", "samples"})
+        return given | {"measured": [n >= self.lead_in for n in range(self.segments)]}
+
+    def search(self) -> dict[str, Any]:
+        """Keyword arguments for `design_runs`."""
+        return self.model_dump(include={"n_runs", "n_starts", "confidence"}, exclude_none=True)
+
+
 class RuleTable(Table):
     """How expectations over the prior are taken; without a kind, levels, span and edges are those of the paper's grid."""
 

@@ -53,7 +53,8 @@ class RunDesign(Shown, Kept):
     evaluation : Evaluation
         Of the runs, and of previous points and runs with them, at the prior mean.
     log_det : float
-        What was maximised: log det F in its sum form, parameters standardised by the prior; with `plants` its mean over these.
+        What was maximised: log det F in its sum form, parameters standardised by the prior; with `plants` its mean over these. -inf
+        where no runs of the region determine all parameters.
     plants : ndarray, (R, p)
         Parameters over which it is averaged; one row, the prior mean, where none were given.
     ends : tuple of float

@@ -109,8 +109,9 @@ def _plants(design: Reported) -> Section:
 
 def _search(design: Reported) -> Section:
     told = {"all_starts": "every start was followed", "time_limit": "the time was up", "interrupted": "interrupted"}
+    singular = not np.isfinite(design.log_det)
     facts = [
-        ("log det F, sum over samples", computed(design.log_det, 6)),
+        ("log det F, sum over samples", "-inf: singular" if singular else computed(design.log_det, 6)),
         ("starts followed", f"{len(design.ends)} of {design.settings.n_starts}"),
         ("that ended as well as the best", f"{design.again} of {len(design.ends)}"),
         ("end of the search", told[design.stop_reason]),
@@ -119,7 +120,7 @@ def _search(design: Reported) -> Section:
     ]
     others = sorted(design.ends, reverse=True)
     note = f"Starts ended at log det F = {', '.join(computed(end, 5) for end in others[:8])}{' ...' if len(others) > 8 else ''}."
-    return Section("Search", (), facts, notes=[note])
+    return Section("Search", (), facts, notes=[] if singular else [note])
 
 
 def _warnings(design: Reported) -> Iterator[str]:

@@ -107,6 +107,8 @@ class RunSearch:
     ----------
     ends : list of Found
         What each start ended with.
+    singular : bool
+        Whether no runs determine all parameters; log det F then has a ridge.
     """
 
     def __init__(
@@ -184,7 +186,8 @@ class RunSearch:
         self._pool, self._judged = np.concatenate(z), Judged.join(found)
         everything = self._judged.matrices.sum(axis=(0, 1)) + self.objective.previous.sum(axis=0)
         size = np.sqrt(np.maximum(np.diag(everything), 1e-300))
-        if np.linalg.eigvalsh(everything / size / size[:, None])[0] < 1e-13:
+        self.singular = bool(np.linalg.eigvalsh(everything / size / size[:, None])[0] < 1e-13)
+        if self.singular:
             self.objective.previous = self.objective.previous + RIDGE * np.eye(len(everything))
 
     def _count(self, runs: Runs) -> None:

@@ -1,0 +1,97 @@
+"""What the commands do with runs of several segments: the search, and points or runs from a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+import fisherpoint as fp
+from fisherpoint.basics.csv_table import CsvTable, csv_text
+from fisherpoint.basics.extras import needed_for
+from fisherpoint.basics.files import write_together, write_whole
+from fisherpoint.basics.values import Array
+from fisherpoint.design.configuration import Config
+from fisherpoint.points.run_files import RUN, SEGMENT
+
+from .terminal import INTERRUPTED, as_file, make_directory, say, show
+
+PICTURES = ("runs", "information", "standard_errors", "correlation")
+
+
+def design_of_runs(config: Config, output: Path, seed: int | None, threads: int | None, no_plots: bool, quiet: bool) -> int:
+    """Search for runs; write design.csv, plan.csv, design.json, report.txt and pictures."""
+    problem, settings = config.problem(), config.run_settings()
+    if problem.noise_std is None:
+        raise config.error("noise_std", "missing; expected the noise of every output, which runs are designed for")
+    if seed is not None:
+        settings["seed"] = seed
+    if not no_plots:
+        with needed_for("pictures"):
+            import fisherpoint.design.run_pictures  # noqa: F401  what can fail for a trivial reason fails before the work
+    make_directory(output)
+
+    console = Console(stderr=True)
+
+    def progress(now: fp.RunProgress) -> None:
+        if not quiet and console.is_terminal:
+            found = f"log det {now.log_det:.3f}, best {now.best:.3f}"
+            console.print(f"start {now.start} of {now.n_starts}: {found}, {now.seconds:.0f} s", highlight=False)
+
+    found = fp.design_runs(problem, **settings, threads=threads, progress=progress)
+    found.save(output)
+    report = found.report()
+    write_whole(output / "report.txt", as_file(report))
+    written = ["design.csv", "plan.csv", "design.json", "report.txt"]
+    interrupted = found.stop_reason == "interrupted"
+    if not no_plots and not interrupted:
+        for kind in PICTURES:
+            found.plot(kind, path=output / f"{kind}.png")
+            written.append(f"{kind}.png")
+    if not quiet:
+        show(report)
+        print()
+        say(f"Written to {output}: {', '.join(written)}")
+    return INTERRUPTED if interrupted else 0
+
+
+def evaluate_runs(problem: fp.DesignProblem, runs: fp.Runs, output: Path | None) -> int:
+    """Tell what given runs are worth; write report.txt and parameters.csv."""
+    evaluation = fp.evaluate_design(problem, runs)
+    report = evaluation.report()
+    show(report)
+    if output:
+        write_together(output, {"parameters.csv": evaluation.to_pandas().to_csv(), "report.txt": as_file(report)})
+    return 0
+
+
+def simulate_runs(problem_model: fp.Model, runs: fp.Runs, theta: Array, crossings: dict[str, Any], output: Path | None) -> int:
+    """Simulate given runs: the outputs at the end of each segment."""
+    done = fp.simulate(problem_model, runs, theta, **crossings)
+    run, segment = np.nonzero(runs.dt)
+    reached = segment < done.reached[run]
+    names = [f"y_{quantity.name}" for quantity in problem_model.outputs]
+    y = np.where(reached[:, None], done.y[run, segment], np.nan)
+    states = [fp.Status(int(done.status[k])).name if n >= done.reached[k] else "ok" for k, n in zip(run, segment, strict=True)]
+    rows: list[list[str | float]] = [
+        [str(k + 1), str(n + 1), t, *values, state]
+        for k, n, t, values, state in zip(run, segment, runs.t[run, segment].tolist(), y.tolist(), states, strict=True)
+    ]
+    text = csv_text((RUN.name, SEGMENT.name, "t", *names, "status"), rows)
+    failed = int((done.status != fp.Status.ok).sum())
+    say(f"{len(runs)} runs, {failed} of which do not reach their ends")
+    if output:
+        write_whole(output, text)
+    else:
+        print(text, end="")
+    return 0
+
+
+def read_points(path: Path, model: fp.Model) -> fp.Experiments | fp.Runs:
+    """Points, or runs where the file has a row for every segment of one."""
+    names = CsvTable(path).names
+    if RUN.name in names and SEGMENT.name in names:
+        return fp.Runs.from_csv(path, model)
+    return fp.Experiments.from_csv(path, model)
