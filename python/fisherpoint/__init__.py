@@ -26,6 +26,7 @@ from .points.constraints import Constraint
 from .points.experiments import Experiments
 from .points.predictive import PredictiveCovariance, predictive_covariance
 from .points.region import ExperimentRegion
+from .points.rest import Rest
 from .points.run_trajectories import RunSensitivities, RunTrajectories
 from .points.runs import Runs
 from .points.status import Status
@@ -73,6 +74,7 @@ __all__ = [
     "Quantity",
     "Record",
     "RecordTrajectory",
+    "Rest",
     "Rule",
     "RuleComparison",
     "RunSensitivities",

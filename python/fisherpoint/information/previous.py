@@ -11,6 +11,7 @@ import numpy as np
 
 from ..basics.values import Array, FrozenMapping
 from ..points.experiments import Experiments
+from ..points.rest_starts import start_points
 from ..points.runs import Runs
 from ..points.settings import on_surface
 from ..points.status import Status, failures_of
@@ -103,7 +104,8 @@ def _of_part(problem: DesignProblem, part: Any, threads: int | None) -> tuple[Po
 
 def _of_runs(problem: DesignProblem, runs: Runs, y: Array | None, threads: int | None) -> tuple[PointInformation, Counter[str]]:
     """A run that does not reach its end says nothing, as a whole."""
-    starts = on_surface(problem.model, runs.starts, problem.theta, problem.crossed)
+    first = start_points(problem.model, runs, problem.theta)
+    starts = on_surface(problem.model, first, problem.theta, problem.crossed)
     lost = Counter({f"starts on {surface} = 0": len(rows) for surface, rows in starts.items()})
     kept = np.setdiff1d(np.arange(len(runs)), np.concatenate([[], *starts.values()]).astype(int))
     checked_problem(problem)
