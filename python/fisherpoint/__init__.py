@@ -18,10 +18,12 @@ from .estimation.fit import Fit
 from .information.assumed import assumed_covariance
 from .information.comparison import RuleComparison, compare_rules
 from .information.evaluation import Evaluation, evaluate_design, evaluate_under_noise
+from .information.feasibility import Feasibility, feasibility
 from .information.identifiability import Identifiability, identifiability
 from .information.nearby import Nearby
 from .information.problem import DesignProblem
 from .models import HydraulicCylinder, Model
+from .points.broken_limits import broken_limits
 from .points.constraints import Constraint
 from .points.experiments import Experiments
 from .points.predictive import PredictiveCovariance, predictive_covariance
@@ -60,6 +62,7 @@ __all__ = [
     "ExchangeSettings",
     "ExperimentRegion",
     "Experiments",
+    "Feasibility",
     "Fit",
     "GaussHermite",
     "GaussianPrior",
@@ -93,11 +96,13 @@ __all__ = [
     "VirtualRig",
     "assumed_covariance",
     "available_isas",
+    "broken_limits",
     "compare_rules",
     "estimate",
     "evaluate_design",
     "evaluate_under_noise",
     "exchange",
+    "feasibility",
     "identifiability",
     "isa",
     "load_model",

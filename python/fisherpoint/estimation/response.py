@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..basics.values import Array, IntArray
 from ..data.record_trajectory import first_failure
 from ..models import Model
 from ..points.experiments import Experiments
+from ..points.sense import sensible as sensible
 from ..points.settings import Settings
 
 MOST_POINTS = 200_000
@@ -46,19 +46,3 @@ def measurements_response(model: Model, points: Experiments, theta: Array, colum
         dy[some] = derivatives[..., columns].reshape(len(rows), n_points, n_y, -1)
         status[some] = codes.reshape(len(rows), n_points)
     return Response(y, dy, first_failure(status))
-
-
-def sensible(model: Model, theta: Array) -> NDArray[np.bool_]:
-    """Which of the parameters (B, p) make sense to the model."""
-    finite = np.asarray(np.isfinite(theta).all(axis=1))
-    if not len(theta) or (finite.all() and _makes_sense(model, theta)):
-        return finite
-    return np.array([ok and _makes_sense(model, row[None]) for ok, row in zip(finite, theta, strict=True)], dtype=bool)
-
-
-def _makes_sense(model: Model, theta: Array) -> bool:
-    try:
-        model._check_theta(theta)
-    except ValueError:
-        return False
-    return True

@@ -137,7 +137,7 @@ def nearby_of(
         ratio = errors / promised
         j = int(np.argmax(ratio))
         if ratio[j] > worst[0]:
-            worst = ratio[j], m, root @ root[j] / errors[j], there
+            worst = ratio[j], m, root @ (root[j] / errors[j]), there
         growth = np.maximum(growth, ratio)
         status = np.column_stack([status, found])
     _, m, direction, there = worst
@@ -177,7 +177,7 @@ def _white(d: Criterion, factor: Array, information: PointInformation) -> Array:
 def _half(white: Array) -> Array:
     """A root (p, p) of the covariance; what is not determined has a standard error that is large, but finite."""
     singular_values, directions, length = column_scaled_svd(_shortened(white.reshape(-1, white.shape[2])))
-    floor = max(singular_values[0], 1e-300) / (100 * UNDETERMINED)
+    floor = max(singular_values[0], 1e-100) / (100 * UNDETERMINED)
     root: Array = directions.T / np.maximum(singular_values, floor) / np.where(length > 0, length, 1.0)[:, None]
     return root
 

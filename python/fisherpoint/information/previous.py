@@ -74,6 +74,8 @@ def _points(part: Any) -> Any:
 
 
 def _of_part(problem: DesignProblem, part: Any, threads: int | None) -> tuple[PointInformation, Counter[str]]:
+    if problem.along is not None:
+        problem = problem.replace(along=None)  # what was measured has been possible
     model, points, y = problem.model, _points(part), getattr(part, "y", None)
     given, expected = (points.x0.shape[1], points.u.shape[-1]), (len(model.states), len(model.inputs))
     if given != expected:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..basics.values import Array, IntArray
+from ..points.broken_limits import statuses_in_words
 from ..points.run_trajectories import checked_run_sensitivities
 from ..points.runs import Runs
 from ..points.settings import Settings, check_jumps, check_kinks, checked_arguments, resolve_threads
@@ -52,7 +53,7 @@ def checked_problem(problem: DesignProblem) -> DesignProblem:
 def run_rows(problem: DesignProblem, runs: Runs, theta: Array, settings: Settings) -> RunRows:
     """The rows of runs that fit the problem's model, at parameters (p,) or (K, p) of it."""
     assumed = problem.assumed
-    model, values = (problem.model, theta) if assumed is None else (assumed.model, assumed.theta(theta))
+    model, values = (problem.limited, theta) if assumed is None else (assumed.model, assumed.theta(theta))
     result = checked_run_sensitivities(model, runs, values, settings, outputs_alone=True)
     there = runs.measured[:, :, None, None]
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
@@ -90,10 +91,13 @@ def run_information(problem: DesignProblem, runs: Runs, threads: int | None) -> 
     """
     checked_problem(problem)
     checked_arguments(problem.model, runs, problem.theta, problem.rtol, threads, problem.kinks, problem.jumps, None)
-    rows = run_rows(problem, runs, problem.theta, run_settings(problem, threads))
+    settings = run_settings(problem, threads)
+    rows = run_rows(problem, runs, problem.theta, settings)
     bad = np.flatnonzero(rows.status)
     if len(bad):
-        listed = ", ".join(f"runs[{k}] ({Status(rows.status[k]).name})" for k in bad[:5])
+        told = bad[:5].tolist()
+        words = statuses_in_words(problem.limited, runs, problem.theta, settings, rows.status, told)
+        listed = ", ".join(f"runs[{k}] ({word})" for k, word in zip(told, words, strict=True))
         more = " ..." if len(bad) > 5 else ""
         raise ValueError(f"runs: expected trajectories that are ok, given {listed}{more}. {Status(rows.status[bad[0]]).advice}")
     sensitivity, _ = rows.samples(runs)
