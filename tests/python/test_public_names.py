@@ -22,6 +22,8 @@ OPTIONAL_AND_POSITIONAL = {
     "GaussHermite": ["levels"],
     "GaussianPrior": ["std"],
     "Quantity": ["description"],
+    "Rest": ["u"],
+    "Runs": ["measured"],
     "Sobol": ["n"],
     "SparseGaussHermite": ["level"],
     "SymbolicModel": ["outputs"],
@@ -35,7 +37,7 @@ OPTIONAL_AND_POSITIONAL = {
 }
 """Arguments that may be left out and are still clear without their names; all others have them."""
 
-RESULTS = ("Design", "DesignValidation", "Evaluation", "Identifiability", "RuleComparison", "Status", "Validation")
+RESULTS = ("Design", "DesignValidation", "Evaluation", "Feasibility", "Identifiability", "RuleComparison", "Status", "Validation")
 """What functions return, and nobody else makes."""
 
 

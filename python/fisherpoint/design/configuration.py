@@ -26,7 +26,7 @@ from .configuration_tables import Bounds, CampaignTable, Correlation, DesignTabl
 
 __all__ = ["Config", "ConfigError", "load_config", "load_problem"]
 
-_PROBLEM_KEYS = {"output_covariance", "parameters", "kinks", "jumps", "assumed_covariance"}
+_PROBLEM_KEYS = {"output_covariance", "parameters", "kinks", "jumps", "assumed_covariance", "along"}
 
 
 class Config(ModelFile):

@@ -125,8 +125,8 @@ class DesignProblem:
             set_field(self, "noise_std", by_name(self.noise_std, outputs, "noise_std", as_std, complete=True))
         given = everything if self.parameters is None else self.parameters
         set_field(self, "parameters", some_names_among(given, everything, "parameters"))
-        limits = as_sequence([self.along] if isinstance(self.along, str) else self.along or (), "along", "comparisons as text")
-        set_field(self, "along", limits or None)
+        limits = () if self.along is None else (self.along,) if isinstance(self.along, str) else self.along
+        set_field(self, "along", as_sequence(limits, "along", "comparisons as text") or None)
         self._check_assumed(everything)
         default = "noise" if self.noise_std is not None else "region"
         given_kind = default if self.output_covariance is None else self.output_covariance

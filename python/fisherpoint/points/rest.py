@@ -10,11 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.checks import as_float, as_sequence, by_name, check_name, check_type
-from ..basics.messages import listed
+from ..basics.messages import listed, shown
 from ..basics.values import FrozenMapping
 
 Rests = NDArray[np.object_]
 """One `Rest`, or None, for each of K runs."""
+
+MOST = 64
+"""States at rest, as many as a model of equations has."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +44,10 @@ class Rest:
     def __post_init__(self) -> None:
         object.__setattr__(self, "u", by_name(self.u, None, "rest.u", as_float))
         if self.states is not None:
+            if isinstance(self.states, Mapping):
+                raise TypeError(f"rest.states: expected a sequence of names, given {shown(self.states)}")
             names = tuple(check_name(name, "rest.states") for name in as_sequence(self.states, "rest.states", "names"))
-            if not names or len(set(names)) != len(names):
+            if not 1 <= len(names) <= MOST or len(set(names)) != len(names):
                 raise ValueError(f"rest.states: expected names of states, each once, given {listed(names)}")
             object.__setattr__(self, "states", names)
 

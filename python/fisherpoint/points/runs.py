@@ -68,10 +68,7 @@ class Runs:
         if not shape[1]:
             raise ValueError("u: expected at least one segment, given none")
         self.dt = _of_segments(as_floats(dt, "dt"), shape, "dt")
-        flags = np.asarray(True if measured is None else measured)
-        if flags.dtype != np.bool_:
-            raise ValueError(f"measured: expected flags, given {shown(measured)}")
-        self.measured: Flags = _of_segments(flags, shape, "measured") & (self.dt > 0)
+        self.measured: Flags = _of_segments(_as_flags(measured), shape, "measured") & (self.dt > 0)
         _check(self.dt, self.measured)
         self.columns = None if columns is None else checked_columns(columns, self.x0.shape[1] + self.u.shape[2])
         self.rests = as_rests(rest, count)
@@ -197,6 +194,16 @@ class Runs:
         check_type(model, Model, "model")
         *parts, rest = read_runs(path, model)
         return cls(*parts, rest=rest, columns=columns_of(model))
+
+
+def _as_flags(measured: ArrayLike | None) -> Flags:
+    try:
+        flags = np.asarray(True if measured is None else measured)
+    except (TypeError, ValueError, OverflowError, RuntimeError):
+        flags = np.empty(0)
+    if flags.dtype != np.bool_:
+        raise ValueError(f"measured: expected flags, given {shown(measured)}")
+    return flags
 
 
 def _of_segments(array: NDArray[Any], shape: tuple[int, int], name: str) -> NDArray[Any]:
