@@ -172,7 +172,7 @@ def test_a_design_is_its_points_and_remembers_how_many_were_before(tmp_path: Pat
 @pytest.mark.parametrize(
     ("previous", "error", "expected"),
     [
-        (3, TypeError, r"previous: expected Measurements, Experiments, a Design or a sequence of these, given int"),
+        (3, TypeError, r"previous: expected Measurements, Experiments, Runs, a Design or a sequence of these, given int"),
         ([FIRST, "data.csv"], TypeError, r"previous: .* given str"),
         (fp.Experiments([[1.0]], [1.0], [1.0]), ValueError, r"previous: expected points of 5 states and 1 inputs, given 1 and 1"),
         (Measurements(FIRST, np.ones((10, 3))), ValueError, r"previous: expected measurements of 4 outputs, given 3"),

@@ -184,6 +184,24 @@ def test_the_rest_of_a_sharp_cylinder_is_that_of_its_equations() -> None:
     np.testing.assert_allclose(a.dx_dtheta, b.dx_dtheta, rtol=1e-5)
 
 
+def test_a_piston_may_start_stuck_while_the_pressures_are_at_rest() -> None:
+    """What holds the piston is a range of states, of which x0 says v = 0; the pressures still depend on the parameters."""
+    model = fp.HydraulicCylinder(A_B=1.9635e-3 - 2e-5)
+    theta, rest = model.theta(model.nominal), fp.Rest({"u": 0.0}, states=("p_A", "p_B", "x_v"))
+    runs = fp.Runs([[0.15, 0.0, 9e6, 12e6, 0.0]], [[0.5, -0.5, 0.2]], 5e-3, rest=rest)
+    done = fp.sensitivities(model, runs, theta, rtol=1e-11)
+    assert done.status.tolist() == [fp.Status.ok] and done.x[0, 0, 1] == 0
+    held = float(done.x[0, 0, 2] * 1.9635e-3 - done.x[0, 0, 3] * (1.9635e-3 - 2e-5))
+    assert 0 < held < 400, "friction holds it"
+
+    def at(theta: np.ndarray) -> np.ndarray:
+        return np.asarray(fp.simulate(model, runs, theta, rtol=1e-12).y[0, :, :3])
+
+    slope = np.stack([(at(theta * (1 + 1e-5 * e)) - at(theta * (1 - 1e-5 * e))) / 2e-5 for e in np.eye(9)], axis=-1)
+    largest = np.abs(slope).max(axis=(0, 2))[:, None]
+    assert np.abs((done.dy_dtheta[0, :, :3] * theta - slope) / largest).max() < 1e-6
+
+
 def test_one_segment_from_rest_is_no_point() -> None:
     runs = drawn(REST["all"], 1)
     assert runs.points is None
@@ -205,6 +223,16 @@ def test_other_parameters_have_other_starts_and_those_without_a_rest_a_status() 
     assert all(np.array_equal(a, b[[1, 3]]) for a, b in zip(alone, whole, strict=True))
     none = fp.sensitivities(model, runs[:1], [[1.0]])
     assert none.status.tolist() == [fp.Status.no_rest] and none.dy_dtheta.shape == (1, 2, 1, 1)
+
+
+def test_a_deviation_of_the_start_comes_on_top_of_the_rest() -> None:
+    runs = both()
+    off, own = tanks().free_start("a", "b"), tanks()
+    moved = fp.simulate(off, runs, [*THETA, 0.1, -0.02], rtol=1e-11)
+    starts = fp.simulate(own, runs, THETA).x[:, 0]
+    np.testing.assert_allclose(moved.x[:, 0], starts, rtol=1e-12)
+    plain = fp.simulate(own, fp.Runs(starts + np.array([0.1, -0.02]), runs.u, runs.dt, runs.measured), THETA, rtol=1e-11)
+    np.testing.assert_allclose(moved.y, plain.y, rtol=0, atol=1e-9)
 
 
 def of_one(f: list[str], **more: Any) -> Callable[..., fp.RunTrajectories]:
@@ -229,12 +257,13 @@ def of_one(f: list[str], **more: Any) -> Callable[..., fp.RunTrajectories]:
         (["u - k*x - a*sign(x)"], [0.3], 0.5, "on the jump x = 0"),
         (["a*k*x + u"], [0.1], 0.0, "at which the plant stays, found an unstable one"),
         (["u*a - k*x - max(x - 0.5, 0)"], [0.3], 0.5, "off kinks, given one on the kink"),
+        (["(x - 1)*(x + 0.05)*a*k + 0*u"], [0.05], 0.0, "found none|found an unstable one"),
         (["1 + 0*u"], [0.3], 0.0, "rest.states: expected states of which the rates may vanish, given 'x'"),
     ],
 )  # fmt: skip
 def test_what_has_no_rest_is_refused_by_name(f: list[str], x0: list[float], u: float, said: str) -> None:
     with pytest.raises(ValueError, match=said):
-        of_one(f)(x0, u)
+        of_one(f, domain=["x"] if x0 == [0.05] else ())(x0, u)
 
 
 def test_a_kink_that_stays_where_it_is_does_no_harm() -> None:

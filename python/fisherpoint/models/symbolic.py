@@ -232,10 +232,12 @@ class SymbolicModel(DescribedModel):
         found = []
         for i, text in enumerate(self.along):
             place = f"along[{i}]"
-            for condition in parse_limit(text, symbols, place):
-                if not condition.free_symbols & moving:
-                    raise ValueError(f"{place}: expected a limit of states or inputs, given {shown(text)}")
-                found.append((text, replaced(condition, shift)))
+            conditions = parse_limit(text, symbols, place)
+            told = [condition for condition in conditions if condition.free_symbols & moving]
+            # Of max(x, v) - min(x, v) < 1, some of the cases are 0 < 1.
+            if not told or not all(condition in told or condition.is_positive for condition in conditions):
+                raise ValueError(f"{place}: expected a limit of states or inputs, given {shown(text)}")
+            found += [(text, replaced(condition, shift)) for condition in told]
         return tuple(found)
 
     def _changed(

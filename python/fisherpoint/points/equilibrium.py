@@ -101,26 +101,34 @@ def _scaled(jacobian: Array, scale: Array) -> tuple[Array, Array]:
 
 
 class _Factors:
-    """Jacobians of rows as singular values: a step exists where they are singular too, the shortest one."""
+    """Jacobians of rows, for steps with several right-hand sides; where they are next to singular, the shortest step."""
 
     def __init__(self, jacobian: Array, scale: Array) -> None:
         scaled, self.rows = _scaled(jacobian, scale)
-        self.u, self.s, self.v = np.linalg.svd(scaled)
-        cut = self.s > 1e-14 * self.s[:, :1]
-        self.inverse = np.where(cut, 1.0, 0.0) / np.where(cut, self.s, 1.0)
-        self.without = ~cut
+        size = np.full(len(scaled), np.inf)
+        try:
+            self.inverse = np.linalg.inv(scaled)
+            size = np.linalg.norm(self.inverse, axis=(1, 2))
+        except np.linalg.LinAlgError:
+            self.inverse = np.zeros_like(scaled)
+        hard = np.flatnonzero(~(size < 1e8))
+        self.left_over = np.zeros_like(scaled)  # onto what of the rates no step can make vanish
+        if len(hard):
+            u, s, v = np.linalg.svd(scaled[hard])
+            cut = s > 1e-14 * s[:, :1]
+            turned = u.transpose(0, 2, 1)
+            self.inverse[hard] = v.transpose(0, 2, 1) @ (np.where(cut, 1.0 / np.where(cut, s, 1.0), 0.0)[:, :, None] * turned)
+            self.left_over[hard] = np.where(cut, 0.0, 1.0)[:, :, None] * turned
 
     def step(self, rates: Array, at: NDArray[np.intp]) -> Array:
         """-J^-1 rates in natural sizes, (len(at), r), of some rows."""
-        turned = np.einsum("nji,nj->ni", self.u[at], rates / self.rows[at, :, 0])
-        found: Array = -np.einsum("nji,nj->ni", self.v[at], self.inverse[at] * turned)
+        found: Array = -np.einsum("nij,nj->ni", self.inverse[at], rates / self.rows[at, :, 0])
         return found
 
-    def left_over(self, rates: Array) -> Array:
-        """What of the rates no step can make vanish, (n,)."""
-        turned = np.einsum("nji,nj->ni", self.u, rates / self.rows[:, :, 0])
-        left: Array = np.abs(np.where(self.without, turned, 0.0)).max(axis=1)
-        return left
+    def solvable(self, rates: Array) -> Flags:
+        """Whether a step can make the rates vanish, (n,)."""
+        left = np.einsum("nij,nj->ni", self.left_over, rates / self.rows[:, :, 0])
+        return np.asarray(np.abs(left).max(axis=1) <= STALLED)
 
 
 def _finite(rates: Array, jacobian: Array) -> Flags:
@@ -131,35 +139,31 @@ def _newton(rates: Rates, guess: Array, scale: Array) -> tuple[Array, Flags]:
     """Unknowns (n, r), and in which rows they settled."""
     z, settled = guess.copy(), np.zeros(len(guess), dtype=bool)
     active = np.arange(len(guess))
+    f, j = rates(z, active)
     for _ in range(MOST_NEWTON):
-        f, j = rates(z[active], active)
-        there = _finite(f, j)
-        active, f, j = active[there], f[there], j[there]
+        active = active[_finite(f[active], j[active])]
         if not len(active):
             break
-        factors = _Factors(j, scale)
-        every = np.arange(len(active))
-        step = factors.step(f, every)
+        factors, every = _Factors(j[active], scale), np.arange(len(active))
+        step, solvable = factors.step(f[active], every), factors.solvable(f[active])
         length = np.linalg.norm(step / (1 + np.abs(z[active] / scale)), axis=1)
-        solvable = factors.left_over(f) <= STALLED
         done = (length <= SETTLED) & solvable
         share, left, moved = np.ones(len(active)), every, np.zeros(len(active), dtype=bool)
         while len(left):
-            trial = z[active[left]] + share[left, None] * step[left] * scale
-            f_there, _ = rates(trial, active[left])
+            rows = active[left]
+            trial = z[rows] + share[left, None] * step[left] * scale
+            f_there, j_there = rates(trial, rows)
             with np.errstate(invalid="ignore", over="ignore"):
                 ahead = np.linalg.norm(factors.step(f_there, left), axis=1)
                 shorter = ahead <= (1 - share[left] / 4) * np.linalg.norm(step[left], axis=1)
             taken = (shorter | done[left]) & np.isfinite(f_there).all(axis=1)
-            z[active[left[taken]]] = trial[taken]
+            z[rows[taken]], f[rows[taken]], j[rows[taken]] = trial[taken], f_there[taken], j_there[taken]
             moved[left[taken]] = True
             left = left[~taken]
             share[left] /= 2
             left = left[share[left] >= SHORTEST]
         settled[active[done | (~moved & solvable & (length <= STALLED))]] = True
         active = active[~done & moved & (solvable | (length > SETTLED))]
-        if not len(active):
-            break
     return z, settled
 
 

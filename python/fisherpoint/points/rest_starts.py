@@ -99,11 +99,13 @@ def start_points(model: Model, runs: Runs, theta: Array) -> Experiments:
 def _groups(model: Model, runs: Runs) -> list[tuple[tuple[str, ...], NDArray[np.intp]]]:
     """The runs of which the same states are at rest."""
     rows: dict[tuple[str, ...], list[int]] = {}
-    states = names_of(model.states)
+    states, names = names_of(model.states), dict[Sequence[str] | None, tuple[str, ...]]()
     for k, rest in enumerate(runs.rest):
         if rest is not None:
-            rows.setdefault(rest.names(states), []).append(k)
-    return [(names, np.array(places)) for names, places in rows.items()]
+            if rest.states not in names:
+                names[rest.states] = rest.names(states)
+            rows.setdefault(names[rest.states], []).append(k)
+    return [(of, np.array(places)) for of, places in rows.items()]
 
 
 def _given(model: Model, runs: Runs, theta: Array, rows: NDArray[np.intp]) -> tuple[Array, Array, Array]:
