@@ -29,9 +29,10 @@ from fisherpoint.estimation.precision import Precision, covariances
 from fisherpoint.estimation.small_samples import output_degrees_of_freedom
 from fisherpoint.estimation.unknowns import checked_bounds, prior_factor, spread_starts, unknowns_of
 from fisherpoint.estimation.weighting import WeightedResiduals, noise_covariance
+from fisherpoint.information.draws import drawn_from_prior
 from fisherpoint.points.settings import resolve_threads
 from fisherpoint.validation.fits import Estimator
-from fisherpoint.validation.truths import TRUTH_RTOL, Rig, Streams, drawn_from_prior
+from fisherpoint.validation.truths import TRUTH_RTOL, Rig, Streams
 
 from .quality_designs import MODEL, PRIOR, SMOOTH, SOURCES, Candidate, problem
 

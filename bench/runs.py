@@ -134,7 +134,8 @@ def measure(quick: bool, show: Callable[[str], None]) -> list[RunFigures]:
         for seed in range(seeds):
             design = fp.design_runs(case.problem, case.n_runs, seed=seed, **case.options)
             designs.append(design)
-            show(f"{case.name}, seed {seed}: {_value(case, design):.5f} in {design.seconds:.1f} s, {design.share:.1%} of plants")
+            share = design.feasibility.share
+            show(f"{case.name}, seed {seed}: {_value(case, design):.5f} in {design.seconds:.1f} s, {share:.1%} of plants")
         values = [_value(case, design) for design in designs]
         found.append(
             RunFigures(
@@ -145,7 +146,7 @@ def measure(quick: bool, show: Callable[[str], None]) -> list[RunFigures]:
                 sum(value >= case.published - SAME * (case.own_units and 0.1) for value in values),
                 seeds,
                 max(design.seconds for design in designs),
-                min(design.share for design in designs),
+                min(design.feasibility.share for design in designs),
                 sum(design.feasible for design in designs),
             )
         )

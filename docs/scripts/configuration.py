@@ -170,6 +170,8 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             ' `"exclude"`, the reading of the paper, leaves out points that meet one.',
             "assumed_covariance": "How the effect of `[uncertain]` and `[initial_state_std]` is computed: by tangents at the mean,"
             " or by the rule.",
+            "along": "Limits along the way: comparisons of states and inputs that whole trajectories keep, as"
+            ' `["p_A < 19e6", "abs(v) < 0.4"]`. [What they do](../how_to/limits.md).',
         },
     ),
     "campaign": (

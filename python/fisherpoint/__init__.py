@@ -21,14 +21,17 @@ from .estimation.fit import Fit
 from .information.assumed import assumed_covariance
 from .information.comparison import RuleComparison, compare_rules
 from .information.evaluation import Evaluation, evaluate_design, evaluate_under_noise
+from .information.feasibility import Feasibility, feasibility
 from .information.identifiability import Identifiability, identifiability
 from .information.nearby import Nearby
 from .information.problem import DesignProblem
 from .models import HydraulicCylinder, Model
+from .points.broken_limits import broken_limits
 from .points.constraints import Constraint
 from .points.experiments import Experiments
 from .points.predictive import PredictiveCovariance, predictive_covariance
 from .points.region import ExperimentRegion
+from .points.rest import Rest
 from .points.run_region import RunRegion
 from .points.run_trajectories import RunSensitivities, RunTrajectories
 from .points.runs import Runs
@@ -63,6 +66,7 @@ __all__ = [
     "ExchangeSettings",
     "ExperimentRegion",
     "Experiments",
+    "Feasibility",
     "Fit",
     "GaussHermite",
     "GaussianPrior",
@@ -77,6 +81,7 @@ __all__ = [
     "Quantity",
     "Record",
     "RecordTrajectory",
+    "Rest",
     "Rule",
     "RuleComparison",
     "RunDesign",
@@ -99,12 +104,14 @@ __all__ = [
     "VirtualRig",
     "assumed_covariance",
     "available_isas",
+    "broken_limits",
     "compare_rules",
     "design_runs",
     "estimate",
     "evaluate_design",
     "evaluate_under_noise",
     "exchange",
+    "feasibility",
     "identifiability",
     "isa",
     "load_model",

@@ -112,6 +112,22 @@ def cases() -> dict[str, Case]:
             dt=([0.1, 0.2], ARRAY),
             columns=(("h", "u"), NONE, NAMES),
         ),
+        "Rest": _case(
+            fp.Rest,
+            u=({"u": 0.1}, MAP, NONE),
+            states=(["h"], NONE, NAMES),
+        ),
+        "Runs": _case(
+            lambda **given: fp.simulate(model(), fp.Runs(**given), THETA, threads=1),
+            x0=([[1.0], [2.0]], ARRAY),
+            u=([[0.1, 0.2, 0.1], [0.3, 0.4, 0.1]], ARRAY),
+            dt=([[0.1, 0.2, 0.1], [0.1, 0.1, 0.1]], ARRAY, NUMBER, INT),
+            measured=(True, NONE, FLAG),
+            rest=(fp.Rest({"u": 0.5}), NONE),
+            columns=(("h", "u"), NONE, NAMES),
+        ),
+        "broken_limits": _case(fp.broken_limits, model=of_model, points=of_points, theta=theta, method=(None, NONE), **settings),
+        "Model.within": _case(lambda limit: model().within(limit), limit=("h < 1.5", TEXT)),
         "points[]": _case(lambda index: points()[index], index=(0, INT, ARRAY, NAMES, SLICE)),
         "Experiments.join": _case(fp.Experiments.join, parts=([points(), points()], POINTS)),
         "Experiments.to_csv": _case(
@@ -120,7 +136,7 @@ def cases() -> dict[str, Case]:
             model=(model(), MODEL, NONE),
         ),
         "Experiments.from_csv": _case(fp.Experiments.from_csv, path=(files() / "points.csv", TEXT, PATH), model=of_model),
-        "Runs": _case(
+        "Runs()": _case(
             fp.Runs,
             x0=([[1.0], [2.0]], ARRAY),
             u=([[0.1, 0.2, 0.3], [0.3, 0.4, 0.5]], ARRAY),
@@ -277,6 +293,7 @@ def cases() -> dict[str, Case]:
             uncertain=({"d": 0.1}, MAP, NONE),
             initial_state_std=({"h": 0.1}, MAP, NONE),
             assumed_covariance=("tangents",),
+            along=(["h < 9"], NONE, NAMES, ARRAY),
         ),
         "DesignProblem.replace": _case(
             lambda **changes: problem().replace(**changes),
@@ -295,6 +312,15 @@ def cases() -> dict[str, Case]:
             threads=threads,
             previous=(None, NONE, POINTS, ARRAY, NAMES),
         ),
+        "feasibility": _case(
+            fp.feasibility,
+            problem=(problem(),),
+            points=of_points,
+            draws=(20, INT),
+            seed=(0, INT),
+            threads=threads,
+        ),
+        "Feasibility.holds": _case(fp.feasibility(problem(), points(), draws=20).holds, share=(0.5, NUMBER)),
         "compare_rules": _case(
             fp.compare_rules,
             problem=(problem(),),

@@ -184,9 +184,9 @@ def test_what_too_few_plants_can_run_is_avoided() -> None:
     problem = problem_of(model, {"b": 2.0, "c": 1.0}, {"y": 0.01}, mover())
     bold = fp.design_runs(problem, n_starts=2, confidence=None)
     careful = fp.design_runs(problem, n_starts=2, confidence=0.99)
-    assert bold.share < 0.9 and bold.feasible
-    assert careful.share >= 0.99 and careful.feasible and careful.share_draws > 950
-    assert careful.share_interval[0] < careful.share <= careful.share_interval[1]
+    assert bold.feasibility.share < 0.9 and bold.feasible
+    assert careful.feasibility.share >= 0.99 and careful.feasible and careful.feasibility.draws == 1000
+    assert careful.feasibility.interval[0] < careful.feasibility.share <= careful.feasibility.interval[1]
     assert careful.log_det < bold.log_det
     plants = np.random.default_rng(5).normal([2.0, 1.0], [0.2, 0.1], (4000, 2))
     done = fp.simulate(model, careful.runs[np.zeros(4000, dtype=int)], plants)

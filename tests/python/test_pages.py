@@ -116,7 +116,7 @@ def test_the_options_of_a_command_are_those_it_takes(
 
 def test_every_status_is_explained() -> None:
     page = (DOCS / "reference" / "statuses.md").read_text()
-    assert re.findall(r"^\| `(\w+)` \| (\d) \|", page, re.MULTILINE) == [(status.name, str(status.value)) for status in fp.Status]
+    assert re.findall(r"^\| `(\w+)` \| (\d+) \|", page, re.MULTILINE) == [(status.name, str(status.value)) for status in fp.Status]
 
 
 REPORTING = ("warnings", "_warnings", "_nearby_warnings", "_beside_numerical_error")

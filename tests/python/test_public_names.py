@@ -22,6 +22,7 @@ OPTIONAL_AND_POSITIONAL = {
     "GaussHermite": ["levels"],
     "GaussianPrior": ["std"],
     "Quantity": ["description"],
+    "Rest": ["u"],
     "Runs": ["measured"],
     "Sobol": ["n"],
     "SparseGaussHermite": ["level"],
@@ -30,13 +31,14 @@ OPTIONAL_AND_POSITIONAL = {
     "TensorGrid": ["levels"],
     "compare_rules": ["rules"],
     "estimate": ["prior"],
+    "design_runs": ["n_runs"],
     "exchange": ["n_experiments"],
     "identifiability": ["prior", "region"],
     "simulate_record": ["x0"],
 }
 """Arguments that may be left out and are still clear without their names; all others have them."""
 
-RESULTS = ("Design", "DesignValidation", "Evaluation", "Identifiability", "RuleComparison", "Status", "Validation")
+RESULTS = ("Design", "DesignValidation", "Evaluation", "Feasibility", "Identifiability", "RuleComparison", "Status", "Validation")
 """What functions return, and nobody else makes."""
 
 

@@ -117,7 +117,7 @@ def test_files_from_before_there_were_runs_are_read(tmp_path: Path) -> None:
 def test_runs_that_do_not_serve_are_refused() -> None:
     wrong = fp.Runs([[1.0, 1.0]], [[1.0, -9.0]], 0.4)
     with pytest.raises(
-        ValueError, match=r"^designs\['d'\]: runs: expected trajectories that are ok, given runs\[0\] \(left_domain\)"
+        ValueError, match=r"^designs\['d'\]: runs: expected trajectories that are ok, given runs\[0\] \(left_domain: a > 0\)"
     ):
         fp.validate(problem(), {"d": wrong}, runs=20)
     with pytest.raises(ValueError, match=r"^designs\['d'\]: u: expected shape \(K, N, 1\)"):

@@ -40,7 +40,9 @@ def told_runs(runs: Runs, y: Array) -> tuple[Runs, Array]:
     needed = segments <= np.max(np.where(there, segments, 0), axis=1, initial=0)[:, None]
     longest = slice(int(needed.sum(axis=1).max(initial=0)))
     dt = np.where(needed, runs.dt[rows], 0.0)[:, longest]
-    return Runs(runs.x0[rows], runs.u[rows, longest], dt, there[:, longest], columns=runs.columns), y[rows, longest]
+    rest = None if runs.rests is None else list(runs.rests[rows])
+    told = Runs(runs.x0[rows], runs.u[rows, longest], dt, there[:, longest], rest=rest, columns=runs.columns)
+    return told, y[rows, longest]
 
 
 def _checked(y: Array) -> Array:

@@ -28,7 +28,7 @@ from ..basics.quantity import DURATION, names_of
 from ..basics.values import Array
 from ..models import Model
 from ..points.experiments import Experiments, columns_of
-from ..points.run_files import MEASURED, RUN, SEGMENT, runs_csv, runs_of_table
+from ..points.run_files import MEASURED, RUN, SEGMENT, rest_columns_of, rest_of_table, runs_csv, runs_of_table
 from ..points.runs import Runs
 from ..points.status import Status
 from .plausibility import refuse_implausible
@@ -46,7 +46,7 @@ def measurements_csv(points: Experiments | Runs, y: Array, model: Model) -> str:
         raise ValueError(f"model: expected one of {given} states, inputs and outputs, given {model.name} of {expected}")
     if isinstance(points, Runs):
         of_segments = {name: y[:, :, i] for i, name in enumerate(outputs)}
-        return runs_csv(points.x0, points.u, points.dt, points.measured, None, model, of_segments)
+        return runs_csv(points.x0, points.u, points.dt, points.measured, points.rests, None, model, of_segments)
     header = (*axes, *outputs)
     if len(set(header)) != len(header):
         raise ValueError(f"model: expected names that differ from y_<output>, given {listed(axes)}")
@@ -81,8 +81,10 @@ def _points(table: CsvTable, model: Model) -> tuple[Experiments, Array]:
 
 
 def _runs(table: CsvTable, model: Model) -> tuple[Runs, Array]:
-    outputs = _columns_of_outputs(table, model, {*_axes(model), RUN.name, SEGMENT.name, MEASURED.name})
-    x0, u, dt, measured = runs_of_table(table, model, outputs.values(), BOOKKEEPING)
+    further = rest_columns_of(table, model)
+    outputs = _columns_of_outputs(table, model, {*_axes(model), RUN.name, SEGMENT.name, MEASURED.name, *further})
+    x0, u, dt, measured = runs_of_table(table, model, (*outputs.values(), *further), BOOKKEEPING)
+    rest = rest_of_table(table, model) if further else None
     if not outputs:
         of_outputs = listed(f"y_{name}" for name in names_of(model.outputs))
         raise ValueError(f"{table.path}: expected of the columns {of_outputs} those that were measured; given none")
@@ -98,7 +100,7 @@ def _runs(table: CsvTable, model: Model) -> tuple[Runs, Array]:
     y = np.full((*dt.shape, numbers.shape[1]), np.nan)
     y[k, n] = numbers
     try:
-        return Runs(x0, u, dt, measured, columns=columns_of(model)), y
+        return Runs(x0, u, dt, measured, rest=rest, columns=columns_of(model)), y
     except ValueError as error:
         raise ValueError(f"{table.path}: {error}") from error
 

@@ -37,7 +37,7 @@ from .configuration_tables import (
 
 __all__ = ["Config", "ConfigError", "load_config", "load_problem"]
 
-_PROBLEM_KEYS = {"output_covariance", "parameters", "kinks", "jumps", "assumed_covariance"}
+_PROBLEM_KEYS = {"output_covariance", "parameters", "kinks", "jumps", "assumed_covariance", "along"}
 
 
 class Config(ModelFile):

@@ -145,6 +145,7 @@ class DesignTable(Table):
     kinks: Literal["cross", "exclude"] | None = None
     jumps: Literal["cross", "exclude"] | None = None
     assumed_covariance: Literal["tangents", "predictive"] | None = None
+    along: list[str] | None = None
 
 
 class CampaignTable(Table):

@@ -7,22 +7,24 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import beta
 
 from ..basics.checks import as_floats, as_positive, as_probability, check_positive_int, check_type
 from ..basics.values import Array, FrozenMapping
 from ..information.evaluation import evaluate_design
+from ..information.feasibility import feasibility
 from ..information.previous import Previous, previous_information
 from ..information.problem import DesignProblem
-from ..information.run_information import checked_problem, run_settings
+from ..information.run_information import checked_problem
 from ..points.run_region import RunRegion
 from ..points.settings import resolve_threads
 from .run_design import RunDesign, RunSettings
-from .run_plants import RunPlants
 from .run_search import RunProgress, RunSearch
 
 DRAWS = 1000
 """Plants that the search has not seen, on which the design is tried at the end."""
+
+UNSEEN = 1_000_003
+"""Added to the seed for these plants."""
 
 MOST_RUNS, MOST_STARTS, MOST_CANDIDATES = 1000, 10_000, 1_000_000
 
@@ -121,8 +123,6 @@ def design_runs(
     )
     stop_reason = search.run(progress)
     runs, seconds = search.runs(), search.seconds
-    unseen = RunPlants(problem, DRAWS, np.random.default_rng([settings.seed, 2]), run_settings(problem, threads))
-    can = int(unseen.can_run(runs).sum())
     return RunDesign(
         problem=problem,
         settings=settings,
@@ -132,9 +132,7 @@ def design_runs(
         plants=theta,
         ends=tuple(-np.inf if search.singular else end.value for end in search.ends),
         again=search.again,
-        share=can / len(unseen),
-        share_interval=_interval(can, len(unseen)),
-        share_draws=len(unseen),
+        feasibility=feasibility(problem, runs, draws=DRAWS, seed=settings.seed + UNSEEN, threads=threads),
         stop_reason=stop_reason,
         drawn=search.drawn,
         rejected=FrozenMapping(dict(search.rejected)),
@@ -149,10 +147,3 @@ def _plants(problem: DesignProblem, given: ArrayLike | None) -> Array:
     if theta.ndim != 2 or not len(theta) or theta.shape[1] != len(problem.theta):
         raise ValueError(f"plants: expected shape (R, {len(problem.theta)}), given {theta.shape}")
     return problem.model.theta(theta)
-
-
-def _interval(successes: int, trials: int) -> tuple[float, float]:
-    """Where a share lies with 95 % confidence, by Clopper and Pearson (1934)."""
-    low = 0.0 if successes == 0 else float(beta.ppf(0.025, successes, trials - successes + 1))
-    high = 1.0 if successes == trials else float(beta.ppf(0.975, successes + 1, trials - successes))
-    return low, high

@@ -14,6 +14,7 @@ from ..basics.kept import Codec, Kept
 from ..basics.values import Array
 from ..information.codec import evaluation_from_json, evaluation_to_json, problem_from_json, problem_to_json
 from ..information.evaluation import Evaluation
+from ..information.feasibility import Feasibility
 from ..information.problem import DesignProblem
 from ..points.codec import runs_from_json, runs_to_json
 from ..points.run_files import plan_csv, runs_csv
@@ -61,11 +62,8 @@ class RunDesign(Shown, Kept):
         log det F that each start of the search came to, in the order in which they were followed.
     again : int
         How many of them are as good as the best one.
-    share : float
-        Share of the prior's plants that can run the whole design, of `share_draws` that the search had not seen.
-    share_interval : tuple of float
-        Where that share is, with 95 % confidence (Clopper and Pearson).
-    share_draws : int
+    feasibility : Feasibility
+        Which of a thousand plants that the search has not seen can run the whole design, and why others cannot.
     stop_reason : {"all_starts", "time_limit", "interrupted"}
     drawn : int
     rejected : mapping of reason to int
@@ -81,15 +79,13 @@ class RunDesign(Shown, Kept):
     plants: Array
     ends: tuple[float, ...]
     again: int
-    share: float
-    share_interval: tuple[float, float]
-    share_draws: int
+    feasibility: Feasibility
     stop_reason: str
     drawn: int
     rejected: Mapping[str, int]
     seconds: float
 
-    _INSIDE = (RunSettings,)
+    _INSIDE = (RunSettings, Feasibility)
     _CODEC: ClassVar[Codec] = {
         DesignProblem: (problem_to_json, problem_from_json),
         Runs: (runs_to_json, runs_from_json),
@@ -103,8 +99,8 @@ class RunDesign(Shown, Kept):
 
     @property
     def feasible(self) -> bool:
-        """Whether no smaller share of the plants than the asked one can run the design, as far as the draws tell."""
-        return self.settings.confidence is None or self.share >= self.settings.confidence
+        """Whether no smaller share of the plants than the asked one can run the design, of those that `feasibility` has tried."""
+        return self.settings.confidence is None or self.feasibility.share >= self.settings.confidence
 
     def report(self) -> Report:
         """Runs, parameters, what plants can run them, and the search as tables."""
@@ -141,7 +137,7 @@ class RunDesign(Shown, Kept):
         directory = as_path(directory, "directory")
         directory.mkdir(parents=True, exist_ok=True)
         runs, model = self.runs, self.problem.model
-        write_whole(directory / "design.csv", runs_csv(runs.x0, runs.u, runs.dt, runs.measured, runs.columns, model))
+        write_whole(directory / "design.csv", runs_csv(runs.x0, runs.u, runs.dt, runs.measured, runs.rests, runs.columns, model))
         write_whole(directory / "plan.csv", plan_csv(runs.u, runs.dt, runs.measured, model))
         super().save(directory / "design.json")
 

@@ -28,9 +28,8 @@ class RunMargins:
 
     def __init__(self, problem: DesignProblem) -> None:
         assumed = problem.assumed
-        self._core = problem.model.core if assumed is None else assumed.model.core
-        self._poles = len(problem.model.poles)
-        self.exist = bool(problem.model.domain)
+        model = problem.limited if assumed is None else assumed.model
+        self._core, self._poles, self.exist = model.core, len(model.poles), bool(model.domain)
         names = [quantity.name for quantity in problem.model.parameters]
         chosen = problem.prior.marginal(problem.estimated)
         factor = np.linalg.cholesky(chosen.covariance)

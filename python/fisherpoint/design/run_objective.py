@@ -142,7 +142,7 @@ class RunObjective:
     def tried(self, z: Array, selected: NDArray[np.bool_] | None) -> Runs:
         """Runs with free numbers z (K, d), which measure the `selected` (K, N) samples, in as short segments as costs need."""
         runs = self.coordinates.runs(z)
-        runs = runs if selected is None else Runs(runs.x0, runs.u, runs.dt, selected, columns=runs.columns)
+        runs = runs if selected is None else runs.measuring(selected)
         return runs.divided(LOOKS) if self._costly else runs
 
     @property

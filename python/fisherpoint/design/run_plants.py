@@ -1,22 +1,21 @@
-"""Plants that the prior allows, on which a design of runs is tried."""
+"""Plants that the prior allows, on which runs are tried during the search, and which show the spread of outputs."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..basics.quantity import names_of
 from ..basics.values import Array
+from ..information.draws import drawn_plants
 from ..information.problem import DesignProblem
 from ..points.run_trajectories import checked_run_trajectories
 from ..points.runs import Runs
 from ..points.settings import Settings
 from ..points.status import Status
-from ..prior.coordinates import cholesky_coordinates
 
 
 class RunPlants:
-    """Plants drawn from the prior, and from what is uncertain.
+    """Plants drawn from the prior, and from what is uncertain; each has one deviation of its starts.
 
     Parameters
     ----------
@@ -28,17 +27,11 @@ class RunPlants:
     """
 
     def __init__(self, problem: DesignProblem, count: int, rng: np.random.Generator, settings: Settings) -> None:
-        names, assumed = names_of(problem.model.parameters), problem.assumed
-        coordinates = cholesky_coordinates(problem.prior, problem.estimated)
-        columns = [problem.prior.names.index(name) for name in names]
-        theta = coordinates.theta(rng.standard_normal((2 * count, len(names))))[:, columns]
-        kept = theta[_sensible(problem, theta)][:count]
-        self._model = problem.model
-        if assumed is not None:
-            kept = assumed.theta(kept)
-            kept[:, assumed.columns] += assumed.std * rng.standard_normal((len(kept), len(assumed.columns)))
-            self._model = assumed.model
-        self._theta, self._settings = kept, settings
+        self._theta, _ = drawn_plants(problem, count, rng)
+        assumed, starts = problem.assumed, len(problem.initial_state_std or ())
+        self._model, self._settings = problem.limited if assumed is None else assumed.model, settings
+        if assumed is not None and starts:
+            self._theta[:, assumed.columns[-starts:]] += assumed.std[-starts:] * rng.standard_normal((count, starts))
 
     def __len__(self) -> int:
         return len(self._theta)
@@ -53,8 +46,3 @@ class RunPlants:
         done = checked_run_trajectories(self._model, many, np.repeat(self._theta, len(runs), axis=0), self._settings)
         shape = len(self), len(runs)
         return done.y.reshape(*shape, *done.y.shape[1:]), done.status.reshape(shape) == Status.ok
-
-
-def _sensible(problem: DesignProblem, theta: Array) -> Array:
-    least = [problem.model.least.get(name, -np.inf) for name in names_of(problem.model.parameters)]
-    return np.asarray((theta > np.array(least)).all(axis=1))

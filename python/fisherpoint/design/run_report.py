@@ -9,6 +9,7 @@ import numpy as np
 
 from ..basics.quantity import names_of
 from ..information.evaluation import Evaluation
+from ..information.feasibility import Feasibility
 from ..information.problem import DesignProblem
 from ..points.run_region import RunRegion
 from ..points.runs import Runs
@@ -48,11 +49,7 @@ class Reported(HasRuns, Protocol):
     @property
     def again(self) -> int: ...
     @property
-    def share(self) -> float: ...
-    @property
-    def share_interval(self) -> tuple[float, float]: ...
-    @property
-    def share_draws(self) -> int: ...
+    def feasibility(self) -> Feasibility: ...
     @property
     def feasible(self) -> bool: ...
     @property
@@ -74,7 +71,7 @@ def run_report(design: Reported) -> Report:
         f"{counted(len(runs), 'run')} with {samples} for {problem.model.name}, {counted(len(parameters), 'parameter')} to estimate"
     )
     inner = design.evaluation.report()
-    sections = [_runs_table(problem, runs), *inner.sections, _plants(design), _search(design)]
+    sections = [_runs_table(problem, runs), *inner.sections, *_plants(design), _search(design)]
     return Report(headline, sections, [*_warnings(design), *inner.warnings])
 
 
@@ -96,15 +93,11 @@ def _runs_table(problem: DesignProblem, runs: Runs) -> Section:
     return Section("Runs: start, hold the inputs of each segment, sample at the ends that are measured", columns, rows, notes=notes)
 
 
-def _plants(design: Reported) -> Section:
-    low, high = design.share_interval
-    facts = [
-        ("plants that can run the whole design", f"{percent(design.share)} of {design.share_draws} drawn from the prior"),
-        ("that share, with 95 % confidence", f"between {percent(low)} and {percent(high)}"),
-    ]
-    if design.settings.confidence is not None:
-        facts.append(("asked for", percent(design.settings.confidence)))
-    return Section("Plants", (), facts, notes=["None of these plants was used by the search."])
+def _plants(design: Reported) -> Iterator[Section]:
+    first, *others = design.feasibility.report().sections
+    asked = [] if design.settings.confidence is None else [("asked for", percent(design.settings.confidence))]
+    yield Section("Plants that can run the design", (), [*first.rows, *asked], notes=["The search has not seen these plants."])
+    yield from others
 
 
 def _search(design: Reported) -> Section:
@@ -127,8 +120,8 @@ def _warnings(design: Reported) -> Iterator[str]:
     if not design.feasible:
         asked = percent(design.settings.confidence or 0.0)
         yield (
-            f"Only {percent(design.share)} of the plants that the prior allows can run this design, where {asked} was asked for: "
-            "shorten the runs, narrow the region, or give the search more time."
+            f"Only {percent(design.feasibility.share)} of the plants that the prior allows can run this design, where {asked} was"
+            " asked for: shorten the runs, narrow the region, or give the search more time."
         )
     if design.stop_reason != "all_starts":
         yield f"The search was ended early ({design.stop_reason}): a better design may be found in more time."

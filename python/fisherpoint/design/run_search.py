@@ -161,7 +161,7 @@ class RunSearch:
 
     def _planned(self, z: Array, selected: NDArray[np.bool_] | None) -> Runs:
         runs = self.coordinates.runs(z)
-        return runs if selected is None else Runs(runs.x0, runs.u, runs.dt, selected, columns=runs.columns)
+        return runs if selected is None else runs.measuring(selected)
 
     def _draw_pool(self, wanted: int) -> None:
         """Random runs that reach their ends on all plants, with what they are worth."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..basics.values import Array, IntArray
 from ..data.record_trajectory import first_failure
@@ -13,6 +12,7 @@ from ..models import Model
 from ..points.experiments import Experiments
 from ..points.run_trajectories import checked_run_sensitivities
 from ..points.runs import Runs
+from ..points.sense import sensible as sensible
 from ..points.settings import Settings
 
 MOST_POINTS = 200_000
@@ -65,19 +65,3 @@ def runs_response(model: Model, runs: Runs, theta: Array, columns: list[int], se
         dy[some] = found.dy_dtheta[many.measured][..., columns].reshape(len(rows), n_samples, n_y, -1)
         status[some] = found.status.reshape(len(rows), n_runs)
     return Response(y, dy, first_failure(status))
-
-
-def sensible(model: Model, theta: Array) -> NDArray[np.bool_]:
-    """Which of the parameters (B, p) make sense to the model."""
-    finite = np.asarray(np.isfinite(theta).all(axis=1))
-    if not len(theta) or (finite.all() and _makes_sense(model, theta)):
-        return finite
-    return np.array([ok and _makes_sense(model, row[None]) for ok, row in zip(finite, theta, strict=True)], dtype=bool)
-
-
-def _makes_sense(model: Model, theta: Array) -> bool:
-    try:
-        model._check_theta(theta)
-    except ValueError:
-        return False
-    return True

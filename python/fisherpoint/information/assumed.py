@@ -199,4 +199,5 @@ def starts_near(
     # Not finite where a deviation already leaves what the model takes: that is near.
     near = inside & ~(distance >= MARGIN * np.linalg.norm((up - down) / 2, axis=0))
     names = (*model.jumps, *model.kinks)[:crossed] + model.domain
-    return {name: np.flatnonzero(near[:, m]) for m, name in enumerate(names) if near[:, m].any()}
+    each = {name: [m for m, other in enumerate(names) if other == name] for name in names}
+    return {name: np.flatnonzero(near[:, of].any(axis=1)) for name, of in each.items() if near[:, of].any()}

@@ -132,9 +132,9 @@ class CandidateSource:
             rejected[f"starts on {surface} = 0"] += int(keep[inside[rows]].sum())
             keep[inside[rows]] = False
         if problem.initial_state_std:
-            near = starts_near(problem.model, points, problem.theta, problem.initial_state_std, problem.kinks == "exclude")
+            near = starts_near(problem.limited, points, problem.theta, problem.initial_state_std, problem.kinks == "exclude")
             for surface, rows in near.items():
-                rejected[f"starts near {surface} = 0"] += int(keep[rows].sum())
+                rejected[f"starts near {surface}{'' if surface in problem.limited.along else ' = 0'}"] += int(keep[rows].sum())
                 keep[rows] = False
         tried = np.flatnonzero(keep)
         information, status = point_sensitivities(problem, points[tried], self._threads)

@@ -35,6 +35,7 @@ def problem_to_json(problem: DesignProblem) -> dict[str, Any]:
         "uncertain": None if problem.uncertain is None else dict(problem.uncertain),
         "initial_state_std": None if problem.initial_state_std is None else dict(problem.initial_state_std),
         "assumed_covariance": problem.assumed_covariance,
+        "along": None if problem.along is None else list(problem.along),
         "derived": list(problem.derived),
     }
 
@@ -55,6 +56,7 @@ def problem_from_json(data: dict[str, Any]) -> DesignProblem:
         uncertain=data.get("uncertain"),  # older files have none of these
         initial_state_std=data.get("initial_state_std"),
         assumed_covariance=data.get("assumed_covariance", "tangents"),
+        along=data.get("along"),
     )
     # Not derived anew here: a later version might do so in another way.
     object.__setattr__(problem, "derived", names_among(data.get("derived", ()), DERIVED, "derived"))

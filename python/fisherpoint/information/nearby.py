@@ -142,7 +142,7 @@ def nearby_of(
         ratio = errors / promised
         j = int(np.argmax(ratio))
         if ratio[j] > worst[0]:
-            worst = ratio[j], m, root @ root[j] / errors[j], there
+            worst = ratio[j], m, root @ (root[j] / errors[j]), there
         growth = np.maximum(growth, ratio)
         status = np.column_stack([status, found])
     _, m, direction, there = worst

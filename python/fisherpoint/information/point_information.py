@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
+from ..points.broken_limits import statuses_in_words
 from ..points.experiments import Experiments
 from ..points.predictive import covariance_over_nodes, linearized, nodes_of
 from ..points.runs import Runs
@@ -103,7 +104,7 @@ def point_sensitivities(problem: DesignProblem, points: Experiments, threads: in
     """
     settings, assumed = _settings(problem, threads), problem.assumed
     if assumed is None:
-        result = checked_sensitivities(problem.model, points, problem.theta, settings, outputs_alone=True)
+        result = checked_sensitivities(problem.limited, points, problem.theta, settings, outputs_alone=True)
     else:  # one run of the extended model has the tangents by the parameters too
         result = checked_sensitivities(assumed.model, points, assumed.theta(problem.theta), settings, outputs_alone=True)
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
@@ -131,7 +132,7 @@ def sensitivities_at(
     for first in range(0, len(theta), each):
         rows = theta[first : first + each]
         many = points[np.tile(np.arange(count), len(rows))]
-        result = checked_sensitivities(problem.model, many, np.repeat(rows, count, axis=0), settings, outputs_alone=True)
+        result = checked_sensitivities(problem.limited, many, np.repeat(rows, count, axis=0), settings, outputs_alone=True)
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
             scaled = np.ascontiguousarray(result.dy_dtheta[:, :, problem.estimated_columns] * problem.std)
         scaled[~(np.abs(scaled) <= problem.largest_sensitivity)] = np.inf
@@ -184,8 +185,9 @@ def point_information(problem: DesignProblem, points: Experiments, grid: bool, t
         information, status = with_covariance(problem, information, threads)
     bad = np.flatnonzero(status)
     if len(bad):
-        first = Status(status[bad[0]])
-        listed = ", ".join(f"points[{k}] ({Status(status[k]).name})" for k in bad[:5])
+        first, told = Status(status[bad[0]]), bad[:5].tolist()
+        words = statuses_in_words(problem.limited, points, problem.theta, _settings(problem, threads), status, told)
+        listed = ", ".join(f"points[{k}] ({word})" for k, word in zip(told, words, strict=True))
         raise ValueError(
             f"points: expected trajectories that are ok, given {listed}{' ...' if len(bad) > 5 else ''}. {first.advice}"
         )

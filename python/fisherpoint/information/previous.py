@@ -12,6 +12,7 @@ import numpy as np
 from ..basics.values import Array, FrozenMapping
 from ..data.measured_outputs import told_runs
 from ..points.experiments import Experiments
+from ..points.rest_starts import start_points
 from ..points.runs import Runs
 from ..points.settings import on_surface
 from ..points.status import Status, failures_of
@@ -74,6 +75,8 @@ def _points(part: Any) -> Any:
 
 
 def _of_part(problem: DesignProblem, part: Any, threads: int | None) -> tuple[PointInformation, Counter[str]]:
+    if problem.along is not None:
+        problem = problem.replace(along=None)  # what was measured has been possible
     model, points, y = problem.model, _points(part), getattr(part, "y", None)
     given, expected = (points.x0.shape[1], points.u.shape[-1]), (len(model.states), len(model.inputs))
     if given != expected:
@@ -108,7 +111,8 @@ def _of_runs(problem: DesignProblem, runs: Runs, y: Array | None, threads: int |
     if y is not None:
         runs, y = told_runs(runs, y)
         told = np.isfinite(y)
-    starts = on_surface(problem.model, runs.starts, problem.theta, problem.crossed)
+    first = start_points(problem.model, runs, problem.theta)
+    starts = on_surface(problem.model, first, problem.theta, problem.crossed)
     lost = Counter({f"starts on {surface} = 0": len(rows) for surface, rows in starts.items()})
     kept = np.setdiff1d(np.arange(len(runs)), np.concatenate([[], *starts.values()]).astype(int))
     checked_problem(problem)

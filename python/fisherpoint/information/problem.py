@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..basics.checks import as_std, by_name, check_choice, check_names, some_names_among
+from ..basics.checks import as_sequence, as_std, by_name, check_choice, check_names, some_names_among
 from ..basics.messages import shown
 from ..basics.quantity import names_of
 from ..basics.values import Array
@@ -66,6 +66,9 @@ class DesignProblem:
     assumed_covariance : {"tangents", "predictive"}
         Whether the two shares of R_k are G_k P G_k^T with the exact tangents at the mean, or (16) over the distribution of what is
         uncertain, by `rule`.
+    along : sequence of str, optional
+        Limits along the way: comparisons such as ``"abs(v) < 0.4"`` that hold on whole trajectories, see `SymbolicModel.within`. A
+        point or run that breaks one at the prior mean is none. What was measured already need not keep them.
 
     Attributes
     ----------
@@ -94,6 +97,7 @@ class DesignProblem:
     uncertain: Mapping[str, float] | None = None
     initial_state_std: Mapping[str, float] | None = None
     assumed_covariance: str = "tangents"
+    along: Sequence[str] | None = None
     derived: tuple[str, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -122,6 +126,8 @@ class DesignProblem:
             set_field(self, "noise_std", by_name(self.noise_std, outputs, "noise_std", as_std, complete=True))
         given = everything if self.parameters is None else self.parameters
         set_field(self, "parameters", some_names_among(given, everything, "parameters"))
+        limits = () if self.along is None else (self.along,) if isinstance(self.along, str) else self.along
+        set_field(self, "along", as_sequence(limits, "along", "comparisons as text") or None)
         self._check_assumed(everything)
         default = "noise" if self.noise_std is not None else "region"
         given_kind = default if self.output_covariance is None else self.output_covariance
@@ -137,8 +143,14 @@ class DesignProblem:
         """Names of the surfaces that trajectories cross, and may start on."""
         return crossed_surfaces(self.model, check_kinks(self.kinks), check_jumps(self.jumps))
 
+    @cached_property
+    def limited(self) -> Model:
+        """The model within the limits along the way."""
+        return self.model.within(*self.along) if self.along else self.model
+
     def _check_assumed(self, everything: tuple[str, ...]) -> None:
         known = (*names_of(self.model.constant_quantities), *everything)
+        _ = self.limited  # limits that cannot be read are told
         for label, names in (("uncertain", known), ("initial_state_std", names_of(self.model.states))):
             object.__setattr__(self, label, by_name(getattr(self, label), names, label, as_std) or None)
         for name in (name for name in self.uncertain or () if name in self.estimated):
@@ -185,7 +197,7 @@ class DesignProblem:
         """The model with what is uncertain among its parameters; None where nothing is."""
         if not self.uncertain and not self.initial_state_std:
             return None
-        return assumed_of(self.model, self.uncertain, self.initial_state_std)
+        return assumed_of(self.limited, self.uncertain, self.initial_state_std)
 
     @property
     def assumed_rule(self) -> Rule | None:

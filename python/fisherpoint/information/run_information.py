@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..basics.values import Array, IntArray
 from ..models import Model
+from ..points.broken_limits import statuses_in_words
 from ..points.run_trajectories import checked_run_sensitivities
 from ..points.runs import Runs
 from ..points.settings import Settings, check_jumps, check_kinks, checked_arguments, resolve_threads
@@ -146,7 +147,7 @@ def tangents_from(
 def _extended(problem: DesignProblem, theta: Array) -> tuple[Model, Array]:
     """The model with what is assumed among its parameters, and their values (K, q)."""
     assumed = problem.assumed
-    return (problem.model, theta) if assumed is None else (assumed.model, assumed.theta(theta))
+    return (problem.limited, theta) if assumed is None else (assumed.model, assumed.theta(theta))
 
 
 def moves_of_runs(assumed: Assumed, runs: Runs, theta: Array, settings: Settings) -> tuple[Array, IntArray]:
@@ -173,10 +174,13 @@ def run_information(problem: DesignProblem, runs: Runs, threads: int | None) -> 
     """
     checked_problem(problem)
     checked_arguments(problem.model, runs, problem.theta, problem.rtol, threads, problem.kinks, problem.jumps, None)
-    rows = run_rows(problem, runs, problem.theta, run_settings(problem, threads))
+    settings = run_settings(problem, threads)
+    rows = run_rows(problem, runs, problem.theta, settings)
     bad = np.flatnonzero(rows.status)
     if len(bad):
-        listed = ", ".join(f"runs[{k}] ({Status(rows.status[k]).name})" for k in bad[:5])
+        told = bad[:5].tolist()
+        words = statuses_in_words(problem.limited, runs, problem.theta, settings, rows.status, told)
+        listed = ", ".join(f"runs[{k}] ({word})" for k, word in zip(told, words, strict=True))
         more = " ..." if len(bad) > 5 else ""
         raise ValueError(f"runs: expected trajectories that are ok, given {listed}{more}. {Status(rows.status[bad[0]]).advice}")
     sensitivity, _ = rows.samples(runs)

@@ -39,7 +39,11 @@ class Model(ABC):
     crossable : tuple of str
         The jumps that trajectories can cross or slide along: none of a `CallableModel`, and none that another condition reads.
     domain : tuple of str
-        What must stay positive so that f and g have a value.
+        What must stay positive so that f and g have a value, and limits along the way.
+    along : tuple of str
+        Limits along the way, see `within`; in `domain` too, each as it was written.
+    offsets : mapping of parameter name to state name
+        By what states start off their x0, see `free_start`.
     poles : tuple of str
         The first of `domain`: divisors and the like, which may have either sign but must not change it.
     """
@@ -55,6 +59,8 @@ class Model(ABC):
     domain: tuple[str, ...] = ()
     poles: tuple[str, ...] = ()
     crossable: tuple[str, ...] = ()
+    along: tuple[str, ...] = ()
+    offsets: Mapping[str, str] = FrozenMapping({})
     nominal: Mapping[str, float] = FrozenMapping({})
 
     @property
@@ -169,6 +175,19 @@ class Model(ABC):
         """
         return self.symbolic().free_start(*names)
 
+    def within(self, *limits: str) -> Model:
+        """Return the model with limits that its states keep on the way; the built-in cylinder becomes one of equations."""
+        return self.symbolic().within(*limits)
+
+    def rates_of(self, *names: str) -> Model:
+        """Return the rates of these states as outputs of a model without states, of which they are the last parameters."""
+        return self.symbolic().rates_of(*names)
+
+    def limit_text(self, place: int) -> str:
+        """What a limit asks for: "h > 0", "h other than 0" of a pole, a limit along the way as it was written."""
+        name = self.domain[place]
+        return name if name in self.along else f"{name} other than 0" if place < len(self.poles) else f"{name} > 0"
+
     @property
     def reaches(self) -> Mapping[str, tuple[str, ...]]:
         """For each parameter the outputs that it reaches, directly or through states, by the structure of the equations."""
@@ -227,9 +246,8 @@ class Model(ABC):
         """Raise for a row at which the model has no finite value."""
         limits = self.core.limits(x, u, theta)[row]
         given = f"given x = {x[row]}, u = {u[row]} in row {row}"
-        poles = len(self.poles)
-        crossed = [f"{name} other than 0" for name, value in zip(self.poles, limits[:poles], strict=True) if value == 0]
-        crossed += [f"{name} > 0" for name, value in zip(self.domain[poles:], limits[poles:], strict=True) if not value > 0]
+        pole = np.arange(len(self.domain)) < len(self.poles)
+        crossed = [self.limit_text(int(m)) for m in np.flatnonzero(np.where(pole, limits == 0, ~(limits > 0)))]
         if not crossed:
             raise ValueError(f"x: expected a state at which the model has a finite value, {given}")
         raise ValueError(f"x: expected {', '.join(crossed)}; {given}")

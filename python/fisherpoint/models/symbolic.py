@@ -26,7 +26,7 @@ from .surfaces.structure import Equations, Structure
 from .tape.parts import replaced
 from .tape.program import Program, to_core
 from .tape.programs import LIMIT
-from .text import parse_equation
+from .text import parse_equation, parse_limit
 from .toml_text import equations_toml
 
 
@@ -53,6 +53,10 @@ class SymbolicModel(DescribedModel):
     name : str
     nominal : mapping of parameter name to float, optional
         Usual values.
+    along : sequence of str, optional
+        Limits along the way, see `within`.
+    offsets : mapping of parameter or constant name to state name, optional
+        By what states start off their x0, see `free_start`: limits along the way are those of the states themselves.
 
     Raises
     ------
@@ -73,6 +77,8 @@ class SymbolicModel(DescribedModel):
         domain: Iterable[Any] = (),
         name: str = "model",
         nominal: Mapping[str, float] | None = None,
+        along: Iterable[str] = (),
+        offsets: Mapping[str, str] | None = None,
     ) -> None:
         given_f, given_g, given_domain = _listed(f, "f"), _listed(g, "g"), _listed(domain, "domain")
         if outputs is None:
@@ -85,17 +91,19 @@ class SymbolicModel(DescribedModel):
                 raise ValueError(f"{kind}: expected at most {LIMIT}, given {len(getattr(self, kind))}")
         _check_count(given_f, "f", self.states)
         _check_count(given_g, "g", self.outputs)
-        if len(given_domain) > MOST:
-            raise ValueError(f"domain: expected at most {MOST} conditions, given {len(given_domain)}")
+        self.along, self.offsets = tuple(_listed(along, "along")), FrozenMapping(offsets or {})
+        for place, many in (("domain", given_domain), ("along", self.along)):
+            if len(many) > MOST:
+                raise ValueError(f"{place}: expected at most {MOST} conditions, given {len(many)}")
         symbols = {quantity.name: symbol(quantity.name) for quantities in self._quantities() for quantity in quantities}
         rates = [_equation(e, symbols, f"equations.{q.name}") for e, q in zip(given_f, self.states, strict=True)]
         output = [_equation(e, symbols, self._place_of(q)) for e, q in zip(given_g, self.outputs, strict=True)]
         conditions = [_condition(e, symbols, f"domain[{i}]") for i, e in enumerate(given_domain)]
+        limits_along = self._limits_along(symbols)
         self._check_outputs(output, symbols)
         of = {kind: tuple(symbols[q.name] for q in getattr(self, kind)) for kind in ("states", "inputs", "parameters")}
-        self.equations = Equations(
-            tuple(rates), tuple(output), tuple(conditions), **of, constants={symbols[n]: v for n, v in self.constants.items()}
-        )
+        values = {symbols[n]: v for n, v in self.constants.items()}
+        self.equations = Equations(tuple(rates), tuple(output), tuple(conditions), **of, constants=values, along=limits_along)
         self.texts = tuple(
             tuple(e if isinstance(e, str) else to_text(new) for e, new in zip(given, news, strict=True))
             for given, news in ((given_f, rates), (given_g, output), (given_domain, conditions))
@@ -184,15 +192,72 @@ class SymbolicModel(DescribedModel):
         given = (self.equations.rates, self.equations.output, self.equations.conditions)
         equations = [[replaced(expression, shift) for expression in of] for of in given]
         nominal = {**self.nominal, **dict.fromkeys(names_of(offsets), 0.0)}
-        return self._changed(equations, (*self.parameters, *offsets), self._given_constants, nominal)
+        further = {**self.offsets, **dict(zip(names_of(offsets), names, strict=True))}
+        return self._changed(equations, (*self.parameters, *offsets), self._given_constants, nominal, offsets=further)
+
+    def within(self, *limits: str) -> SymbolicModel:
+        """Return the model with limits that its states keep on the way, as further limits of its domain.
+
+        Each is a comparison of terms as text: ``"p_A < 19e6"``, ``"abs(v) < 0.4"``, ``"0.01 < q < 0.29"``. A trajectory that
+        reaches one ends there as `Status.left_domain`, also between two samples. A compiled model is compiled again.
+        """
+        limited = self._changed(
+            self.texts, self.parameters, self._given_constants, self.nominal, along=(*self.along, *_listed(limits, "along"))
+        )
+        return limited.compile() if self.compiled else limited
+
+    def rates_of(self, *names: str) -> SymbolicModel:
+        """Return the rates of these states as outputs of a model without states.
+
+        These states are its last parameters, and the others its last inputs.
+        """
+        check_known(names, names_of(self.states), "states", "names of states,")
+        given = {q.name: q for q in self.states}
+        rates = [rate for q, rate in zip(self.states, self.equations.rates, strict=True) if q.name in names]
+        values = {symbol(name) for name in self.constants}
+        for name, rate in zip((q.name for q in self.states if q.name in names), rates, strict=True):
+            if not rate.free_symbols - values:
+                raise ValueError(f"states: expected states of which the rates may vanish, given {name!r} with {to_text(rate):.60}")
+        inputs = [*self.inputs, *(q for name, q in given.items() if name not in names)]
+        # A model has an input, if need be one that nothing reads.
+        taken = {q.name for of in self._quantities() for q in of}
+        unread = next(name for name in ("none", *(f"none_{i}" for i in range(len(taken) + 1))) if name not in taken)
+        parameters = (*self.parameters, *(given[name] for name in given if name in names))
+        return SymbolicModel([], rates, {}, inputs or {unread: "1"}, parameters, constants=self._given_constants, name=self.name)
+
+    def _limits_along(self, symbols: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
+        """Each limit along the way, by its text, as expressions that must stay positive."""
+        shift = {symbols[state]: symbols[state] + symbols[offset] for offset, state in self.offsets.items()}
+        moving = {symbols[q.name] for q in (*self.states, *self.inputs)}
+        found = []
+        for i, text in enumerate(self.along):
+            place = f"along[{i}]"
+            conditions = parse_limit(text, symbols, place)
+            told = [condition for condition in conditions if condition.free_symbols & moving]
+            # Of max(x, v) - min(x, v) < 1, some of the cases are 0 < 1.
+            if not told or not all(condition in told or condition.is_positive for condition in conditions):
+                raise ValueError(f"{place}: expected a limit of states or inputs, given {shown(text)}")
+            found += [(text, replaced(condition, shift)) for condition in told]
+        return tuple(found)
 
     def _changed(
-        self, equations: Sequence[Any], parameters: Described, constants: Mapping[str, Any], nominal: Mapping[str, float]
+        self,
+        equations: Sequence[Any],
+        parameters: Described,
+        constants: Mapping[str, Any],
+        nominal: Mapping[str, float],
+        **further: Any,
     ) -> SymbolicModel:
         """The model with other equations (f, g, domain), parameters, constants and nominal values."""
         f, g, domain = equations
-        options: dict[str, Any] = dict(constants=constants, domain=domain, name=self.name, nominal=nominal)
+        options = self._options | {"constants": constants, "domain": domain, "nominal": nominal} | further
         return SymbolicModel(f, g, self.states, self.inputs, parameters, self.outputs, **options)
+
+    @property
+    def _options(self) -> dict[str, Any]:
+        """What makes the same model, beside equations and quantities."""
+        given: dict[str, Any] = dict(constants=self._given_constants, domain=self.texts[2], name=self.name)
+        return given | dict(nominal=dict(self.nominal), along=self.along, offsets=dict(self.offsets))
 
     def _quantities(self) -> tuple[tuple[Quantity, ...], ...]:
         return self.states, self.inputs, self.parameters, self.constant_quantities
@@ -214,7 +279,8 @@ class SymbolicModel(DescribedModel):
 
     def to_toml(self) -> str:
         """The model as the table [model] of a TOML file; `load_model` reads it back."""
-        return equations_toml(self, *self.texts)
+        f, g, domain = self.texts
+        return equations_toml(self, f, g, [*domain, *(to_text(condition) for _, condition in self.equations.along)])
 
     @cached_property
     def least(self) -> Mapping[str, float]:
@@ -229,12 +295,12 @@ class SymbolicModel(DescribedModel):
     def _identity(self) -> Hashable:
         equations = self.equations
         described = (self.outputs, tuple(self.constants.items()), frozenset(self.nominal.items()))
-        return (self.name, equations.rates, equations.output, equations.conditions, *self._quantities(), *described)
+        conditions = equations.conditions, equations.along
+        return (self.name, equations.rates, equations.output, *conditions, *self._quantities(), *described)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        f, g, domain = self.texts
-        options: dict[str, Any] = dict(constants=self._given_constants, domain=domain, name=self.name, nominal=dict(self.nominal))
-        return (partial(SymbolicModel, **options), (f, g, self.states, self.inputs, self.parameters, self.outputs))
+        f, g, _ = self.texts
+        return (partial(SymbolicModel, **self._options), (f, g, self.states, self.inputs, self.parameters, self.outputs))
 
     def __str__(self) -> str:
         return model_text(self, *self.texts[:2])

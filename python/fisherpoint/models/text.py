@@ -10,6 +10,7 @@ from functools import partial
 from typing import Any
 
 import sympy
+from sympy.core.relational import Relational
 
 from ..basics.formulas import ARGUMENTS, Formula, Reader
 from .expressions import MAX_EXPONENT, checked
@@ -34,6 +35,33 @@ def parse_equation(text: object, symbols: Mapping[str, sympy.Symbol], place: str
         For anything else: one line that names the place, and the column.
     """
     return checked(_Equation(Formula(text, place), symbols).term(), symbols, place)
+
+
+def parse_limit(text: object, symbols: Mapping[str, sympy.Symbol], place: str) -> tuple[Any, ...]:
+    """Turn a comparison such as ``"abs(v) < 0.4"`` or ``"0.01 < q < 0.29"`` into expressions that must all stay positive.
+
+    Where abs, min and max only say that several smooth things stay positive, these come one by one.
+    """
+    formula = Formula(text, place)
+    found = _Equation(formula, symbols).comparison()
+    comparisons = sorted(found.args, key=str) if isinstance(found, sympy.And) else [found]
+    if not all(isinstance(one, Relational) for one in comparisons):
+        formula.refuse("expected comparisons that may hold or not", formula.tree)
+    return tuple(smooth for one in comparisons for smooth in _smooth(checked(one.gts - one.lts, symbols, place)))
+
+
+def _smooth(positive: Any) -> list[Any]:
+    """Expressions that are all positive exactly where the given one is: without abs and extremes that only add conditions."""
+    for term in sympy.Add.make_args(positive):
+        factor, rest = term.as_coeff_Mul()
+        if isinstance(rest, sympy.Abs) and factor < 0:
+            cases = [rest.args[0], -rest.args[0]]
+        elif (isinstance(rest, sympy.Max) and factor < 0) or (isinstance(rest, sympy.Min) and factor > 0):
+            cases = list(rest.args)
+        else:
+            continue
+        return [one for case in cases for one in _smooth(positive - term + factor * case)]
+    return [positive]
 
 
 class _Equation(Reader):

@@ -25,7 +25,8 @@ def model_of_table(table: ModelTable) -> SymbolicModel:
     }
     nominal = {name: entry.nominal for name, entry in table.parameters.items() if entry.nominal is not None}
     f, g = _equations(table)
-    return SymbolicModel(f, g, **described, constants=constants, domain=table.domain, name=table.name, nominal=nominal)
+    kinds = (described[kind] for kind in ("states", "inputs", "parameters", "outputs"))
+    return SymbolicModel(f, g, *kinds, constants=constants, domain=table.domain, name=table.name, nominal=nominal)
 
 
 def _equations(table: ModelTable) -> tuple[list[str], list[str]]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..basics.values import Array
 from .experiments import Experiments
 from .region import ExperimentRegion
+from .rest import Rest
 from .run_region import RunRegion
 from .runs import Runs
 
@@ -28,13 +29,24 @@ def points_from_json(data: dict[str, Any]) -> Experiments:
 
 def runs_to_json(runs: Runs) -> dict[str, Any]:
     arrays = {name: getattr(runs, name).tolist() for name in ("x0", "u", "dt", "measured")}
-    return {"columns": list(runs.columns or ()), "n_u": runs.u.shape[2], **arrays}
+    rests = None if runs.rests is None else [_rest_to_json(rest) for rest in runs.rests]
+    return {"columns": list(runs.columns or ()), "n_u": runs.u.shape[2], **arrays, "rest": rests}
+
+
+def _rest_to_json(rest: Rest | None) -> dict[str, Any] | None:
+    return None if rest is None else {"u": dict(rest.u), "states": None if rest.states is None else list(rest.states)}
+
+
+def _rest_from_json(data: dict[str, Any] | None) -> Rest | None:
+    return None if data is None else Rest(data["u"], states=data["states"])
 
 
 def runs_from_json(data: dict[str, Any]) -> Runs:
     dt = np.array(data["dt"], dtype=np.float64)
     u = np.array(data["u"], dtype=np.float64).reshape(*dt.shape, data["n_u"])
-    return Runs(data["x0"], u, dt, np.array(data["measured"], dtype=bool), columns=tuple(data["columns"]) or None)
+    rest = None if data["rest"] is None else [_rest_from_json(one) for one in data["rest"]]
+    measured = np.array(data["measured"], dtype=bool)
+    return Runs(data["x0"], u, dt, measured, rest=rest, columns=tuple(data["columns"]) or None)
 
 
 def region_to_json(region: ExperimentRegion | RunRegion | None) -> dict[str, Any] | None:
@@ -46,6 +58,7 @@ def region_to_json(region: ExperimentRegion | RunRegion | None) -> dict[str, Any
         return {"bounds": bounds, "constraints": [c if isinstance(c, str) else None for c in region.constraints]}
     data = {name: getattr(region, name) for name in ("segments", "duration", "samples")}
     data |= {name: list(getattr(region, name)) for name in ("constant", "shared", "measured")}
+    data["rest"] = _rest_to_json(region.rest)
     return {"bounds": bounds, **data, "levels": {k: list(v) for k, v in region.levels.items()}, "slew": dict(region.slew)}
 
 
@@ -55,7 +68,7 @@ def region_from_json(data: dict[str, Any] | None) -> ExperimentRegion | RunRegio
     if "segments" not in data:
         return ExperimentRegion(data["bounds"], [_not_saved if c is None else c for c in data["constraints"]])
     options = {name: data[name] for name in ("constant", "shared", "levels", "slew", "duration", "measured", "samples")}
-    return RunRegion(data["bounds"], data["segments"], **options)
+    return RunRegion(data["bounds"], data["segments"], rest=_rest_from_json(data["rest"]), **options)
 
 
 def _not_saved(columns: Mapping[str, Array]) -> NDArray[np.bool_]:

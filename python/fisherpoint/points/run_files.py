@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +11,17 @@ from numpy.typing import NDArray
 
 from ..basics.checks import check_alike, check_type
 from ..basics.csv_table import CsvTable, csv_text
-from ..basics.messages import listed
+from ..basics.messages import listed, shown
 from ..basics.quantity import DURATION, Quantity, names_of
 from ..basics.values import Array, FrozenMapping
 from ..models import Model
 from .experiments import columns_of, place_names
+from .rest import Rest, Rests
 
 RUN, SEGMENT = Quantity("run", "1", "number of a run, from 1"), Quantity("segment", "1", "number of a segment of it, from 1")
 MEASURED = Quantity("measured", "1", "whether the outputs are measured at the segment's end")
+REST, ALL = "rest", "all"
+"""The column that names the states that are at rest at the start, and what stands there for all; `rest_u` has the input u."""
 
 NOTHING: Mapping[str, Array] = FrozenMapping({})
 
@@ -28,6 +31,7 @@ def runs_csv(
     u: Array,
     dt: Array,
     measured: NDArray[np.bool_],
+    rests: Rests | None,
     columns: tuple[str, ...] | None,
     model: Model | None,
     outputs: Mapping[str, Array] = NOTHING,
@@ -44,19 +48,69 @@ def runs_csv(
     numbers = np.column_stack([starts, u[k, n], dt[k, n]]).tolist()
     behind = np.column_stack([np.empty((len(k), 0)), *(values[k, n] for values in outputs.values())]).tolist()
     rows: list[list[Any]] = [
-        [str(run + 1), str(segment + 1), *row, str(int(measured[run, segment])), *further]
-        for run, segment, row, further in zip(k.tolist(), n.tolist(), numbers, behind, strict=True)
+        [str(run + 1), str(segment + 1), *row, str(int(measured[run, segment]))]
+        for run, segment, row in zip(k.tolist(), n.tolist(), numbers, strict=True)
     ]
-    header = (RUN.name, SEGMENT.name, *names, DURATION.name, MEASURED.name, *outputs)
+    header = (RUN.name, SEGMENT.name, *names, DURATION.name, MEASURED.name)
+    if rests is not None:
+        header = (*header, *rest_columns(names[n_x:]))
+        for row, run, segment in zip(rows, k.tolist(), n.tolist(), strict=True):
+            row += _rest_cells(rests[run] if segment == 0 else None, names[n_x:])
+    header = (*header, *outputs)
+    rows = [[*row, *further] for row, further in zip(rows, behind, strict=True)]
     if len(set(header)) != len(header):
         taken = listed((RUN.name, SEGMENT.name, DURATION.name, MEASURED.name, *outputs))
         raise ValueError(f"columns: expected names that differ from {taken}; given {listed(names)}")
     return csv_text(header, rows)
 
 
-def read_runs(path: str | Path, model: Model) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-    """x0, u, dt and measured of the runs in a file; see `Runs.from_csv`."""
-    return runs_of_table(CsvTable(path), model)
+def rest_columns(inputs: Sequence[str]) -> tuple[str, ...]:
+    """Columns that a file of runs that start at rest has besides."""
+    return (REST, *(f"{REST}_{name}" for name in inputs))
+
+
+def _rest_cells(rest: Rest | None, inputs: Sequence[str]) -> list[Any]:
+    if rest is None:
+        return ["", *[np.nan] * len(inputs)]
+    return [ALL if rest.states is None else " ".join(rest.states), *rest.held(tuple(inputs))]
+
+
+def read_runs(path: str | Path, model: Model) -> tuple[Array, Array, Array, NDArray[np.bool_], list[Rest | None] | None]:
+    """x0, u, dt, measured and rest of the runs in a file; see `Runs.from_csv`."""
+    table = CsvTable(path)
+    further = rest_columns_of(table, model)
+    parts = runs_of_table(table, model, further)
+    return *parts, rest_of_table(table, model) if further else None
+
+
+def rest_columns_of(table: CsvTable, model: Model) -> tuple[str, ...]:
+    """The columns in which a table says how runs start at rest; none where it does not."""
+    if REST not in table or REST in columns_of(model):
+        return ()
+    further = rest_columns(names_of(model.inputs))
+    for missing in (name for name in further if name not in table):
+        raise ValueError(f"{table.path}: expected the column {missing} beside {REST}, given none")
+    return further
+
+
+def rest_of_table(table: CsvTable, model: Model) -> list[Rest | None]:
+    """How each run starts at rest, of a table that says so and of which the runs are known to be in order."""
+    run, texts = table.complete(RUN), table.texts(REST)
+    held = {quantity.name: table.numbers(f"{REST}_{quantity.name}", quantity.unit) for quantity in model.inputs}
+    first, states = np.diff(run, prepend=0.0) != 0, names_of(model.states)
+    told = np.array([bool(text) for text in texts])
+    table.refuse(told & ~first, REST, "nothing behind the first row of a run")
+    for name, values in held.items():
+        table.refuse(told & np.isnan(values), f"{REST}_{name}", "the held input of a run that starts at rest")
+        table.refuse(~told & ~np.isnan(values), f"{REST}_{name}", "nothing where no run starts at rest")
+    found: list[Rest | None] = []
+    for row in np.flatnonzero(first).tolist():
+        names = texts[row].split()
+        for unknown in (name for name in names if name not in states and names != [ALL]):
+            raise table.error(row, REST, f"expected {ALL!r} or names of states, {listed(states)}; given {shown(unknown)}")
+        u = {name: float(values[row]) for name, values in held.items()}
+        found.append(Rest(u, states=None if names == [ALL] else names) if names else None)
+    return found
 
 
 def runs_of_table(

@@ -14,6 +14,7 @@ from ..basics.quantity import names_of
 from ..basics.values import Array
 from ..models import Model
 from .region import pair
+from .rest import Rest
 from .runs import Runs
 
 MOST_SEGMENTS = 10_000
@@ -44,6 +45,8 @@ class RunRegion:
         The longest that a run may last, s; its segments are shortened alike where they would last longer.
     measured : array_like of bool, (N,), optional
         At the ends of which segments outputs may be measured. Default: all.
+    rest : Rest, optional
+        Runs start at rest; the bounds of the states that are at rest tell where to look for it.
     samples : int, optional
         The design takes the best so many of these of each run. Default: all.
 
@@ -66,6 +69,7 @@ class RunRegion:
         duration: float | None = None,
         measured: ArrayLike | None = None,
         samples: int | None = None,
+        rest: Rest | None = None,
     ) -> None:
         self.bounds: Mapping[str, tuple[float, float]] = by_name(bounds, None, "region", _pair_or_number)
         if "dt" not in self.bounds:
@@ -93,6 +97,9 @@ class RunRegion:
             raise ValueError(f"measured: expected {self.segments} flags, given {shown(measured)}")
         if not flags.any():
             raise ValueError("measured: expected at least one measured segment, given none")
+        if rest is not None:
+            check_type(rest, Rest, "rest")
+        self.rest = rest
         self.measured: tuple[bool, ...] = tuple(flags.tolist())
         self.samples = None if samples is None else check_positive_int(samples, "samples", most=int(flags.sum()))
 
@@ -121,7 +128,7 @@ class RunRegion:
 
     def _identity(self) -> tuple[object, ...]:
         held = self.bounds, self.segments, self.constant, self.shared, self.levels, self.slew
-        return (*held, self.duration, self.measured, self.samples)
+        return (*held, self.duration, self.measured, self.samples, self.rest)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, RunRegion) and self._identity() == other._identity()
@@ -164,7 +171,8 @@ class RunCoordinates:
             for name in group:
                 lower, upper = region.bounds[name]
                 levels = len(region.levels.get(name, ()))
-                if lower == upper or levels == 1:
+                rests = kind == "state" and region.rest is not None and name in region.rest.names(states)
+                if lower == upper or levels == 1 or rests:
                     continue
                 count = n if kind != "state" and name not in region.constant else 1
                 self._places.append((kind, name, slice(len(names), len(names) + count)))
@@ -189,9 +197,10 @@ class RunCoordinates:
         region, model, count = self._region, self._model, len(z)
         shape = (count, region.segments)
         values: dict[str, Array] = {}
-        for name, (lower, _) in region.bounds.items():
-            fixed = region.levels[name][0] if len(region.levels.get(name, ())) == 1 else lower
-            values[name] = np.full((count, 1), fixed)
+        for name, (lower, upper) in region.bounds.items():
+            # Of a state that is at rest, the middle of its bounds is the guess; others have one value, or are set below.
+            one = region.levels[name][0] if len(region.levels.get(name, ())) == 1 else 0.5 * (lower + upper)
+            values[name] = np.full((count, 1), one)
         for _, name, where in self._places:
             values[name] = self._value(name, z[:, where])
         x0 = np.column_stack([values[name] for name in names_of(model.states)])
@@ -202,7 +211,7 @@ class RunCoordinates:
         if region.duration is not None:
             dt *= np.minimum(1.0, region.duration / dt.sum(axis=1, keepdims=True))
         measured = np.broadcast_to(np.array(region.measured), shape).copy()
-        return Runs(x0, u, dt, measured, columns=(*names_of(model.states), *names_of(model.inputs)))
+        return Runs(x0, u, dt, measured, rest=region.rest, columns=(*names_of(model.states), *names_of(model.inputs)))
 
     def _value(self, name: str, share: Array) -> Array:
         lower, upper = self._region.bounds[name]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..basics.values import Array, IntArray
 from ..models import Model
+from .rest_starts import RunStarts, starts_of
 from .runs import Runs
 from .settings import Settings
 from .status import Status, only_finite
@@ -46,11 +48,14 @@ def checked_run_trajectories(model: Model, runs: Runs, theta: Array, settings: S
     if points is not None:
         end, y, status = model.kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *settings)
         return RunTrajectories(np.stack([points.x0, end], axis=1), y[:, None], status, (status == Status.ok).astype(np.int64))
-    x, status, reached = model.kernels.simulate_runs(model.core, runs.x0, runs.u, runs.dt, theta, *settings)
+    start = starts_of(model, runs, theta, tangents=False)
+    rows, values = _resting(start.status, theta)
+    given = start.x0[rows], runs.u[rows], runs.dt[rows], values
+    x, status, reached = _whole(start, rows, segments, *model.kernels.simulate_runs(model.core, *given, *settings))
     y = np.zeros((count, segments, len(model.outputs)))
     k, n = np.nonzero(np.arange(segments) < reached[:, None])
-    rows = theta[k] if theta.ndim == 2 else np.broadcast_to(theta, (len(k), len(theta)))
-    y[k, n] = np.asarray(model.core.output(x[k, n + 1], runs.u[k, n], np.ascontiguousarray(rows))).reshape(len(k), y.shape[2])
+    of_ends = theta[k] if theta.ndim == 2 else np.broadcast_to(theta, (len(k), len(theta)))
+    y[k, n] = np.asarray(model.core.output(x[k, n + 1], runs.u[k, n], np.ascontiguousarray(of_ends))).reshape(len(k), y.shape[2])
     return RunTrajectories(x, y, only_finite(status, x, y), reached)
 
 
@@ -64,7 +69,44 @@ def checked_run_sensitivities(
         end, y, dx, dy, status = model.kernels.sensitivities(model.core, *given, outputs_alone=outputs_alone)
         x = np.stack([points.x0, end], axis=1)
         return RunSensitivities(x, y[:, None], dx[:, None], dy[:, None], status, (status == Status.ok).astype(np.int64))
-    given = (runs.x0, runs.u, runs.dt, theta, *settings)
-    return RunSensitivities(
-        *model.kernels.run_sensitivities(model.core, *given, measured=runs.measured, s=np.empty(0), outputs_alone=outputs_alone)
+    start = starts_of(model, runs, theta)
+    rows, values = _resting(start.status, theta)
+    s = start.s[rows] if start.s.size else start.s
+    options = {"measured": runs.measured[rows], "s": s, "outputs_alone": outputs_alone}
+    x, y, dx, dy, status, reached = model.kernels.run_sensitivities(
+        model.core, start.x0[rows], runs.u[rows], runs.dt[rows], values, *settings, **options
     )
+    x, status, reached, y, dy = _whole(start, rows, runs.dt.shape[1], x, status, reached, y, dy)
+    dx = dx if outputs_alone else _spread(dx, rows, len(runs))
+    return RunSensitivities(x, y, dx, dy, status, reached)
+
+
+def _resting(status: IntArray, theta: Array) -> tuple[slice | NDArray[np.intp], Array]:
+    """Which runs have a start, and their parameters."""
+    if not status.any():
+        return slice(None), theta
+    rows = np.flatnonzero(status == Status.ok)
+    return rows, theta[rows] if theta.ndim == 2 else theta
+
+
+def _whole(
+    start: RunStarts, rows: slice | NDArray[np.intp], segments: int, x: Array, status: IntArray, reached: IntArray, *others: Array
+) -> tuple[Any, ...]:
+    """Results of all runs, of those of the ones that have a start."""
+    if isinstance(rows, slice):
+        return x, status, reached, *others
+    all_x = np.repeat(start.x0[:, None], segments + 1, axis=1)
+    all_x[rows] = x
+    found = start.status.copy()
+    found[rows] = status
+    count = len(found)
+    return all_x, found, _spread(reached, rows, count), *(_spread(other, rows, count) for other in others)
+
+
+def _spread(part: NDArray[Any], rows: slice | NDArray[np.intp], count: int) -> NDArray[Any]:
+    """What some rows have, with zeros in the others."""
+    if isinstance(rows, slice):
+        return part
+    whole = np.zeros((count, *part.shape[1:]), dtype=part.dtype)
+    whole[rows] = part
+    return whole

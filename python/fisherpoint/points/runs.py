@@ -15,6 +15,7 @@ from ..basics.messages import shown
 from ..basics.values import Array
 from ..models import Model
 from .experiments import Experiments, checked_columns, columns_of
+from .rest import Rest, Rests, any_rests, as_rests, joined_rests
 from .run_files import read_runs, runs_csv
 
 Flags = NDArray[np.bool_]
@@ -33,6 +34,8 @@ class Runs:
         Durations of the segments, s. A run of fewer segments has zeros behind its last one.
     measured : array_like of bool, (K, N), or (N,) for all runs, optional
         At the ends of which segments the outputs are measured. Default: all.
+    rest : Rest, or a sequence of K, optional
+        Starts that are found where the plant is at rest, by parameters; x0 is the guess then. None stands for a run that is not.
     columns : tuple of str, optional
         Names of the states and inputs, for files; the model's, where the runs come from one.
 
@@ -50,6 +53,7 @@ class Runs:
         dt: ArrayLike,
         measured: ArrayLike | None = None,
         *,
+        rest: Rest | Sequence[Rest | None] | None = None,
         columns: tuple[str, ...] | None = None,
     ) -> None:
         self.x0, self.u = as_floats(x0, "x0"), as_floats(u, "u")
@@ -64,9 +68,10 @@ class Runs:
         if not shape[1]:
             raise ValueError("u: expected at least one segment, given none")
         self.dt = _of_segments(as_floats(dt, "dt"), shape, "dt")
-        self.measured: Flags = _of_segments(_flags(True if measured is None else measured), shape, "measured") & (self.dt > 0)
+        self.measured: Flags = _of_segments(_as_flags(measured), shape, "measured") & (self.dt > 0)
         _check(self.dt, self.measured)
         self.columns = None if columns is None else checked_columns(columns, self.x0.shape[1] + self.u.shape[2])
+        self.rests = as_rests(rest, count)
         self._keep()
 
     @classmethod
@@ -92,18 +97,21 @@ class Runs:
             np.concatenate([padded(part.dt, "zero") for part in parts]),
             np.concatenate([padded(part.measured, "zero") for part in parts]),
             parts[0].columns,
+            joined_rests([(part.rests, len(part)) for part in parts]),
         )
 
     @classmethod
-    def _of(cls, x0: Array, u: Array, dt: Array, measured: Flags, columns: tuple[str, ...] | None) -> Runs:
+    def _of(
+        cls, x0: Array, u: Array, dt: Array, measured: Flags, columns: tuple[str, ...] | None, rests: Rests | None = None
+    ) -> Runs:
         """Runs of which the parts are known to be valid."""
         runs = cls.__new__(cls)
-        runs.x0, runs.u, runs.dt, runs.measured, runs.columns = x0, u, dt, measured, columns
+        runs.x0, runs.u, runs.dt, runs.measured, runs.columns, runs.rests = x0, u, dt, measured, columns, rests
         runs._keep()
         return runs
 
     def _keep(self) -> None:
-        for array in (self.x0, self.u, self.dt, self.measured):
+        for array in (self.x0, self.u, self.dt, self.measured, *(() if self.rests is None else (self.rests,))):
             array.flags.writeable = False
 
     def __len__(self) -> int:
@@ -112,7 +120,8 @@ class Runs:
     def __getitem__(self, index: int | slice | Sequence[int] | NDArray[Any]) -> Runs:
         rows = as_index(index, len(self), "runs")
         try:
-            return Runs._of(self.x0[rows], self.u[rows], self.dt[rows], self.measured[rows], self.columns)
+            rests = None if self.rests is None else any_rests(self.rests[rows])
+            return Runs._of(self.x0[rows], self.u[rows], self.dt[rows], self.measured[rows], self.columns, rests)
         except IndexError as error:
             raise IndexError(f"runs: expected indices below {len(self)}, or as many flags; given {shown(index)}") from error
 
@@ -121,18 +130,25 @@ class Runs:
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Runs) and all(
-            np.array_equal(getattr(self, name), getattr(other, name)) for name in ("x0", "u", "dt", "measured")
+            np.array_equal(getattr(self, name), getattr(other, name)) for name in ("x0", "u", "dt", "measured", "rests")
         )
 
     __hash__ = None  # type: ignore[assignment]  # arrays
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Runs._of, (self.x0, self.u, self.dt, self.measured, self.columns)
+        return Runs._of, (self.x0, self.u, self.dt, self.measured, self.columns, self.rests)
 
     def __repr__(self) -> str:
         lengths = np.unique(self.segments)
         segments = f"{lengths[0]}" if len(lengths) == 1 else f"up to {lengths.max(initial=0)}"
-        return f"Runs({len(self)} of {segments} segments, {self.measured.sum()} samples, {self.u.shape[2]} inputs)"
+        resting = sum(one is not None for one in self.rest)
+        at_rest = f", {'all' if resting == len(self) else resting} from rest" if resting else ""
+        return f"Runs({len(self)} of {segments} segments, {self.measured.sum()} samples, {self.u.shape[2]} inputs{at_rest})"
+
+    @property
+    def rest(self) -> tuple[Rest | None, ...]:
+        """For each run how it starts at rest; None where it starts as x0 says."""
+        return (None,) * len(self) if self.rests is None else tuple(self.rests)
 
     @property
     def segments(self) -> NDArray[np.intp]:
@@ -146,26 +162,32 @@ class Runs:
 
     @property
     def starts(self) -> Experiments:
-        """The first segments, as points."""
+        """The first segments, as points; where a run starts at rest, x0 is the guess of that."""
         return Experiments(self.x0, self.u[:, 0], self.dt[:, 0], columns=self.columns)
 
     def divided(self, parts: int) -> Runs:
         """The same runs with every segment divided into equal parts, of which the last one ends as before."""
         dt, ends = np.repeat(self.dt / parts, parts, axis=1), np.zeros((*self.dt.shape, parts), dtype=bool)
         ends[:, :, -1] = self.measured
-        return Runs._of(self.x0, np.repeat(self.u, parts, axis=1), dt, ends.reshape(dt.shape), self.columns)
+        return Runs._of(self.x0, np.repeat(self.u, parts, axis=1), dt, ends.reshape(dt.shape), self.columns, self.rests)
+
+    def measuring(self, flags: Flags) -> Runs:
+        """The same runs, of which other segments (K, N) are measured at their ends."""
+        return Runs._of(self.x0, self.u, self.dt, flags & (self.dt > 0), self.columns, self.rests)
 
     @property
     def points(self) -> Experiments | None:
-        """The runs as experiment points; None where one has more than a segment."""
-        return self.starts if self.dt.shape[1] == 1 else None
+        """The runs as experiment points; None where one has more than a segment, or starts at rest."""
+        return self.starts if self.dt.shape[1] == 1 and self.rests is None else None
 
     def to_csv(self, path: str | Path, model: Model | None = None) -> None:
         """Write one row per segment: run, segment, the start in the run's first row, the inputs, dt, and measured (1 or 0).
 
+        Where runs start at rest, their first rows say so: the column rest names the states ("all", or several with blanks
+        between), and rest_u, of an input u, has the held input. The states then are the guess.
         Every digit is kept, and the file appears whole or not at all. `Runs.from_csv` reads it back.
         """
-        write_whole(path, runs_csv(self.x0, self.u, self.dt, self.measured, self.columns, model))
+        write_whole(path, runs_csv(self.x0, self.u, self.dt, self.measured, self.rests, self.columns, model))
 
     @classmethod
     def from_csv(cls, path: str | Path, model: Model) -> Runs:
@@ -180,16 +202,17 @@ class Runs:
             message names row and column.
         """
         check_type(model, Model, "model")
-        return cls(*read_runs(path, model), columns=columns_of(model))
+        *parts, rest = read_runs(path, model)
+        return cls(*parts, rest=rest, columns=columns_of(model))
 
 
-def _flags(given: ArrayLike) -> Flags:
+def _as_flags(measured: ArrayLike | None) -> Flags:
     try:
-        flags = np.asarray(given)
-    except (TypeError, ValueError) as error:  # ragged, or no array at all
-        raise ValueError(f"measured: expected flags, given {shown(given)}") from error
+        flags = np.asarray(True if measured is None else measured)
+    except (TypeError, ValueError, OverflowError, RuntimeError):
+        flags = np.empty(0)
     if flags.dtype != np.bool_:
-        raise ValueError(f"measured: expected flags, given {shown(given)}")
+        raise ValueError(f"measured: expected flags, given {shown(measured)}")
     return flags
 
 

@@ -12,6 +12,7 @@ from ..basics.checks import as_float, check_choice, check_positive_int
 from ..basics.values import Array
 from ..models import Model
 from .experiments import Experiments
+from .rest_starts import checked_starts
 from .runs import Runs
 
 MAX_THREADS = 4096
@@ -51,7 +52,10 @@ def checked_arguments(
     rtol = check_rtol(rtol)
     crosses = check_kinks(kinks), check_jumps(jumps)
     starts = points.starts if isinstance(points, Runs) else points
-    refuse_starts_on_surfaces(model, starts, theta, crossed_surfaces(model, *crosses))
+    if isinstance(points, Runs) and points.rests is not None and theta.ndim == 1:
+        starts = Experiments(checked_starts(model, points, theta), starts.u, starts.dt)
+    if not isinstance(points, Runs) or points.rests is None or theta.ndim == 1:  # of other starts the status says it
+        refuse_starts_on_surfaces(model, starts, theta, crossed_surfaces(model, *crosses))
     if method is not None:
         method = check_choice(method, ("RK45", "DOP853", "Radau"), "method")
     return rtol, *crosses, method or "fastest", resolve_threads(threads)

@@ -23,6 +23,7 @@ class Status(IntEnum):
     on_jump = 7
     two_jumps = 8
     chatters = 9
+    no_rest = 10
 
     @property
     def advice(self) -> str:
@@ -36,13 +37,19 @@ _ADVICE = {
         "The right-hand side jumps on the way, and jumps='exclude' or the kind of jump (see model.crossable) forbids to cross it: "
         "start further off or sample earlier."
     ),
-    Status.left_domain: "The state reached a limit beyond which the model has no value: start further inside or sample earlier.",
+    Status.left_domain: (
+        "The state reached a limit beyond which the model has no value, or a limit along the way: start further inside or sample"
+        " earlier."
+    ),
     Status.step_limit: "The tolerance requires more or smaller steps than allowed: increase rtol or sample earlier.",
     Status.not_finite: "A rate, an output or what depends on it overflowed: check constants, parameters and standard deviations.",
     Status.met_kink: "The trajectory crosses one of the model's kinks, which kinks='exclude' forbids.",
     Status.grazes_jump: "The trajectory touches a jump along its tangent, and has no derivative: change the start or the duration.",
     Status.on_jump: "The trajectory starts or ends on a jump, where it has no derivative: change the start or the duration.",
     Status.two_jumps: "The trajectory meets two jumps at once: change the start, or sample earlier.",
+    Status.no_rest: (
+        "The run is to start at rest, and there is no rest at these parameters: none, an unstable one, or a whole range of them."
+    ),
     Status.chatters: "The trajectory meets jumps again and again in ever shorter times: sample earlier.",
 }
 

@@ -12,46 +12,18 @@ from ..basics.messages import shown
 from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
 from ..data.record_trajectory import first_failure
-from ..estimation.response import sensible
 from ..information.assumed import Assumed, assumed_of
+from ..information.draws import drawn_from_prior
 from ..information.problem import DesignProblem
 from ..models import Model
 from ..points.experiments import Experiments
 from ..points.runs import Runs
+from ..points.sense import sensible
 from ..points.status import Status
 from ..points.trajectories import simulate
-from ..prior.coordinates import cholesky_coordinates
 
 TRUTH_RTOL = 1e-10
 """Tolerance of the true trajectories."""
-
-MOST_DRAWS = 100
-"""Draws for each truth that is wanted, after which a prior counts as one without physical sense."""
-
-
-def drawn_from_prior(problem: DesignProblem, count: int, rng: np.random.Generator) -> tuple[Array, int]:
-    """Parameters (count, p) of which the estimated ones follow the prior, and how many draws without physical sense were left out.
-
-    Raises
-    ------
-    ValueError
-        Where next to no draw makes sense to the model.
-    """
-    coordinates = cholesky_coordinates(problem.prior, problem.estimated)
-    names = names_of(problem.model.parameters)
-    columns = [problem.prior.names.index(name) for name in names]
-    found, drawn = np.empty((0, len(names))), 0
-    while len(found) < count:
-        if drawn > MOST_DRAWS * count:
-            raise ValueError(f"prior: expected draws that make sense to {problem.model.name}, given {len(found)} in {drawn}")
-        theta = coordinates.theta(rng.standard_normal((count, len(names))))[:, columns]
-        drawn += count
-        kept = theta[sensible(problem.model, theta)]
-        # Draws behind the last one that is wanted were not needed, and do not count.
-        surplus = max(0, len(found) + len(kept) - count)
-        drawn -= surplus
-        found = np.concatenate([found, kept])[:count]
-    return found, drawn - count
 
 
 @dataclass(frozen=True, eq=False)

@@ -73,9 +73,9 @@ class Domain:
                 poles.append(limit)
         return poles + others
 
-    def declare(self, expression: Any, written: Any) -> None:
-        """Add a condition of the user's: the expression must stay positive."""
-        self._add(expression, written, (), pole=False)
+    def declare(self, expression: Any, written: Any, name: str | None = None) -> None:
+        """Add a condition of the user's: the expression must stay positive; it may have a name of its own."""
+        self._add(expression, written, (), pole=False, name=name)
 
     def read(self, expression: Any, origin: Mapping[Any, Any]) -> None:
         """Add the limits of an expression; `origin` tells how its parts were written."""
@@ -96,7 +96,7 @@ class Domain:
                 self._add(argument, written, guards, pole)
             stack += [(argument, guards) for argument in reversed(part.args)]
 
-    def _add(self, expression: Any, written: Any, guards: Guards, pole: bool) -> None:
+    def _add(self, expression: Any, written: Any, guards: Guards, pole: bool, name: str | None = None) -> None:
         for shown in (written, expression):
             known = replaced(shown, self._constants, self._with_constants)
             if known.is_positive or (pole and known.is_nonzero):
@@ -120,7 +120,7 @@ class Domain:
             expression = Select(condition, *((expression, sympy.S.One) if taken else (sympy.S.One, expression)))
         if len(self._limits) == MOST:
             raise ValueError(f"f: expected at most {MOST} roots, logarithms, divisors and conditions of the domain, given more")
-        self._limits.setdefault((form, None if pole else sign, guards), Limit(to_text(shown), expression, pole))
+        self._limits.setdefault((form, None if pole else sign, guards), Limit(name or to_text(shown), expression, pole))
 
 
 def _guards(condition: Any, holds: bool) -> Guards:

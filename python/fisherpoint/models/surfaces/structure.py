@@ -21,7 +21,7 @@ from .powers import Powers
 
 @dataclass(frozen=True)
 class Equations:
-    """f, g and the conditions that must stay positive, in symbols."""
+    """f, g, the conditions that must stay positive, and limits along the way (text, what must stay positive), in symbols."""
 
     rates: tuple[Any, ...]
     output: tuple[Any, ...]
@@ -30,6 +30,7 @@ class Equations:
     inputs: tuple[Any, ...]
     parameters: tuple[Any, ...]
     constants: Mapping[Any, float]
+    along: tuple[tuple[str, Any], ...] = ()
 
 
 class Structure:
@@ -39,7 +40,8 @@ class Structure:
         self.equations = equations
         by_side, by_value = Branches(equations.states, by_side=True), Branches(equations.states, by_side=False)
         rates = [by_side.rewrite(expression) for expression in equations.rates]
-        told = classified(rates, by_side, equations.states, equations.constants, equations.conditions)
+        known = (*equations.conditions, *(condition for _, condition in equations.along))
+        told = classified(rates, by_side, equations.states, equations.constants, known)
         merged = [replace(surface, expression=by_side.merged(surface.expression)) for surface in told]
         powers = Powers(merged)
         self.rates = [powers.rewrite(by_side.merged(rate)) for rate in rates]
@@ -47,6 +49,8 @@ class Structure:
         self.output = [powers.rewrite(by_value.rewrite(expression)) for expression in equations.output]
 
         domain = Domain(equations.constants, self.surfaces)
+        for text, condition in equations.along:
+            domain.declare(by_value.rewrite(condition), condition, text)
         for condition in equations.conditions:
             domain.declare(by_value.rewrite(condition), condition)
         for rewritten, branches in ((self.rates, by_side), (self.output, by_value)):
