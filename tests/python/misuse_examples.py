@@ -55,6 +55,12 @@ def problem() -> fp.DesignProblem:
 
 
 @cache
+def run_problem() -> fp.DesignProblem:
+    region = fp.RunRegion({"h": 1.0, "u": (0.1, 1.0), "dt": (0.2, 0.5)}, 3)
+    return fp.DesignProblem(model(), prior(), region, noise_std=NOISE)
+
+
+@cache
 def data() -> fp.Measurements:
     return fp.VirtualRig(model(), THETA, NOISE).measure(points(), repeats=2)
 

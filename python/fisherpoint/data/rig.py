@@ -113,20 +113,26 @@ class VirtualRig:
             along = simulate(self.model, runs, self.theta, rtol=self.rtol, jumps="cross")
             completed = np.arange(planned.dt.shape[1]) < along.reached[:, None]
             there = planned.measured & completed & (along.status != Status.not_finite)[:, None]
-            y, status, what, ended = along.y, along.status, "runs", "are not measured to their ends"
+            y, status = along.y, along.status
         else:
             true = Experiments(planned.x0 + deviation, planned.u, planned.dt, columns=planned.columns)
             done = simulate(self.model, true, self.theta, rtol=self.rtol, jumps="cross")
             there = done.status == Status.ok
-            y, status, what, ended = done.y, done.status, "points", "are not measured"
+            y, status = done.y, done.status
         counts = failures_of(status)
         self._failures += counts
         reasons = ", ".join(f"{name} {count}" for name, count in counts.items())
+        of_runs = isinstance(planned, Runs)
         if not there.any():
-            far = "its end" if what == "points" else "a sample"
-            raise ValueError(f"points: expected at least one whose trajectory reaches {far}, given none: {reasons or f'no {what}'}")
+            far, none = ("a sample", "no runs") if of_runs else ("its end", "no points")
+            raise ValueError(f"points: expected at least one whose trajectory reaches {far}, given none: {reasons or none}")
         if counts:
-            warnings.warn(f"{sum(counts.values())} of {len(planned)} {what} {ended}: {reasons}", RuntimeWarning, stacklevel=2)
+            warnings.warn(
+                f"{sum(counts.values())} of {len(planned)} "
+                f"{'runs are not measured to their ends' if of_runs else 'points are not measured'}: {reasons}",
+                RuntimeWarning,
+                stacklevel=2,
+            )
         return Measurements(planned, np.where(there[..., None], y + noise, np.nan))
 
     def __repr__(self) -> str:
