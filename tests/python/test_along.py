@@ -271,3 +271,12 @@ def test_misuse_is_told() -> None:
         fp.feasibility(known(0.9), ONCE, draws=10).holds(95)
     with pytest.raises(ValueError, match=r"rest: expected an equilibrium of x"):
         fp.feasibility(known(0.9), fp.Runs([[0.0]], [[1.0]], 1.0, rest=fp.Rest({"u": 1.0})))
+
+
+def test_files_have_limits_too(tmp_path: Path) -> None:
+    decay = (Path(__file__).parents[2] / "examples" / "exponential_decay.toml").read_text()
+    (tmp_path / "decay.toml").write_text(decay.replace("[design]\n", '[design]\nalong = ["share > -1"]\n', 1))
+    assert fp.load_problem(tmp_path / "decay.toml").along == ("share > -1",)
+    (tmp_path / "decay.toml").write_text(decay.replace("[design]\n", '[design]\nalong = ["x > 0.1"]\n', 1))
+    with pytest.raises(ValueError, match=r"decay.toml: design: along\[0\]: column 1: expected the names share, .*; given 'x"):
+        fp.load_problem(tmp_path / "decay.toml")
