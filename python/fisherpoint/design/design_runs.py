@@ -96,6 +96,8 @@ def design_runs(
         None if confidence is None else as_probability(confidence, "confidence"),
         None if time_limit is None else as_positive(time_limit, "time_limit", "time in s"),
     )
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
     threads = resolve_threads(threads)
     theta = _plants(problem, plants)
     known, left_out = previous_information(problem, previous, threads)

@@ -163,6 +163,8 @@ def pair(given: Sequence[float], label: str) -> tuple[float, float]:
     array = as_floats(given, label)
     if array.shape != (2,):
         raise ValueError(f"{label}: expected a pair (lower, upper), given {shown(given)}")
+    for flag in (entry for entry in given if isinstance(entry, bool | np.bool_)):
+        raise ValueError(f"{label}: expected numbers, given {flag!r}")
     lower, upper = array.tolist()
     if lower > upper:
         raise ValueError(f"{label}: expected lower <= upper, given ({lower:g}, {upper:g})")
