@@ -137,6 +137,24 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "constraints": "Relations that every point has to satisfy.",
         },
     ),
+    "runs": (
+        "Runs of several segments in the place of points: with this table `fisherpoint design` looks for runs, and `[region]` bounds the"
+        " start, the inputs of every segment and its duration. [Designing runs](../how_to/runs.md).",
+        "[runs]\nsegments = 48\nlead_in = 4\nslew = { u = 0.5 }\n",
+        {
+            "segments": "Number of segments of a run.",
+            "n_runs": "Number of runs.",
+            "constant": "Inputs, or `dt`, that stay the same over a run.",
+            "shared": "States at the start, constant inputs, or `dt`, that all runs have alike.",
+            "levels": "The only values that an input may take, by name.",
+            "slew": "The most that an input may change from one segment to the next, by name.",
+            "duration": "The longest that a run may last, s.",
+            "lead_in": "Segments at the beginning that are not measured.",
+            "samples": "How many samples are chosen of each run; all where it is not given.",
+            "n_starts": "How often the search begins anew.",
+            "confidence": "Share of the plants that the prior allows which must be able to run the design.",
+        },
+    ),
     "rule": (
         "How expectations over the prior are computed; [quadrature](../explanation/quadrature.md) says which kind to take. A file"
         " that gives `levels`, `span` or `edges` without a kind means `tensor_grid`.",
@@ -280,10 +298,12 @@ def _default(table: str, key: str, node: Mapping[str, Any]) -> str:
         return SAID[f"{table}.{key}"]
     if table == "rule":
         return _of_rules(key)
-    functions = {"design": (fp.exchange, fp.DesignProblem), "campaign": (fp.Campaign,)}.get(table, ())
+    functions = {"design": (fp.exchange, fp.DesignProblem), "runs": (fp.RunRegion, fp.design_runs), "campaign": (fp.Campaign,)}.get(
+        table, ()
+    )
     values = [inspect.signature(function).parameters[key].default for function in functions if key in _arguments(function)]
     value = values[0] if values else node.get("default")
-    return "none" if value in (None, "", [], {}) else f"`{str(value).lower() if isinstance(value, bool) else _toml(value)}`"
+    return "none" if value in (None, "", [], {}, ()) else f"`{str(value).lower() if isinstance(value, bool) else _toml(value)}`"
 
 
 def _arguments(function: Any) -> list[str]:
