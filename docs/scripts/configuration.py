@@ -138,8 +138,8 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
         },
     ),
     "runs": (
-        "Runs of several segments in the place of points: with this table `fisherpoint design` looks for runs, and `[region]` bounds the"
-        " start, the inputs of every segment and its duration. [Designing runs](../how_to/runs.md).",
+        "Runs of several segments in the place of points: with this table `fisherpoint design` looks for runs, and `[region]`"
+        " bounds the start, the inputs of every segment and its duration. [Designing runs](../how_to/runs.md).",
         "[runs]\nsegments = 48\nlead_in = 4\nslew = { u = 0.5 }\n",
         {
             "segments": "Number of segments of a run.",
