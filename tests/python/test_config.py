@@ -174,7 +174,7 @@ MISTAKES = {
         "[design]",
         "[desing]",
         "unknown key desing; expected one of model, prior, prior_correlation, noise_std, uncertain, initial_state_std, "
-        "region, rule, design, campaign "
+        "region, runs, rule, design, campaign "
         '(did you mean "design"?)',
     ),
 }

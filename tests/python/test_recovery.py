@@ -16,7 +16,7 @@ import fisherpoint as fp
 from fisherpoint.design.configuration import load_config
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-NAMES = sorted(path.stem for path in EXAMPLES.glob("*.toml") if "[model]" in path.read_text(encoding="utf-8"))
+NAMES = sorted(path.stem for path in EXAMPLES.glob("*.toml") if "[runs]" not in path.read_text(encoding="utf-8"))
 PATTERNS = {"figure2": 2}  # of signs; others have 4
 RTOL = 1e-12
 
