@@ -14,7 +14,7 @@ from ..basics.values import Array
 from ..information.problem import DesignProblem
 from ..information.run_information import RunTangents
 
-WEIGHT = 1.0
+WEIGHT = 4.0
 """What one standard deviation too few costs at a sample, in log det F."""
 
 LEAST_SPREAD = 1e-3

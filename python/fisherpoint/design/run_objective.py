@@ -25,8 +25,8 @@ from .run_margins import RunMargins
 STEP = 1e-3
 """Of a free number, for differences."""
 
-LOOKS = 4
-"""Times in every segment at which the distance to limits is taken."""
+LOOKS, MORE_LOOKS = 2, 4
+"""Times in every segment at which the distance to limits is taken, and where that has not been enough."""
 
 MOST_SEGMENTS = 100_000
 """Of runs that are computed at once, so that memory stays bounded."""
@@ -73,6 +73,8 @@ class RunObjective:
     ----------
     kappa : float
         Standard deviations that runs keep from limits of the domain, or pay for; 0 for no costs.
+    looks : int
+        Times in every segment at which that distance is taken.
     evaluations : int
         Runs that were computed, or parts of them.
     """
@@ -81,7 +83,7 @@ class RunObjective:
         self, problem: DesignProblem, coordinates: RunCoordinates, plants: Array, previous: Array, settings: Settings
     ) -> None:
         self.problem, self.coordinates, self.plants, self.previous = problem, coordinates, plants, previous
-        self.kappa, self.evaluations = 0.0, 0
+        self.kappa, self.looks, self.evaluations = 0.0, LOOKS, 0
         self._settings, self._margins = settings, RunMargins(problem)
 
     def judged(self, runs: Runs) -> Judged:
@@ -105,8 +107,11 @@ class RunObjective:
             return -np.inf
         return float(self.log_dets(judged.matrices.sum(axis=0) + self.previous)) - float(judged.costs.sum())
 
-    def value_and_gradient(self, z: Array, selected: NDArray[np.bool_] | None = None) -> Value:
-        """The criterion less costs and its gradient (L, d) at free numbers (L, d); `selected` (L, N) are the samples that count."""
+    def value_and_gradient(self, z: Array, selected: NDArray[np.bool_] | None = None, central: bool = True) -> Value:
+        """The criterion less costs and its gradient (L, d) at free numbers (L, d); `selected` (L, N) are the samples that count.
+
+        Without `central` differences the gradient costs half as much, and is exact to a step only.
+        """
         count, plants = len(z), len(self.plants)
         base = self.tried(z, selected)
         along = self._tangents(base, outputs_alone=False)
@@ -118,11 +123,14 @@ class RunObjective:
         run, number = np.nonzero(np.broadcast_to(self.coordinates.stepped == 0, z.shape))
         here = z[run, number]
         ends = np.stack([np.minimum(here + STEP, 1.0), np.maximum(here - STEP, 0.0)], axis=1)
-        change = np.zeros((len(run), 2))
-        for some in self._blocks(len(run), 2 * base.dt.shape[1]):
-            moved = np.repeat(z[run[some]], 2, axis=0)
-            moved[np.arange(len(moved)), np.repeat(number[some], 2)] = ends[some].ravel()
-            own = np.repeat(run[some], 2)
+        if not central:  # to the side where there is room
+            ends = np.where(here < 0.5, ends[:, 0], ends[:, 1])[:, None]
+        sides = ends.shape[1]
+        change = np.zeros(ends.shape)
+        for some in self._blocks(len(run), sides * base.dt.shape[1]):
+            moved = np.repeat(z[run[some]], sides, axis=0)
+            moved[np.arange(len(moved)), np.repeat(number[some], sides)] = ends[some].ravel()
+            own = np.repeat(run[some], sides)
             many, theta = self._on_plants(self.tried(moved, None if selected is None else selected[own]))
             lanes = (own[:, None] + count * np.arange(plants)).T.ravel()  # of `along`, plant after plant
             tangents = tangents_from(self.problem, along, lanes, many, theta, self._settings, outputs_alone=not self._costly)
@@ -130,20 +138,20 @@ class RunObjective:
             difference = np.trace(np.linalg.solve(total, there.matrices - at.matrices[own]), axis1=-2, axis2=-1).mean(axis=1)
             difference -= there.costs - at.costs[own]
             difference[~there.ok] = np.nan
-            change[some] = difference.reshape(-1, 2)
-        self.evaluations += 2 * len(run)
+            change[some] = difference.reshape(-1, sides)
+        self.evaluations += sides * len(run)
         # Where one side cannot be run, the other one tells.
         steps, lost = ends - here[:, None], np.isnan(change)
         change[lost], steps[lost] = 0.0, 0.0
-        span = steps[:, 0] - steps[:, 1]
-        gradient[run, number] = np.divide(change[:, 0] - change[:, 1], span, out=np.zeros(len(run)), where=span > 0)
+        span, rise = (steps[:, 0], change[:, 0]) if sides == 1 else (steps[:, 0] - steps[:, 1], change[:, 0] - change[:, 1])
+        gradient[run, number] = np.divide(rise, span, out=np.zeros(len(run)), where=span != 0)
         return Value(value, gradient)
 
     def tried(self, z: Array, selected: NDArray[np.bool_] | None) -> Runs:
         """Runs with free numbers z (K, d), which measure the `selected` (K, N) samples, in as short segments as costs need."""
         runs = self.coordinates.runs(z)
         runs = runs if selected is None else runs.measuring(selected)
-        return runs.divided(LOOKS) if self._costly else runs
+        return runs.divided(self.looks) if self._costly else runs
 
     @property
     def _costly(self) -> bool:

@@ -25,7 +25,7 @@ from ..points.runs import Runs
 from ..points.settings import Settings
 from ..points.status import failures_of
 from .run_moves import moved_runs
-from .run_objective import Judged, RunObjective
+from .run_objective import MORE_LOOKS, Judged, RunObjective
 from .run_plants import RunPlants
 from .run_profiles import draw_runs
 from .sample_choice import best_samples
@@ -47,10 +47,13 @@ RIDGE = 1e-9
 
 MOST_SEGMENTS_OF_POOL = 400_000
 
+LOOKED_AT = 5
+"""Of the pool's best runs, whether the plants can run them."""
+
 PART = 4
 """Every so manieth run of the pool is there for a start, so that starts differ."""
 
-PLANTS, LEAST_PART = 1000, 0.4
+PLANTS, LEAST_PART = 1000, 0.5
 """On which runs are tried during the search; and how many of the plants that may fail may do so there. Runs are chosen by these
 plants, so that others fail more often."""
 
@@ -60,7 +63,7 @@ KAPPA, MORE_KAPPA, MOST_KAPPA = 3.0, 0.5, 6.0
 SHARE_OF_SKETCHES = 0.4
 """Of the time, after which no further start is begun."""
 
-SKETCH, LONGEST = 12, 200
+SKETCH, LONGEST = 12, 60
 """Iterations of L-BFGS-B for a start at first, and of those that are followed."""
 
 
@@ -135,11 +138,29 @@ class RunSearch:
         self._rng = np.random.default_rng(seed)
         self._confidence = confidence
         self._guard = RunPlants(problem, PLANTS, np.random.default_rng([seed, 1]), run_settings(problem, threads))
-        self.objective.kappa = 0.0 if confidence is None else KAPPA
         self.rejected: Counter[str] = Counter()
         self.drawn = 0
         self.ends: list[Found] = []
+        self._sketched: list[Found] = []
+        self._begun: list[int] = []  # of the pool, with which starts have begun
         self._draw_pool(n_candidates)
+        if confidence is not None and not self._easy():
+            self._keep_off(KAPPA)
+
+    def _easy(self) -> bool:
+        """Whether enough plants can run the best single runs of the pool as they are: then limits hardly matter."""
+        values = self.objective.log_dets(self._judged.matrices + RIDGE * np.eye(self._judged.matrices.shape[-1]))
+        best = np.argsort(-values, kind="stable")[:LOOKED_AT]
+        _, able = self._guard.outputs(self.coordinates.runs(self._pool[best]))
+        return all(self._enough(share) for share in able.mean(axis=0))
+
+    def _keep_off(self, kappa: float) -> None:
+        """Have runs pay for less than so many standard deviations to limits, those of the pool too."""
+        self.objective.kappa = kappa
+        self._judged = self.objective.judged(self.objective.tried(self._pool, None))
+
+    def _enough(self, share: float) -> bool:
+        return self._confidence is None or 1.0 - share <= LEAST_PART * (1.0 - self._confidence)
 
     @property
     def seconds(self) -> float:
@@ -147,8 +168,8 @@ class RunSearch:
 
     @property
     def best(self) -> Found:
-        """The best end so far: one that enough plants can run, where there is any."""
-        return max(self.ends, key=_worth)
+        """The best runs so far: such that enough plants can run them, where there are any."""
+        return max(self.ends + self._sketched, key=_worth)
 
     @property
     def again(self) -> int:
@@ -223,6 +244,7 @@ class RunSearch:
                 selected = self._chosen_samples(z)
                 z, value = self._by_moves(*self._by_gradients(z, selected, SKETCH), selected)
                 sketched.append((value, z))
+                self._sketched.append(self._tried(z, selected))
                 if self._limit is not None and self.seconds > SHARE_OF_SKETCHES * self._limit:
                     break
             else:
@@ -234,6 +256,8 @@ class RunSearch:
         """Runs of a random part of the pool, by exchange: each gives way to the best one beside the others, until none does."""
         rng, objective = self._rng, self.objective
         some = rng.permutation(len(self._pool))[: max(self.n_runs, -(-len(self._pool) // PART))]
+        if self.n_runs == 1 and len(fresh := some[~np.isin(some, self._begun)]):
+            some = fresh
         f, costs = self._judged.matrices[some], self._judged.costs[some]
         chosen = rng.integers(len(some), size=self.n_runs)
         total = f[chosen].sum(axis=0) + objective.previous
@@ -248,6 +272,7 @@ class RunSearch:
                 total, value = others + f[chosen[k]], float(values[chosen[k]])
             if not value > before + LEAST_GAIN:
                 break
+        self._begun += some[chosen].tolist()
         z = self._pool[some[chosen]].copy()
         z[:, self.coordinates.shared] = z[0, self.coordinates.shared]
         return z
@@ -268,7 +293,10 @@ class RunSearch:
             if not found.feasible:
                 if objective.kappa >= MOST_KAPPA:
                     break
-                objective.kappa += MORE_KAPPA
+                if objective.kappa > 0 and objective.looks < MORE_LOOKS:
+                    objective.looks = MORE_LOOKS
+                else:
+                    objective.kappa = max(KAPPA, objective.kappa + MORE_KAPPA)
                 value = objective.of(objective.judged(objective.tried(z, selected)))
             before = value
             z, value = self._by_moves(z, value, selected)
@@ -286,8 +314,7 @@ class RunSearch:
         judged = self.objective.judged(self.objective.tried(z, selected))
         value = self.objective.of(judged) + float(judged.costs.sum())
         share = float(self._guard.can_run(self._planned(z, selected)).mean())
-        feasible = self._confidence is None or 1.0 - share <= LEAST_PART * (1.0 - self._confidence)
-        return Found(z, selected, value, share, feasible)
+        return Found(z, selected, value, share, self._enough(share))
 
     def _chosen_samples(self, z: Array) -> NDArray[np.bool_] | None:
         if self.region.samples is None:
@@ -310,7 +337,7 @@ class RunSearch:
         def negative(numbers: Array) -> tuple[float, Array]:
             nonlocal best, best_value
             at = placed(numbers)
-            value, gradient = self.objective.value_and_gradient(at, selected)
+            value, gradient = self.objective.value_and_gradient(at, selected, central=iterations > SKETCH)
             if not np.isfinite(value):
                 return abs(best_value) + 1e3, np.zeros_like(numbers)
             if value > best_value:
