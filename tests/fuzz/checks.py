@@ -322,13 +322,23 @@ def judge_state(bench: Bench, k: int, true: Course, x: Floats, rtol: float, call
 
 
 def by_chance(bench: Bench, k: int, true: Course, rtol: float, growth: float, method: str | None) -> bool:
-    """Whether a smooth trajectory is right at other tolerances next to this: so it is where the estimate of one step's error
-    happens to vanish, of which the documentation says that no rule sees it, and how rare it is (`CHANCES`)."""
+    """Whether a smooth trajectory is right at other tolerances next to this, or from other starts next to its own: so it is where
+    the estimate of one step's error happens to vanish, of which the documentation says that no rule sees it, and how rare it is
+    (`CHANCES`). A first step may be the same at many tolerances."""
     if true.crossed or true.stiff:
         return False
-    for share in (0.5, 0.8, 1.25, 2.0):
-        one = bench.simulate(bench.points[k], bench.theta[k : k + 1], share * rtol, method)
-        if one.status[0] != OK or state_error(bench, one.x[0], true.x) > ALLOWED * share * rtol * growth:
+    point, theta = bench.points[k], bench.theta[k : k + 1]
+
+    def right(of: fp.Experiments, end: Floats, at: float) -> bool:
+        one = bench.simulate(of, theta, at, method)
+        return bool(one.status[0] == OK and state_error(bench, one.x[0], end) <= ALLOWED * at * growth)
+
+    if all(right(point, true.x, share * rtol) for share in (0.5, 0.8, 1.25, 2.0)):
+        return True
+    for share in (-0.02, -0.01, 0.01, 0.02):
+        x0 = point.x0[0] + share * bench.case.sizes
+        beside = course(bench.reading, x0, point.u[0], bench.theta[k], float(point.dt[0]), bench.case.sizes)
+        if beside.end is not End.ok or not right(fp.Experiments(x0[None], point.u, point.dt), beside.x, rtol):
             return False
     return True
 
