@@ -3,6 +3,7 @@
 #include <cmath>
 #include <vector>
 
+#include "fisherpoint/kernels/run_sensitivities.hpp"
 #include "fisherpoint/kernels/runs.hpp"
 #include "models.hpp"
 
@@ -157,4 +158,48 @@ TEST_CASE("a long record is interrupted") {
   int asked = 0;
   const Workers impatient(1, [&] { return ++asked > 1; });
   CHECK_THROWS_AS(simulated_records<P>(Valve{}, {0.0}, u, dt, {0.01, 3.0}, {1e-9}, impatient), Interrupted);
+}
+
+TEST_CASE("sensitivities are carried along runs, whatever shares a pack, and from where they start") {
+  // x'' = -w^2 x: by w, S of a run of three segments is that of one; started at S0 it has the homogeneous part besides.
+  const Oscillator model;
+  const double w = 1.7, parts[] = {0.3, 0.5, 0.2};
+  const std::size_t count = 11, segments = 3;
+  std::vector<double> x0, u(count * segments), dt, s0;
+  for (std::size_t k = 0; k < count; ++k) {
+    x0.insert(x0.end(), {1.0 + 0.1 * k, 0.5 - 0.2 * k});
+    for (std::size_t n = 0; n < segments; ++n) dt.push_back(k == 4 && n == 2 ? 0.0 : parts[n]);  // one of two segments
+    s0.insert(s0.end(), {0.2, -0.1});
+  }
+  const std::vector<unsigned char> measured(count * segments, 1);
+  const auto along = [&](std::size_t first, std::size_t last, const double* s, int threads) {
+    const std::size_t some = last - first;
+    struct {
+      std::vector<double> x, y, dx, dy;
+      std::vector<Status> status;
+      std::vector<std::int64_t> reached;
+    } r{std::vector<double>(some * 4 * 2), std::vector<double>(some * 3), std::vector<double>(some * 3 * 2),
+        std::vector<double>(some * 3),     std::vector<Status>(some),     std::vector<std::int64_t>(some)};
+    run_sensitivity_packs<P, DormandPrince853>(
+        model, Runs{some, segments, x0.data() + 2 * first, u.data(), dt.data() + segments * first, false},
+        RunStart{s ? s + 2 * first : nullptr, measured.data()}, Parameters{&w, false}, {1e-10}, Workers(threads),
+        {r.x.data(), r.y.data(), r.dx.data(), r.dy.data(), r.status.data(), r.reached.data()});
+    return r;
+  };
+  const auto all = along(0, count, s0.data(), 1), threaded = along(0, count, s0.data(), 3);
+  CHECK(all.dx == threaded.dx);
+  for (std::size_t k = 0; k < count; ++k) {
+    CHECK(all.status[k] == Status::ok);
+    CHECK(all.reached[k] == (k == 4 ? 2 : 3));
+    const auto alone = along(k, k + 1, s0.data(), 1);
+    double t = 0.0;
+    for (std::size_t n = 0; n < static_cast<std::size_t>(all.reached[k]); ++n) {
+      t += parts[n];
+      const double a = x0[2 * k], b = x0[2 * k + 1], c = std::cos(w * t), s = std::sin(w * t);
+      CHECK(std::abs(all.x[(k * 4 + n + 1) * 2] - (a * c + b / w * s)) < 1e-8);
+      const double by_w = -a * t * s - b / (w * w) * s + b * t / w * c, by_start = 0.2 * c - 0.1 / w * s;
+      CHECK(std::abs(all.dx[(k * 3 + n) * 2] - (by_w + by_start)) < 1e-8);
+      CHECK(all.dx[(k * 3 + n) * 2] == alone.dx[n * 2]);
+    }
+  }
 }

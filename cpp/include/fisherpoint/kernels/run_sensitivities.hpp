@@ -103,16 +103,16 @@ class RunTeam {
   }
 
   void resize(std::size_t count, std::size_t n_x, std::size_t n_y, std::size_t n_u, std::size_t p) {
-    for (const auto [numbers, each] : {std::pair{&x0_, n_x},
-                                       {&x_, n_x},
-                                       {&y_, n_y},
-                                       {&u_, n_u},
-                                       {&theta_, p},
-                                       {&dt_, 1ul},
-                                       {&step_, 1ul},
-                                       {&s_before_, n_x * p},
-                                       {&s_after_, n_x * p},
-                                       {&dy_, n_y * p}})
+    for (const auto& [numbers, each] : {std::pair{&x0_, n_x},
+                                        {&x_, n_x},
+                                        {&y_, n_y},
+                                        {&u_, n_u},
+                                        {&theta_, p},
+                                        {&dt_, 1ul},
+                                        {&step_, 1ul},
+                                        {&s_before_, n_x * p},
+                                        {&s_after_, n_x * p},
+                                        {&dy_, n_y * p}})
       numbers->resize(count * each);
     stiff_.resize(count);
     measured_.resize(count);
