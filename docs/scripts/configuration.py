@@ -298,9 +298,12 @@ def _default(table: str, key: str, node: Mapping[str, Any]) -> str:
         return SAID[f"{table}.{key}"]
     if table == "rule":
         return _of_rules(key)
-    functions = {"design": (fp.exchange, fp.DesignProblem), "runs": (fp.RunRegion, fp.design_runs), "campaign": (fp.Campaign,)}.get(
-        table, ()
-    )
+    known: dict[str, tuple[Any, ...]] = {
+        "design": (fp.exchange, fp.DesignProblem),
+        "runs": (fp.RunRegion, fp.design_runs),
+        "campaign": (fp.Campaign,),
+    }
+    functions = known.get(table, ())
     values = [inspect.signature(function).parameters[key].default for function in functions if key in _arguments(function)]
     value = values[0] if values else node.get("default")
     return "none" if value in (None, "", [], {}, ()) else f"`{str(value).lower() if isinstance(value, bool) else _toml(value)}`"
