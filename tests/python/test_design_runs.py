@@ -198,7 +198,7 @@ def test_seeds_threads_and_files(tmp_path: Path) -> None:
     one = fp.design_runs(problem, 2, n_starts=2, n_candidates=60, seed=3, threads=1)
     two = fp.design_runs(problem, 2, n_starts=2, n_candidates=60, seed=3, threads=2)
     other = fp.design_runs(problem, 2, n_starts=2, n_candidates=60, seed=4)
-    assert one.runs == two.runs and one.ends == two.ends and one.ends != other.ends
+    assert one.runs == two.runs and one.ends == two.ends and other.log_det == pytest.approx(one.log_det, abs=1e-3)
     one.save(tmp_path)
     kept = fp.RunDesign.load(tmp_path)
     assert str(kept) == str(one) and kept.runs == one.runs and kept.problem.region == problem.region
