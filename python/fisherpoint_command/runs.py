@@ -67,12 +67,12 @@ def evaluate_runs(problem: fp.DesignProblem, runs: fp.Runs, output: Path | None)
     return 0
 
 
-def simulate_runs(problem_model: fp.Model, runs: fp.Runs, theta: Array, crossings: dict[str, Any], output: Path | None) -> int:
+def simulate_runs(model: fp.Model, runs: fp.Runs, theta: Array, crossings: dict[str, Any], output: Path | None) -> int:
     """Simulate given runs: the outputs at the end of each segment."""
-    done = fp.simulate(problem_model, runs, theta, **crossings)
+    done = fp.simulate(model, runs, theta, **crossings)
     run, segment = np.nonzero(runs.dt)
     reached = segment < done.reached[run]
-    names = [f"y_{quantity.name}" for quantity in problem_model.outputs]
+    names = [f"y_{quantity.name}" for quantity in model.outputs]
     y = np.where(reached[:, None], done.y[run, segment], np.nan)
     states = [fp.Status(int(done.status[k])).name if n >= done.reached[k] else "ok" for k, n in zip(run, segment, strict=True)]
     rows: list[list[str | float]] = [

@@ -46,7 +46,7 @@ def measurements_csv(points: Experiments | Runs, y: Array, model: Model) -> str:
         raise ValueError(f"model: expected one of {given} states, inputs and outputs, given {model.name} of {expected}")
     if isinstance(points, Runs):
         of_segments = {name: y[:, :, i] for i, name in enumerate(outputs)}
-        return runs_csv(points.x0, points.u, points.dt, points.measured, points.rests, None, model, of_segments)
+        return runs_csv(points, model, of_segments)
     header = (*axes, *outputs)
     if len(set(header)) != len(header):
         raise ValueError(f"model: expected names that differ from y_<output>, given {listed(axes)}")

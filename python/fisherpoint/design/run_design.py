@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-STOP_REASONS = ("all_starts", "time_limit", "interrupted")
-
 
 @dataclass(frozen=True)
 class RunSettings:
@@ -136,9 +134,9 @@ class RunDesign(Shown, Kept):
         """Write design.csv, plan.csv and design.json into `directory`, which is made where needed; design.json last."""
         directory = as_path(directory, "directory")
         directory.mkdir(parents=True, exist_ok=True)
-        runs, model = self.runs, self.problem.model
-        write_whole(directory / "design.csv", runs_csv(runs.x0, runs.u, runs.dt, runs.measured, runs.rests, runs.columns, model))
-        write_whole(directory / "plan.csv", plan_csv(runs.u, runs.dt, runs.measured, model))
+        model = self.problem.model
+        write_whole(directory / "design.csv", runs_csv(self.runs, model))
+        write_whole(directory / "plan.csv", plan_csv(self.runs, model))
         super().save(directory / "design.json")
 
     @classmethod

@@ -13,10 +13,11 @@ from ..data.measurements import Measurements
 from ..models import Model
 from ..points.experiments import Experiments
 from ..points.runs import Runs
+from ..points.sense import sensible
 from ..points.settings import Settings, checked_arguments
 from ..points.status import Status
 from .record_response import RecordResponse
-from .response import Response, measurements_response, runs_response, sensible
+from .response import Response, measurements_response, runs_response
 
 EPSILON = float(np.finfo(np.float64).eps)
 

@@ -13,9 +13,10 @@ from ..basics.values import Array, IntArray
 from ..data.record import Record
 from ..data.record_trajectory import first_failure, record_trajectories
 from ..models import Model
+from ..points.sense import sensible
 from ..points.settings import Settings, check_rtol, resolve_threads
 from ..points.status import Status
-from .response import Response, sensible
+from .response import Response
 
 _BLOCK = 1 << 14
 """Pieces whose sensitivities are held at a time."""

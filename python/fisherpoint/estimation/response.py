@@ -12,7 +12,6 @@ from ..models import Model
 from ..points.experiments import Experiments
 from ..points.run_trajectories import checked_run_sensitivities
 from ..points.runs import Runs
-from ..points.sense import sensible as sensible
 from ..points.settings import Settings
 
 MOST_POINTS = 200_000

@@ -71,10 +71,7 @@ class ExperimentRegion:
         """
         check_type(model, Model, "model")
         check_names(self.bounds, names_of(model.axes), "region")
-        for kind, zeros in (("switching surface", (*model.jumps, *model.kinks)), ("pole", model.poles)):
-            for zero in zeros:
-                if self.bounds.get(zero) == (0.0, 0.0) and zero not in crossed:
-                    raise ValueError(f"region[{zero!r}]: expected bounds off the {kind} {zero} = 0, given (0, 0)")
+        refuse_fixed_on_surface(self.bounds, model, crossed)
 
     def draw(self, model: Model, count: int, *, seed: int | np.random.Generator = 0, decades: bool = False) -> Experiments:
         """Draw points uniformly from the box; the constraints are not looked at.
@@ -156,6 +153,14 @@ class ExperimentRegion:
 
     def __repr__(self) -> str:
         return f"ExperimentRegion({dict(self.bounds)!r}, constraints={list(self.constraints)!r})"
+
+
+def refuse_fixed_on_surface(bounds: Mapping[str, tuple[float, float]], model: Model, crossed: Collection[str]) -> None:
+    """Raise where bounds fix a state, or an input, at zero on a surface of that name that is not `crossed`."""
+    for kind, zeros in (("switching surface", (*model.jumps, *model.kinks)), ("pole", model.poles)):
+        for zero in zeros:
+            if bounds.get(zero) == (0.0, 0.0) and zero not in crossed:
+                raise ValueError(f"region[{zero!r}]: expected bounds off the {kind} {zero} = 0, given (0, 0)")
 
 
 def pair(given: Sequence[float], label: str) -> tuple[float, float]:

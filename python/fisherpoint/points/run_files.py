@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,29 +26,31 @@ REST, ALL = "rest", "all"
 NOTHING: Mapping[str, Array] = FrozenMapping({})
 
 
-def runs_csv(
-    x0: Array,
-    u: Array,
-    dt: Array,
-    measured: NDArray[np.bool_],
-    rests: Rests | None,
-    columns: tuple[str, ...] | None,
-    model: Model | None,
-    outputs: Mapping[str, Array] = NOTHING,
-) -> str:
+class RunArrays(Protocol):
+    """What a file has of `Runs`, which stand above this module."""
+
+    x0: Array
+    u: Array
+    dt: Array
+    measured: NDArray[np.bool_]
+    rests: Rests | None
+    columns: tuple[str, ...] | None
+
+
+def runs_csv(runs: RunArrays, model: Model | None, outputs: Mapping[str, Array] = NOTHING) -> str:
     """The text of a file of runs, see `Runs.to_csv`, with columns of outputs (K, N) behind."""
-    n_x, n_u = x0.shape[1], u.shape[2]
+    columns, rests, n_x, n_u = runs.columns, runs.rests, runs.x0.shape[1], runs.u.shape[2]
     if model is not None:
         check_type(model, Model, "model")
         check_alike([(len(model.states), len(model.inputs)), (n_x, n_u)], "states and inputs", "model")
         columns = columns_of(model)
     names = columns or place_names(n_x, n_u)
-    k, n = np.nonzero(dt)
-    starts = np.where((n == 0)[:, None], x0[k], np.nan)
-    numbers = np.column_stack([starts, u[k, n], dt[k, n]]).tolist()
+    k, n = np.nonzero(runs.dt)
+    starts = np.where((n == 0)[:, None], runs.x0[k], np.nan)
+    numbers = np.column_stack([starts, runs.u[k, n], runs.dt[k, n]]).tolist()
     behind = np.column_stack([np.empty((len(k), 0)), *(values[k, n] for values in outputs.values())]).tolist()
     rows: list[list[Any]] = [
-        [str(run + 1), str(segment + 1), *row, str(int(measured[run, segment]))]
+        [str(run + 1), str(segment + 1), *row, str(int(runs.measured[run, segment]))]
         for run, segment, row in zip(k.tolist(), n.tolist(), numbers, strict=True)
     ]
     header = (RUN.name, SEGMENT.name, *names, DURATION.name, MEASURED.name)
@@ -145,18 +147,18 @@ def runs_of_table(
     return np.column_stack(starts), u, dt, measured
 
 
-def plan_csv(u: Array, dt: Array, measured: NDArray[np.bool_], model: Model) -> str:
+def plan_csv(runs: RunArrays, model: Model) -> str:
     """The text of a time table: at which time of which run which inputs are set, and whether a sample is taken just before.
 
     A run's last row is its end, at which the inputs stay as they are.
     """
     header = (RUN.name, "t", *names_of(model.inputs), "measure")
     rows: list[list[Any]] = []
-    for k in range(len(dt)):
-        n = int(np.count_nonzero(dt[k]))
-        t = np.concatenate([[0.0], np.cumsum(dt[k, :n])])
-        held = np.concatenate([u[k, :n], u[k, n - 1 : n]])
-        flags = np.concatenate([[False], measured[k, :n]])
+    for k, dt in enumerate(runs.dt):
+        n = int(np.count_nonzero(dt))
+        t = np.concatenate([[0.0], np.cumsum(dt[:n])])
+        held = np.concatenate([runs.u[k, :n], runs.u[k, n - 1 : n]])
+        flags = np.concatenate([[False], runs.measured[k, :n]])
         rows += [
             [str(k + 1), time, *values, "yes" if flag else "no"]
             for time, values, flag in zip(t.tolist(), held.tolist(), flags.tolist(), strict=True)

@@ -13,7 +13,7 @@ from ..basics.messages import shown
 from ..basics.quantity import names_of
 from ..basics.values import Array
 from ..models import Model
-from .region import pair
+from .region import pair, refuse_fixed_on_surface
 from .rest import Rest
 from .runs import Runs
 
@@ -121,10 +121,8 @@ class RunRegion:
         ):
             for name in (name for name in given if name not in known):
                 raise ValueError(f"{label}: expected names among {', '.join(known) or 'none'}; given {name!r}")
-        for kind, zeros in (("switching surface", (*model.jumps, *model.kinks)), ("pole", model.poles)):
-            for zero in zeros:
-                if zero in states and self.bounds[zero] == (0.0, 0.0) and zero not in crossed:
-                    raise ValueError(f"region[{zero!r}]: expected bounds off the {kind} {zero} = 0, given (0, 0)")
+        # An input on a surface is for some segments only.
+        refuse_fixed_on_surface({name: self.bounds[name] for name in states}, model, crossed)
 
     def _identity(self) -> tuple[object, ...]:
         held = self.bounds, self.segments, self.constant, self.shared, self.levels, self.slew

@@ -187,7 +187,7 @@ class Runs:
         between), and rest_u, of an input u, has the held input. The states then are the guess.
         Every digit is kept, and the file appears whole or not at all. `Runs.from_csv` reads it back.
         """
-        write_whole(path, runs_csv(self.x0, self.u, self.dt, self.measured, self.rests, self.columns, model))
+        write_whole(path, runs_csv(self, model))
 
     @classmethod
     def from_csv(cls, path: str | Path, model: Model) -> Runs:
