@@ -122,6 +122,13 @@ def check_nodes(
     if failed and not expected_failure and lost_at_others(bench, points, everything, method):
         bench.figures.count("covariances excluded by a node that is lost at other tolerances")
         return
+    deviation = np.where(lost[:, None], 0.0, tight.y[1:] - tight.y[0])
+    with np.errstate(all="ignore"):
+        w = np.where(lost, 0.0, weights) / left
+        expected = np.einsum("r,ri,rj->ij", w, deviation, deviation)
+    if given.status[0] == fp.Status.not_finite and not np.isfinite(expected).all():
+        bench.figures.count("covariances that overflow")
+        return
     if failed != expected_failure:
         remark = f"given status {given.status[0]}; of the nodes' own trajectories {share:.3g} of the weight are not ok"
         kind = "covariance excluded wrongly" if failed else "wrong ok: covariance with lost nodes"
@@ -133,10 +140,6 @@ def check_nodes(
         bench.report(
             "lost weight", 1.0, k, call + ".lost_weight", f"expected {share:.6g}, given {given.lost_weight[0]:.6g}", theta=False
         )
-    deviation = np.where(lost[:, None], 0.0, tight.y[1:] - tight.y[0])
-    w = np.where(lost, 0.0, weights) / left
-    with np.errstate(all="ignore"):
-        expected = np.einsum("r,ri,rj->ij", w, deviation, deviation)
     if not np.isfinite(expected).all():
         bench.figures.count("covariances that overflow")
         return

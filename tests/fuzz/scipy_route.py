@@ -210,6 +210,8 @@ class _Walk:
         if not crossed:
             return None
         at, kind, place = min(crossed)
+        if self.met_before(dense, before, at, place):
+            return self.look(dense, before, at - 1e-6 * (at - before))
         z = dense(at)
         if kind == "limit" and self.removable(dense, before, at):
             self.done.output_lost = True  # to be excluded there is no mistake
@@ -229,6 +231,12 @@ class _Walk:
         self.fresh.update(changed)
         at = self.entered(dense, at, now)
         return at, dense(at)
+
+    def met_before(self, dense: Any, before: float, at: float, place: int) -> bool:
+        """Whether another surface was passed before `at` that is passed back until the look after it, and so was not seen."""
+        heights = self.reading.heights((dense(at - 1e-6 * (at - before)) * self.size).tolist(), self.u, self.p)
+        others = [m for m in range(len(heights)) if m != place and m not in self.fresh and not math.isnan(heights[m])]
+        return any(side_of(heights[m]) == -self.sides[m] != 0 for m in others)
 
     def crawls(self, z: Floats, place: int) -> bool:
         """Whether a trajectory on a kink does not get off it, as that of x' = |x| does: errors alone have led it there."""

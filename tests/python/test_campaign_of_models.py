@@ -10,6 +10,7 @@ import pytest
 
 import fisherpoint as fp
 from check_bits import Levels, compare_numbers
+from check_covariances import check_covariance
 from check_sensitivities import check_sensitivities
 from checks import Bench, check_functions, judge
 from figures import Figures
@@ -47,6 +48,13 @@ def test_a_kink_is_crossed_and_differentiated() -> None:
     assert done.x == pytest.approx([2.0, 1.5], abs=1e-9)
     beside = slope(reading, done, start, np.empty(0), p.tolist(), 2.0, size, 0)
     assert beside is not None and beside.x == pytest.approx([0.0, 0.5], abs=1e-8)
+
+
+def test_kinks_close_together_are_no_jump() -> None:
+    """Of three kinks between two looks, the sides of one are the same after them as before."""
+    reading = Reading(["1", "abs(abs(a - 1) - 0.001)"], ["x"], ["a", "x"], [], [], {})
+    done = course(reading, np.zeros(2), np.empty(0), np.empty(0), 2.0, np.ones(2))
+    assert done.end in (End.ok, End.unknown)
 
 
 def test_differences_over_an_oscillation_are_not_believed() -> None:
@@ -139,6 +147,15 @@ def test_an_output_that_rounding_decides_about_is_compared_loosely() -> None:
         bench.tight.y[:] += 3e-8
         check_functions(bench)
         assert [finding.kind for finding in bench.findings] == known
+
+
+def test_a_covariance_that_overflows_is_excluded_with_reason() -> None:
+    """Outputs of 1e173 are numbers, and their squares are none."""
+    given = ([[0.0]], [[]], [1.0]), [[400.0]]
+    case = At(("p1",), ("exp(x1)",), (1.0,), (), (400.0,), rule="Unscented()", relative_std=(0.01,), given=given)
+    bench = Bench(case, Figures())
+    check_covariance(bench)
+    assert not found(bench) and bench.figures.counts["covariances that overflow"] == 1
 
 
 @pytest.mark.parametrize("rule", ["Unscented()", "Linearized()"])
