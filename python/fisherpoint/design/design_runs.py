@@ -14,7 +14,7 @@ from ..information.evaluation import evaluate_design
 from ..information.feasibility import feasibility
 from ..information.previous import Previous, previous_information
 from ..information.problem import DesignProblem
-from ..information.run_information import checked_problem
+from ..information.run_information import checked_problem, information_matrices
 from ..points.run_region import RunRegion
 from ..points.settings import resolve_threads
 from .run_design import RunDesign, RunSettings
@@ -108,8 +108,7 @@ def design_runs(
     there = np.zeros((p, p))
     if known is not None:
         measured = known.sensitivity if known.measured is None else np.where(known.measured[:, :, None], known.sensitivity, 0.0)
-        white = (measured / np.sqrt(np.diag(problem.noise_covariance))[:, None]).reshape(-1, p)
-        there = white.T @ white
+        there = information_matrices(problem, measured[None])[0]
     search = RunSearch(
         problem,
         problem.region,
@@ -130,14 +129,14 @@ def design_runs(
         settings=settings,
         runs=runs,
         evaluation=evaluate_design(problem, runs, threads=threads, previous=previous),
-        log_det=-np.inf if search.singular else search.best.value,
+        log_det=-np.inf if search.pool.singular else search.best.value,
         plants=theta,
-        ends=tuple(-np.inf if search.singular else end.value for end in search.ends),
+        ends=tuple(-np.inf if search.pool.singular else end.value for end in search.ends),
         again=search.again,
         feasibility=feasibility(problem, runs, draws=DRAWS, seed=settings.seed + UNSEEN, threads=threads),
         stop_reason=stop_reason,
-        drawn=search.drawn,
-        rejected=FrozenMapping(dict(search.rejected)),
+        drawn=search.pool.drawn,
+        rejected=FrozenMapping(dict(search.pool.rejected)),
         seconds=seconds,
     )
 

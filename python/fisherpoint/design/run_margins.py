@@ -12,7 +12,7 @@ import numpy as np
 
 from ..basics.values import Array
 from ..information.problem import DesignProblem
-from ..information.run_information import RunTangents
+from ..information.run_tangents import RunTangents
 
 WEIGHT = 4.0
 """What one standard deviation too few costs at a sample, in log det F."""

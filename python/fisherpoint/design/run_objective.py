@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from ..basics.values import Array
 from ..information.problem import DesignProblem
-from ..information.run_information import RunTangents, information_matrices, run_tangents, tangents_from
+from ..information.run_information import information_matrices
+from ..information.run_tangents import RunTangents, run_tangents, tangents_from
 from ..points.run_region import RunCoordinates
 from ..points.runs import Runs
 from ..points.settings import Settings
@@ -84,7 +85,7 @@ class RunObjective:
     ) -> None:
         self.problem, self.coordinates, self.plants, self.previous = problem, coordinates, plants, previous
         self.kappa, self.looks, self.evaluations = 0.0, LOOKS, 0
-        self._settings, self._margins = settings, RunMargins(problem)
+        self.settings, self._margins = settings, RunMargins(problem)
 
     def judged(self, runs: Runs) -> Judged:
         """What runs are worth, each by itself."""
@@ -92,9 +93,9 @@ class RunObjective:
 
     def sample_matrices(self, runs: Runs) -> Array:
         """F (L, N, R, p, p) of the samples of runs, each by itself."""
-        white = self._tangents(runs).rows(self.problem).sensitivity / np.sqrt(np.diag(self.problem.noise_covariance))[:, None]
-        f = white.swapaxes(-1, -2) @ white
-        return np.moveaxis(f.reshape(len(self.plants), len(runs), *f.shape[1:]), 0, 2)
+        sensitivity = self._tangents(runs).rows(self.problem).sensitivity
+        f = information_matrices(self.problem, sensitivity.reshape(-1, 1, *sensitivity.shape[2:]))
+        return np.moveaxis(f.reshape(len(self.plants), *runs.dt.shape, *f.shape[1:]), 0, 2)
 
     def log_dets(self, total: Array) -> Array:
         """The mean over the plants of log det of F (..., R, p, p); -inf where one is singular."""
@@ -133,7 +134,7 @@ class RunObjective:
             own = np.repeat(run[some], sides)
             many, theta = self._on_plants(self.tried(moved, None if selected is None else selected[own]))
             lanes = (own[:, None] + count * np.arange(plants)).T.ravel()  # of `along`, plant after plant
-            tangents = tangents_from(self.problem, along, lanes, many, theta, self._settings, outputs_alone=not self._costly)
+            tangents = tangents_from(self.problem, along, lanes, many, theta, self.settings, outputs_alone=not self._costly)
             there = self._judged(tangents, len(own))
             difference = np.trace(np.linalg.solve(total, there.matrices - at.matrices[own]), axis1=-2, axis2=-1).mean(axis=1)
             difference -= there.costs - at.costs[own]
@@ -171,15 +172,16 @@ class RunObjective:
         self.evaluations += len(runs)
         many, theta = self._on_plants(runs)
         alone = not self._costly if outputs_alone is None else outputs_alone
-        return run_tangents(self.problem, many, theta, self._settings, outputs_alone=alone)
+        return run_tangents(self.problem, many, theta, self.settings, outputs_alone=alone)
 
     def _judged(self, tangents: RunTangents, count: int) -> Judged:
         """Of tangents of `count` runs, plant after plant."""
         plants = len(self.plants)
-        f, status = information_matrices(self.problem, tangents.rows(self.problem))
+        rows = tangents.rows(self.problem)
+        f = information_matrices(self.problem, rows.sensitivity)
         costs = self._margins.costs(tangents, self.kappa) if self._costly else np.zeros(len(f))
         return Judged(
             f.reshape(plants, count, *f.shape[1:]).swapaxes(0, 1),
-            (status.reshape(plants, count) == Status.ok).all(axis=0),
+            (rows.status.reshape(plants, count) == Status.ok).all(axis=0),
             costs.reshape(plants, count).mean(axis=0),
         )

@@ -1,15 +1,14 @@
-"""The search for runs: a pool of random ones, exchange among them, then all free numbers together by gradients, and again.
+"""The search for runs: starts from a pool of random ones, then all free numbers together by gradients, and again.
 
-One start of it takes runs from a part of the pool, by exchange. Gradients then lead to a local maximum of log det F, all numbers of
-all runs together (L-BFGS-B); single changes of a run (run_moves.py) lead out of it, until none of them gains. All starts are made
-a little better before the first of them, the best one then, is followed to its end. How many end at the same value is what is known
-about whether there is a better one.
+One start of it takes runs from a part of the pool (run_pool.py). Gradients then lead to a local maximum of log det F, all numbers
+of all runs together (L-BFGS-B); single changes of a run (run_moves.py) lead out of it, until none of them gains. All starts are
+made a little better before the first of them, the best one then, is followed to its end. How many end at the same value is what is
+known about whether there is a better one.
 """
 
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -19,15 +18,13 @@ from scipy.optimize import minimize
 
 from ..basics.values import Array
 from ..information.problem import DesignProblem
-from ..information.run_information import run_settings, run_tangents
+from ..information.run_information import run_settings
 from ..points.run_region import RunCoordinates, RunRegion
 from ..points.runs import Runs
-from ..points.settings import Settings
-from ..points.status import failures_of
 from .run_moves import moved_runs
-from .run_objective import MORE_LOOKS, Judged, RunObjective
+from .run_objective import MORE_LOOKS, RunObjective
 from .run_plants import RunPlants
-from .run_profiles import draw_runs
+from .run_pool import RIDGE, RunPool
 from .sample_choice import best_samples
 
 LEAST_GAIN = 1e-4
@@ -42,16 +39,10 @@ FINE = 1e-6
 MOST_ROUNDS = 40
 """Of single changes and gradients, for one start."""
 
-RIDGE = 1e-9
-"""Share of the prior's information that is added to F where no runs determine all parameters, to tell such runs apart."""
-
 MOST_SEGMENTS_OF_POOL = 400_000
 
 LOOKED_AT = 5
 """Of the pool's best runs, whether the plants can run them."""
-
-PART = 4
-"""Every so manieth run of the pool is there for a start, so that starts differ."""
 
 PLANTS, LEAST_PART = 1000, 0.5
 """On which runs are tried during the search; and how many of the plants that may fail may do so there. Runs are chosen by these
@@ -110,8 +101,8 @@ class RunSearch:
     ----------
     ends : list of Found
         What each start ended with.
-    singular : bool
-        Whether no runs determine all parameters; log det F then has a ridge.
+    pool : RunPool
+        Random runs, with which starts begin.
     """
 
     def __init__(
@@ -133,31 +124,24 @@ class RunSearch:
         self.problem, self.region, self.n_runs, self.n_starts, self._limit = problem, region, n_runs, n_starts, time_limit
         self.coordinates: RunCoordinates = region.coordinates(problem.model)
         rtol, kinks, jumps, method, count = run_settings(problem, threads)
-        self._settings: Settings = (min(rtol, FINE), kinks, jumps, method, count)
-        self.objective = RunObjective(problem, self.coordinates, plants, previous, self._settings)
+        self.objective = RunObjective(problem, self.coordinates, plants, previous, (min(rtol, FINE), kinks, jumps, method, count))
         self._rng = np.random.default_rng(seed)
         self._confidence = confidence
         self._guard = RunPlants(problem, PLANTS, np.random.default_rng([seed, 1]), run_settings(problem, threads))
-        self.rejected: Counter[str] = Counter()
-        self.drawn = 0
         self.ends: list[Found] = []
         self._sketched: list[Found] = []
-        self._begun: list[int] = []  # of the pool, with which starts have begun
-        self._draw_pool(n_candidates)
+        wanted = max(4 * n_runs, 20, min(n_candidates, MOST_SEGMENTS_OF_POOL // (region.segments * len(plants))))
+        self.pool = RunPool(self.objective, wanted, self._rng)
+        if self.pool.singular:
+            self.objective.previous = self.objective.previous + RIDGE * np.eye(previous.shape[-1])
         if confidence is not None and not self._easy():
-            self._keep_off(KAPPA)
+            self.objective.kappa = KAPPA
+            self.pool.judge_again()
 
     def _easy(self) -> bool:
         """Whether enough plants can run the best single runs of the pool as they are: then limits hardly matter."""
-        values = self.objective.log_dets(self._judged.matrices + RIDGE * np.eye(self._judged.matrices.shape[-1]))
-        best = np.argsort(-values, kind="stable")[:LOOKED_AT]
-        _, able = self._guard.outputs(self.coordinates.runs(self._pool[best]))
+        _, able = self._guard.outputs(self.pool.best(LOOKED_AT))
         return all(self._enough(share) for share in able.mean(axis=0))
-
-    def _keep_off(self, kappa: float) -> None:
-        """Have runs pay for less than so many standard deviations to limits, those of the pool too."""
-        self.objective.kappa = kappa
-        self._judged = self.objective.judged(self.objective.tried(self._pool, None))
 
     def _enough(self, share: float) -> bool:
         return self._confidence is None or 1.0 - share <= LEAST_PART * (1.0 - self._confidence)
@@ -184,40 +168,6 @@ class RunSearch:
         runs = self.coordinates.runs(z)
         return runs if selected is None else runs.measuring(selected)
 
-    def _draw_pool(self, wanted: int) -> None:
-        """Random runs that reach their ends on all plants, with what they are worth."""
-        plants, segments = len(self.objective.plants), self.region.segments
-        wanted = max(4 * self.n_runs, 20, min(wanted, MOST_SEGMENTS_OF_POOL // (segments * plants)))
-        z: list[Array] = []
-        found: list[Judged] = []
-        while (have := sum(len(part) for part in z)) < wanted:
-            if self.drawn >= 20 * wanted:
-                reasons = ", ".join(f"{name} {count}" for name, count in self.rejected.most_common())
-                raise ValueError(
-                    f"region: expected runs that reach their ends, given {have} of {self.drawn} drawn ({reasons}): "
-                    "shorten them or narrow the region"
-                )
-            drawn = draw_runs(self.coordinates, wanted, self._rng)
-            judged = self.objective.judged(self.objective.tried(drawn, None))
-            self.drawn += wanted
-            if not judged.ok.all():
-                self._count(self.coordinates.runs(drawn[~judged.ok]))
-            z.append(drawn[judged.ok])
-            found.append(judged.some(judged.ok))
-        self._pool, self._judged = np.concatenate(z), Judged.join(found)
-        everything = self._judged.matrices.sum(axis=(0, 1)) + self.objective.previous.sum(axis=0)
-        size = np.sqrt(np.maximum(np.diag(everything), 1e-300))
-        self.singular = bool(np.linalg.eigvalsh(everything / size / size[:, None])[0] < 1e-13)
-        if self.singular:
-            self.objective.previous = self.objective.previous + RIDGE * np.eye(len(everything))
-
-    def _count(self, runs: Runs) -> None:
-        """Why runs are none, at the prior mean."""
-        done = run_tangents(self.problem, runs, self.problem.theta, self._settings, outputs_alone=True)
-        reasons = failures_of(done.status)
-        elsewhere = len(runs) - reasons.total()
-        self.rejected.update(reasons + Counter({"not ok on another plant": elsewhere} if elsewhere else {}))
-
     def run(self, progress: Callable[[RunProgress], None] | None) -> str:
         try:
             for start, z in enumerate(self._sketches()):
@@ -239,7 +189,7 @@ class RunSearch:
         """Free numbers of all starts, the best first; each has had some iterations and a single change."""
         sketched = []
         for _ in range(self.n_starts):
-            z = self._first()
+            z = self.pool.chosen(self.n_runs, self._rng)
             if self.n_starts > 1:
                 selected = self._chosen_samples(z)
                 z, value = self._by_moves(*self._by_gradients(z, selected, SKETCH), selected)
@@ -251,31 +201,6 @@ class RunSearch:
                 sketched.append((0.0, z))
         order = sorted(range(len(sketched)), key=lambda k: -sketched[k][0])
         return [sketched[k][1] for k in order]
-
-    def _first(self) -> Array:
-        """Runs of a random part of the pool, by exchange: each gives way to the best one beside the others, until none does."""
-        rng, objective = self._rng, self.objective
-        some = rng.permutation(len(self._pool))[: max(self.n_runs, -(-len(self._pool) // PART))]
-        if self.n_runs == 1 and len(fresh := some[~np.isin(some, self._begun)]):
-            some = fresh
-        f, costs = self._judged.matrices[some], self._judged.costs[some]
-        chosen = rng.integers(len(some), size=self.n_runs)
-        total = f[chosen].sum(axis=0) + objective.previous
-        ridge = RIDGE * np.eye(total.shape[-1])
-        value = -np.inf
-        for _ in range(MOST_ROUNDS):
-            before = value
-            for k in range(self.n_runs):
-                others, paid = total - f[chosen[k]], costs[chosen].sum() - costs[chosen[k]]
-                values = objective.log_dets(others + f + ridge) - costs - paid
-                chosen[k] = int(np.argmax(values))
-                total, value = others + f[chosen[k]], float(values[chosen[k]])
-            if not value > before + LEAST_GAIN:
-                break
-        self._begun += some[chosen].tolist()
-        z = self._pool[some[chosen]].copy()
-        z[:, self.coordinates.shared] = z[0, self.coordinates.shared]
-        return z
 
     def _followed(self, z: Array) -> Found:
         """The best runs that a start leads to: gradients and single changes in turns, until neither gains.

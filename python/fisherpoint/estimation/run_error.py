@@ -12,7 +12,7 @@ from ..basics.values import Array
 from ..data.measurements import Measurements
 from ..information.assumed import Assumed
 from ..information.common_error import CommonError
-from ..information.run_information import moves_of_runs
+from ..information.run_tangents import moves_of_runs
 from ..points.runs import Runs
 from ..points.settings import Settings
 from ..points.status import Status

@@ -1,0 +1,138 @@
+"""The sensitivities of runs, and their rows as the Fisher matrix takes them.
+
+F of a run is the sum over its samples, as long as only the sensor noise moves them. What is uncertain and common to a run, its
+start and constants, moves all its samples at once: with G their tangents by it and P its squared standard deviations, the
+covariance of what a run measures is one matrix, R_k = I x R + G P G^T, and F = J^T R_k^-1 J. Here each sample has rows such that F
+is a sum over samples again: J is multiplied by (I x R)^1/2 R_k^-1/2, so that D = R whitens them as it does those of points.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..basics.values import Array, IntArray
+from ..models import Model
+from ..points.run_trajectories import checked_run_sensitivities
+from ..points.runs import Runs
+from ..points.settings import Settings
+from ..points.status import Status, only_finite
+from .assumed import Assumed
+from .common_error import CommonError
+from .problem import DesignProblem
+
+
+class RunRows(NamedTuple):
+    """Of K runs: sensitivities (K, N, n_y, p), standardised and such that D = R whitens them, zero where nothing is measured.
+
+    And the statuses (K,); where one is not ok, all its rows are zero.
+    """
+
+    sensitivity: Array
+    status: IntArray
+
+    def samples(self, runs: Runs) -> tuple[Array, IntArray]:
+        """The rows (S, n_y, p) of the samples, run after run, and their statuses (S,)."""
+        run, _ = np.nonzero(runs.measured)
+        return self.sensitivity[runs.measured], self.status[run]
+
+
+class RunTangents(NamedTuple):
+    """K runs with their states x (K, N + 1, n_x) and the sensitivities of states and outputs, of the model with what is assumed.
+
+    theta (K, q) are the parameters of that model.
+    """
+
+    runs: Runs
+    theta: Array
+    x: Array
+    dx: Array  # (K, N, n_x, q), or none
+    dy: Array  # (K, N, n_y, q)
+    status: IntArray
+
+    def rows(self, problem: DesignProblem, told: NDArray[np.bool_] | None = None) -> RunRows:
+        """The rows as the Fisher matrix takes them; outputs that are not `told` (K, N, n_y) say nothing."""
+        assumed = problem.assumed
+        there = self.runs.measured[:, :, None, None] if told is None else told[..., None]
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
+            scaled = np.where(there, self.dy[..., problem.estimated_columns] * problem.std, 0.0)
+            scaled[~(np.abs(scaled) <= problem.largest_sensitivity)] = np.inf
+            status = only_finite(self.status, scaled)
+            if assumed is not None:
+                moved = np.where(there, self.dy[..., assumed.columns] * assumed.std, 0.0)
+                status = only_finite(status, moved)
+                noise = np.sqrt(np.diag(problem.noise_covariance))[:, None]
+                rows, by = ((array / noise).reshape(len(array), -1, array.shape[3]) for array in (scaled, moved))
+                scaled = noise * CommonError.of(by).whitened(rows).reshape(scaled.shape)
+                status = only_finite(status, scaled)
+        scaled[status != Status.ok] = 0.0
+        return RunRows(scaled, status)
+
+
+def run_tangents(problem: DesignProblem, runs: Runs, theta: Array, settings: Settings, outputs_alone: bool = False) -> RunTangents:
+    """States and sensitivities along runs."""
+    model, values = _extended(problem, theta)
+    result = checked_run_sensitivities(model, runs, values, settings, outputs_alone=outputs_alone)
+    theta = np.broadcast_to(values, (len(runs), values.shape[-1]))
+    return RunTangents(runs, theta, result.x, result.dx_dtheta, result.dy_dtheta, result.status)
+
+
+def tangents_from(
+    problem: DesignProblem,
+    base: RunTangents,
+    own: NDArray[np.intp],
+    runs: Runs,
+    theta: Array,
+    settings: Settings,
+    outputs_alone: bool = True,
+) -> RunTangents:
+    """The same for runs that are base.runs[own] up to some segment; they are computed from there on."""
+    model, values = _extended(problem, theta)
+    n, of = runs.dt.shape[1], base.runs
+    differs = (runs.u != of.u[own]).any(axis=2) | (runs.dt != of.dt[own])
+    first = np.where(differs.any(axis=1), np.argmax(differs, axis=1), n - 1)
+    whole = (runs.x0 != of.x0[own]).any(axis=1) | (first == 0)
+    x, dx, dy, status = base.x[own], base.dx[own], base.dy[own], base.status[own]
+    if whole.any():
+        done = checked_run_sensitivities(model, runs[whole], values[whole], settings, outputs_alone=outputs_alone)
+        x[whole], dy[whole], status[whole] = done.x, done.dy_dtheta, done.status
+        if not outputs_alone:
+            dx[whole] = done.dx_dtheta
+    rest = np.flatnonzero(~whole)
+    if len(rest):
+        from_segment = first[rest]
+        source = from_segment[:, None] + np.arange(n)
+        there, source = source < n, np.minimum(source, n - 1)
+        lanes = rest[:, None]
+        dt = np.where(there, runs.dt[lanes, source], 0.0)
+        measured = there & runs.measured[lanes, source]
+        x0, s = x[rest, from_segment], base.dx[own[rest], from_segment - 1]
+        new_x, _, new_dx, new_dy, status[rest], _ = model.kernels.run_sensitivities(
+            model.core, x0, runs.u[lanes, source], dt, values[rest], *settings, measured=measured, s=s, outputs_alone=outputs_alone
+        )
+        k, m = np.nonzero(there)
+        x[rest[k], source[k, m] + 1], dy[rest[k], source[k, m]] = new_x[k, m + 1], new_dy[k, m]
+        if not outputs_alone:
+            dx[rest[k], source[k, m]] = new_dx[k, m]
+    return RunTangents(runs, values, x, dx, dy, status)
+
+
+def _extended(problem: DesignProblem, theta: Array) -> tuple[Model, Array]:
+    """The model with what is assumed among its parameters, and their values (K, q)."""
+    assumed = problem.assumed
+    return (problem.limited, theta) if assumed is None else (assumed.model, assumed.theta(theta))
+
+
+def moves_of_runs(assumed: Assumed, runs: Runs, theta: Array, settings: Settings) -> tuple[Array, IntArray]:
+    """By how much outputs move with a standard deviation of each thing that is assumed, (K, N, n_y, q), and statuses (K,).
+
+    Zero where nothing is measured, and where the status is not ok; theta is (p,).
+    """
+    result = checked_run_sensitivities(assumed.model, runs, assumed.theta(theta), settings, outputs_alone=True)
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
+        moved = np.where(runs.measured[:, :, None, None], result.dy_dtheta[..., assumed.columns] * assumed.std, 0.0)
+    status = only_finite(result.status, moved)
+    moved[status != Status.ok] = 0.0
+    return moved, status
