@@ -51,18 +51,7 @@ class RunFigures:
 
 def reactor() -> RunProblem:
     """A -> B -> C under a temperature profile (discopt-doe, benchmarks/pyomo_doe_comparison)."""
-    k1, k2 = "A_1*exp(-1000*E_1/(8.314*T))", "A_2*exp(-1000*E_2/(8.314*T))"
-    model = fp.SymbolicModel(
-        f=[f"-{k1}*A", f"{k1}*A - {k2}*B", f"{k2}*B"],
-        g=["A", "B", "C"],
-        states=dict.fromkeys("ABC", "mol"),
-        inputs={"T": "K"},
-        outputs=dict.fromkeys(("a", "b", "c"), "mol"),
-        parameters=dict.fromkeys(("A_1", "A_2", "E_1", "E_2"), "1"),
-    )
-    mean = {"A_1": 84.79, "A_2": 371.72, "E_1": 7.78, "E_2": 15.05}
-    region = fp.RunRegion({"A": (1, 5), "B": 0.0, "C": 0.0, "T": (300, 700), "dt": 1 / 8}, 8)
-    return RunProblem("batch reactor", _problem(model, mean, dict.fromkeys("abc", 0.01), region), 1, 14.4998, 20, {})
+    return RunProblem("batch reactor", fp.load_problem(EXAMPLES / "reactor.toml"), 1, 14.4998, 20, {})
 
 
 def decay() -> RunProblem:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
+from bench.runs import decay, reactor
 from fisherpoint.design.run_moves import moved_runs
 from fisherpoint.design.run_objective import RunObjective
 from fisherpoint.design.run_profiles import PROFILES, draw_runs
@@ -30,37 +31,6 @@ def own_units(design: fp.RunDesign) -> float:
     return float(design.log_det - 2 * np.log(design.problem.std).sum())
 
 
-def reactor(**options: Any) -> fp.DesignProblem:
-    """A -> B -> C under a temperature profile; 2016-2018 comparison of tools in shared/reference/published.md, problem 1."""
-    k1, k2 = "A_1*exp(-1000*E_1/(8.314*T))", "A_2*exp(-1000*E_2/(8.314*T))"
-    model = fp.SymbolicModel(
-        f=[f"-{k1}*A", f"{k1}*A - {k2}*B", f"{k2}*B"],
-        g=["A", "B", "C"],
-        states=dict.fromkeys("ABC", "mol"),
-        inputs={"T": "K"},
-        outputs=dict.fromkeys(("a", "b", "c"), "mol"),
-        parameters={"A_1": "1", "A_2": "1", "E_1": "1", "E_2": "1"},
-    )
-    region = fp.RunRegion({"A": (1, 5), "B": 0.0, "C": 0.0, "T": (300, 700), "dt": 1 / 8}, 8, **options)
-    return problem_of(model, {"A_1": 84.79, "A_2": 371.72, "E_1": 7.78, "E_2": 15.05}, dict.fromkeys(("a", "b", "c"), 0.01), region)
-
-
-def decay(**options: Any) -> fp.DesignProblem:
-    """Three exponentials, six samples; published.md, problem 3."""
-    states, rates = ("x", "y", "z"), ("k_1", "k_2", "k_3")
-    model = fp.SymbolicModel(
-        f=[f"-{k}*{x}" for k, x in zip(rates, states, strict=True)],
-        g=["a_1*x + a_2*y + a_3*z"],
-        states=dict.fromkeys(states, "1"),
-        inputs={},
-        outputs={"s": "1"},
-        parameters=dict.fromkeys(("a_1", "a_2", "a_3", *rates), "1"),
-    )
-    region = fp.RunRegion({**dict.fromkeys(states, 1.0), "dt": (0.01, 60)}, 6, duration=60, **options)
-    mean = {"a_1": 1.0, "a_2": 0.5, "a_3": 0.2, "k_1": 5.0, "k_2": 0.8, "k_3": 0.05}
-    return problem_of(model, mean, {"s": 0.01}, region)
-
-
 def mover(**options: Any) -> fp.RunRegion:
     return fp.RunRegion({"x": 0.0, "v": 0.0, "u": (-1, 1), "dt": 0.5}, 8, **options)
 
@@ -79,7 +49,7 @@ def slider(region: fp.RunRegion, **options: Any) -> fp.DesignProblem:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_reactor_reaches_its_best_known_value(seed: int) -> None:
-    design = fp.design_runs(reactor(), seed=seed, n_starts=4)
+    design = fp.design_runs(reactor().problem, seed=seed, n_starts=4)
     assert own_units(design) > 14.4998
     assert design.again > 1 and design.stop_reason == "all_starts"
     np.testing.assert_allclose(design.runs.u[0, :3, 0], [300, 490.36, 300], atol=0.05)
@@ -88,7 +58,7 @@ def test_the_reactor_reaches_its_best_known_value(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_decay_reaches_its_best_known_value(seed: int) -> None:
-    design = fp.design_runs(decay(), seed=seed, n_starts=3)
+    design = fp.design_runs(decay().problem, seed=seed, n_starts=3)
     assert own_units(design) > 42.8697
     np.testing.assert_allclose(design.runs.t[0], [0.01, 0.1753, 0.6679, 2.0025, 6.2531, 26.8048], rtol=2e-3)
 
