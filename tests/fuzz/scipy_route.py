@@ -286,7 +286,8 @@ class _Walk:
             return 0.0 if math.isnan(value) else value
 
         if along(before) * along(now) < 0:
-            return float(brentq(along, before, now, xtol=1e-16, rtol=9e-16))
+            # Where rounding decides about the sign, it may not converge to the last bit.
+            return float(brentq(along, before, now, xtol=1e-16, rtol=9e-16, disp=False))
         if kind == "limit" or side_of(along(before)) != self.sides[place]:
             return before
         while now - before > 1e-15:  # a height that is zero on a whole side has a step, and no root

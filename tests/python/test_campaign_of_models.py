@@ -158,6 +158,17 @@ def test_a_covariance_that_overflows_is_excluded_with_reason() -> None:
     assert not found(bench) and bench.figures.counts["covariances that overflow"] == 1
 
 
+def test_outputs_of_terms_that_cancel_differ_by_their_rounding() -> None:
+    """(p1/1e-12)*sign(u1 - 105) + p1/1e-12 with and without a fused multiplication."""
+    case = At((), ("p1/1e-12*sign(u1 - 105) + p1/1e-12",), (), (1.0,), (1e-12,), given=(([[]], [[0.57]], [1.0]), [[5.979e-13]]))
+    for off, known in ((2e-17, []), (2e-9, ["other: y"])):
+        bench = Bench(case, Figures())
+        one = {name: np.zeros((1, 1)) for name in ("x", "y")} | {name: np.zeros((1, 1, 1)) for name in ("dx", "dy")}
+        one |= {name: np.zeros(1) for name in ("status", "sensitive status")} | {"x": np.zeros((1, 0)), "dx": np.zeros((1, 0, 1))}
+        compare_numbers(bench, "other", one, one | {"y": np.array([[off]])})
+        assert [finding.kind for finding in bench.findings] == known
+
+
 @pytest.mark.parametrize("rule", ["Unscented()", "Linearized()"])
 def test_covariances_of_deviations_below_the_tolerance_are_good_to_them(rule: str) -> None:
     """A logistic growth that has all but ended; its deviations are 1e-8 of its size."""
