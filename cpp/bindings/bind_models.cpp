@@ -39,6 +39,7 @@ py::array_t<double> map_rows(const Input& x, const Input& u, const Input& theta,
   check_shape(u, {count, sizes<M>::inputs}, "u");
   check_shape(theta, {count, sizes<M>::parameters}, "theta");
   auto result = empty({count, static_cast<py::ssize_t>(width)});
+  const py::gil_scoped_release unlocked;
   for (py::ssize_t k = 0; k < count; ++k) {
     const auto values =
         to_array<double>(function(row<double, sizes<M>::states>(x.data(k, 0)), row<double, sizes<M>::inputs>(u.data(k, 0)),

@@ -58,6 +58,7 @@ py::array_t<double> map_rows(const TapeModel& model, const Input& x, const Input
   check_shape(u, {count, shape.inputs}, "u");
   check_shape(theta, {count, shape.parameters}, "theta");
   auto result = empty({count, width});
+  const py::gil_scoped_release unlocked;
   for (py::ssize_t first = 0; first < count; first += P::width) {
     const auto rows = [&](const Input& of, int n) {
       HeapArray<P> packs(n);

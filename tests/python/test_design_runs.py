@@ -14,6 +14,7 @@ from bench.runs import decay, reactor
 from fisherpoint.design.run_moves import moved_runs
 from fisherpoint.design.run_objective import RunObjective
 from fisherpoint.design.run_profiles import PROFILES, draw_runs
+from fisherpoint.design.run_slopes import linear_runs
 from fisherpoint.points.run_region import RunCoordinates
 
 FINE: Any = (1e-9, True, True, "fastest", 1)
@@ -83,7 +84,8 @@ def test_a_trap_is_told() -> None:
 
 
 @pytest.mark.parametrize("kappa", [0.0, 3.0])
-def test_the_gradient_is_that_of_differences(kappa: float) -> None:
+@pytest.mark.parametrize(("central", "error"), [(True, 2e-4), (False, 5e-3)])
+def test_the_gradient_is_that_of_differences(kappa: float, central: bool, error: float) -> None:
     region = fp.RunRegion({"x": (0.0, 0.2), "v": 0.0, "u": (-1, 1), "dt": (0.2, 0.6)}, 6, measured=[False, True] * 3)
     model = slider(mover()).model.symbolic()
     assert isinstance(model, fp.SymbolicModel)
@@ -97,18 +99,26 @@ def test_the_gradient_is_that_of_differences(kappa: float) -> None:
     objective = RunObjective(problem, coordinates, plants, np.zeros((2, 2, 2)), FINE)
     objective.kappa = kappa
     z = np.random.default_rng(0).uniform(0.3, 0.7, (2, len(coordinates)))
-    found = objective.value_and_gradient(z)
+    linear = linear_runs(objective, z, None, central, np.random.default_rng(0))
+    assert linear is not None
+    value, gradient = linear.value_and_gradient(np.zeros(z.size))
 
     def at(z: np.ndarray) -> float:
         return objective.of(objective.judged(objective.tried(z, None)))
 
-    assert found.value == pytest.approx(at(z), rel=1e-9)
+    assert value == pytest.approx(at(z), rel=1e-9)
+    assert objective.values(np.stack([z, z + 0.01])) == pytest.approx([at(z), at(z + 0.01)], rel=1e-9)
     expected = np.zeros_like(z)
     for index in np.ndindex(z.shape):
         step = np.zeros_like(z)
         step[index] = 3e-4
         expected[index] = (at(z + step) - at(z - step)) / 6e-4
-    np.testing.assert_allclose(found.gradient, expected, atol=2e-4 * np.abs(expected).max())
+    np.testing.assert_allclose(gradient.reshape(z.shape), expected, atol=error * np.abs(expected).max())
+    step = np.random.default_rng(1).uniform(-0.01, 0.01, z.size)
+    there = linear.value_and_gradient(step)
+    ends = [linear.value_and_gradient(step + sign * 1e-6 * np.eye(z.size)[3])[0] for sign in (1, -1)]
+    assert there[1][3] == pytest.approx((ends[0] - ends[1]) / 2e-6, rel=1e-5)
+    assert there[0] == pytest.approx(at(z + step.reshape(z.shape)), abs=0.02 * abs(there[0] - value))
 
 
 def test_levels_slew_lengths_and_samples_are_kept() -> None:

@@ -20,11 +20,15 @@ WEIGHT = 4.0
 LEAST_SPREAD = 1e-3
 """Spread of a limit's value, as a share of its largest value on the way, where the prior makes none."""
 
-MOST_ROWS = 400_000
+FAR = 100.0
+"""The largest distance that is told, in standard deviations."""
+
+MOST_ROWS = 4000
+"""States at once; many more would not stay in the cache."""
 
 
 class RunMargins:
-    """Costs of runs that come near limits of the domain."""
+    """How far runs keep from limits of the domain."""
 
     def __init__(self, problem: DesignProblem) -> None:
         assumed = problem.assumed
@@ -42,26 +46,21 @@ class RunMargins:
             parts = np.concatenate([parts, further])
         self._parts = parts
 
-    def costs(self, tangents: RunTangents, kappa: float) -> Array:
-        """What each run costs, (K,)."""
+    def distances(self, tangents: RunTangents) -> Array:
+        """Of each run at each segment's end from each limit, (K, N, c), in standard deviations, and `FAR` at most."""
         count, segments = tangents.runs.dt.shape
-        costs = np.zeros(count)
-        if not self.exist:
-            return costs
         each = max(1, MOST_ROWS // (segments * (1 + len(self._parts))))
-        for first in range(0, count, each):
-            some = slice(first, first + each)
-            costs[some] = self._costs(tangents, some, kappa)
-        return costs
+        parts = [self._distances(tangents, slice(first, first + each)) for first in range(0, count, each)]
+        return np.concatenate(parts)
 
-    def _costs(self, tangents: RunTangents, some: slice, kappa: float) -> Array:
+    def _distances(self, tangents: RunTangents, some: slice) -> Array:
         runs = tangents.runs[some]
         there = runs.dt > 0
         x, theta = tangents.x[some, 1:], tangents.theta[some]
         k, n = np.nonzero(there)
-        moves = np.einsum("snp,jp->jsn", tangents.dx[some][k, n], self._parts)
+        moves = tangents.dx[some][k, n] @ self._parts.T  # (S, n_x, q)
         q = len(self._parts)
-        states = np.concatenate([x[k, n][None], x[k, n] + moves]).reshape(-1, x.shape[2])
+        states = np.concatenate([x[k, n][None], x[k, n] + moves.transpose(2, 0, 1)]).reshape(-1, x.shape[2])
         inputs = np.tile(runs.u[k, n], (1 + q, 1))
         parameters = np.concatenate([theta[k][None], theta[k] + self._parts[:, None]]).reshape(-1, theta.shape[1])
         with np.errstate(all="ignore"):  # outside the domain there may be no number
@@ -69,6 +68,12 @@ class RunMargins:
             h[:, :, : self._poles] *= np.sign(h[:1, :, : self._poles])
             spread = np.linalg.norm(h[1:] - h[0], axis=0)
             spread = np.maximum(spread, LEAST_SPREAD * np.abs(h[0]).max(axis=0, initial=0.0)) + 1e-300
-            short = np.maximum(0.0, kappa - h[0] / spread)
-        short = np.where(np.isfinite(short), short, kappa)
-        return np.asarray(WEIGHT * np.bincount(k, np.square(short).sum(axis=1), minlength=len(there)))
+            near = h[0] / spread
+        found = np.full((*there.shape, h.shape[2]), FAR)
+        found[k, n] = np.where(np.isfinite(near), np.minimum(near, FAR), 0.0)
+        return found
+
+
+def costs_of(distances: Array, kappa: float) -> Array:
+    """What runs cost, (K,), at distances (K, ...) of fewer than kappa standard deviations."""
+    return np.asarray(WEIGHT * np.square(np.maximum(0.0, kappa - distances)).reshape(len(distances), -1).sum(axis=1))

@@ -14,13 +14,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from ..basics.values import Array
 from ..information.problem import DesignProblem
-from ..information.run_information import run_settings
+from ..information.run_information import run_rows, run_settings
 from ..points.run_region import RunCoordinates, RunRegion
 from ..points.runs import Runs
+from .run_ascent import Peak, ascend
 from .run_moves import moved_runs
 from .run_objective import MORE_LOOKS, RunObjective
 from .run_plants import RunPlants
@@ -55,7 +55,7 @@ SHARE_OF_SKETCHES = 0.4
 """Of the time, after which no further start is begun."""
 
 SKETCH, LONGEST = 12, 60
-"""Iterations of L-BFGS-B for a start at first, and of those that are followed."""
+"""Iterations of the ascent for a start at first, and of those that are followed."""
 
 
 class RunProgress(NamedTuple):
@@ -123,11 +123,12 @@ class RunSearch:
         self._began = time.perf_counter()
         self.problem, self.region, self.n_runs, self.n_starts, self._limit = problem, region, n_runs, n_starts, time_limit
         self.coordinates: RunCoordinates = region.coordinates(problem.model)
-        rtol, kinks, jumps, method, count = run_settings(problem, threads)
-        self.objective = RunObjective(problem, self.coordinates, plants, previous, (min(rtol, FINE), kinks, jumps, method, count))
+        self._settings = run_settings(problem, threads)
+        finer = (min(self._settings[0], FINE), *self._settings[1:])
+        self.objective = RunObjective(problem, self.coordinates, plants, previous, finer)
         self._rng = np.random.default_rng(seed)
         self._confidence = confidence
-        self._guard = RunPlants(problem, PLANTS, np.random.default_rng([seed, 1]), run_settings(problem, threads))
+        self._guard = RunPlants(problem, PLANTS, np.random.default_rng([seed, 1]), self._settings)
         self.ends: list[Found] = []
         self._sketched: list[Found] = []
         wanted = max(4 * n_runs, 20, min(n_candidates, MOST_SEGMENTS_OF_POOL // (region.segments * len(plants))))
@@ -192,7 +193,7 @@ class RunSearch:
             z = self.pool.chosen(self.n_runs, self._rng)
             if self.n_starts > 1:
                 selected = self._chosen_samples(z)
-                z, value = self._by_moves(*self._by_gradients(z, selected, SKETCH), selected)
+                z, value = self._by_moves(*self._ascended(z, selected, SKETCH), selected)
                 sketched.append((value, z))
                 self._sketched.append(self._tried(z, selected))
                 if self._limit is not None and self.seconds > SHARE_OF_SKETCHES * self._limit:
@@ -210,7 +211,7 @@ class RunSearch:
         objective, selected = self.objective, self._chosen_samples(z)
         best: Found | None = None
         for _ in range(MOST_ROUNDS):
-            z, value = self._by_gradients(z, selected)
+            z, value = self._ascended(z, selected, LONGEST)
             found = self._tried(z, selected)
             best = found if best is None else max(best, found, key=_worth)
             if self._late():
@@ -235,10 +236,16 @@ class RunSearch:
         return best
 
     def _tried(self, z: Array, selected: NDArray[np.bool_] | None) -> Found:
-        """What runs are worth without costs, and how many plants can run them."""
+        """What runs are worth without costs, and how many plants can run them.
+
+        At the problem's own tolerance they may touch a surface that they just miss at the search's, and have no derivative there.
+        """
+        planned = self._planned(z, selected)
+        if run_rows(self.problem, planned, self.problem.theta, self._settings).status.any():
+            return Found(z, selected, -np.inf, 0.0, False)
         judged = self.objective.judged(self.objective.tried(z, selected))
         value = self.objective.of(judged) + float(judged.costs.sum())
-        share = float(self._guard.can_run(self._planned(z, selected)).mean())
+        share = float(self._guard.can_run(planned).mean())
         return Found(z, selected, value, share, self._enough(share))
 
     def _chosen_samples(self, z: Array) -> NDArray[np.bool_] | None:
@@ -246,47 +253,8 @@ class RunSearch:
             return None
         return best_samples(self.objective, self.coordinates.runs(z), self.region.samples)
 
-    def _by_gradients(self, z: Array, selected: NDArray[np.bool_] | None, iterations: int = LONGEST) -> tuple[Array, float]:
-        """The local maximum that L-BFGS-B finds from here; a step to runs that do not reach their ends counts as too long."""
-        free = np.flatnonzero(self.coordinates.stepped == 0)
-        common, own = np.flatnonzero(self.coordinates.shared[free]), np.flatnonzero(~self.coordinates.shared[free])
-
-        def placed(numbers: Array) -> Array:
-            there = z.copy()
-            there[:, free[common]] = numbers[: len(common)]
-            there[:, free[own]] = numbers[len(common) :].reshape(len(z), -1)
-            return there
-
-        best, best_value = z, -np.inf
-
-        def negative(numbers: Array) -> tuple[float, Array]:
-            nonlocal best, best_value
-            at = placed(numbers)
-            value, gradient = self.objective.value_and_gradient(at, selected, central=iterations > SKETCH)
-            if not np.isfinite(value):
-                return abs(best_value) + 1e3, np.zeros_like(numbers)
-            if value > best_value:
-                best, best_value = at, value
-            slopes = gradient[:, free]
-            return -value, -np.concatenate([slopes[:, common].sum(axis=0), slopes[:, own].ravel()])
-
-        start = np.concatenate([z[0, free[common]], z[:, free[own]].ravel()])
-        if not len(start):
-            return z, self.objective.of(self.objective.judged(self.objective.tried(z, selected)))
-        minimize(
-            negative,
-            start,
-            jac=True,
-            method="L-BFGS-B",
-            bounds=[(0.0, 1.0)] * len(start),
-            options={"maxiter": iterations, "ftol": 1e-7, "gtol": 1e-4},
-            callback=self._stop,
-        )
-        return best, best_value
-
-    def _stop(self, intermediate_result: object) -> None:
-        if self._late():
-            raise StopIteration
+    def _ascended(self, z: Array, selected: NDArray[np.bool_] | None, iterations: int) -> Peak:
+        return ascend(self.objective, z, selected, iterations, self._late, self._rng)
 
     def _by_moves(self, z: Array, value: float, selected: NDArray[np.bool_] | None) -> tuple[Array, float]:
         """The best single change of each run, one after the other."""
