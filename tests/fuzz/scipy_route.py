@@ -381,7 +381,7 @@ class _Walk:
         unit = self.unit(z * self.size, "surface", place)
         sign, deepest = self.sides[place], 0.0
         with np.errstate(all="ignore"):
-            solver = DOP853(self.scaled, t, z, 1.0, rtol=1e-6, atol=1e-9)
+            solver = DOP853(self.scaled, t, z, 1.0, rtol=1e-9, atol=1e-12)
             for _ in range(100):
                 try:
                     if solver.status != "running" or solver.step():

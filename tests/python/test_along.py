@@ -280,3 +280,23 @@ def test_files_have_limits_too(tmp_path: Path) -> None:
     (tmp_path / "decay.toml").write_text(decay.replace("[design]\n", '[design]\nalong = ["x > 0.1"]\n', 1))
     with pytest.raises(ValueError, match=r"decay.toml: design: along\[0\]: column 1: expected the names share, .*; given 'x"):
         fp.load_problem(tmp_path / "decay.toml")
+
+
+@pytest.mark.parametrize("runs", [False, True])
+def test_plants_that_pass_close_to_a_jump_can_run(runs: bool) -> None:
+    """v = 5e-7 + (t - 1)^2, with a jump at v = 0: at a tolerance of 1e-6 it touches, and at 1e-9 it passes beside."""
+    model = fp.SymbolicModel(
+        f=["2*(c - 1)", "1", "0.3*heaviside(-v) + p"],
+        g=["x"],
+        states={"v": "1", "c": "1", "x": "1"},
+        inputs={},
+        parameters={"p": "1"},
+    )
+    prior = fp.GaussianPrior({"p": 1.0}, {"p": 0.1})
+    problem = fp.DesignProblem(model, prior, None, noise_std={"y": 0.1})
+    points = fp.Experiments([[1 + 5e-7, 0.0, 0.0]], [[]], [2.0])
+    assert fp.simulate(model, points, [1.0]).status[0] == fp.Status.grazes_jump
+    given = fp.Runs(points.x0, np.empty((1, 2, 0)), np.array([[1.0, 1.0]])) if runs else points
+    assert fp.feasibility(problem, given, draws=20).share == 1.0
+    touching = fp.Experiments([[1.0, 0.0, 0.0]], [[]], [2.0])
+    assert fp.feasibility(problem, touching, draws=20).share == 0.0

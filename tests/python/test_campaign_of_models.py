@@ -57,6 +57,13 @@ def test_kinks_close_together_are_no_jump() -> None:
     assert done.end in (End.ok, End.unknown)
 
 
+def test_a_surface_that_a_state_tends_to_is_met_to_no_depth() -> None:
+    """y follows cos(x) to 1 from below, and SciPy's error leads it across."""
+    reading = Reading(["-2*x", "where(y > 1, 1, 0)", "-100*(y - cos(x))"], ["x"], ["x", "z", "y"], [], [], {})
+    done = course(reading, np.array([-1.629, 0.0, -1.322]), np.empty(0), np.empty(0), 6.25, np.ones(3))
+    assert done.end is End.ok or done.depth < 1e-7
+
+
 def test_differences_over_an_oscillation_are_not_believed() -> None:
     """Next to a blow-up the ends are many radians apart; wide differences agree with each other, and not with narrow ones."""
     reading = Reading(["p*x*x + 0.3753225806/(1.2 + sin(x))"], ["x"], ["x"], [], ["p"], {})

@@ -10,7 +10,7 @@ from ..information.draws import drawn_plants
 from ..information.problem import DesignProblem
 from ..points.run_trajectories import checked_run_trajectories
 from ..points.runs import Runs
-from ..points.settings import Settings
+from ..points.settings import Settings, finer
 from ..points.status import Status
 
 
@@ -43,6 +43,12 @@ class RunPlants:
     def outputs(self, runs: Runs) -> tuple[Array, NDArray[np.bool_]]:
         """Outputs (R, K, N, n_y) of runs on every plant, and which runs reach their ends (R, K)."""
         many = runs[np.tile(np.arange(len(runs)), len(self))]
-        done = checked_run_trajectories(self._model, many, np.repeat(self._theta, len(runs), axis=0), self._settings)
+        theta = np.repeat(self._theta, len(runs), axis=0)
+        done = checked_run_trajectories(self._model, many, theta, self._settings)
+        y, status = done.y, done.status
+        near = np.flatnonzero(status == Status.grazes_jump)
+        if len(near):
+            again = checked_run_trajectories(self._model, many[near], theta[near], finer(self._settings))
+            y[near], status[near] = again.y, again.status
         shape = len(self), len(runs)
-        return done.y.reshape(*shape, *done.y.shape[1:]), done.status.reshape(shape) == Status.ok
+        return y.reshape(*shape, *y.shape[1:]), status.reshape(shape) == Status.ok

@@ -135,8 +135,9 @@ class RunSearch:
         self.pool = RunPool(self.objective, wanted, self._rng)
         if self.pool.singular:
             self.objective.previous = self.objective.previous + RIDGE * np.eye(previous.shape[-1])
-        if confidence is not None and not self._easy():
-            self.objective.kappa = KAPPA
+        self._kappa = 0.0 if confidence is None or self._easy() else KAPPA
+        if self._kappa:
+            self.objective.kappa = self._kappa
             self.pool.judge_again()
 
     def _easy(self) -> bool:
@@ -209,6 +210,7 @@ class RunSearch:
         Where too many plants fail, the runs go on further from the limits.
         """
         objective, selected = self.objective, self._chosen_samples(z)
+        objective.kappa = self._kappa
         best: Found | None = None
         for _ in range(MOST_ROUNDS):
             z, value = self._ascended(z, selected, LONGEST)

@@ -19,7 +19,7 @@ from ..points.broken_limits import checked_broken_limits
 from ..points.experiments import Experiments
 from ..points.run_trajectories import checked_run_trajectories
 from ..points.runs import Runs
-from ..points.settings import Settings, check_jumps, check_kinks, checked_arguments, resolve_threads
+from ..points.settings import Settings, check_jumps, check_kinks, checked_arguments, finer, resolve_threads
 from ..points.status import Status
 from ..show.numbers import counted, percent
 from ..show.section import Report, Section
@@ -144,6 +144,8 @@ def feasibility(
 ) -> Feasibility:
     """Count on which plants a whole design runs: every trajectory ends as ok and keeps the limits `problem.along`.
 
+    A trajectory that touches a jump along its tangent, at the problem's tolerance, is computed again at a finer one.
+
     Parameters
     ----------
     problem : DesignProblem
@@ -215,10 +217,10 @@ class _Tally:
         theta = np.repeat(plants, k, axis=0)
         theta[:, self._columns] += self._std * rng.standard_normal((len(theta), len(self._columns)))
         many = self._points[np.tile(np.arange(k), len(plants))]
-        if isinstance(many, Runs):
-            status = checked_run_trajectories(self._model, many, theta, self._settings).status
-        else:
-            status = self._model.kernels.simulate(self._model.core, many.x0, many.u, many.dt, theta, *self._settings)[2]
+        status = self._statuses(many, theta, self._settings)
+        near = np.flatnonzero(status == Status.grazes_jump)
+        if len(near):
+            status[near] = self._statuses(many[near], theta[near], finer(self._settings))
         bad = np.flatnonzero(status != Status.ok)
         self.unable += len(np.unique(bad // k))
         met = set()
@@ -227,6 +229,12 @@ class _Tally:
             self.failures.setdefault(reason, np.zeros(k, dtype=np.int32))[row % k] += 1
             met.add((row // k, reason))
         self.reasons.update(reason for _, reason in met)
+
+    def _statuses(self, points: Experiments | Runs, theta: Array, settings: Settings) -> IntArray:
+        if isinstance(points, Runs):
+            return checked_run_trajectories(self._model, points, theta, settings).status
+        done = self._model.kernels.simulate(self._model.core, points.x0, points.u, points.dt, theta, *settings)
+        return np.asarray(done[2], dtype=np.int32)
 
     def _limits(self, points: Experiments | Runs, theta: Array, status: IntArray, rows: NDArray[np.intp]) -> list[str | None]:
         """Which limits ended some trajectories; None where it was none."""

@@ -21,6 +21,18 @@ Settings = tuple[float, bool, bool, str, int]
 """rtol, whether kinks and jumps are crossed, the method and the number of threads, as the kernels take them."""
 
 
+FINEST = 1e-13
+"""The least tolerance that doubles can keep."""
+
+FINER = 1e-3
+"""Times the tolerance, where it decides whether a trajectory touches a surface or passes beside it."""
+
+
+def finer(settings: Settings) -> Settings:
+    """The same with a tolerance that tells whether a trajectory touches a surface or passes beside it."""
+    return max(FINER * settings[0], FINEST), *settings[1:]
+
+
 def resolve_threads(threads: int | None) -> int:
     """Return the number of threads: as given, or the cores that this process may use."""
     if threads is None:
@@ -64,8 +76,8 @@ def checked_arguments(
 def check_rtol(rtol: float) -> float:
     """Return a tolerance that the core can keep."""
     value = as_float(rtol, "rtol")
-    if not 1e-13 <= value <= 0.1:
-        raise ValueError(f"rtol: expected a tolerance between 1e-13 and 0.1, given {value:g}")
+    if not FINEST <= value <= 0.1:
+        raise ValueError(f"rtol: expected a tolerance between {FINEST:g} and 0.1, given {value:g}")
     return value
 
 
