@@ -154,6 +154,8 @@ def test_misuse_is_told(change: dict[str, Any], error: type[Exception], message:
 
 
 def test_a_problem_that_is_none_of_runs_is_told_at_the_start() -> None:
+    with pytest.raises(ValueError, match="noise_std: expected the sensor noise"):
+        level(noise_std=None)
     with pytest.raises(ValueError, match="output_covariance: expected 'noise' for runs, given 'pooled'"):
         fp.Campaign(level(output_covariance="pooled"))
     with pytest.raises(ValueError, match="assumed_covariance: expected 'tangents' for runs, given 'predictive'"):
