@@ -138,12 +138,13 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
         },
     ),
     "runs": (
-        "Runs of several segments in the place of points: with this table `fisherpoint design` looks for runs, and `[region]`"
-        " bounds the start, the inputs of every segment and its duration. [Designing runs](../how_to/runs.md).",
+        "Runs of several segments in the place of points: with this table `fisherpoint design` and `fisherpoint campaign` look"
+        " for runs, and `[region]` bounds the start, the inputs of every segment and its duration."
+        " [Designing runs](../how_to/runs.md).",
         "[runs]\nsegments = 48\nlead_in = 4\nslew = { u = 0.5 }\n",
         {
             "segments": "Number of segments of a run.",
-            "n_runs": "Number of runs.",
+            "n_runs": "Number of runs of a design.",
             "constant": "Inputs, or `dt`, that stay the same over a run.",
             "shared": "States at the start, constant inputs, or `dt`, that all runs have alike.",
             "levels": "The only values that an input may take, by name.",
@@ -193,10 +194,10 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
         },
     ),
     "campaign": (
-        "Settings of `fisherpoint campaign`; the search is that of `[design]`.",
+        "Settings of `fisherpoint campaign`; the search is that of `[design]`, and of `[runs]` where that is given.",
         "[campaign]\nbatch = 6\ntargets = { c_L = 0.02, m_q = 0.01 }\n",
         {
-            "batch": "Points per batch.",
+            "batch": "Points per batch, or runs.",
             "targets": "Relative standard errors to reach, one for all parameters or by name. Without them it never ends.",
         },
     ),
@@ -206,6 +207,7 @@ SAID: dict[str, str] = {
     "design.output_covariance": '`"noise"` with `[noise_std]`, else `"region"`',
     "design.parameters": "all",
     "rule.kind": '`"sparse_gauss_hermite"`',
+    "campaign.batch": "`6` points, or `1` run",
     "campaign.targets": "none",
     "model.states.scale": "1",
     "model.parameters.scale": "none",

@@ -32,7 +32,7 @@ def campaign(
     no_plots: NoPlots = False,
     quiet: Quiet = False,
 ) -> int:
-    """Design, measure and estimate in batches, until the relative standard errors are at their targets.
+    """Design, measure and estimate in batches of points or of runs, until the relative standard errors are at their targets.
 
     Starts a campaign or goes on with the one in DIR, takes the measured batch, and writes the next batch to measure. Everything is
     saved at once: after a kill the same command goes on.
@@ -68,10 +68,10 @@ def _opened(config: Config, directory: Path, threads: int | None) -> fp.Campaign
     """The campaign in the directory, which must be the file's but for the targets; or a new one."""
     if config.region is None:
         raise config.error("region", "missing; expected a table with bounds of every state, every input and dt")
-    settings, table = config.exchange_settings(), config.campaign
+    settings, table = config.exchange_settings() if config.runs is None else config.run_settings(), config.campaign
     if "time_limit" in settings:
         raise config.error("design.time_limit", "expected none with a campaign, of which each run has to come to the same points")
-    settings.pop("n_experiments", None)
+    settings.pop("n_experiments" if config.runs is None else "n_runs", None)
     if table.batch is not None:
         settings["batch"] = table.batch
     if not fp.Campaign.is_in(directory):
@@ -103,7 +103,10 @@ def _taken(run: fp.Campaign, path: Path) -> list[str]:
 
 def _to_do(run: fp.Campaign, file: Path, output: Path) -> list[str]:
     outputs = ", ".join(f"y_{quantity.name}" for quantity in run.problem.model.outputs)
+    k, of_runs = len(run.history) + 1, isinstance(run.planned, fp.Runs)
+    what, table = "runs" if of_runs else "points", output / f"batch_{k}.csv"
     return [
-        f"Measure the points of {output / f'batch_{len(run.history) + 1}.csv'}, in a file with these columns and {outputs}, then:",
+        *([f"The time table of the next batch is {output / f'plan_{k}.csv'}."] if of_runs else []),
+        f"Measure the {what} of {table}, in a file with these columns and {outputs}, then:",
         f"  fisherpoint campaign {file} -o {output} --data MEASURED.csv",
     ]

@@ -97,7 +97,7 @@ def design(
     no_plots: NoPlots = False,
     quiet: Quiet = False,
 ) -> int:
-    """Find the experiment points, or with [runs] the runs, that determine the parameters best.
+    """Find the experiment points, or with a table of runs in the file the runs, that determine the parameters best.
 
     Writes design.csv, design.json, report.txt and pictures. Ctrl-C stops early and keeps the best design so far.
     """

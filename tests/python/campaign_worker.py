@@ -44,7 +44,9 @@ def run(problem: fp.DesignProblem, directory: Path) -> None:
     if fp.Campaign.is_in(directory):
         campaign = fp.Campaign.load(directory, threads=1)
     else:
-        campaign = fp.Campaign(problem, 2, targets=0.01, seed=3, directory=directory, threads=1, n_candidates=8, max_iterations=12)
+        of_runs = isinstance(problem.region, fp.RunRegion)
+        quick = {"n_candidates": 20, "n_starts": 2} if of_runs else {"n_candidates": 8, "max_iterations": 12}
+        campaign = fp.Campaign(problem, 2, targets=0.01, seed=3, directory=directory, threads=1, **quick)
     truth = problem.theta * (1.0 + 0.1 * (-1.0) ** sum(map(ord, problem.model.name)))
     while len(campaign.history) < BATCHES:
         rig = fp.VirtualRig(problem.model, truth, problem.noise_std or {}, seed=len(campaign.history))

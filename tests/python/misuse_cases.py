@@ -451,12 +451,23 @@ def cases() -> dict[str, Case]:
         "Campaign": _case(
             fp.Campaign,
             problem=(problem(),),
-            batch=(2, INT),
+            batch=(2, INT, NONE),
             targets=({"k": 0.1}, MAP, NONE, NUMBER),
             seed=(0, INT),
             threads=threads,
             n_candidates=(2, INT),
             local=(0.5, NUMBER),
+        ),
+        "Campaign of runs": _case(
+            fp.Campaign,
+            problem=(run_problem(),),
+            batch=(2, INT, NONE),
+            targets=({"k": 0.1}, MAP, NONE, NUMBER),
+            seed=(0, INT),
+            threads=threads,
+            n_starts=(1, INT),
+            n_candidates=(2, INT),
+            confidence=(0.9, NUMBER, NONE),
         ),
         "Campaign directory": _case(
             lambda directory: fp.Campaign(
@@ -469,6 +480,7 @@ def cases() -> dict[str, Case]:
         "Campaign.told": _case(lambda data: campaign().told(data), data=(data(),)),
         "RuleComparison.cheapest": _case(lambda within: comparison().cheapest(within), within=(0.01, NUMBER)),
         "Campaign.tell": _case(lambda data: campaign().tell(data), data=(data(),)),
+        "Campaign.tell runs": _case(lambda data: fp.Campaign(run_problem(), n_starts=1).tell(data), data=(run_data(),)),
         "Campaign.next": _case(lambda progress: campaign().next(progress=progress), progress=(None, NONE, FUNCTION)),
         "Campaign.targets": _case(lambda targets: setattr(campaign(), "targets", targets), targets=({"k": 0.1}, MAP, NONE, NUMBER)),
         **{

@@ -1,4 +1,4 @@
-"""Campaigns that are killed, by SIGKILL at any moment, come to the same result to the last bit."""
+"""Campaigns, of points and of runs, that are killed by SIGKILL at any moment come to the same result to the last bit."""
 
 from __future__ import annotations
 
@@ -19,13 +19,14 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="kills children 
 
 HERE = Path(__file__).resolve().parent
 KILLS = 20
+TABLES = {"points": ("batch", "data"), "runs": ("batch", "plan", "data")}
 
 
 class Worker:
     """Runs campaigns in children that it kills."""
 
-    def __init__(self) -> None:
-        example = HERE.parents[1] / "examples" / "cylinder.toml"
+    def __init__(self, kind: str, example: Path) -> None:
+        self.tables = TABLES[kind]
         self.process = subprocess.Popen(
             [sys.executable, str(HERE / "campaign_worker.py"), str(example)],
             stdin=subprocess.PIPE,
@@ -46,9 +47,14 @@ class Worker:
         self.process.wait(timeout=30)
 
 
-@pytest.fixture(scope="module")
-def worker() -> Iterator[Worker]:
-    worker = Worker()
+@pytest.fixture(scope="module", params=list(TABLES))
+def worker(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Worker]:
+    example = HERE.parents[1] / "examples" / "cylinder.toml"
+    if request.param == "runs":
+        text = example.with_name("reactor.toml").read_text().replace("segments = 8", "segments = 3\nlead_in = 1")
+        example = tmp_path_factory.mktemp("example") / "short_runs.toml"
+        example.write_text(text)
+    worker = Worker(request.param, example)
     yield worker
     worker.close()
 
@@ -59,7 +65,7 @@ def undisturbed(worker: Worker, tmp_path_factory: pytest.TempPathFactory) -> dic
     directory = tmp_path_factory.mktemp("undisturbed") / "campaign"
     assert worker.run(directory) == "finished"
     found = files(directory)
-    assert sorted(found) == sorted(["campaign.json", *(f"{kind}_{k}.csv" for kind in ("batch", "data") for k in (1, 2))])
+    assert sorted(found) == sorted(["campaign.json", *(f"{table}_{k}.csv" for table in worker.tables for k in (1, 2))])
     return found
 
 
@@ -104,7 +110,8 @@ def test_a_campaign_that_is_killed_around_any_write_has_the_same_result(
         assert end == "killed"
         assert worker.run(directory) == "finished"
         assert files(directory) == undisturbed
-    assert finished == 2 * (1 + 2 * 4) + 1, "a state at the start, and two tables and two states a batch, before and after each"
+    writes = 1 + 2 * (len(worker.tables) + 2)
+    assert finished == 2 * writes + 1, "a state at the start, and the tables and two states a batch, before and after each"
 
 
 def test_the_saved_results_are_those_of_one_fit_of_all_data(worker: Worker, undisturbed: dict[str, bytes], tmp_path: Path) -> None:

@@ -197,3 +197,69 @@ def test_the_table_is_optional(file: Path, tmp_path: Path) -> None:
     assert config.campaign.batch is None and config.campaign.targets is None
     with pytest.raises(ConfigError, match=r"campaign.targets: expected a number > 0, or one for each parameter"):
         load_config(edited(file, tmp_path / "wrong.toml", {"targets = 0.2": "targets = {c_L = -1}"}))
+
+
+# --- Runs ----------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def runs_file(tmp_path: Path) -> Path:
+    """The reactor with three segments and a short search."""
+    changes = {
+        "segments = 8": "segments = 3\nn_starts = 2\nn_runs = 4\n\n[design]\nn_candidates = 20\n\n[campaign]\ntargets = 0.1\n"
+    }
+    return edited(EXAMPLES / "reactor.toml", tmp_path / "runs.toml", changes)
+
+
+def measured_runs(file: Path, table: Path, target: Path, as_points: bool = False) -> Path:
+    problem = load_config(file).problem()
+    runs = fp.Runs.from_csv(table, problem.model)
+    rig = fp.VirtualRig(problem.model, 1.05 * problem.theta, problem.noise_std or {})
+    rig.measure(runs.starts if as_points else runs).to_csv(target, problem.model)
+    return target
+
+
+def test_a_campaign_of_runs_from_the_first_batch_to_its_targets(run: Any, runs_file: Path, tmp_path: Path) -> None:
+    directory = tmp_path / "run"
+    code, out, err = run("campaign", runs_file, "-o", directory)
+    assert (code, err) == (0, "")
+    assert names(directory) == ["batch_1.csv", "campaign.json", "plan_1.csv"]
+    assert f"Measure the runs of {directory / 'batch_1.csv'}" in out and "y_A, y_B, y_C" in out
+    assert f"The time table of the next batch is {directory / 'plan_1.csv'}." in out
+    campaign = fp.Campaign.load(directory)
+    assert (campaign.batch, campaign.settings.n_candidates) == (1, 20) and isinstance(campaign.settings, fp.RunSettings)
+    assert run("campaign", runs_file, "-o", directory)[:2] == (0, out)
+
+    wrong = measured_runs(runs_file, directory / "batch_1.csv", tmp_path / "points.csv", as_points=True)
+    code, _, err = run("campaign", runs_file, "-o", directory, "--data", wrong)
+    assert code == 2 and "data: expected measurements of runs" in err and len(err.splitlines()) == 1
+    data = measured_runs(runs_file, directory / "batch_1.csv", tmp_path / "measured.csv")
+    code, out, err = run("campaign", runs_file, "-o", directory, "--data", data)
+    assert (code, err) == (0, "")
+    assert f"{data}: taken as batch 1" in out and "Campaign on reactor: 1 batch, 1 run measured" in out
+    assert "All targets are met" in out and "Measure the runs" not in out
+    assert names(directory) == ["batch_1.csv", "campaign.json", "campaign.png", "data_1.csv", "plan_1.csv", "report.txt"]
+    code, out, _ = run("campaign", runs_file, "-o", directory, "--data", data, "--no-plots")
+    assert code == 0 and "these are the data of batch 1, which were taken before" in out
+
+    stricter = edited(runs_file, tmp_path / "stricter.toml", {"targets = 0.1": "targets = 0.01"})
+    code, out, _ = run("campaign", stricter, "-o", directory, "--no-plots")
+    assert code == 0 and (directory / "plan_2.csv").exists() and f"Measure the runs of {directory / 'batch_2.csv'}" in out
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"n_starts = 2": "n_starts = 3"}, "settings: expected what the campaign in"),
+        ({"segments = 3": "segments = 4"}, "region: expected what the campaign in"),
+        ({"targets = 0.1": "targets = 0.1\nbatch = 2"}, "batch: expected what the campaign in"),
+        ({"n_candidates = 20": "n_candidates = 20\ntime_limit = 5"}, "design.time_limit: expected none with a campaign"),
+        ({"[noise_std]\nA = 0.01\nB = 0.01\nC = 0.01\n": ""}, "noise_std: expected the sensor noise"),
+    ],
+)
+def test_mistakes_in_a_file_of_runs_are_one_line(
+    run: Any, runs_file: Path, tmp_path: Path, changes: dict[str, str], message: str
+) -> None:
+    assert run("campaign", runs_file, "-o", tmp_path / "run")[0] == 0
+    code, out, err = run("campaign", edited(runs_file, tmp_path / "wrong.toml", changes), "-o", tmp_path / "run")
+    assert (code, out, len(err.splitlines())) == (2, "", 1) and message in err

@@ -235,6 +235,19 @@ def test_a_deviation_of_the_start_comes_on_top_of_the_rest() -> None:
     np.testing.assert_allclose(moved.y, plain.y, rtol=0, atol=1e-9)
 
 
+def test_a_virtual_rig_starts_at_its_own_rest() -> None:
+    """And not at the guess; a deviation comes on top."""
+    runs, exact = both(), {"y": 0.0, "z": 0.0}
+    data = fp.VirtualRig(tanks(), THETA, exact).measure(runs)
+    expected = np.where(runs.measured[:, :, None], fp.simulate(tanks(), runs, THETA, rtol=1e-10).y, np.nan)
+    np.testing.assert_allclose(data.y, expected, rtol=1e-9)
+    assert data.points == runs
+    off = fp.VirtualRig(tanks(), THETA, exact, initial_state_std={"b": 0.05}).measure(runs)
+    assert np.nanmax(np.abs(off.y - data.y)) > 1e-3
+    fit = fp.estimate(tanks(), data, start={"k1": 1.2, "k2": 0.75, "m": 0.5}, noise_std=NOISE)
+    np.testing.assert_allclose(list(fit.estimate.values()), THETA, rtol=1e-5)
+
+
 def of_one(f: list[str], **more: Any) -> Callable[..., fp.RunTrajectories]:
     states = {name: "1" for name in ("x", "v")[: len(f)]}
     model = fp.SymbolicModel(f, ["x"], states, {"u": "1"}, {"a": "1", "k": "1"}, **more)

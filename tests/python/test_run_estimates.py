@@ -171,20 +171,18 @@ def test_pictures_and_reports_know_runs() -> None:
 
 
 def test_what_runs_cannot_have_is_refused() -> None:
-    data, region = measured(drawn()), fp.ExperimentRegion({"a": (0.8, 1.4), "b": (0.8, 1.4), "u": (0.3, 1.6), "dt": (0.1, 0.4)})
+    data = measured(drawn())
     with pytest.raises(ValueError, match=r"^assumed_rule: expected tangents, None, for runs, given"):
         fp.estimate(MODEL, data, noise_std=NOISE, initial_state_std=START, assumed_rule=fp.SparseGaussHermite(1))
     with pytest.raises(ValueError, match=r"^y: expected shape \(K, N, 2\) for the outputs of"):
         fp.estimate(MODEL, fp.Measurements(data.points, data.y[:, :, :1]), noise_std=NOISE)
-    with pytest.raises(TypeError, match=r"^points: expected Experiments, given Runs"):
-        fp.Campaign(problem(region), 4).tell(data)
 
 
 # --- previous information ------------------------------------------------------------------------------------------------
 
 
-def problem(region: fp.ExperimentRegion | None = None, **changes: Any) -> fp.DesignProblem:
-    return fp.DesignProblem(MODEL, PRIOR, region, noise_std=NOISE, rtol=1e-11, **changes)
+def problem(**changes: Any) -> fp.DesignProblem:
+    return fp.DesignProblem(MODEL, PRIOR, None, noise_std=NOISE, rtol=1e-11, **changes)
 
 
 @pytest.mark.parametrize("start", [None, START])

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,21 +11,21 @@ import numpy as np
 
 from ..basics.checks import check_type
 from ..basics.extras import needed_for
-from ..basics.values import Array, FrozenMapping
+from ..basics.values import FrozenMapping
 from ..data import Measurements
-from ..design.exchange import exchange
+from ..design.run_search import RunProgress
 from ..design.search import Progress
-from ..design.settings import ExchangeSettings
 from ..estimation.estimate import estimate
 from ..estimation.fit import Fit
 from ..estimation.precision import quantile
 from ..information.codec import problem_from_json, problem_to_json
 from ..information.problem import DesignProblem
-from ..points.experiments import Experiments
 from ..points.settings import resolve_threads
 from ..show.section import Report
 from ..show.shown import Shown
+from .batches import Points, Settings, kind_of
 from .files import CampaignFiles
+from .repeated import check_new
 from .report import campaign_report
 from .settings import batch_seed, batch_settings, checked_targets
 from .state import Batch, State, relative
@@ -39,15 +38,16 @@ if TYPE_CHECKING:
 class Campaign(Shown):
     """Design, measure and estimate in batches, until every relative standard error is at its target.
 
-    Each batch is the exchange's at the current estimate, with the information of all data so far; each estimate is the maximum a
-    posteriori of the problem's own prior and all data so far, so that nothing counts twice.
+    Each batch is designed at the current estimate, with the information of all data so far: points by `exchange`, or runs by
+    `design_runs`, as the region says. Each estimate is the maximum a posteriori of the problem's own prior and all data so far, so
+    that nothing counts twice.
 
     Parameters
     ----------
     problem : DesignProblem
-        With a region.
-    batch : int
-        Points of a batch.
+        With an `ExperimentRegion` for points, or a `RunRegion` and the sensor noise for runs.
+    batch : int, optional
+        Points of a batch, or runs. Default: 6 points, or 1 run.
     targets : mapping of parameter name to float, or float, optional
         Largest relative standard errors (shares of the estimate); one number for all estimated parameters. Parameters without
         target are estimated and designed for like the others.
@@ -58,7 +58,8 @@ class Campaign(Shown):
     threads : int, optional
         The result does not depend on it.
     **settings
-        Of `exchange`, such as n_candidates and max_iterations; without time_limit, by which no run would repeat another.
+        Of `exchange`, such as n_candidates and max_iterations, or of `design_runs`, such as n_starts; without time_limit, by which
+        no search would repeat another.
 
     Raises
     ------
@@ -69,7 +70,7 @@ class Campaign(Shown):
     def __init__(
         self,
         problem: DesignProblem,
-        batch: int = 6,
+        batch: int | None = None,
         *,
         targets: Mapping[str, float] | float | None = None,
         seed: int = 0,
@@ -78,9 +79,7 @@ class Campaign(Shown):
         **settings: Any,
     ) -> None:
         check_type(problem, DesignProblem, "problem")
-        if problem.region is None:
-            raise ValueError("region: expected an ExperimentRegion to design in, given None")
-        state = State(problem, batch_settings(batch, seed, settings), checked_targets(targets, problem))
+        state = State(problem, batch_settings(kind_of(problem), batch, seed, settings), checked_targets(targets, problem))
         self._begin(state, None, threads)
         if directory is not None:
             self._keep_in(directory)
@@ -122,14 +121,14 @@ class Campaign(Shown):
         return self._state.problem
 
     @property
-    def settings(self) -> ExchangeSettings:
+    def settings(self) -> Settings:
         """Of a batch's search; their seed is that of the whole campaign."""
         return self._state.settings
 
     @property
     def batch(self) -> int:
-        """Points of a batch."""
-        return self._state.settings.n_experiments
+        """Points of a batch, or runs."""
+        return int(getattr(self.settings, self._state.kind.size))
 
     @property
     def history(self) -> tuple[Batch, ...]:
@@ -137,8 +136,8 @@ class Campaign(Shown):
         return self._state.batches
 
     @property
-    def planned(self) -> Experiments | None:
-        """Points that were designed and whose data are still missing."""
+    def planned(self) -> Points | None:
+        """The points, or runs, that were designed and whose data are still missing."""
         return self._state.planned
 
     @property
@@ -189,8 +188,8 @@ class Campaign(Shown):
 
     @property
     def data(self) -> Measurements | None:
-        """All data so far, without points of which nothing was measured; None before any."""
-        return _measured([one.data for one in self.history]) if self.history else None
+        """All data so far, without points and runs of which nothing was measured; None before any."""
+        return _told([one.data for one in self.history]) if self.history else None
 
     @property
     def fit(self) -> Fit | None:
@@ -199,40 +198,34 @@ class Campaign(Shown):
             self._fit = self._estimated(self.history[:-1], self.history[-1].data)
         return self._fit
 
-    def next(self, *, progress: Callable[[Progress], None] | None = None) -> Experiments:
-        """Return the next points to measure: those that are planned, or else newly designed ones.
+    def next(self, *, progress: Callable[[Progress], None] | Callable[[RunProgress], None] | None = None) -> Points:
+        """Return the next points, or runs, to measure: those that are planned, or else newly designed ones.
 
         Parameters
         ----------
         progress : callable, optional
-            As for `exchange`.
+            As for `exchange`, or `design_runs`.
 
         Raises
         ------
         KeyboardInterrupt
             Where Ctrl-C ended the search; nothing is planned then.
         ValueError
-            As `exchange`.
+            As `exchange`, or `design_runs`.
         """
-        if self.planned is None:
-            prior = self.problem.prior if self.fit is None else self.fit.posterior()
-            settings = replace(self.settings, seed=batch_seed(self.settings.seed, len(self.history)))
-            found = exchange(
-                self.problem.replace(prior=prior),
-                **asdict(settings),
-                threads=self._threads,
-                progress=progress,
-                previous=self.data,
-            )
-            if found.stop_reason == "interrupted":
-                raise KeyboardInterrupt
+        if self.planned is not None:
             if self._files is not None:
-                self._files.write_points(replace(self._state, planned=found.points))
-            self._change(planned=found.points)
-            return found.points
+                self._files.write_batch(self._state, again=True)
+            return self.planned
+        prior = self.problem.prior if self.fit is None else self.fit.posterior()
+        settings = replace(self.settings, seed=batch_seed(self.settings.seed, len(self.history)))
+        found = self._state.kind.design(
+            self.problem.replace(prior=prior), settings, threads=self._threads, progress=progress, previous=self.data
+        )
         if self._files is not None:
-            self._files.write_points(self._state, again=True)
-        return self.planned
+            self._files.write_batch(replace(self._state, planned=found))
+        self._change(planned=found)
+        return found
 
     def tell(self, data: Measurements) -> Fit:
         """Add data, estimate, and save; the next points will be new ones.
@@ -240,7 +233,8 @@ class Campaign(Shown):
         Parameters
         ----------
         data : Measurements
-            Of the planned points, or of others: starts as measured, points left out, replicates, data from before the campaign.
+            Of the planned points or runs, or of others: starts as measured, some left out, replicates, data from before the
+            campaign.
 
         Returns
         -------
@@ -250,20 +244,23 @@ class Campaign(Shown):
         Raises
         ------
         TypeError, ValueError
-            For data of runs or of another model, data that were told before, and as `estimate`; the campaign stays as it was. Two
-            rows that were told before, to the last bit, are refused among others too. A single one is taken as a replicate that
-            reads the same, with a warning: replicates of a coarse sensor, of which several do, can be told one at a time.
+            For data of another model, of runs in a campaign of points or of points in one of runs, data that were told before, and
+            as `estimate`; the campaign stays as it was. Two points that were told before, to the last bit, are refused among
+            others too, and so is a run of which all samples were, also where one of the two goes on behind the other's end. A
+            single sample is taken as a replicate that reads the same, with a warning: replicates of a coarse sensor, of which
+            several do, can be told one at a time. A run of which half the samples were told counts too, with a warning.
         """
         check_type(data, Measurements, "data")
-        model, points = self.problem.model, data.experiments
-        given = (points.x0.shape[1], points.u.shape[1], data.y.shape[1])
+        self._state.kind.check(data)
+        model, points = self.problem.model, data.points
+        given = (points.x0.shape[1], points.u.shape[-1], data.y.shape[-1])
         expected = (len(model.states), len(model.inputs), len(model.outputs))
         if given != expected:
             raise ValueError(f"data: expected {expected} states, inputs and outputs of {model.name}, given {given}")
         told = self.told(data)
         if told is not None:
             raise ValueError(f"data: expected new measurements, given those of batch {told} again")
-        self._refuse_rows_again(data)
+        check_new([one.data for one in self.history], data)
         fit = self._estimated(self.history, data)
         batch = Batch(
             planned=self.planned,
@@ -279,21 +276,6 @@ class Campaign(Shown):
         self._change(batches=(*self.history, batch), planned=None)
         self._fit = fit
         return fit
-
-    def _refuse_rows_again(self, data: Measurements) -> None:
-        """Raise for rows that would count twice; warn of a single one, which may be a replicate."""
-        again = {k: rows for k, one in enumerate(self.history, 1) if (rows := _rows_again(one.data, data))}
-        count = len(set().union(*again.values()))
-        if not count:
-            return
-        k = max(again, key=lambda k: len(again[k]))
-        number = int(np.isfinite(self.history[k - 1].data.y).any(axis=1).sum())
-        if count == 1:
-            row = min(again[k])
-            warnings.warn(f"data: row {row} is also in batch {k}; it counts as a repeated measurement", stacklevel=3)
-            return
-        which = "those" if len(again[k]) >= number else f"{len(again[k])} of the {number} rows"
-        raise ValueError(f"data: expected new measurements only, given {which} of batch {k} among them")
 
     def told(self, data: Measurements) -> int | None:
         """The number, from 1, of the batch that has exactly these data; None where they are new."""
@@ -344,12 +326,12 @@ class Campaign(Shown):
     def _estimated(self, before: tuple[Batch, ...], data: Measurements) -> Fit:
         """The fit of the data of the batches `before` and of `data`, a function of these alone.
 
-        It starts at the estimate before, too: the points were designed there, and at the prior's mean their trajectories may fail.
+        It starts at the estimate before, too: the batch was designed there, and at the prior's mean their trajectories may fail.
         """
         problem = self.problem
         return estimate(
             problem.model,
-            _measured([*(one.data for one in before), data]),
+            _told([*(one.data for one in before), data]),
             prior=problem.prior,
             start=before[-1].estimate if before else None,
             parameters=problem.estimated,
@@ -368,21 +350,6 @@ class Campaign(Shown):
         self._state = state
 
 
-def _measured(parts: list[Measurements]) -> Measurements:
-    """All parts, without points of which nothing was measured: their trajectories may well fail."""
-    joined = Measurements.join(parts)
-    return joined[np.flatnonzero(np.isfinite(joined.y).any(axis=1))]
-
-
-def _rows_again(told: Measurements, data: Measurements) -> set[int]:
-    """Rows of `data` at a point of `told` at which the outputs that both have are the same to the last bit."""
-    before: dict[bytes, list[Array]] = {}
-    for point, y in zip(told.experiments.table, told.y, strict=True):
-        before.setdefault(point.tobytes(), []).append(y)
-    again = set()
-    for row, (point, y) in enumerate(zip(data.experiments.table, data.y, strict=True)):
-        for other in before.get(point.tobytes(), ()):
-            both = np.isfinite(y) & np.isfinite(other)
-            if both.any() and (y[both] == other[both]).all():
-                again.add(row)
-    return again
+def _told(parts: list[Measurements]) -> Measurements:
+    """All parts, without what nothing was measured of: its trajectories may well fail."""
+    return Measurements.join(parts).told

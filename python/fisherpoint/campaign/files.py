@@ -2,7 +2,8 @@
 
 ==================  ==================================================================================================
 campaign.json       the whole state, with its own SHA-256; the only file from which a campaign goes on
-batch_<k>.csv       the points to measure
+batch_<k>.csv       the points or runs to measure
+plan_<k>.csv        of runs, the same as a time table
 data_<k>.csv        what was told; one that was changed since is refused, as the change would have no effect
 ==================  ==================================================================================================
 
@@ -25,11 +26,10 @@ from ..basics.messages import printable
 from ..basics.values import FrozenMapping, finite_or_none
 from ..data import Measurements
 from ..data.measurement_files import measurements_csv
-from ..design.settings import ExchangeSettings
 from ..engine.versions import versions
 from ..information.codec import problem_from_json
 from ..models import Model
-from ..points.codec import points_from_json, points_to_json
+from .batches import Kind, kind_of
 from .state import Batch, State
 
 FORMAT = "fisherpoint campaign"
@@ -51,7 +51,7 @@ class CampaignFiles:
         self.directory = as_path(directory, "directory")
         self.problem_json = problem_json
         region = problem_json["region"]
-        if region and None in region["constraints"]:
+        if region and None in region.get("constraints", ()):
             raise ValueError("constraints: expected text for a campaign in a directory, given a function, which cannot be saved")
         self._last: bytes | None = None
 
@@ -82,12 +82,15 @@ class CampaignFiles:
         self._check_alone()
         self._write(state)
 
-    def write_points(self, state: State, again: bool = False) -> None:
-        """Write the planned points; `again`, only where their file is gone, as it may have been filled in."""
-        path = self.directory / f"batch_{len(state.batches) + 1}.csv"
-        if state.planned is not None and not (again and path.exists()):
-            self._check_alone()
-            state.planned.to_csv(path, state.problem.model)
+    def write_batch(self, state: State, again: bool = False) -> None:
+        """Write the tables of what is planned; `again`, only those that are gone, as others may have been filled in."""
+        if state.planned is None:
+            return
+        for name, text in state.kind.tables.items():
+            path = self.directory / f"{name}_{len(state.batches) + 1}.csv"
+            if not (again and path.exists()):
+                self._check_alone()
+                write_whole(path, text(state.planned, state.problem.model))
 
     def write_data(self, number: int, data: Measurements, model: Model) -> None:
         """Write what was told as the batch of this number."""
@@ -141,25 +144,27 @@ def _state_to_json(state: State, problem_json: dict[str, Any]) -> dict[str, Any]
         "problem": problem_json,
         "settings": asdict(state.settings),
         "targets": dict(state.targets),
-        "batches": [_batch_to_json(batch) for batch in state.batches],
-        "planned": _or_none(points_to_json, state.planned),
+        "batches": [_batch_to_json(batch, state.kind) for batch in state.batches],
+        "planned": _or_none(state.kind.to_json, state.planned),
     }
 
 
 def _state_from_json(data: dict[str, Any]) -> State:
+    problem = problem_from_json(data["problem"])
+    kind = kind_of(problem)
     return State(
-        problem=problem_from_json(data["problem"]),
-        settings=ExchangeSettings(**data["settings"]),
+        problem=problem,
+        settings=kind.settings(**data["settings"]),
         targets=FrozenMapping(data["targets"]),
-        batches=tuple(_batch_from_json(batch) for batch in data["batches"]),
-        planned=_or_none(points_from_json, data["planned"]),
+        batches=tuple(_batch_from_json(batch, kind) for batch in data["batches"]),
+        planned=_or_none(kind.from_json, data["planned"]),
     )
 
 
-def _batch_to_json(batch: Batch) -> dict[str, Any]:
+def _batch_to_json(batch: Batch, kind: Kind) -> dict[str, Any]:
     return {
-        "planned": _or_none(points_to_json, batch.planned),
-        "data": {"points": points_to_json(batch.data.experiments), "y": finite_or_none(batch.data.y)},
+        "planned": _or_none(kind.to_json, batch.planned),
+        "data": {"points": kind.to_json(batch.data.points), "y": finite_or_none(batch.data.y)},
         "estimate": dict(batch.estimate),
         "standard_errors": {name: value if np.isfinite(value) else None for name, value in batch.standard_errors.items()},
         "chi_square": batch.chi_square,
@@ -168,12 +173,11 @@ def _batch_to_json(batch: Batch) -> dict[str, Any]:
     }
 
 
-def _batch_from_json(data: dict[str, Any]) -> Batch:
-    points = points_from_json(data["data"]["points"])
+def _batch_from_json(data: dict[str, Any], kind: Kind) -> Batch:
     errors = {name: np.inf if value is None else value for name, value in data["standard_errors"].items()}
     return Batch(
-        planned=_or_none(points_from_json, data["planned"]),
-        data=Measurements(points, np.array(data["data"]["y"], dtype=np.float64)),
+        planned=_or_none(kind.from_json, data["planned"]),
+        data=Measurements(kind.from_json(data["data"]["points"]), np.array(data["data"]["y"], dtype=np.float64)),
         estimate=FrozenMapping(data["estimate"]),
         standard_errors=FrozenMapping(errors),
         chi_square=data["chi_square"],

@@ -29,7 +29,7 @@ def campaign_report(state: State, met: Mapping[str, bool], done: bool) -> Report
             target = targets.get(name)
             row += ["", ""] if target is None else [f"{number(100 * target, 3)} %", "yes" if met[name] else "no"]
         rows.append(row)
-    so_far = f"{counted(len(history), 'batch', 'batches')}, {counted(measured, 'point')} measured"
+    so_far = f"{counted(len(history), 'batch', 'batches')}, {counted(measured, state.kind.name)} measured"
     notes = [*_goodness(state), _stage(state, met, done)]
     table = Section("Relative standard errors, shares of the estimate", columns, rows, notes=notes)
     stuck = bool(history) and not history[-1].converged
@@ -53,6 +53,6 @@ def _stage(state: State, met: Mapping[str, bool], done: bool) -> str:
     if done:
         return "All targets are met"
     lacking = [name for name, is_met in met.items() if not is_met]
-    planned = "is to be designed" if state.planned is None else f"is to be measured: {counted(len(state.planned), 'point')}"
+    planned = "is to be designed" if state.planned is None else f"is to be measured: {counted(len(state.planned), state.kind.name)}"
     missed = f"; above target: {', '.join(lacking)}" if state.batches and lacking else ""
     return f"Batch {len(state.batches) + 1} {planned}{missed}"

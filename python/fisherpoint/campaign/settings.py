@@ -12,11 +12,8 @@ import numpy as np
 
 from ..basics.checks import as_positive, by_name, check_positive_int
 from ..basics.messages import shown
-from ..design.exchange import exchange
-from ..design.settings import ExchangeSettings
 from ..information.problem import DesignProblem
-
-_NOT_SETTINGS = ("n_experiments", "seed", "time_limit")
+from .batches import Kind, Settings
 
 
 def batch_seed(seed: int, batches: int) -> int:
@@ -24,16 +21,15 @@ def batch_seed(seed: int, batches: int) -> int:
     return int(np.random.SeedSequence([seed, batches]).generate_state(1)[0])
 
 
-def batch_settings(batch: int, seed: int, given: Mapping[str, Any]) -> ExchangeSettings:
-    """Settings of the search for a batch, with the defaults of `exchange` but for references, which a batch needs none of."""
-    defaults = {name: one.default for name, one in signature(exchange).parameters.items()}
-    known = [field.name for field in fields(ExchangeSettings) if field.name not in _NOT_SETTINGS]
+def batch_settings(kind: Kind, batch: int | None, seed: int, given: Mapping[str, Any]) -> Settings:
+    """Settings of the search for a batch: the search's own defaults, but for what the kind presets."""
+    defaults = {name: one.default for name, one in signature(kind.search).parameters.items()}
+    known = [field.name for field in fields(kind.settings) if field.name not in (kind.size, "seed", "time_limit")]
     for unknown in (name for name in given if name not in known):
         raise TypeError(f"settings: expected names of {', '.join(known)}; given {shown(unknown)}")
-    values = {name: defaults[name] for name in known} | {"references": False} | dict(given)
-    return ExchangeSettings(
-        n_experiments=check_positive_int(batch, "batch"), seed=check_positive_int(seed, "seed", 0), time_limit=None, **values
-    )
+    values = {name: defaults[name] for name in known} | dict(kind.preset) | dict(given)
+    values[kind.size] = check_positive_int(kind.batch if batch is None else batch, "batch")
+    return kind.settings(**values, seed=check_positive_int(seed, "seed", 0), time_limit=None)
 
 
 def checked_targets(given: Mapping[str, float] | float | None, problem: DesignProblem) -> Mapping[str, float]:

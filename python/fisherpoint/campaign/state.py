@@ -1,4 +1,4 @@
-"""What a campaign is at a moment: its problem and settings, the batches that were measured, and the points that are planned."""
+"""What a campaign is at a moment: its problem and settings, the batches that were measured, and what is planned."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ import numpy as np
 
 from ..basics.values import FrozenMapping
 from ..data import Measurements
-from ..design.settings import ExchangeSettings
 from ..information.problem import DesignProblem
-from ..points.experiments import Experiments
+from .batches import Kind, Points, Settings, kind_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,8 +19,8 @@ class Batch:
 
     Attributes
     ----------
-    planned : Experiments or None
-        The points that were designed; None where data came without a design.
+    planned : Experiments, Runs or None
+        What was designed; None where data came without a design.
     data : Measurements
     estimate, standard_errors : mapping of name to float
         Maximum a posteriori of all data up to this batch, SI units.
@@ -31,7 +30,7 @@ class Batch:
         Whether the estimate is a minimum.
     """
 
-    planned: Experiments | None
+    planned: Points | None
     data: Measurements
     estimate: Mapping[str, float]
     standard_errors: Mapping[str, float]
@@ -58,19 +57,24 @@ class State:
     ----------
     problem : DesignProblem
         As it was before the first batch.
-    settings : ExchangeSettings
+    settings : ExchangeSettings or RunSettings
         Of a batch's search; their seed is that of the whole campaign.
     targets : mapping of name to float
     batches : tuple of Batch
-    planned : Experiments or None
-        Points that were designed and whose data are still missing.
+    planned : Experiments, Runs or None
+        What was designed and whose data are still missing.
     """
 
     problem: DesignProblem
-    settings: ExchangeSettings
+    settings: Settings
     targets: Mapping[str, float]
     batches: tuple[Batch, ...] = ()
-    planned: Experiments | None = None
+    planned: Points | None = None
+
+    @property
+    def kind(self) -> Kind:
+        """Whether batches are of points or of runs."""
+        return kind_of(self.problem)
 
     @property
     def estimate(self) -> Mapping[str, float]:

@@ -14,6 +14,7 @@ from ..basics.quantity import names_of
 from ..basics.values import FrozenMapping
 from ..models import Model
 from ..points.experiments import Experiments
+from ..points.rest_starts import checked_starts
 from ..points.runs import Runs
 from ..points.settings import check_rtol
 from ..points.status import Status, failures_of
@@ -109,7 +110,8 @@ class VirtualRig:
         if planned.x0.shape[1] != len(self.model.states):
             raise ValueError(f"x0: expected shape (K, {len(self.model.states)}), given {planned.x0.shape}")
         if isinstance(planned, Runs):
-            runs = Runs(planned.x0 + deviation, planned.u, planned.dt, planned.measured, columns=planned.columns)
+            x0 = checked_starts(self.model, planned, self.theta) + deviation
+            runs = Runs(x0, planned.u, planned.dt, planned.measured, columns=planned.columns)
             along = simulate(self.model, runs, self.theta, rtol=self.rtol, jumps="cross")
             completed = np.arange(planned.dt.shape[1]) < along.reached[:, None]
             there = planned.measured & completed & (along.status != Status.not_finite)[:, None]

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..basics.checks import as_floats, as_positive, as_probability, check_positive_int, check_type
+from ..basics.checks import as_floats, check_type
 from ..basics.values import Array, FrozenMapping
 from ..information.evaluation import evaluate_design
 from ..information.feasibility import feasibility
@@ -17,16 +17,15 @@ from ..information.problem import DesignProblem
 from ..information.run_information import checked_problem, information_matrices
 from ..points.run_region import RunRegion
 from ..points.settings import resolve_threads
-from .run_design import RunDesign, RunSettings
+from .run_design import RunDesign
 from .run_search import RunProgress, RunSearch
+from .settings import RunSettings
 
 DRAWS = 1000
 """Plants that the search has not seen, on which the design is tried at the end."""
 
 UNSEEN = 1_000_003
 """Added to the seed for these plants."""
-
-MOST_RUNS, MOST_STARTS, MOST_CANDIDATES = 1000, 10_000, 1_000_000
 
 
 def design_runs(
@@ -89,12 +88,12 @@ def design_runs(
         raise ValueError(f"region: expected a RunRegion for runs, given {given}")
     checked_problem(problem)
     settings = RunSettings(
-        check_positive_int(n_runs, "n_runs", most=MOST_RUNS),
-        check_positive_int(n_starts, "n_starts", most=MOST_STARTS),
-        check_positive_int(n_candidates, "n_candidates", most=MOST_CANDIDATES),
-        check_positive_int(seed, "seed", 0),
-        None if confidence is None else as_probability(confidence, "confidence"),
-        None if time_limit is None else as_positive(time_limit, "time_limit", "time in s"),
+        n_runs=n_runs,
+        n_starts=n_starts,
+        n_candidates=n_candidates,
+        seed=seed,
+        confidence=confidence,
+        time_limit=time_limit,
     )
     if progress is not None and not callable(progress):
         raise TypeError(f"progress: expected a function, given {type(progress).__name__}")

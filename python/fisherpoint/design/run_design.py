@@ -22,22 +22,11 @@ from ..points.runs import Runs
 from ..show.section import Report
 from ..show.shown import Shown
 from .run_report import run_report
+from .settings import RunSettings
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
-
-
-@dataclass(frozen=True)
-class RunSettings:
-    """How the search was asked to go on; see `design_runs`."""
-
-    n_runs: int
-    n_starts: int
-    n_candidates: int
-    seed: int
-    confidence: float | None
-    time_limit: float | None
 
 
 @dataclass(frozen=True, eq=False, repr=False)

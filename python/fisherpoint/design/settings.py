@@ -1,13 +1,14 @@
-"""The settings of a search, and their limits."""
+"""The settings of searches for points and for runs, and their limits."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..basics.checks import LARGEST_INT, as_float, as_positive, check_flag, check_positive_int
+from ..basics.checks import LARGEST_INT, as_float, as_positive, as_probability, check_flag, check_positive_int
 
 _LEAST = {"n_experiments": 1, "n_candidates": 1, "max_iterations": 0, "seed": 0, "patience": 1, "max_redraws": 0}
 MOST = {"n_experiments": 10**6, "n_candidates": 10**6, "max_iterations": 10**9, "patience": 10**9, "max_redraws": 10**6}
+MOST_OF_RUNS = {"n_runs": 1000, "n_starts": 10_000, "n_candidates": 10**6}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,3 +39,25 @@ class ExchangeSettings:
         set_field(self, "local", as_float(self.local, "local"))
         if not 0 <= self.local <= 1:
             raise ValueError(f"local: expected a share between 0 and 1, given {self.local:g}")
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """The arguments of `design_runs` that decide its result."""
+
+    n_runs: int
+    n_starts: int
+    n_candidates: int
+    seed: int
+    confidence: float | None
+    time_limit: float | None
+
+    def __post_init__(self) -> None:
+        set_field = object.__setattr__
+        for name, most in MOST_OF_RUNS.items():
+            set_field(self, name, check_positive_int(getattr(self, name), name, most=most))
+        set_field(self, "seed", check_positive_int(self.seed, "seed", 0))
+        if self.confidence is not None:
+            set_field(self, "confidence", as_probability(self.confidence, "confidence"))
+        if self.time_limit is not None:
+            set_field(self, "time_limit", as_positive(self.time_limit, "time_limit", "time in s"))

@@ -129,7 +129,7 @@ class DesignProblem:
         limits = () if self.along is None else (self.along,) if isinstance(self.along, str) else self.along
         set_field(self, "along", as_sequence(limits, "along", "comparisons as text") or None)
         self._check_assumed(everything)
-        default = "noise" if self.noise_std is not None else "region"
+        default = "noise" if self.noise_std is not None or isinstance(self.region, RunRegion) else "region"
         given_kind = default if self.output_covariance is None else self.output_covariance
         set_field(self, "output_covariance", check_choice(given_kind, OUTPUT_COVARIANCES, "output_covariance"))
         if self.output_covariance == "noise" and self.noise_std is None:

@@ -1,0 +1,99 @@
+"""Whether data were told before: nothing counts twice.
+
+A point is a run of one segment here. A run is a known one where it starts as one that was told, goes on as that as far as both
+have numbers, and reads the same there to the last bit.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Hashable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..basics.values import Array
+from ..data import Measurements
+from ..points.runs import Runs
+
+
+class _Run(NamedTuple):
+    """A run up to its last number: how it begins, inputs (n, n_u), durations (n,) and outputs (n, n_y)."""
+
+    row: int
+    begin: Hashable
+    u: Array
+    dt: Array
+    y: Array
+
+    def same_samples(self, other: _Run) -> tuple[int, int]:
+        """How many samples read the same as those of another run with the same inputs, and how many both have."""
+        n = min(len(self.dt), len(other.dt))
+        if not (np.array_equal(self.u[:n], other.u[:n]) and np.array_equal(self.dt[:n], other.dt[:n])):
+            return 0, 0
+        both = np.isfinite(self.y[:n]) & np.isfinite(other.y[:n])
+        there = both.any(axis=1)
+        return int((there & ((self.y[:n] == other.y[:n]) | ~both).all(axis=1)).sum()), int(there.sum())
+
+
+def check_new(told: Sequence[Measurements], data: Measurements) -> None:
+    """Raise for two samples or more that would count twice; warn of a single one, and of a run most of which is known.
+
+    That may be a replicate: a coarse sensor often reads the same.
+
+    Parameters
+    ----------
+    told : sequence of Measurements
+        The data of each batch.
+    data : Measurements
+        Of points where those are, else of runs.
+    """
+    known: dict[int, dict[int, int]] = {}  # by batch and row, how many samples
+    alike: dict[int, tuple[int, str]] = {}  # by row
+    of_runs = isinstance(data.points, Runs)
+    for k, batch in enumerate(told, 1):
+        for row, same, both in _matches(batch, data):
+            if same == both:
+                known.setdefault(k, {})[row] = same
+            elif 2 * same >= both:
+                alike[row] = k, f", in {same} of {both} samples"
+    samples: dict[int, int] = {}
+    for k, rows in known.items():
+        for row, same in rows.items():
+            samples[row] = max(same, samples.get(row, 0))
+            alike[row] = k, ""
+    if sum(samples.values()) > 1:
+        k = max(known, key=lambda k: len(known[k]))
+        number = sum(1 for _ in _runs(told[k - 1]))
+        which = "those" if len(known[k]) >= number else f"{len(known[k])} of the {number} {'runs' if of_runs else 'rows'}"
+        raise ValueError(f"data: expected new measurements only, given {which} of batch {k} among them")
+    for row, (k, part) in sorted(alike.items()):
+        where = f"runs[{row}]" if of_runs else f"row {row}"
+        warnings.warn(f"data: {where} is also in batch {k}{part}; it counts as a repeated measurement", stacklevel=3)
+
+
+def _matches(told: Measurements, data: Measurements) -> Iterator[tuple[int, int, int]]:
+    """Rows of `data` of which samples read as in `told`: how many, and how many both have, of the told one that is most alike."""
+    before: dict[Hashable, list[_Run]] = {}
+    for run in _runs(told):
+        before.setdefault(run.begin, []).append(run)
+    for run in _runs(data):
+        counts = [run.same_samples(other) for other in before.get(run.begin, ())]
+        same, both = max(counts, key=lambda count: (count[0] == count[1], count[0]), default=(0, 0))
+        if same:
+            yield run.row, same, both
+
+
+def _runs(data: Measurements) -> Iterator[_Run]:
+    """The runs, or points as such, that have a number."""
+    points = data.points
+    if isinstance(points, Runs):
+        u, dt, y, rest = points.u, points.dt, data.y, points.rest
+    else:
+        u, dt, y, rest = points.u[:, None], points.dt[:, None], data.y[:, None], (None,) * len(points)
+    there: NDArray[np.bool_] = np.asarray(np.isfinite(y).any(axis=2))
+    for row in np.flatnonzero(there.any(axis=1)).tolist():
+        n = int(np.flatnonzero(there[row])[-1]) + 1
+        begin = (points.x0[row].tobytes(), u[row, 0].tobytes(), float(dt[row, 0]), rest[row])
+        yield _Run(row, begin, u[row, :n], dt[row, :n], y[row, :n])
