@@ -57,7 +57,7 @@ class PieceSearch:
         self._f, self._packing, self.windows, self.count = f, packing, windows, count
         self.chosen = windows.most()[:count]
         self.bound, self.exchanges = np.inf, 0
-        self._value = self.log_det(self.chosen)
+        self._value, self._regular = self.log_det(self.chosen), False
 
     def log_det(self, chosen: Places) -> float:
         return float(self._packing.log_dets(self._total(chosen)))
@@ -91,9 +91,9 @@ class PieceSearch:
         return np.asarray(self._f[chosen].sum(axis=0))
 
     def _ridge(self) -> Array:
-        """Nothing, unless the chosen windows leave M singular."""
-        share = RIDGE if self.singular else 0.0
-        return share * self._packing.of(np.eye(self._packing.p))
+        """Nothing from when on the chosen windows do not leave M singular."""
+        self._regular = self._regular or not self.singular
+        return (0.0 if self._regular else RIDGE) * self._packing.of(np.eye(self._packing.p))
 
     def _weigh(self, m: Array) -> None:
         """Improve weights on all windows from M = sum of w_k F_k on (Frank and Wolfe 1956); lower the bound, keep the best windows.
