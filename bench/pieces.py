@@ -67,7 +67,7 @@ def motor_log(samples: int, seed: int = 0) -> tuple[fp.DesignProblem, fp.Record]
     """The DC motor of the examples at a steady speed that is set anew every few seconds, sampled each millisecond."""
     problem = fp.load_problem(EXAMPLES / "dc_motor.toml").replace(region=None, jumps="cross")
     rng = np.random.default_rng(seed)
-    t = STEP * np.arange(samples)
+    t = np.arange(samples, dtype=np.float64) * STEP
     changes = rng.random(samples) < STEP / 2.0
     changes[0] = True
     levels = rng.uniform(6.0, 24.0, samples)
@@ -75,4 +75,4 @@ def motor_log(samples: int, seed: int = 0) -> tuple[fp.DesignProblem, fp.Record]
     start = {"i": 0.1, "w": float((u[0] - 0.23) / problem.prior.mean["K"])}
     y = fp.simulate_record(problem.model, t, u, problem.prior.mean, start).y
     noise = list((problem.noise_std or {}).values())
-    return problem, fp.Record(t, u, y + noise * rng.standard_normal(y.shape))
+    return problem, fp.Record(t, u, y + np.array(noise) * rng.standard_normal(y.shape))

@@ -301,7 +301,7 @@ def test_windows_whose_trajectories_fail_are_left_out_and_counted() -> None:
     assert dict(design.left_out) == {"left_domain": 2} and not {5, 10} & set(chosen(design))
     assert design.n_windows == 20 and design.n_disjoint == 18
     assert "left out: left_domain" in str(design)
-    with pytest.raises(ValueError, match="^n_pieces: expected at most the 18 windows that share no sample, given 19$"):
+    with pytest.raises(ValueError, match=r"^n_pieces: expected at most the 18 windows that share no sample, given 19$"):
         fp.best_pieces(PROBLEM, fp.pieces(fp.Record(record.t, u, y), MODEL, length=20), 19)
 
 

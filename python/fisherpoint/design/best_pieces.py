@@ -13,8 +13,7 @@ from ..information.combinations import combination
 from ..information.evaluation import RANK_TOLERANCE, evaluate_information, null_direction
 from ..information.null_space import column_scaled_svd
 from ..information.output_covariance import criterion
-from ..information.piece_information import PieceInformation, piece_information, piece_problem
-from ..information.previous import previous_information
+from ..information.piece_information import PieceInformation, picked_information, piece_information, piece_problem
 from ..information.problem import DesignProblem
 from .disjoint import Windows
 from .packed import Packed
@@ -25,9 +24,7 @@ RANDOM_CHOICES = 200
 """Random choices of windows, of which the median is told."""
 
 
-def best_pieces(
-    problem: DesignProblem, pieces: Pieces, n_pieces: int, *, seed: int = 0, threads: int | None = None
-) -> PieceDesign:
+def best_pieces(problem: DesignProblem, pieces: Pieces, n_pieces: int, *, seed: int = 0, threads: int | None = None) -> PieceDesign:
     """Find the windows of a record that share no sample and have the largest det F together.
 
     F of a window is that of a run which starts at what was measured: the noise of the sensors there moves all of its samples, and
@@ -107,12 +104,9 @@ def _found(
     started: float,
 ) -> PieceDesign:
     rows = information.rows[search.chosen]
-    data = pieces[rows]
     runs, y = pieces.cut(rows)
-    collected, _ = previous_information(problem, data, threads)
-    if collected is None:
-        raise ValueError("pieces: expected windows that are valid at the prior mean, given none")
-    evaluation = evaluate_information(problem, collected, criterion(problem, collected, threads), threads)
+    picked = picked_information(problem, pieces, rows, threads)
+    evaluation = evaluate_information(problem, picked, criterion(problem, picked, threads), threads)
     p, offset = len(problem.estimated), 2 * float(np.log(np.abs(np.diag(information.factor))).sum())
     singular = evaluation.covariance is None
     return PieceDesign(

@@ -56,15 +56,15 @@ class PieceDesign(Shown, Kept):
     bound : float
         What log det F of no choice of as many windows that share no sample exceeds, to the accuracy of the trajectories.
     references : mapping of str to float
-        log det F of other choices: "all" windows without a common sample, "first" as many, as many that are evenly "spread", and
-        the median of "random" ones.
+        log det F of other choices: "all" windows side by side, each next one that shares no sample with those before; of these the
+        "first" as many, as many that are evenly "spread", and the median of "random" ones.
     n_windows, n_disjoint, n_samples : int
         Windows to choose from, how many of them share no sample and have a trajectory, and samples of the record.
     left_out : mapping of reason to int
         Windows that are none.
     exchanges : int
     stop_reason : {"no_exchange", "most_exchanges", "interrupted"}
-        "no_exchange": taking one window for another that shares no sample with the rest gains nothing.
+        "no_exchange": taking one window for another that shares no sample with the rest gains nothing, to 1e-7 in log det.
     seconds : float
     """
 
@@ -113,7 +113,8 @@ class PieceDesign(Shown, Kept):
     def versus(self, reference: str) -> float | None:
         """D-efficiency against one of the `references`; None where that does not exist.
 
-        (det ratio)^(1/p): so many times the information about each parameter. Against "all" it is the share of the record's.
+        (det ratio)^(1/p): so many times the information about each parameter. Against "all" it is the share of the record's, and
+        may exceed 1, as the windows that are side by side begin elsewhere.
         """
         return d_efficiency(self.log_det, self.references[reference], len(self.evaluation.parameters))
 

@@ -17,7 +17,7 @@ from .disjoint import Places
 _ROWS = 20  # windows shown of a longer list
 
 CHOICES = {
-    "all": "all windows that share no sample",
+    "all": "all windows side by side",
     "first": "as many at the beginning",
     "spread": "as many evenly spread",
     "random": "as many at random, median",
@@ -83,7 +83,7 @@ def piece_report(design: Reported) -> Report:
     )
     share = design.versus("all")
     if share is not None:
-        headline += f", {percent(share)} of the information in all its windows"
+        headline += f", {percent(share)} of the information in all windows side by side"
     inner = design.evaluation.report()
     sections = [_windows(design), *inner.sections, _comparison(design), _search(design)]
     return Report(headline, sections, [*_warnings(design), *inner.warnings])

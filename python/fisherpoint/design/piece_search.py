@@ -162,7 +162,7 @@ class PieceSearch:
         slopes = np.stack([packing.gradient(one) if ok else gradient for one, ok in zip(without, regular, strict=True)])
         lost = np.where(partner >= 0, own[np.maximum(partner, 0)], own.min())
         candidates = np.flatnonzero((partner > -2) & (gains - lost > LEAST_GAIN))
-        found: list[tuple[Places, Places, Array]] = []
+        entering, leaving, bounds = list[Places](), list[Places](), list[Array]()
         each = max(1, NUMBERS_AT_ONCE // self.count)
         for first in range(0, len(candidates), each):
             some = candidates[first : first + each]
@@ -171,11 +171,11 @@ class PieceSearch:
             most = np.where(regular, np.minimum(most, closer), most)
             allowed: NDArray[np.bool_] = (partner[some] == -1)[:, None] | (partner[some][:, None] == np.arange(self.count))
             j, i = np.nonzero(allowed & (most > LEAST_GAIN))
-            found.append((some[j], i, most[j, i]))
-        empty = np.empty(0, dtype=np.intp)
-        parts = list(zip(*found, strict=True)) if found else [[empty], [empty], [np.empty(0)]]
-        entering, leaving, bounds = (np.concatenate(part) for part in parts)
-        return entering, leaving, bounds
+            entering.append(some[j])
+            leaving.append(i)
+            bounds.append(most[j, i])
+        none = np.empty(0, dtype=np.intp)
+        return np.concatenate([none, *entering]), np.concatenate([none, *leaving]), np.concatenate([np.empty(0), *bounds])
 
     def _partners(self) -> Places:
         """For each window the place of the only chosen one that it shares a sample with; -1 for none, -2 for two or itself."""

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.values import Array, FrozenMapping
+from ..data.measured_outputs import told_runs
 from ..data.pieces import Pieces
 from ..points.settings import on_surface
 from ..points.status import failures_of
+from .point_information import PointInformation
 from .problem import DesignProblem
 from .run_information import MOST_SEGMENTS, checked_problem, run_rows, run_settings
 
@@ -73,7 +75,7 @@ def piece_information(problem: DesignProblem, pieces: Pieces, threads: int | Non
     for first in range(0, len(pieces), each):
         rows, white = _white_rows(problem, pieces, np.arange(first, min(first + each, len(pieces))), threads, lost)
         if len(rows):
-            factor = np.linalg.qr(np.concatenate([factor, white.reshape(-1, p)]), mode="r")
+            factor = np.asarray(np.linalg.qr(np.concatenate([factor, white.reshape(-1, p)]), mode="r"))
             packed[rows], kept[rows] = (white.transpose(0, 2, 1) @ white)[:, *lower], True
     rows = np.flatnonzero(kept)
     return PieceInformation(rows, packed if kept.all() else packed[rows], factor, FrozenMapping(dict(lost)))
@@ -83,7 +85,7 @@ def _white_rows(
     problem: DesignProblem, pieces: Pieces, rows: Places, threads: int | None, lost: Counter[str]
 ) -> tuple[Places, Array]:
     """Those of some windows that are ok, and dy/dtheta of them (K, M, p) in units of the noise; the others are counted."""
-    runs, y = pieces.cut(rows)
+    runs, y = told_runs(*pieces.cut(rows))  # every window has a number
     kept = np.ones(len(rows), dtype=bool)
     for surface, starts in on_surface(problem.model, runs.starts, problem.theta, problem.crossed).items():
         lost[f"starts on {surface} = 0"] += int(kept[starts].sum())
@@ -94,3 +96,12 @@ def _white_rows(
     ok = found.status == 0
     white = found.sensitivity[ok] / np.sqrt(np.diag(problem.noise_covariance))[:, None]
     return rows[ok], white.reshape(len(white), -1, white.shape[3])
+
+
+def picked_information(problem: DesignProblem, pieces: Pieces, rows: Places, threads: int | None) -> PointInformation:
+    """Information of windows that are ok, a sample after the other."""
+    runs, y = told_runs(*pieces.cut(rows))
+    told = np.isfinite(y)
+    samples, _ = run_rows(problem, runs, problem.theta, run_settings(problem, threads), told).samples(runs)
+    n_y = samples.shape[1]
+    return PointInformation(runs, samples, np.zeros((len(samples), n_y, n_y)), measured=told[runs.measured])
