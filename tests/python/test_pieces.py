@@ -67,8 +67,8 @@ def test_a_column_comes_before_an_output() -> None:
     assert isinstance(runs, fp.Runs)
     assert dict(some.measured_by) == {"a": None, "b": "y"} and dict(some.left_out) == {"start not measured": 1}
     assert np.array_equal(runs.x0, np.column_stack([a, record.y[:, 0]])[[0, 40]])
-    design = fp.best_pieces(PROBLEM.replace(initial_state_std={"a": 0.5}), some, 2)
-    assert dict(design.problem.initial_state_std or {}) == {"a": 0.5, "b": NOISE["y"]}
+    design = fp.best_pieces(PROBLEM.replace(initial_state_std={"a": 0.05}), some, 2)
+    assert dict(design.problem.initial_state_std or {}) == {"a": 0.05, "b": NOISE["y"]}
 
 
 def test_what_was_not_measured_starts_no_window_and_counts_for_none() -> None:
@@ -294,15 +294,15 @@ def test_estimates_keep_the_promise_and_are_better_than_from_windows_evenly_spre
 def test_windows_whose_trajectories_fail_are_left_out_and_counted() -> None:
     record = logged(400, seed=1, low=0.2)
     y = record.y.copy()
-    y[[100, 200], 1] = 1e-3, -0.1  # the tank runs dry at once, or is less than empty
+    y[[100, 200, 300], 1] = 0.1, -0.1, 0.03  # the tank runs dry, is less than empty, or may be
     u = record.u.copy()
     u[100:120] = 0.0
     design = fp.best_pieces(PROBLEM, fp.pieces(fp.Record(record.t, u, y), MODEL, length=20), 5)
-    assert dict(design.left_out) == {"left_domain": 2} and not {5, 10} & set(chosen(design))
-    assert design.n_windows == 20 and design.n_disjoint == 18
+    assert dict(design.left_out) == {"starts near a = 0": 1, "left_domain": 2} and not {5, 10, 15} & set(chosen(design))
+    assert design.n_windows == 20 and design.n_disjoint == 17
     assert "left out: left_domain" in str(design)
-    with pytest.raises(ValueError, match=r"^n_pieces: expected at most the 18 windows that share no sample, given 19$"):
-        fp.best_pieces(PROBLEM, fp.pieces(fp.Record(record.t, u, y), MODEL, length=20), 19)
+    with pytest.raises(ValueError, match=r"^n_pieces: expected at most the 17 windows that share no sample, given 18$"):
+        fp.best_pieces(PROBLEM, fp.pieces(fp.Record(record.t, u, y), MODEL, length=20), 18)
 
 
 def test_limits_along_the_way_do_not_count_for_what_was_measured() -> None:
@@ -371,6 +371,7 @@ def refused() -> dict[str, tuple[Any, str]]:
     blind = tanks(outputs={"y": "m", "z": "m"}).estimate("c")
     hidden = fp.SymbolicModel(["-k*x", "x - z"], ["x"], {"x": "1", "z": "1"}, {"u": "1"}, {"k": "1"}, {"x": "1"})
     single = fp.Record(record.t, record.u, record.y[:, :1])
+    dry = fp.Record(record.t, 0 * record.u, np.full((100, 2), 0.1))
     unknown = fp.Record(record.t, record.u, np.where(np.arange(100)[:, None] % 20, record.y, np.nan))
 
     def cut(**changes: Any) -> fp.Pieces:
@@ -387,6 +388,7 @@ def refused() -> dict[str, tuple[Any, str]]:
         "none": (lambda: cut(length=0), "length: expected a whole number of at least 2, given 0"),
         "long": (lambda: cut(length=101), "length: expected at most the 100 samples of the record, given 101"),
         "every": (lambda: cut(every=0), "every: expected a whole number of at least 1, given 0"),
+        "every, long": (lambda: cut(every=101), "every: expected a whole number of at most 100, given 101"),
         "step": (lambda: cut(longest_step=0), "longest_step: expected a positive step in s, given 0"),
         "outputs": (lambda: cut(record=single), "y: expected 2 columns, y, z; given 1"),
         "hidden": (
@@ -413,6 +415,14 @@ def refused() -> dict[str, tuple[Any, str]]:
         "precision": (
             lambda: best(pieces=with_column),
             "initial_state_std: expected a standard deviation of 'a', which no output tells; given none",
+        ),
+        "near limits": (
+            lambda: best(PROBLEM.replace(initial_state_std={"a": 0.5})),
+            r"pieces: expected windows with trajectories that are ok, given none: starts near a = 0 5$",
+        ),
+        "all fail": (
+            lambda: best(pieces=fp.pieces(dry, MODEL, length=20)),
+            r"pieces: expected windows with trajectories that are ok, given none: left_domain 5$",
         ),
         "criterion": (
             lambda: best(PROBLEM.replace(output_covariance="pooled")),

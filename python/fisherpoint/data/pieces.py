@@ -158,7 +158,7 @@ def pieces(
     length = check_positive_int(length, "length", LEAST_LENGTH)
     if length > len(record):
         raise ValueError(f"length: expected at most the {len(record)} samples of the record, given {length}")
-    every = length if every is None else check_positive_int(every, "every")
+    every = length if every is None else check_positive_int(every, "every", most=len(record))
     columns = by_name(states, names_of(model.states), "states", lambda values, name: _column(values, len(record), name))
     step = None if longest_step is None else as_positive(longest_step, "longest_step", "step in s")
     return Pieces(record, model, length, every, columns, step)

@@ -35,7 +35,8 @@ def best_pieces(problem: DesignProblem, pieces: Pieces, n_pieces: int, *, seed: 
     ----------
     problem : DesignProblem
         Of the model of the pieces; the region may be None. Starts have the standard deviations `initial_state_std`; those of states
-        that are not named there are the `noise_std` of the outputs that tell them. Limits along the way do not count.
+        that are not named there are the `noise_std` of the outputs that tell them. As candidates of a search do, windows start
+        three of them away from jumps and limits of the model; limits along the way do not count.
     pieces : Pieces
     n_pieces : int
         How many windows are picked.
@@ -118,7 +119,7 @@ def _found(
         t=pieces.record.t[pieces.first[rows]],
         runs=runs,
         y=y,
-        shares=np.full(len(rows), np.nan) if singular else search.shares,
+        shares=np.full(len(rows), np.nan) if singular or search.singular else search.shares,
         evaluation=evaluation,
         log_det=-np.inf if singular else evaluation.log_det + p * float(np.log(evaluation.n_points / 2)),
         bound=search.bound + offset,

@@ -108,7 +108,9 @@ class PieceDesign(Shown, Kept):
     @property
     def efficiency(self) -> float | None:
         """A lower bound of the D-efficiency against the best choice of as many windows; None where F is singular."""
-        return None if not np.isfinite(self.log_det) else d_efficiency(self.log_det, self.bound, len(self.evaluation.parameters))
+        if not np.isfinite(self.log_det):
+            return None
+        return d_efficiency(min(self.log_det, self.bound), self.bound, len(self.evaluation.parameters))
 
     def versus(self, reference: str) -> float | None:
         """D-efficiency against one of the `references`; None where that does not exist.

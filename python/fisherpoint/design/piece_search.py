@@ -77,15 +77,18 @@ class PieceSearch:
         """Search, and return how it ended: "no_exchange", "most_exchanges" or "interrupted"."""
         try:
             self._weigh(self._f.sum(axis=0) * (self.count / len(self._f)))
-            while self._exchange():
-                self.exchanges += 1
-                if self.exchanges >= MOST_EXCHANGES:
-                    return "most_exchanges"
-            if not self.singular:
-                self._weigh(self._total(self.chosen))
+            while True:
+                while self._exchange():
+                    self.exchanges += 1
+                    if self.exchanges >= MOST_EXCHANGES:
+                        return "most_exchanges"
+                before = self._value
+                if not self.singular:
+                    self._weigh(self._total(self.chosen))
+                if not self._value > before:
+                    return "no_exchange"
         except KeyboardInterrupt:
             return "interrupted"
-        return "no_exchange"
 
     def _total(self, chosen: Places) -> Array:
         return np.asarray(self._f[chosen].sum(axis=0))
@@ -107,7 +110,7 @@ class PieceSearch:
             self.bound = min(self.bound, float(self._packing.log_dets(m)) + most - p)
             vertex = self._total(chosen)
             value = float(self._packing.log_dets(vertex))
-            if value >= self._value:
+            if value > self._value or self._value == -np.inf:
                 self.chosen, self._value = chosen, value
             if self.bound - self._value < LEAST_GAIN * p or most - p < LEAST_GAIN * p:
                 return

@@ -14,6 +14,7 @@ from ..data.measured_outputs import told_runs
 from ..data.pieces import Pieces
 from ..points.settings import on_surface
 from ..points.status import failures_of
+from .assumed import starts_near
 from .point_information import PointInformation
 from .problem import DesignProblem
 from .run_information import MOST_SEGMENTS, checked_problem, run_rows, run_settings
@@ -78,7 +79,7 @@ def piece_information(problem: DesignProblem, pieces: Pieces, threads: int | Non
             factor = np.asarray(np.linalg.qr(np.concatenate([factor, white.reshape(-1, p)]), mode="r"))
             packed[rows], kept[rows] = (white.transpose(0, 2, 1) @ white)[:, *lower], True
     rows = np.flatnonzero(kept)
-    return PieceInformation(rows, packed if kept.all() else packed[rows], factor, FrozenMapping(dict(lost)))
+    return PieceInformation(rows, packed if kept.all() else packed[rows], factor, FrozenMapping(dict(+lost)))
 
 
 def _white_rows(
@@ -87,15 +88,20 @@ def _white_rows(
     """Those of some windows that are ok, and dy/dtheta of them (K, M, p) in units of the noise; the others are counted."""
     runs, y = told_runs(*pieces.cut(rows))  # every window has a number
     kept = np.ones(len(rows), dtype=bool)
-    for surface, starts in on_surface(problem.model, runs.starts, problem.theta, problem.crossed).items():
-        lost[f"starts on {surface} = 0"] += int(kept[starts].sum())
-        kept[starts] = False
+    on = on_surface(problem.model, runs.starts, problem.theta, problem.crossed)
+    near = starts_near(problem.model, runs.starts, problem.theta, problem.initial_state_std or {}, problem.kinks == "exclude")
+    for word, surfaces in (("on", on), ("near", near)):  # there the tangents by the start are those of one side alone
+        for surface, starts in surfaces.items():
+            lost[f"starts {word} {surface} = 0"] += int(kept[starts].sum())
+            kept[starts] = False
     rows, runs, y = rows[kept], runs[kept], y[kept]
+    if not len(rows):
+        return rows, np.empty((0, 1, len(problem.estimated)))
     found = run_rows(problem, runs, problem.theta, run_settings(problem, threads), np.isfinite(y))
     lost.update(failures_of(found.status))
     ok = found.status == 0
     white = found.sensitivity[ok] / np.sqrt(np.diag(problem.noise_covariance))[:, None]
-    return rows[ok], white.reshape(len(white), -1, white.shape[3])
+    return rows[ok], white.reshape(len(white), white.shape[1] * white.shape[2], white.shape[3])
 
 
 def picked_information(problem: DesignProblem, pieces: Pieces, rows: Places, threads: int | None) -> PointInformation:
