@@ -6,6 +6,7 @@
 ``python -m bench campaign`` compares experiments that are designed in batches with as many that are designed at once;
 ``python -m bench stiff`` compares stiff models with CVODES;
 ``python -m bench runs`` compares designs of runs with published ones;
+``python -m bench pieces`` picks the best windows of a log of a million samples;
 ``python -m bench packs`` for what the core's packs could be made of;
 ``python -m bench cost`` counts instructions per trajectory, and exits with 1 where they are a tenth more than recorded;
 ``python -m bench table FILE`` prints what they wrote with ``--json`` as Markdown.
@@ -32,6 +33,7 @@ from . import (
     memory,
     models,
     packs,
+    pieces,
     runs,
     scaling,
     screening,
@@ -75,6 +77,11 @@ def main() -> int:
         of_runs = runs.measure(options.quick, tables.console.print)
         tables.show_runs(of_runs)
         _save(options, {"machine": found, "quick": options.quick, "runs": [asdict(figures) for figures in of_runs]})
+        return 0
+    if options.task == "pieces":
+        of_pieces = pieces.measure(options.quick)
+        tables.show_pieces(of_pieces)
+        _save(options, {"machine": found, "quick": options.quick, "pieces": [asdict(figures) for figures in of_pieces]})
         return 0
     if options.task == "packs":
         of_packs, left_out = packs.measure(options.quick)
@@ -164,9 +171,9 @@ def _options() -> argparse.Namespace:
     parser.add_argument(
         "task",
         nargs="?",
-        choices=("peers", "scaling", "models", "validation", "campaign", "stiff", "runs", "packs", "cost", "table"),
+        choices=("peers", "scaling", "models", "validation", "campaign", "stiff", "runs", "pieces", "packs", "cost", "table"),
         help="other programs; how the cost grows; models written in Python; many fits; design in batches; stiff"
-        " models; kinds of vectors;"
+        " models; designs of runs; windows of a log; kinds of vectors;"
         " instructions per trajectory next to the recorded ones; a report as Markdown; nothing for all of fisherpoint next to"
         " SciPy",
     )

@@ -19,6 +19,7 @@ from .memory import MemoryFigures
 from .models import ModelFigures
 from .peers import show
 from .peers.compare import Comparison
+from .pieces import PieceFigures
 from .runs import RunFigures
 from .scaling import Series
 from .screening import ScreeningFigures
@@ -188,6 +189,27 @@ def show_runs(figures: Sequence[RunFigures]) -> None:
         for f in figures
     ]
     _show("Designs of runs: log det F from several seeds", header, rows)
+
+
+def show_pieces(figures: Sequence[PieceFigures]) -> None:
+    """Print a row per choice."""
+    header = ("windows", "one every", "left out", "s", "peak, MB", "before, MB", "efficiency", "of all", "to spread", "to random")
+    rows = [
+        (
+            f"{f.windows:,}",
+            f"{f.every}",
+            f"{f.left_out:,}",
+            f"{f.seconds:.1f}",
+            f"{f.peak:.0f}",
+            f"{f.before:.0f}",
+            f"{f.efficiency:.3%}",
+            f"{f.share:.1%}",
+            f"{f.versus_spread:.1f} x",
+            f"{f.versus_random:.1f} x",
+        )
+        for f in figures
+    ]
+    _show(f"The 200 best windows of a log of {figures[0].samples:,} samples", header, rows)
 
 
 def show_stiff(figures: Sequence[StiffFigures]) -> None:

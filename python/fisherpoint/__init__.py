@@ -5,11 +5,13 @@ from typing import TYPE_CHECKING, Any
 from .basics.extras import needed_for
 from .basics.quantity import Quantity
 from .campaign.campaign import Campaign
-from .data import Measurements, Record, RecordTrajectory, VirtualRig, simulate_record
+from .data import Measurements, Pieces, Record, RecordTrajectory, VirtualRig, pieces, simulate_record
+from .design.best_pieces import best_pieces
 from .design.design_runs import design_runs
 from .design.efficiency import Efficiency
 from .design.exchange import exchange
 from .design.found import TraceRecord
+from .design.piece_design import PieceDesign
 from .design.result import Design
 from .design.run_design import RunDesign
 from .design.run_search import RunProgress
@@ -76,6 +78,8 @@ __all__ = [
     "Measurements",
     "Model",
     "Nearby",
+    "PieceDesign",
+    "Pieces",
     "PredictiveCovariance",
     "Progress",
     "Quantity",
@@ -104,6 +108,7 @@ __all__ = [
     "VirtualRig",
     "assumed_covariance",
     "available_isas",
+    "best_pieces",
     "broken_limits",
     "compare_rules",
     "design_runs",
@@ -117,6 +122,7 @@ __all__ = [
     "load_model",
     "load_problem",
     "model",
+    "pieces",
     "predictive_covariance",
     "sensitivities",
     "simulate",

@@ -29,6 +29,7 @@ from misuse_examples import (
     design,
     files,
     fit,
+    log_pieces,
     model,
     output,
     points,
@@ -201,6 +202,19 @@ def cases() -> dict[str, Case]:
         "Record.check": _case(record().check, model=of_model),
         "Record.from_csv": _case(
             fp.Record.from_csv, path=(files() / "record.csv", TEXT, PATH), model=of_model, x0=({"h": 1.0}, MAP, NONE)
+        ),
+        "pieces": _case(
+            fp.pieces,
+            record=(record(),),
+            model=of_model,
+            length=(2, INT),
+            every=(1, INT, NONE),
+            states=({"h": [1.0, 0.9, 0.8, 0.7]}, MAP, NONE),
+            longest_step=(2.0, NUMBER, NONE),
+        ),
+        "pieces[]": _case(lambda index: log_pieces()[index], index=(0, INT, ARRAY, NAMES, SLICE)),
+        "best_pieces": _case(
+            fp.best_pieces, problem=(problem(),), pieces=(log_pieces(),), n_pieces=(1, INT), seed=(0, INT), threads=threads
         ),
         "simulate_record": _case(
             fp.simulate_record,

@@ -71,6 +71,12 @@ def record() -> fp.Record:
 
 
 @cache
+def log_pieces() -> fp.Pieces:
+    n = np.arange(20.0)
+    return fp.pieces(fp.Record(0.5 * n, 0.1 + 0.2 * np.sin(n) ** 2, 1.0 + 0.1 * np.cos(n)), model(), length=5, every=2)
+
+
+@cache
 def fit() -> fp.Fit:
     return fp.estimate(model(), data(), noise_std=NOISE)
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import fisherpoint as fp
@@ -20,6 +21,7 @@ MODEL = fp.SymbolicModel(
 PRIOR = fp.GaussianPrior({"k": 1.0, "b": 0.5}, {"k": 0.2, "b": 0.1})
 REGION = fp.ExperimentRegion({"x": (0.0, 2.0), "u": (0.0, 1.0), "dt": (0.1, 2.0)})
 PROBLEM = fp.DesignProblem(MODEL, PRIOR, REGION, noise_std={"x": 0.01})
+RECORD = fp.Record(np.arange(40.0), np.sin(np.arange(40.0)) ** 2, 0.5 + 0.4 * np.cos(np.arange(40.0)))
 
 
 @pytest.fixture(scope="module")
@@ -35,12 +37,13 @@ def results() -> dict[str, Any]:
         "Validation": fp.validate(PROBLEM, {"four": design.points}, runs=20),
         "Campaign": campaign,
         "Identifiability": fp.identifiability(MODEL, PRIOR, REGION),
+        "PieceDesign": fp.best_pieces(PROBLEM, fp.pieces(RECORD, MODEL, length=5), 4),
         "RuleComparison": fp.compare_rules(PROBLEM, design.points, [fp.Linearized(), fp.SparseGaussHermite(2)]),
     }
 
 
-KINDS = ("Design", "Evaluation", "Fit", "Validation", "Campaign", "Identifiability", "RuleComparison")
-TABLES = ("Design", "Evaluation", "Fit", "Validation", "Campaign", "RuleComparison")
+KINDS = ("Design", "Evaluation", "Fit", "Validation", "Campaign", "Identifiability", "PieceDesign", "RuleComparison")
+TABLES = ("Design", "Evaluation", "Fit", "Validation", "Campaign", "PieceDesign", "RuleComparison")
 
 
 def same(a: Any, b: Any) -> None:
@@ -75,7 +78,7 @@ def test_a_result_comes_back_from_its_file(kind: str, results: dict[str, Any], t
     same(type(result).load(path), result)
 
 
-@pytest.mark.parametrize("kind", ["Evaluation", "Validation", "Identifiability", "RuleComparison"])
+@pytest.mark.parametrize("kind", ["Evaluation", "Validation", "Identifiability", "PieceDesign", "RuleComparison"])
 def test_a_file_of_a_result_is_as_it_was_written_or_refused(kind: str, results: dict[str, Any], tmp_path: Path) -> None:
     result, path = results[kind], tmp_path / "kept.json"
     result.save(path)
@@ -98,7 +101,7 @@ def test_a_file_of_a_result_is_as_it_was_written_or_refused(kind: str, results: 
 @pytest.mark.parametrize("kind", TABLES)
 def test_a_result_is_a_table(kind: str, results: dict[str, Any]) -> None:
     frame = results[kind].to_pandas()
-    assert isinstance(frame, pd.DataFrame) and len(frame) >= 2 and frame.index.names[-1] in ("parameter", "rule")
+    assert isinstance(frame, pd.DataFrame) and len(frame) >= 2 and frame.index.names[-1] in ("parameter", "rule", "window")
     assert frame.select_dtypes("number").notna().all(axis=None)
 
 

@@ -256,7 +256,7 @@ def evaluate_information(problem: DesignProblem, information: PointInformation, 
         log_det = len(names) * np.log(2 / len(prepared)) + 2 * float(np.log(singular_values * length).sum())
     if not np.isfinite(log_det):
         rank = min(rank, len(names) - 1)  # so small that squares are zero
-    null = tuple(_null_direction(v, length, names) for v in directions[rank:])
+    null = tuple(null_direction(v, length, names) for v in directions[rank:])
 
     covariance = correlation = standard_errors = rse = nearby = None
     if rank == len(names) and np.isfinite(log_det):
@@ -315,7 +315,8 @@ def finite_fisher(fisher: Array) -> Array:
     return fisher
 
 
-def _null_direction(v: Array, length: Array, names: tuple[str, ...]) -> Mapping[str, float]:
+def null_direction(v: Array, length: Array, names: tuple[str, ...]) -> Mapping[str, float]:
+    """A right singular vector of column-scaled sensitivities as a combination of standardised parameters."""
     direction = unscaled(v, length)
     direction = direction / np.abs(direction).max()
     direction *= np.sign(direction[np.argmax(np.abs(direction))])

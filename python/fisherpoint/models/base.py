@@ -210,6 +210,16 @@ class Model(ABC):
         return self._dependence.blocks
 
     @property
+    def shown_states(self) -> Mapping[str, str]:
+        """For each state that is an output as it is, by its equation, the first such output."""
+        return self._dependence.shown_states
+
+    @property
+    def direct_inputs(self) -> Mapping[str, tuple[str, ...]]:
+        """For each output the inputs that its equation reads: it jumps where they do."""
+        return self._dependence.direct_inputs
+
+    @property
     def _dependence(self) -> Dependence:
         """What depends on what in the equations."""
         return self.symbolic()._dependence

@@ -38,7 +38,7 @@ class Dependence:
     Parameters
     ----------
     structure : Structure
-    states, parameters, outputs : tuple of str
+    states, inputs, parameters, outputs : tuple of str
         Names, in the order of the equations.
 
     Attributes
@@ -49,9 +49,13 @@ class Dependence:
         Parameters that reach no output.
     blocks : tuple of tuple of str
         Parameters, but the idle ones, in groups that can be identified independently of each other; see `blocks_of`.
+    shown_states : mapping of state name to output name
+        States that are an output as they are, with the first such output.
+    direct_inputs : mapping of output name to tuple of input names
+        Inputs that stand in the equation of each output.
     """
 
-    def __init__(self, structure: Structure, states: Names, parameters: Names, outputs: Names) -> None:
+    def __init__(self, structure: Structure, states: Names, inputs: Names, parameters: Names, outputs: Names) -> None:
         self._parameters, read = parameters, _Reader(structure, states, parameters)
         self._rates = dict(zip(states, map(read, structure.rates), strict=True))
         self._output = dict(zip(outputs, map(read, structure.output), strict=True))
@@ -66,6 +70,16 @@ class Dependence:
         self.idle: Names = tuple(name for name in self._parameters if not self.reaches[name])
         self._seen = frozenset[str]().union(*behind.values())
         self.blocks: tuple[Names, ...] = blocks_of(self)
+        equations = structure.equations
+        shown = {g: name for name, g in reversed(list(zip(outputs, equations.output, strict=True)))}
+        self.shown_states: Mapping[str, str] = FrozenMapping(
+            {name: shown[state] for name, state in zip(states, equations.states, strict=True) if state in shown}
+        )
+        standing = {name: read.symbols(g) for name, g in zip(outputs, structure.output, strict=True)}
+        places = list(zip(equations.inputs, inputs, strict=True))
+        self.direct_inputs: Mapping[str, Names] = FrozenMapping(
+            {name: tuple(u for place, u in places if place in found) for name, found in standing.items()}
+        )
 
     @property
     def equations(self) -> list[tuple[str | None, Equation]]:
@@ -141,7 +155,7 @@ class _Reader:
         self._parameters = dict(zip(structure.equations.parameters, parameters, strict=True))
 
     def __call__(self, expression: sympy.Expr) -> Equation:
-        symbols = self._symbols(expression)
+        symbols = self.symbols(expression)
         states = {symbol for symbol in symbols if symbol in self._states}
         # Only where one state alone is not known is it asked for, and then no parameter may stand there.
         parameters = frozenset(self._parameters[symbol] for symbol in symbols if symbol in self._parameters)
@@ -154,7 +168,7 @@ class _Reader:
         for part in parts(expression):
             below = [degrees[argument] for argument in part.args]
             if not below:
-                degrees[part] = 2 * (state in self._symbols(part)) if part != state else 1
+                degrees[part] = 2 * (state in self.symbols(part)) if part != state else 1
             elif isinstance(part, sympy.Add) or (isinstance(part, Select) and not below[0]):
                 degrees[part] = max(below)
             else:
@@ -164,7 +178,7 @@ class _Reader:
     def _names(self, states: Iterable[sympy.Symbol]) -> frozenset[str]:
         return frozenset(self._states[state] for state in states)
 
-    def _symbols(self, expression: sympy.Expr) -> set[sympy.Symbol]:
+    def symbols(self, expression: sympy.Expr) -> set[sympy.Symbol]:
         """Symbols of an expression and of the surfaces on whose side it depends."""
         found: set[sympy.Symbol] = set()
         waiting = symbols_of(expression)

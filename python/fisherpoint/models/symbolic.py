@@ -275,7 +275,7 @@ class SymbolicModel(DescribedModel):
 
     @cached_property
     def _dependence(self) -> Dependence:
-        return Dependence(self.structure, *map(names_of, (self.states, self.parameters, self.outputs)))
+        return Dependence(self.structure, *map(names_of, (self.states, self.inputs, self.parameters, self.outputs)))
 
     def to_toml(self) -> str:
         """The model as the table [model] of a TOML file; `load_model` reads it back."""

@@ -1,0 +1,113 @@
+"""The Fisher matrices of all windows of a record, packed, and what the windows together do not determine."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..basics.values import Array, FrozenMapping
+from ..data.measured_outputs import told_runs
+from ..data.pieces import Pieces
+from ..points.settings import on_surface
+from ..points.status import failures_of
+from .assumed import starts_near
+from .point_information import PointInformation
+from .problem import DesignProblem
+from .run_information import MOST_SEGMENTS, checked_problem, run_rows, run_settings
+
+Places = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class PieceInformation:
+    """F of K windows in its sum form, parameters standardised by the prior.
+
+    Attributes
+    ----------
+    rows : ndarray of int, (K,)
+        Which of the pieces they are: those whose trajectories are ok.
+    packed : ndarray, (K, p (p + 1) / 2)
+        The lower triangles of F, row after row.
+    factor : ndarray, (p, p)
+        Upper triangular C with C^T C = sum of F over all windows, made without the squares, so that small values keep their digits.
+    left_out : mapping of reason to int
+        Windows that are none at the prior mean.
+    """
+
+    rows: Places
+    packed: Array
+    factor: Array
+    left_out: Mapping[str, int]
+
+
+def piece_problem(problem: DesignProblem, pieces: Pieces) -> DesignProblem:
+    """The problem with the standard deviations of the measured starts: those of the sensors where outputs tell the starts.
+
+    Limits along the way are left out: what was measured has been possible.
+
+    Raises
+    ------
+    ValueError
+        Where the problem is of another model, weighs outputs otherwise than by the sensor noise, or does not say how well the
+        column of a state is known.
+    """
+    if problem.model != pieces.model:
+        raise ValueError(f"problem: expected one of the model of the pieces, {pieces.model.name}; given {problem.model.name}")
+    checked_problem(problem)
+    given, noise = problem.initial_state_std or {}, problem.noise_std or {}
+    std: dict[str, float] = {}
+    for state, output in pieces.measured_by.items():
+        if state not in given and output is None:
+            raise ValueError(f"initial_state_std: expected a standard deviation of {state!r}, which no output tells; given none")
+        std[state] = given[state] if state in given else noise[str(output)]
+    return checked_problem(problem.replace(initial_state_std=std, along=None))
+
+
+def piece_information(problem: DesignProblem, pieces: Pieces, threads: int | None) -> PieceInformation:
+    """Compute F of all windows at the prior mean; `problem` is that of `piece_problem`."""
+    p, each = len(problem.estimated), max(1, MOST_SEGMENTS // (pieces.length - 1))
+    lower = np.tril_indices(p)
+    packed, kept = np.empty((len(pieces), len(lower[0]))), np.zeros(len(pieces), dtype=bool)
+    factor, lost = np.zeros((p, p)), Counter[str]()
+    for first in range(0, len(pieces), each):
+        rows, white = _white_rows(problem, pieces, np.arange(first, min(first + each, len(pieces))), threads, lost)
+        if len(rows):
+            factor = np.asarray(np.linalg.qr(np.concatenate([factor, white.reshape(-1, p)]), mode="r"))
+            packed[rows], kept[rows] = (white.transpose(0, 2, 1) @ white)[:, *lower], True
+    rows = np.flatnonzero(kept)
+    return PieceInformation(rows, packed if kept.all() else packed[rows], factor, FrozenMapping(dict(+lost)))
+
+
+def _white_rows(
+    problem: DesignProblem, pieces: Pieces, rows: Places, threads: int | None, lost: Counter[str]
+) -> tuple[Places, Array]:
+    """Those of some windows that are ok, and dy/dtheta of them (K, M, p) in units of the noise; the others are counted."""
+    runs, y = told_runs(*pieces.cut(rows))  # every window has a number
+    kept = np.ones(len(rows), dtype=bool)
+    on = on_surface(problem.model, runs.starts, problem.theta, problem.crossed)
+    near = starts_near(problem.model, runs.starts, problem.theta, problem.initial_state_std or {}, problem.kinks == "exclude")
+    for word, surfaces in (("on", on), ("near", near)):  # there the tangents by the start are those of one side alone
+        for surface, starts in surfaces.items():
+            lost[f"starts {word} {surface} = 0"] += int(kept[starts].sum())
+            kept[starts] = False
+    rows, runs, y = rows[kept], runs[kept], y[kept]
+    if not len(rows):
+        return rows, np.empty((0, 1, len(problem.estimated)))
+    found = run_rows(problem, runs, problem.theta, run_settings(problem, threads), np.isfinite(y))
+    lost.update(failures_of(found.status))
+    ok = found.status == 0
+    white = found.sensitivity[ok] / np.sqrt(np.diag(problem.noise_covariance))[:, None]
+    return rows[ok], white.reshape(len(white), white.shape[1] * white.shape[2], white.shape[3])
+
+
+def picked_information(problem: DesignProblem, pieces: Pieces, rows: Places, threads: int | None) -> PointInformation:
+    """Information of windows that are ok, a sample after the other."""
+    runs, y = told_runs(*pieces.cut(rows))
+    told = np.isfinite(y)
+    samples, _ = run_rows(problem, runs, problem.theta, run_settings(problem, threads), told).samples(runs)
+    n_y = samples.shape[1]
+    return PointInformation(runs, samples, np.zeros((len(samples), n_y, n_y)), measured=told[runs.measured])
