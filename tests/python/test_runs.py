@@ -137,6 +137,24 @@ def test_the_information_of_a_run_is_that_of_dense_algebra(
     np.testing.assert_allclose(list((evaluation.standard_errors or {}).values()), errors, rtol=1e-6)
 
 
+@pytest.mark.parametrize("share", [1 - 1e-15, 1.0, 1 + 1e-15, 1 + 1e-9])
+def test_a_sample_may_be_just_where_a_kink_is_crossed(share: float) -> None:
+    """a = p t, and x' = q max(a - 1, 0): with the first sample at a = 1, the others behind; everything is known exactly."""
+    model = fp.SymbolicModel(
+        f=["p", "q*max(a - 1, 0)"], g=["a + x"], states=dict.fromkeys("ax", "1"), inputs={}, outputs={"y": "1"},
+        parameters=dict.fromkeys("pq", "1"), constants={},
+    )  # fmt: skip
+    p, q, noise = 1.3, 0.7, 0.01
+    ends = np.array([share / p, 1.2, 2.5])
+    runs = fp.Runs(np.zeros((1, 2)), np.empty((1, 3, 0)), np.diff(ends, prepend=0.0)[None])
+    prior = fp.GaussianPrior({"p": p, "q": q}, {"p": 0.1, "q": 0.2})
+    over = np.maximum(p * ends - 1, 0.0)
+    by_p, by_q = ends + q * (over * ends / p - over**2 / (2 * p**2)), over**2 / (2 * p)
+    j = np.column_stack([0.1 * by_p, 0.2 * by_q]) / noise
+    evaluation = fp.evaluate_design(fp.DesignProblem(model, prior, None, noise_std={"y": noise}, rtol=1e-9), runs)
+    np.testing.assert_allclose(evaluation.information, j.T @ j, rtol=1e-6)
+
+
 def test_a_run_of_one_segment_is_a_point_to_the_last_bit() -> None:
     model, rng = fp.HydraulicCylinder(), np.random.default_rng(0)
     lower, upper = np.array([[0.1, -0.1, 5e6, 5e6, -0.3], [0.2, 0.1, 10e6, 10e6, 0.3]])
