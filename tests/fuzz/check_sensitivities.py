@@ -131,13 +131,28 @@ def multiple(excess: float, unit: float) -> float:
 
 def largest_column(bench: Bench, k: int, j: int, known: float, theta: Floats | None = None) -> float:
     """The largest size of a column on the way, which is what its error is measured by."""
-    points, theta, largest = bench.points[k], bench.theta[k : k + 1] if theta is None else theta, known
-    for share in (1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0):
-        part = fp.Experiments(points.x0, points.u, points.dt * share)
-        way = fp.sensitivities(bench.model, part, theta, rtol=1e-9, threads=1, jumps="exclude")
-        if way.status[0] == OK:
-            largest = max(largest, float(np.max(np.abs(way.dx_dtheta[0, :, j]) / bench.case.sizes)))
-    return largest
+    theta = bench.theta[k : k + 1] if theta is None else np.atleast_2d(theta)
+    shares = looks_on_the_way(bench, k, theta)
+    way = fp.sensitivities(bench.model, _parts(bench, k, shares), theta[0], rtol=1e-9, threads=1, jumps="exclude")
+    columns = np.abs(way.dx_dtheta[way.status == OK][:, :, j]) / bench.case.sizes
+    return max(known, float(np.max(columns, initial=0.0)))
+
+
+def looks_on_the_way(bench: Bench, k: int, theta: Floats) -> Floats:
+    """Shares of the duration, most of them where states change fastest: columns may have a spike there."""
+    shares = np.array([0.0, 1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0])
+    for _ in range(12):
+        way = fp.simulate(bench.model, _parts(bench, k, shares[1:]), theta[0], rtol=1e-9, threads=1, jumps="exclude")
+        x, ok = np.vstack([bench.points[k].x0, way.x]), np.append(True, way.status == OK)
+        change = np.where(ok[1:] & ok[:-1], np.abs(np.diff(x, axis=0) / bench.case.sizes).max(axis=1), 0.0)
+        far = np.argsort(-change, kind="stable")[:20]
+        shares = np.union1d(shares, (shares[far] + shares[far + 1]) / 2)
+    return shares[1:]
+
+
+def _parts(bench: Bench, k: int, shares: Floats) -> fp.Experiments:
+    point, count = bench.points[k], len(shares)
+    return fp.Experiments(np.repeat(point.x0, count, 0), np.repeat(point.u, count, 0), point.dt * shares)
 
 
 def check_output_sensitivities(bench: Bench, done: fp.Sensitivities, ok: Any, call: str) -> None:

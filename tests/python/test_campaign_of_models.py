@@ -11,7 +11,7 @@ import pytest
 import fisherpoint as fp
 from check_bits import Levels, compare_numbers
 from check_covariances import check_covariance
-from check_sensitivities import check_sensitivities
+from check_sensitivities import check_sensitivities, largest_column
 from checks import Bench, check_functions, judge
 from figures import Figures
 from given_cases import At
@@ -143,6 +143,16 @@ def test_a_column_that_underflows_is_compared() -> None:
     bench = Bench(case, Figures())
     check_sensitivities(bench, 1e-6, "DOP853")
     assert not found(bench) and bench.figures.counts["columns compared with differences"] == 1
+
+
+def test_the_spike_of_a_column_is_seen() -> None:
+    """x2' = tan(x1) turns from its pole within 1e-4 of the way, where dx2/dp1 is 2,000 times what it is before and behind."""
+    case = At(
+        ("-3*(x1 - p1) + (x2**2)**3", "p1 - x2 + tan(x1)"), ("x1",), (1.0, 1.0), (), (1.0,),
+        given=(([[1.613, 1.595]], [[]], [3.952]), [[0.1732]]),
+    )  # fmt: skip
+    bench = Bench(case, Figures())
+    assert largest_column(bench, 0, 0, 0.0) > 1000
 
 
 def test_an_output_that_rounding_decides_about_is_compared_loosely() -> None:
