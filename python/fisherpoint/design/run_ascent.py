@@ -27,8 +27,8 @@ NEAR = 0.03
 REACHES = 4.0 ** np.array([1, 0, -1, -2])
 """Times that much, the distances within which the best step is asked for."""
 
-SHARES = np.array([1.0, 0.7, 0.4, 0.2])
-"""Of these steps, the runs that are tried."""
+SHARES, MANY = np.array([1.0, 0.7, 0.4, 0.2]), 64
+"""Of these steps, the runs that are tried; only the whole steps where there are many runs on many plants, and no lanes free."""
 
 SMALL_GAIN, MOST_SMALL = 1e-4, 4
 """The ascent ends after so many iterations in a row that gain less."""
@@ -52,6 +52,7 @@ def ascend(
     """The best runs that an ascent from free numbers z (L, d) finds; `late` tells it to stop."""
     value = float(objective.values(z[None], selected)[0])
     reach, small = FIRST, 0
+    shares = SHARES[:1] if len(z) * len(objective.plants) > MANY else SHARES
     for _ in range(iterations):
         linear = linear_runs(objective, z, selected, reach < NEAR, rng)
         if linear is None or not np.isfinite(value):
@@ -63,7 +64,7 @@ def ascend(
         steps = []
         for distance in np.minimum(reach * REACHES, MOST):
             steps.append(linear.within(distance).best_step(np.maximum(-distance, -here), np.minimum(distance, 1.0 - here)))
-        changes = (SHARES[:, None, None] * np.array(steps)).reshape(-1, n)  # share after share
+        changes = (shares[:, None, None] * np.array(steps)).reshape(-1, n)  # share after share
         tried = np.tile(z, (len(changes), 1, 1))
         tried[:, moving] = np.clip(here + changes, 0.0, 1.0)[:, linear.variable[moving]]
         values = objective.values(tried, selected)
@@ -71,7 +72,7 @@ def ascend(
         gain = values[best] - value
         if gain > 0:
             z, value = tried[best], float(values[best])
-            reach = float(np.clip(1.5 * reach * REACHES[best % len(REACHES)] * SHARES[best // len(REACHES)], LEAST, MOST))
+            reach = float(np.clip(1.5 * reach * REACHES[best % len(REACHES)] * shares[best // len(REACHES)], LEAST, MOST))
         else:
             reach *= float(REACHES[-1])
         small = small + 1 if gain < SMALL_GAIN else 0
