@@ -45,7 +45,7 @@ def design_runs(
     """Find the runs with the largest det F that enough of the prior's plants can run.
 
     Random runs with the usual profiles of inputs are exchanged for each other, then all free numbers of all runs are improved
-    together by gradients, and by single changes (docs/explanation/runs.md).
+    together by a Gauss-Newton ascent, and by single changes (docs/explanation/runs.md).
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""The search for runs: starts from a pool of random ones, then all free numbers together by gradients, and again.
+"""The search for runs: starts from a pool of random ones, then all free numbers together, then single changes, and again.
 
-One start of it takes runs from a part of the pool (run_pool.py). Gradients then lead to a local maximum of log det F, all numbers
-of all runs together (L-BFGS-B); single changes of a run (run_moves.py) lead out of it, until none of them gains. All starts are
+One start of it takes runs from a part of the pool (run_pool.py). An ascent leads to a local maximum of log det F, all numbers of
+all runs together (run_ascent.py); single changes of a run (run_moves.py) lead out of it, until none of them gains. All starts are
 made a little better before the first of them, the best one then, is followed to its end. How many end at the same value is what is
 known about whether there is a better one.
 """
@@ -37,7 +37,7 @@ FINE = 1e-6
 """Tolerance of the trajectories that differences are taken of, or the problem's where that is finer."""
 
 MOST_ROUNDS = 40
-"""Of single changes and gradients, for one start."""
+"""Of ascents and single changes, for one start."""
 
 MOST_SEGMENTS_OF_POOL = 400_000
 
@@ -205,7 +205,7 @@ class RunSearch:
         return [sketched[k][1] for k in order]
 
     def _followed(self, z: Array) -> Found:
-        """The best runs that a start leads to: gradients and single changes in turns, until neither gains.
+        """The best runs that a start leads to: ascents and single changes in turns, until neither gains.
 
         Where too many plants fail, the runs go on further from the limits.
         """
