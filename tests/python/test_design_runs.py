@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -188,6 +189,14 @@ def test_seeds_threads_and_files(tmp_path: Path) -> None:
     assert plan[0] == "run,t,u,measure" and len(plan) == 1 + 2 * 9 and plan[1].endswith("no") and plan[9].endswith("yes")
     again = fp.design_runs(problem, 1, n_starts=2, n_candidates=60, previous=one)
     assert again.evaluation.n_points == 24 and again.log_det > one.log_det
+
+
+def test_starts_that_end_without_a_value_are_told(tmp_path: Path) -> None:
+    design = fp.design_runs(slider(mover()), n_starts=2)
+    design = replace(design, ends=(design.ends[0], -np.inf))
+    assert "1 ended at runs that touch a surface" in str(design) and "inf" not in str(design).split("Starts ended")[1][:60]
+    design.save(tmp_path)
+    assert fp.RunDesign.load(tmp_path).ends == design.ends
 
 
 def test_ctrl_c_keeps_the_best_runs() -> None:

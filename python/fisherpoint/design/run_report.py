@@ -111,8 +111,10 @@ def _search(design: Reported) -> Section:
         ("runs drawn", f"{design.drawn}, of which {sum(design.rejected.values())} do not reach their ends"),
         ("time", f"{design.seconds:.1f} s"),
     ]
-    others = sorted(design.ends, reverse=True)
+    others = sorted((end for end in design.ends if np.isfinite(end)), reverse=True)
     note = f"Starts ended at log det F = {', '.join(computed(end, 5) for end in others[:8])}{' ...' if len(others) > 8 else ''}."
+    if len(others) < len(design.ends):
+        note += f" {len(design.ends) - len(others)} ended at runs that touch a surface at the problem's tolerance."
     return Section("Search", (), facts, notes=[] if singular else [note])
 
 
