@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -43,7 +44,7 @@ def with_changes(design: fp.Design, **changes: Any) -> Any:
     """A design in which some attributes have other values."""
     fields = (
         "problem points evaluation under_noise trace rejected drawn accepted stop_reason distinct_points "
-        "seconds settings efficiency n_previous previous_left_out"
+        "seconds settings efficiency n_previous previous_left_out feasibility"
     )
     return SimpleNamespace(**{name: getattr(design, name) for name in fields.split()} | changes)
 
@@ -67,6 +68,8 @@ def test_design_report_says_all_that_matters(design: fp.Design) -> None:
         "R + mean predictive covariance of the points, (17)",
         "of the noise-only optimum found",
         "of the median random design",
+        "Plants that can run the design",
+        "The search has not seen these plants.",
         "all iterations done",
         "rule over the prior TensorGrid(levels=",
         "distinct points",
@@ -117,6 +120,17 @@ def test_the_stop_reason_is_a_sentence(design: fp.Design, reason: str, settings:
     given = dict.fromkeys(["patience", "time_limit"]) | settings
     changed = with_changes(design, stop_reason=reason, settings=SimpleNamespace(seed=0, n_candidates=5, max_iterations=4, **given))
     assert expected in words(to_text(report.design_report(changed)))
+
+
+def test_plants_that_cannot_run_a_design_are_told_first(design: fp.Design) -> None:
+    found = design.feasibility
+    assert found is not None and found.draws == 1000
+    assert found.able == fp.feasibility(design.problem, design.points, seed=design.settings.seed + 1_000_003).able
+    assert ("can run all points" in str(design)) == (found.share < 0.99)
+    half = with_changes(design, feasibility=replace(found, able=900))
+    assert report.design_report(half).warnings[0].startswith("Only 90.0 % of the plants that the prior allows can run all points")
+    text = to_text(report.design_report(with_changes(design, feasibility=None)))
+    assert "Plants that can run the design" not in text
 
 
 def test_under_the_noise_there_is_one_table(design: fp.Design) -> None:

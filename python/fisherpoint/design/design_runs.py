@@ -17,15 +17,10 @@ from ..information.problem import DesignProblem
 from ..information.run_information import checked_problem, information_matrices
 from ..points.run_region import RunRegion
 from ..points.settings import resolve_threads
+from .found import DRAWS, UNSEEN
 from .run_design import RunDesign
 from .run_search import RunProgress, RunSearch
 from .settings import RunSettings
-
-DRAWS = 1000
-"""Plants that the search has not seen, on which the design is tried at the end."""
-
-UNSEEN = 1_000_003
-"""Added to the seed for these plants."""
 
 
 def design_runs(

@@ -4,15 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from ..basics.values import FrozenMapping
+from ..engine.levels import kernels
 from ..information.evaluation import Evaluation
+from ..information.feasibility import Feasibility, feasibility
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from .efficiency import Efficiency
 from .settings import ExchangeSettings
+
+DRAWS = 1000
+"""Plants that a search has not seen, on which its design is tried at the end."""
+
+UNSEEN = 1_000_003
+"""Added to the seed for these plants."""
 
 STOP_REASONS = ("max_iterations", "patience", "time_limit", "interrupted")
 
@@ -70,6 +79,16 @@ class FoundDesign:
     seconds: float
     n_previous: int = 0
     previous_left_out: Mapping[str, int] = FrozenMapping({})
+
+    @cached_property
+    def feasibility(self) -> Feasibility | None:
+        """Which plants of the prior can run all points, of `DRAWS` that the search has not seen.
+
+        None for models of Python functions, of which so many trajectories take minutes: `fp.feasibility` counts them too.
+        """
+        if self.problem.model.kernels is not kernels:
+            return None
+        return feasibility(self.problem, self.points, draws=DRAWS, seed=self.settings.seed + UNSEEN)
 
     @property
     def distinct_points(self) -> int:

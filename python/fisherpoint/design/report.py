@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..basics.quantity import Quantity
 from ..information.evaluation import value_of_criterion
+from ..information.feasibility import Feasibility
 from ..information.nearby import DISTANCE, Nearby, times
 from ..information.problem import DesignProblem
 from ..models import Model
@@ -24,13 +25,35 @@ from .found import FoundDesign
 _ROWS = 40  # points shown of a longer list
 _WORST = 3  # parameters named in a warning
 
+USUAL = 0.99
+"""Share of the plants that should be able to run a design."""
+
 
 def design_report(design: FoundDesign) -> Report:
     """The report of a design: points, parameters, criterion, efficiency, search, warnings."""
-    sections = [_points_table(design), _parameter_table(design), _criterion(design), *_efficiency(design), _search(design)]
+    sections = [_points_table(design), _parameter_table(design), _criterion(design), *_efficiency(design)]
+    if design.feasibility is not None:
+        sections += plants_sections(design.feasibility)
+    sections.append(_search(design))
     if design.rejected:
         sections.append(_counts("Rejected candidates", design.rejected, design.drawn, "of drawn"))
-    return Report(_headline(design), sections, list(_warnings(design)))
+    return Report(_headline(design), sections, [*_plants_warnings(design.feasibility), *_warnings(design)])
+
+
+def plants_sections(feasibility: Feasibility, confidence: float | None = None) -> Iterator[Section]:
+    """Which plants can run a design, and why others cannot; `confidence` is the share that was asked for."""
+    first, *others = feasibility.report().sections
+    asked = [] if confidence is None else [("asked for", percent(confidence))]
+    yield Section("Plants that can run the design", (), [*first.rows, *asked], notes=["The search has not seen these plants."])
+    yield from others
+
+
+def _plants_warnings(feasibility: Feasibility | None) -> Iterator[str]:
+    if feasibility is not None and feasibility.share < USUAL:
+        yield (
+            f"Only {percent(feasibility.share)} of the plants that the prior allows can run all points. The table of points says"
+            " which to leave out, or to begin elsewhere; narrower bounds of the region help."
+        )
 
 
 def evaluation_report(evaluated: Evaluated) -> Report:
@@ -120,6 +143,8 @@ def _criterion(evaluated: Evaluated) -> Section:
     if evaluation.outputs_left_out:
         left_out = ", ".join(evaluation.outputs_left_out)
         facts.append(("outputs left out", f"{left_out}: no noise is given and no parameter has an influence"))
+    if evaluated.problem.along:
+        facts.append(("limits along the way", "; ".join(evaluated.problem.along)))
     facts += [*_assumed(evaluated.problem), *value_of_criterion(evaluation)]
     if evaluated.under_noise is not None and evaluation.output_covariance_kind != "noise":
         facts.append(("log det F under the noise", f"{evaluated.under_noise.log_det:.4f}"))

@@ -15,6 +15,7 @@ from ..points.run_region import RunRegion
 from ..points.runs import Runs
 from ..show.numbers import computed, counted, number, percent
 from ..show.section import Report, Section
+from .report import plants_sections
 
 _ROWS = 40  # runs shown of a longer list
 
@@ -71,7 +72,12 @@ def run_report(design: Reported) -> Report:
         f"{counted(len(runs), 'run')} with {samples} for {problem.model.name}, {counted(len(parameters), 'parameter')} to estimate"
     )
     inner = design.evaluation.report()
-    sections = [_runs_table(problem, runs), *inner.sections, *_plants(design), _search(design)]
+    sections = [
+        _runs_table(problem, runs),
+        *inner.sections,
+        *plants_sections(design.feasibility, design.settings.confidence),
+        _search(design),
+    ]
     return Report(headline, sections, [*_warnings(design), *inner.warnings])
 
 
@@ -91,13 +97,6 @@ def _runs_table(problem: DesignProblem, runs: Runs) -> Section:
         rows.append([str(k + 1), *start, *sizes, *told])
     notes = [f"... and {len(runs) - _ROWS} more"] if len(runs) > _ROWS else []
     return Section("Runs: start, hold the inputs of each segment, sample at the ends that are measured", columns, rows, notes=notes)
-
-
-def _plants(design: Reported) -> Iterator[Section]:
-    first, *others = design.feasibility.report().sections
-    asked = [] if design.settings.confidence is None else [("asked for", percent(design.settings.confidence))]
-    yield Section("Plants that can run the design", (), [*first.rows, *asked], notes=["The search has not seen these plants."])
-    yield from others
 
 
 def _search(design: Reported) -> Section:
