@@ -14,6 +14,7 @@ import fisherpoint as fp
 from bench.runs import decay, reactor
 from fisherpoint.design.run_moves import moved_runs
 from fisherpoint.design.run_objective import RunObjective
+from fisherpoint.design.run_pictures import limits_of
 from fisherpoint.design.run_profiles import PROFILES, draw_runs
 from fisherpoint.design.run_slopes import linear_runs
 from fisherpoint.points.run_region import RunCoordinates
@@ -197,6 +198,12 @@ def test_starts_that_end_without_a_value_are_told(tmp_path: Path) -> None:
     assert "1 ended at runs that touch a surface" in str(design) and "inf" not in str(design).split("Starts ended")[1][:60]
     design.save(tmp_path)
     assert fp.RunDesign.load(tmp_path).ends == design.ends
+
+
+def test_limits_of_single_quantities_are_lines() -> None:
+    problem = slider(mover(), along=["x < 5e-1", "abs(v) < 0.4", "-1.5 <= x", "x + v < 3", "-.2 < x < 2.0"])
+    lines = limits_of(problem)
+    assert sorted(lines["x"]) == [-1.5, -0.2, 0.5, 2.0] and sorted(lines["v"]) == [-0.4, 0.4] and set(lines) == {"x", "v"}
 
 
 def test_ctrl_c_keeps_the_best_runs() -> None:

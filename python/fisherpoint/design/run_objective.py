@@ -114,7 +114,7 @@ class RunObjective:
         """Runs with free numbers z (K, d), which measure the `selected` (K, N) samples, in as short segments as costs need."""
         runs = self.coordinates.runs(z)
         runs = runs if selected is None else runs.measuring(selected)
-        return runs.divided(self.looks) if self.costly else runs
+        return runs.divided(np.arange(1, self.looks + 1) / self.looks) if self.costly else runs
 
     @property
     def costly(self) -> bool:

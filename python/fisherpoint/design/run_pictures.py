@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import matplotlib as mpl
@@ -22,8 +23,12 @@ from .run_report import HasRuns
 DRAWN = 100
 """Plants whose outputs show the spread."""
 
-LOOKS = 8
-"""Places in each segment at which outputs are drawn."""
+SHARES = (1e-5, 1e-4, 1e-3, 3e-3, 0.01, 0.02, 0.04, 0.08, 0.15, 0.25, 0.4, 0.6, 0.8, 1.0)
+"""Of each segment, at which outputs are drawn: behind a change of the inputs they may change fast."""
+
+LOOKS = len(SHARES)
+
+NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"
 
 MOST_SHOWN = 6
 """Runs of a picture."""
@@ -39,13 +44,14 @@ def plot_of(design: HasRuns, kind: str) -> Figure:
 
 
 def plot_runs(problem: DesignProblem, runs: Runs) -> Figure:
-    """Inputs, and outputs at the prior mean with samples, and where 90 % of the prior's plants are."""
+    """Inputs, and outputs at the prior mean with samples, and where 90 % of the prior's plants are; limits are dashed."""
     model, settings = problem.model, run_settings(problem, None)
     shown = runs[: min(len(runs), MOST_SHOWN)]
-    fine = shown.divided(LOOKS)
+    fine = shown.divided(SHARES)
     mean = checked_run_trajectories(model, fine, problem.theta, settings)
     plants = RunPlants(problem, DRAWN, np.random.default_rng(0), settings)
     spread, reached = plants.outputs(fine)
+    limits = limits_of(problem)
     rows, columns = len(model.inputs) + len(model.outputs), len(shown)
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(1.5 + 4.2 * columns, 0.6 + 1.5 * rows), layout="constrained")
@@ -65,6 +71,8 @@ def plot_runs(problem: DesignProblem, runs: Runs) -> Figure:
                 if reached[:, k].any():
                     low, high = np.quantile(spread[reached[:, k], k, : n * LOOKS, j], [0.05, 0.95], axis=0)
                     axes.fill_between(factor_t * ends, factor * low, factor * high, color=PRIOR, alpha=0.35, linewidth=0)
+                for limit in limits.get(quantity.name, ()):
+                    axes.axhline(factor * limit, color=TEXT, linewidth=0.8, linestyle="--")
                 axes.plot(factor_t * ends, factor * mean.y[k, : n * LOOKS, j], color=NOISE, linewidth=1.2)
                 at = np.flatnonzero(shown.measured[k, :n])
                 sampled = mean.y[k, at * LOOKS + LOOKS - 1, j]
@@ -73,7 +81,8 @@ def plot_runs(problem: DesignProblem, runs: Runs) -> Figure:
             grid[0, k].set_title(f"run {k + 1}")
             grid[-1, k].set_xlabel(f"time [{unit_t}]")
         more = f"; {len(runs) - columns} further runs are not shown" if len(runs) > columns else ""
-        title = f"At the prior mean, and 90 % of the prior's plants (grey); dots: samples{more}"
+        marks = f"dots: samples{', dashed: limits' if limits else ''}{more}"
+        title = f"At the prior mean, and 90 % of the prior's plants (grey)\n{marks}"
         figure.suptitle(title, x=0.01, ha="left")
     return figure
 
@@ -103,6 +112,19 @@ def plot_information(problem: DesignProblem, runs: Runs) -> Figure:
         axes.set_title("Share of each sample in what is told about a parameter, the others known")
         figure.colorbar(image, ax=axes, pad=0.01, format="%g %%")
     return figure
+
+
+def limits_of(problem: DesignProblem) -> dict[str, list[float]]:
+    """Numbers that limits along the way compare single states or outputs with, by name; other limits are no lines."""
+    found: dict[str, list[float]] = {}
+    for text in problem.along or ():
+        parts = [part.strip() for part in re.split(r"[<>]=?", text)]
+        numbers = [float(part) for part in parts if re.fullmatch(NUMBER, part)]
+        for part in parts:
+            if match := re.fullmatch(r"(abs\()?([A-Za-z_]\w*)(?(1)\))", part):
+                values = numbers + [-number for number in numbers] if match[1] else numbers
+                found.setdefault(match[2], []).extend(values)
+    return found
 
 
 def _told(problem: DesignProblem, sensitivity: Array, measured: Array) -> Array:

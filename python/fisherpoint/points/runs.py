@@ -165,11 +165,12 @@ class Runs:
         """The first segments, as points; where a run starts at rest, x0 is the guess of that."""
         return Experiments(self.x0, self.u[:, 0], self.dt[:, 0], columns=self.columns)
 
-    def divided(self, parts: int) -> Runs:
-        """The same runs with every segment divided into equal parts, of which the last one ends as before."""
-        dt, ends = np.repeat(self.dt / parts, parts, axis=1), np.zeros((*self.dt.shape, parts), dtype=bool)
+    def divided(self, at: ArrayLike) -> Runs:
+        """The same runs with every segment divided at shares of its duration, of which the last is 1; that part ends as before."""
+        parts = np.diff(np.asarray(at), prepend=0.0)
+        dt, ends = (self.dt[:, :, None] * parts).reshape(len(self.dt), -1), np.zeros((*self.dt.shape, len(parts)), dtype=bool)
         ends[:, :, -1] = self.measured
-        return Runs._of(self.x0, np.repeat(self.u, parts, axis=1), dt, ends.reshape(dt.shape), self.columns, self.rests)
+        return Runs._of(self.x0, np.repeat(self.u, len(parts), axis=1), dt, ends.reshape(dt.shape), self.columns, self.rests)
 
     def measuring(self, flags: Flags) -> Runs:
         """The same runs, of which other segments (K, N) are measured at their ends."""
