@@ -7,6 +7,7 @@ from .basics.quantity import Quantity
 from .campaign.campaign import Campaign
 from .data import Measurements, Pieces, Record, RecordTrajectory, VirtualRig, pieces, simulate_record
 from .design.best_pieces import best_pieces
+from .design.compare import ComparedDesign, DesignComparison, compare
 from .design.design_runs import design_runs
 from .design.efficiency import Efficiency
 from .design.exchange import exchange
@@ -59,8 +60,10 @@ __version__ = "0.1.0"
 __all__ = [
     "CallableModel",
     "Campaign",
+    "ComparedDesign",
     "Constraint",
     "Design",
+    "DesignComparison",
     "DesignProblem",
     "DesignValidation",
     "Efficiency",
@@ -110,6 +113,7 @@ __all__ = [
     "available_isas",
     "best_pieces",
     "broken_limits",
+    "compare",
     "compare_rules",
     "design_runs",
     "estimate",

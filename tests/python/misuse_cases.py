@@ -363,6 +363,14 @@ def cases() -> dict[str, Case]:
             threads=threads,
         ),
         "Feasibility.holds": _case(fp.feasibility(problem(), points(), draws=20).holds, share=(0.5, NUMBER)),
+        "compare": _case(
+            fp.compare,
+            problem=(problem(),),
+            designs=({"one": points()}, MAP, POINTS, ARRAY),
+            draws=(20, INT),
+            seed=(0, INT),
+            threads=threads,
+        ),
         "compare_rules": _case(
             fp.compare_rules,
             problem=(problem(),),

@@ -38,12 +38,23 @@ def results() -> dict[str, Any]:
         "Campaign": campaign,
         "Identifiability": fp.identifiability(MODEL, PRIOR, REGION),
         "PieceDesign": fp.best_pieces(PROBLEM, fp.pieces(RECORD, MODEL, length=5), 4),
+        "DesignComparison": fp.compare(PROBLEM, {"four": design, "two": design.points[:2]}, draws=50),
         "RuleComparison": fp.compare_rules(PROBLEM, design.points, [fp.Linearized(), fp.SparseGaussHermite(2)]),
     }
 
 
-KINDS = ("Design", "Evaluation", "Fit", "Validation", "Campaign", "Identifiability", "PieceDesign", "RuleComparison")
-TABLES = ("Design", "Evaluation", "Fit", "Validation", "Campaign", "PieceDesign", "RuleComparison")
+KINDS = (
+    "Design",
+    "Evaluation",
+    "Fit",
+    "Validation",
+    "Campaign",
+    "Identifiability",
+    "PieceDesign",
+    "DesignComparison",
+    "RuleComparison",
+)
+TABLES = ("Design", "Evaluation", "Fit", "Validation", "Campaign", "PieceDesign", "DesignComparison", "RuleComparison")
 
 
 def same(a: Any, b: Any) -> None:
@@ -78,7 +89,9 @@ def test_a_result_comes_back_from_its_file(kind: str, results: dict[str, Any], t
     same(type(result).load(path), result)
 
 
-@pytest.mark.parametrize("kind", ["Evaluation", "Validation", "Identifiability", "PieceDesign", "RuleComparison"])
+@pytest.mark.parametrize(
+    "kind", ["Evaluation", "Validation", "Identifiability", "PieceDesign", "DesignComparison", "RuleComparison"]
+)
 def test_a_file_of_a_result_is_as_it_was_written_or_refused(kind: str, results: dict[str, Any], tmp_path: Path) -> None:
     result, path = results[kind], tmp_path / "kept.json"
     result.save(path)
@@ -111,6 +124,7 @@ PICTURES = {
     "Fit": ("parity", "residuals", "time", "correlation", "ellipses", "profiles"),
     "Validation": (),
     "Campaign": (),
+    "DesignComparison": (),
 }
 
 

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 
-from ..basics.checks import as_std, by_name, check_choice, check_flag, check_mapping, check_name, check_positive_int, check_type
+from ..basics.checks import as_std, by_name, check_choice, check_flag, check_positive_int, check_type
 from ..basics.messages import listed
 from ..basics.quantity import names_of
 from ..basics.values import FrozenMapping
-from ..design.result import Design
+from ..design.compare import named_designs
 from ..information.problem import DesignProblem
 from ..models import Model
 from ..points.experiments import Experiments
@@ -85,7 +84,7 @@ def validate(
         For misuse, and where a point has no trajectory at the prior mean.
     """
     check_type(problem, DesignProblem, "problem")
-    named = _designs(designs)
+    named = named_designs(designs)
     threads = resolve_threads(threads)
     rtol = check_rtol(rtol)
     count, seed = check_positive_int(runs, "runs", most=MOST_RUNS), check_positive_int(seed, "seed", 0)
@@ -135,22 +134,6 @@ def _validation(
     return DesignValidation(
         points, FrozenMapping(figures), len(errors), FrozenMapping(dict(failures)), estimator.null_directions, fits
     )
-
-
-def _designs(given: Any) -> dict[str, Experiments | Runs]:
-    check_mapping(given, "designs", "Experiments or Runs")
-    if not given:
-        raise ValueError("designs: expected at least one, given none")
-    named = {}
-    for name, design in given.items():
-        points = design.points if isinstance(design, Design) else design
-        check_name(name, "designs")
-        if not isinstance(points, Experiments | Runs):
-            raise TypeError(f"designs[{name!r}]: expected Experiments, Runs or a Design, given {type(points).__name__}")
-        if not len(points):
-            raise ValueError(f"designs[{name!r}]: expected at least one point, given none")
-        named[name] = points
-    return named
 
 
 def _check_truth(truth: Model, model: Model) -> None:

@@ -1,0 +1,212 @@
+"""`fp.compare`: designs beside each other, by what they tell under the sensor noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from ..basics.checks import check_mapping, check_name, check_positive_int, check_type
+from ..basics.extras import needed_for
+from ..basics.kept import Codec, Kept
+from ..basics.values import FrozenMapping
+from ..information.codec import problem_from_json, problem_to_json
+from ..information.evaluation import evaluate_under_noise
+from ..information.feasibility import Feasibility, feasibility
+from ..information.problem import DesignProblem
+from ..points.experiments import Experiments
+from ..points.runs import Runs
+from ..points.settings import resolve_threads
+from ..show.numbers import computed, counted, number, percent
+from ..show.section import Report, Section
+from ..show.shown import Shown
+from .efficiency import d_efficiency
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class ComparedDesign:
+    """One of the designs.
+
+    Attributes
+    ----------
+    kind : {"point", "run"}
+    count : int
+        Points, or runs.
+    samples : int
+    duration : float
+        Of all of them, s; without the way to their starts.
+    log_det : float
+        log det F in its sum form, standardised; -inf where F is singular.
+    standard_errors : mapping of parameter name to float, or None
+        SI units; None where F is singular.
+    feasibility : Feasibility
+        Which plants of the prior can run it.
+    """
+
+    kind: str
+    count: int
+    samples: int
+    duration: float
+    log_det: float
+    standard_errors: Mapping[str, float] | None
+    feasibility: Feasibility
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DesignComparison(Shown, Kept):
+    """What `compare` found; it shows itself as tables.
+
+    Attributes
+    ----------
+    problem : DesignProblem
+    designs : mapping of name to ComparedDesign
+    """
+
+    problem: DesignProblem
+    designs: Mapping[str, ComparedDesign]
+
+    _INSIDE = (ComparedDesign, Feasibility)
+    _CODEC: ClassVar[Codec] = {DesignProblem: (problem_to_json, problem_from_json)}
+
+    @property
+    def efficiency(self) -> Mapping[str, float]:
+        """D-efficiency of each design against the best of them, (det ratio)^(1/p); 0 where F is singular.
+
+        The best one, repeated that share of times, tells as much as the other.
+        """
+        return self._against_the_best({name: of.log_det for name, of in self.designs.items()})
+
+    @property
+    def efficiency_per_sample(self) -> Mapping[str, float]:
+        """The same of the information in a sample."""
+        p = len(self.problem.estimated)
+        return self._against_the_best({name: of.log_det - p * np.log(of.samples) for name, of in self.designs.items()})
+
+    def _against_the_best(self, log_dets: Mapping[str, float]) -> Mapping[str, float]:
+        best, p = max(log_dets.values()), len(self.problem.estimated)
+        return FrozenMapping({name: d_efficiency(value, best, p) or 0.0 for name, value in log_dets.items()})
+
+    def to_pandas(self) -> pd.DataFrame:
+        """One row per design and parameter, SI units: standard_error, of_prior; NaN where F is singular."""
+        with needed_for("to_pandas"):
+            import pandas as pd
+
+        rows = []
+        for name, of in self.designs.items():
+            for parameter in self.problem.estimated:
+                error = (of.standard_errors or {}).get(parameter, np.nan)
+                row: dict[str, Any] = {"design": name, "parameter": parameter, "standard_error": error}
+                rows.append(row | {"of_prior": error / self.problem.prior.std[parameter]})
+        return pd.DataFrame(rows).set_index(["design", "parameter"])
+
+    def plot(self, *, path: str | Path | None = None) -> Figure:
+        """Draw the standard errors of all designs, as shares of the prior's; needs matplotlib.
+
+        Parameters
+        ----------
+        path : path, optional
+            Where the picture is also written; the ending says the format, PNG where there is none.
+        """
+        with needed_for("plot"):
+            from ..show.style import drawn
+            from .compare_picture import plot_comparison
+
+        return drawn(plot_comparison(self), path)
+
+    def report(self) -> Report:
+        """What each design takes and tells, and the standard errors beside each other."""
+        whole, each = self.efficiency, self.efficiency_per_sample
+        rows = []
+        for name, of in self.designs.items():
+            value = computed(of.log_det, 5) if np.isfinite(of.log_det) else "-inf: singular"
+            sizes = counted(of.count, of.kind), str(of.samples), number(of.duration)
+            rows.append((name, *sizes, value, percent(whole[name]), percent(each[name]), percent(of.feasibility.share)))
+        columns = ("design", "", "samples", "duration [s]", "log det F, sum", "D-efficiency", "per sample", "plants that can")
+        notes = (
+            "log det F: standardised, under the sensor noise. D-efficiency: against the best of these, that is the share of times"
+            " that one would be repeated to tell as much.",
+            "Plants that can: of those that the prior allows, which reach the end of every point or run.",
+        )
+        first = Section("Designs", columns, rows, notes=notes)
+        errors = []
+        for parameter in self.problem.estimated:
+            std = self.problem.prior.std[parameter]
+            told = (None if of.standard_errors is None else of.standard_errors[parameter] / std for of in self.designs.values())
+            errors.append((parameter, *("-" if share is None else percent(share) for share in told)))
+        second = Section("Standard errors, of the prior std", ("parameter", *self.designs), errors)
+        title = f"{counted(len(self.designs), 'design')} for {self.problem.model.name} beside each other"
+        return Report(title, [first, second])
+
+
+def compare(
+    problem: DesignProblem, designs: Mapping[str, Any], *, draws: int = 1000, seed: int = 0, threads: int | None = None
+) -> DesignComparison:
+    """Compare designs by what they tell under the sensor noise, and by how many plants can run them.
+
+    Parameters
+    ----------
+    problem : DesignProblem
+        With the sensor noise; its region may be None.
+    designs : mapping of name to Experiments, Runs, or a design
+        At least one; points and runs beside each other.
+    draws, seed : int
+        Of the plants on which they are tried (`feasibility`); the same for all designs.
+    threads : int, optional
+
+    Returns
+    -------
+    DesignComparison
+
+    Raises
+    ------
+    TypeError, ValueError
+        For misuse, and as `evaluate_design`; the message names the design.
+    """
+    check_type(problem, DesignProblem, "problem")
+    if problem.noise_std is None:
+        raise ValueError("noise_std: expected the sensor noise, by which designs are compared, given None")
+    named, threads = named_designs(designs), resolve_threads(threads)
+    draws, seed = check_positive_int(draws, "draws"), check_positive_int(seed, "seed", 0)
+    found = {}
+    for name, points in named.items():
+        try:
+            evaluation = evaluate_under_noise(problem, points, threads=threads)
+            able = feasibility(problem, points, draws=draws, seed=seed, threads=threads)
+        except ValueError as error:
+            raise ValueError(f"designs[{name!r}]: {error}") from error
+        assert evaluation is not None
+        p, samples = len(problem.estimated), evaluation.n_points
+        found[name] = ComparedDesign(
+            kind="run" if isinstance(points, Runs) else "point",
+            count=len(points),
+            samples=samples,
+            duration=float(points.dt.sum()),
+            log_det=float(evaluation.log_det + p * np.log(samples / 2)),
+            standard_errors=evaluation.standard_errors,
+            feasibility=able,
+        )
+    return DesignComparison(problem, FrozenMapping(found))
+
+
+def named_designs(given: Any) -> dict[str, Experiments | Runs]:
+    """The points or runs of designs by their names."""
+    check_mapping(given, "designs", "Experiments or Runs")
+    if not given:
+        raise ValueError("designs: expected at least one, given none")
+    named = {}
+    for name, design in given.items():
+        check_name(name, "designs")
+        points = design if isinstance(design, Experiments | Runs) else getattr(design, "points", design)
+        if not isinstance(points, Experiments | Runs):
+            raise TypeError(f"designs[{name!r}]: expected Experiments, Runs or a Design, given {type(points).__name__}")
+        if not len(points):
+            raise ValueError(f"designs[{name!r}]: expected at least one point, given none")
+        named[name] = points
+    return named

@@ -1,0 +1,52 @@
+"""Designs beside each other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fisherpoint as fp
+
+MODEL = fp.SymbolicModel(["-k*x + b*u"], ["x"], {"x": "m"}, {"u": "V"}, {"k": "1/s", "b": "m/(s V)"}, {"y": "m"})
+PRIOR = fp.GaussianPrior({"k": 1.0, "b": 0.5}, {"k": 0.2, "b": 0.1})
+PROBLEM = fp.DesignProblem(MODEL, PRIOR, None, noise_std={"y": 0.01}, along=["x < 1.5"])
+POINTS = fp.Experiments([[1.0], [0.5], [0.2]], [[0.0], [1.0], [0.5]], [0.5, 1.0, 2.0])
+RUNS = fp.Runs([[0.0]], np.array([[[1.0], [0.0], [1.0]]]), np.array([[0.5, 1.0, 0.7]]))
+
+
+def test_each_design_is_what_it_is_alone() -> None:
+    found = fp.compare(PROBLEM, {"points": POINTS, "run": RUNS}, draws=200, seed=3)
+    for name, of, kind, samples, duration in (("points", POINTS, "point", 3, 3.5), ("run", RUNS, "run", 3, 2.2)):
+        alone, one = fp.evaluate_design(PROBLEM, of), found.designs[name]
+        assert one.log_det == pytest.approx(np.linalg.slogdet(alone.information)[1])
+        assert one.standard_errors == alone.standard_errors
+        assert (one.kind, one.count, one.samples) == (kind, len(of), samples) and one.duration == pytest.approx(duration)
+        assert one.feasibility.able == fp.feasibility(PROBLEM, of, draws=200, seed=3).able
+
+
+def test_a_design_that_is_repeated_has_twice_the_efficiency_and_the_same_per_sample() -> None:
+    twice = fp.Experiments.join([POINTS, POINTS])
+    found = fp.compare(PROBLEM, {"once": POINTS, "twice": twice, "one": POINTS[:1]}, draws=20)
+    assert found.efficiency == pytest.approx({"once": 0.5, "twice": 1.0, "one": 0.0})
+    assert found.efficiency_per_sample == pytest.approx({"once": 1.0, "twice": 1.0, "one": 0.0})
+    assert "-inf: singular" in str(found) and found.designs["one"].standard_errors is None
+    assert np.isnan(found.to_pandas().loc["one"].standard_error).all()
+
+
+def test_results_of_searches_are_taken() -> None:
+    region = fp.RunRegion({"x": 0.0, "u": (0, 1), "dt": 0.5}, 3)
+    design = fp.design_runs(PROBLEM.replace(region=region), n_starts=1, n_candidates=20)
+    found = fp.compare(PROBLEM, {"found": design, "given": RUNS}, draws=20)
+    assert found.designs["found"].log_det == pytest.approx(design.log_det, abs=1e-4)
+    assert set(fp.validate(PROBLEM, {"found": design}, runs=20).designs) == {"found"}
+
+
+def test_misuse_is_told() -> None:
+    with pytest.raises(ValueError, match="designs: expected at least one, given none"):
+        fp.compare(PROBLEM, {})
+    with pytest.raises(TypeError, match=r"designs\['a'\]: expected Experiments, Runs or a Design, given int"):
+        fp.compare(PROBLEM, {"a": 3})
+    with pytest.raises(ValueError, match="noise_std: expected the sensor noise, by which designs are compared, given None"):
+        fp.compare(PROBLEM.replace(noise_std=None, output_covariance="pooled"), {"a": POINTS})
+    with pytest.raises(ValueError, match=r"designs\['a'\]: x0: expected shape"):
+        fp.compare(PROBLEM, {"a": fp.Experiments([[1.0, 2.0]], [[0.0]], [0.5])})
