@@ -118,7 +118,9 @@ class DesignComparison(Shown, Kept):
             from ..show.style import drawn
             from .compare_picture import plot_comparison
 
-        return drawn(plot_comparison(self), path)
+        errors = {name: of.standard_errors for name, of in self.designs.items()}
+        prior_std = {name: self.problem.prior.std[name] for name in self.problem.estimated}
+        return drawn(plot_comparison(errors, prior_std), path)
 
     def report(self) -> Report:
         """What each design takes and tells, and the standard errors beside each other."""
