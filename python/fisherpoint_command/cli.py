@@ -1,4 +1,4 @@
-"""The command line: ``fisherpoint design | evaluate | simulate | estimate | validate | campaign | info``."""
+"""The command line: ``fisherpoint design | evaluate | compare | simulate | estimate | validate | campaign | info``."""
 
 from __future__ import annotations
 
@@ -38,6 +38,7 @@ try:
     from fisherpoint.design.report import evaluation_report, simulation_report
 
     from .campaign import campaign
+    from .compare import compare
     from .estimate import estimate
     from .runs import design_of_runs, evaluate_runs, read_points, simulate_runs
     from .terminal import (
@@ -190,6 +191,7 @@ def simulate(
     return 0
 
 
+app.command(epilog="Example: fisherpoint compare examples/cylinder.toml run/design.csv other/design.csv")(compare)
 app.command(epilog="Example: fisherpoint estimate examples/cylinder.toml measured.csv -o fit/")(estimate)
 app.command(epilog="Example: fisherpoint validate examples/cylinder.toml run/design.csv -o validated/")(validate)
 app.command(epilog="Example: fisherpoint campaign examples/cylinder.toml -o run/ --data measured.csv")(campaign)

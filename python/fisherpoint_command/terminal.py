@@ -14,7 +14,7 @@ from rich.console import Console
 
 import fisherpoint as fp
 from fisherpoint.basics.files import check_writable
-from fisherpoint.basics.messages import printable
+from fisherpoint.basics.messages import listed, printable
 from fisherpoint.design.configuration import ConfigError
 from fisherpoint.show.console import to_rich
 from fisherpoint.show.section import Report
@@ -94,3 +94,12 @@ def read_data(path: Path, what: str, read: Callable[[Path, fp.Model], Read], mod
     except (ValueError, TypeError) as error:
         message = str(error)
         raise ConfigError(message if printable(path) in message else f"{path}: {message}") from error
+
+
+def named_files(paths: list[Path]) -> dict[str, Path]:
+    """Paths by the shortest names that tell them apart: file names, or with the directories."""
+    for name in (lambda path: path.stem, lambda path: f"{path.parent.name}/{path.stem}", str):
+        named = {printable(name(path)): path for path in paths}
+        if len(named) == len(paths):
+            return named
+    raise ConfigError(f"DESIGN.csv: expected different files, given {listed(paths)}")

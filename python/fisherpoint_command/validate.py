@@ -11,11 +11,10 @@ import typer
 import fisherpoint as fp
 from fisherpoint.basics.extras import needed_for
 from fisherpoint.basics.files import write_together
-from fisherpoint.basics.messages import listed, printable
-from fisherpoint.design.configuration import ConfigError, load_config
+from fisherpoint.design.configuration import load_config
 
 from .runs import read_points
-from .terminal import Noise, NoPlots, Output, Quiet, Threads, as_file, make_directory, read_data, say, show
+from .terminal import Noise, NoPlots, Output, Quiet, Threads, as_file, make_directory, named_files, read_data, say, show
 
 
 class Truth(StrEnum):
@@ -46,7 +45,7 @@ def validate(
     problem = config.problem()
     if problem.noise_std is None:
         raise config.error("noise_std", "missing; expected the noise of every output, from which the promise is computed")
-    points = {name: read_data(path, "points", read_points, problem.model) for name, path in _named(designs).items()}
+    points = {name: read_data(path, "points", read_points, problem.model) for name, path in named_files(designs).items()}
     if not no_plots:
         with needed_for("pictures"):
             from fisherpoint.validation import pictures as plots_validation  # noqa: F401  what can fail for a trivial reason fails before the work
@@ -64,12 +63,3 @@ def validate(
         print()
         say(f"Written to {output}: {', '.join(written)}")
     return 0
-
-
-def _named(paths: list[Path]) -> dict[str, Path]:
-    """Paths by the shortest names that tell them apart: file names, or with the directories."""
-    for name in (lambda path: path.stem, lambda path: f"{path.parent.name}/{path.stem}", str):
-        named = {printable(name(path)): path for path in paths}
-        if len(named) == len(paths):
-            return named
-    raise ConfigError(f"DESIGN.csv: expected different files, given {listed(paths)}")

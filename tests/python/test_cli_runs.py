@@ -55,6 +55,20 @@ def test_other_commands_take_runs(reactor: Path, capsys: pytest.CaptureFixture[s
     assert "A_1" in (reactor / "fit" / "estimate.csv").read_text()
 
 
+def test_designs_are_compared(reactor: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, table, other = reactor / "reactor.toml", reactor / "run" / "design.csv", reactor / "other" / "design.csv"
+    other.parent.mkdir()
+    other.write_text("\n".join(table.read_text().splitlines()[:5]) + "\n")  # three samples
+    assert run("compare", file, table, other, "-o", reactor / "compared") == 0
+    shown = capsys.readouterr().out
+    assert "run/design" in shown and "other/design" in shown and "D-efficiency" in shown and "Written to" in shown
+    assert {path.name for path in (reactor / "compared").iterdir()} == {"comparison.csv", "comparison.png", "report.txt"}
+    assert (reactor / "compared" / "comparison.csv").read_text().count("\n") == 9
+    assert run("compare", file, table, "--no-plots") == 0 and "Written" not in capsys.readouterr().out
+    assert run("compare", file, table, table) == 2
+    assert "DESIGN.csv: expected different files" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("name", ["cylinder_runs", "tclab", "battery"])
 def test_the_examples_describe_regions_of_runs(name: str) -> None:
     problem = load_problem(EXAMPLES / f"{name}.toml")
