@@ -38,6 +38,11 @@ class Estimable:
     def rank(self) -> int:
         return self.into.shape[1]
 
+    @property
+    def orthonormal(self) -> Estimable:
+        """The same directions in orthonormal coordinates, in which lengths are those of the parameters."""
+        return Estimable(self.span, self.span, self.null, self.length)
+
     def projected(self, k: Array) -> Array:
         """The part of the columns of K (p, s) that is estimable."""
         return np.asarray(self.span @ (self.span.T @ k)) if len(self.null) else k

@@ -65,7 +65,7 @@ class Weights:
 
 
 def optimal_weights(
-    candidates: CandidateRows, criterion: Criterion, *, tolerance: float = 1e-6, seed: int = 0, start: IntArray | None = None
+    candidates: CandidateRows, criterion: Criterion, *, tolerance: float = 1e-6, seed: int = 0, space: Estimable | None = None
 ) -> Weights:
     """Find the weights with the best criterion.
 
@@ -78,18 +78,18 @@ def optimal_weights(
         What the sensitivity function may exceed its level by, as a share.
     seed : int
         Of the first candidates that are looked at.
-    start : ndarray of int, optional
-        Candidates to begin with.
+    space : Estimable, optional
+        Coordinates of what the candidates tell together. Default: computed.
 
     Returns
     -------
     Weights
         Where the tolerance cannot be reached in double precision, `efficiency` says what was.
     """
-    space = estimable(candidates.triangle())
+    space = estimable(candidates.triangle()) if space is None else space
     inner = criterion.within(space)
     search = _Search(candidates, inner, space, tolerance)
-    search.run(_first(candidates, space, np.random.default_rng(seed), start))
+    search.run(_first(candidates, space, np.random.default_rng(seed)))
     return search.found()
 
 
@@ -210,11 +210,10 @@ def _added(along: Array) -> IntArray:
     return np.asarray(found[along[found] >= 1.0 - 1e-9])
 
 
-def _first(candidates: CandidateRows, space: Estimable, rng: np.random.Generator, start: IntArray | None) -> IntArray:
+def _first(candidates: CandidateRows, space: Estimable, rng: np.random.Generator) -> IntArray:
     """Candidates of which the mean is regular: some at random, and where these do not do, what tells the rest."""
     count = len(candidates)
-    some = rng.choice(count, min(FIRST, count), replace=False) if start is None else start
-    working = np.unique(some)
+    working = np.sort(rng.choice(count, min(FIRST, count), replace=False))
     for _ in range(space.rank):
         matrix = candidates.matrices(working, space.into).mean(axis=0)
         values, vectors = np.linalg.eigh(matrix)
