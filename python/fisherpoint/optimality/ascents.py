@@ -22,6 +22,9 @@ FIRST = 0.1
 LEAST_GAIN = 1e-9
 """As a share of psi, below which an ascent has ended."""
 
+MOST_POLISHED = 0.02
+"""Longest Newton step."""
+
 Psi = Callable[[Array], Array]
 
 
@@ -73,6 +76,28 @@ def ascend(psi: Psi, start: Array, difference: float, iterations: int) -> tuple[
         fresh[stuck] = True
         active[stuck[waited[stuck] > 1]] = False
     return z, value
+
+
+def newton(psi: Psi, z: Array, difference: float) -> Array:
+    """Places (S, d) after a Newton step to the maximum of psi on the coordinates that no bound stops; psi must not fall."""
+    count, d = z.shape
+    value = psi(z)
+    gradient = _gradient(psi, z, value, difference)
+    wide = 10 * difference
+    inside = np.clip(z, wide, 1.0 - wide)
+    sides = np.stack([_gradient(psi, inside + s * wide * e, psi(inside + s * wide * e), difference) for e in np.eye(d) for s in (1, -1)])
+    hessian = np.moveaxis(sides[::2] - sides[1::2], 0, 1) / (2 * wide)
+    hessian = (hessian + np.swapaxes(hessian, 1, 2)) / 2
+    result = z.copy()
+    for k in range(count):
+        held = ((z[k] <= 0.0) & (gradient[k] < 0)) | ((z[k] >= 1.0) & (gradient[k] > 0))
+        free = np.flatnonzero(~held)
+        block = hessian[k][np.ix_(free, free)]
+        if len(free) and np.isfinite(block).all() and np.linalg.eigvalsh(block)[-1] < 0:
+            step = np.linalg.solve(block, gradient[k][free])
+            if np.abs(step).max() <= MOST_POLISHED:
+                result[k, free] = np.clip(z[k, free] - step, 0.0, 1.0)
+    return np.where((psi(result) >= value - 1e-6 * np.abs(value))[:, None], result, z)
 
 
 def _gradient(psi: Psi, z: Array, value: Array, difference: float) -> Array:

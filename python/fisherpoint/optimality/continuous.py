@@ -11,16 +11,17 @@ from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
 from ..points.experiments import Experiments
 from ..points.region import ExperimentRegion
-from .ascents import ascend
+from .ascents import ascend, newton
 from .candidate_rows import CandidateRows
 from .criteria import Criterion
+from .estimable import Estimable
 from .point_rows import PointRows
-from .weights import Weights, optimal_weights
+from .weights import REGULAR, Weights, optimal_weights
 
 ABOVE = 1e-3
 """By which share of its level the sensitivity function may be exceeded by what the ascents from many starts find."""
 
-MOST_ROUNDS, MOST_SEARCHES = 25, 6
+MOST_ROUNDS, MOST_SEARCHES = 15, 4
 
 CLOSE = 1e-6
 """The rounds end where no maximum near the support exceeds the level by more than this share."""
@@ -30,6 +31,12 @@ RADII = (0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 
 MERGING_COSTS = 1e-6
 """Most that log phi may lose by merging."""
+
+SAME = 1e-6
+"""Shares of the region's width within which two places are one."""
+
+POLISHING = 6
+"""Most Newton steps of the support's points."""
 
 NEAR, FAR = 40, 60
 """Candidates with a large sensitivity from which ascents start in each round, and iterations of an ascent."""
@@ -43,6 +50,14 @@ class Refinement(NamedTuple):
     weights: Weights
     n_candidates: int
     starts: int
+
+
+class _Support(NamedTuple):
+    """Points with their rows and weights, of which `chosen` counts within them where they were weighed alone."""
+
+    points: Experiments
+    rows: Array
+    weights: Weights
 
 
 class _Box:
@@ -101,23 +116,48 @@ class _Refining:
         self.points = Experiments.join([self.points, points[places]])
         self.pool = CandidateRows(np.concatenate([self.pool.rows, rows]), self.pool.constant)
 
+    def add_new(self, z: Array, value: Array) -> bool:
+        """Add those places that no candidate is at already; whether there are any."""
+        distinct = _distinct(z, value, SAME)
+        known = self.box.places(self.points)
+        new = np.array([np.abs(known - one).max(axis=1).min() > SAME for one in distinct])
+        if new.any():
+            self.add(distinct[new])
+        return bool(new.any())
+
     def settle(self, tolerance: float) -> None:
         """Add the maxima near the support and near good candidates until none is above the level."""
-        for _ in range(MOST_ROUNDS):
+        highest = np.inf
+        for k in range(MOST_ROUNDS):
             along = self.pool.along(self.weights.half)
             good = np.argsort(-along)[:NEAR]
             start = self.box.places(self.points[np.union1d(self.weights.chosen, good)])
             z, value = self.peaks(start)
             above = value > 1.0 + min(CLOSE, 10 * tolerance)
-            if not above.any():
+            if k % 3 == 0:
+                if value.max() - 1.0 > 0.5 * highest:  # no closer than three rounds ago
+                    return
+                highest = value.max() - 1.0
+            if not above.any() or not self.add_new(z[above], value[above]):
                 return
-            self.add(_distinct(z[above], value[above], 1e-6))
             self.solve(tolerance)
 
-    def merged(self, tolerance: float) -> tuple[Experiments, Array, Weights]:
+    def bounding(self, own: Weights) -> tuple[Weights, float]:
+        """Whose sensitivity function bounds the optimum better over all candidates, and its largest value there.
+
+        That of the support's own weights, or that of the candidates' where those do not determine all parameters well.
+        """
+        found = []
+        for one in (own, self.weights):
+            largest = float(self.pool.along(one.half).max())
+            found.append((one.log_bound - np.log(one.largest) + np.log(largest), one, largest))
+        own_bound, others = found
+        return own_bound[1:] if own_bound[0] <= others[0] + MERGING_COSTS else others[1:]
+
+    def merged(self, tolerance: float) -> _Support:
         """The support with points that lie close together taken for one, as far as that costs nothing."""
         chosen, w = self.weights.chosen, self.weights.weights
-        z, best = self.box.places(self.points[chosen]), (self.points[chosen], self.pool.rows[chosen], self.weights)
+        z, best = self.box.places(self.points[chosen]), _Support(self.points[chosen], self.pool.rows[chosen], self.weights)
         for radius in RADII:
             group = _groups(z, radius)
             if group.max() + 1 == len(z):
@@ -128,16 +168,35 @@ class _Refining:
             rows, places = self.source.valid(points)
             if len(places) < len(points):
                 continue
-            some = self._weights_of(rows, tolerance)
-            if some is not None and some.log_phi >= self.weights.log_phi - MERGING_COSTS:
-                return points[some.chosen], rows[some.chosen], some
+            some = self._weights_of(points, rows, tolerance)
+            if some.weights.log_phi >= self.weights.log_phi - MERGING_COSTS:
+                return self._polished(some, tolerance)
         return best
 
-    def _weights_of(self, rows: Array, tolerance: float) -> Weights | None:
-        try:
-            return optimal_weights(CandidateRows(rows, self.pool.constant), self.asked, tolerance=tolerance, space=self.space)
-        except np.linalg.LinAlgError:
-            return None
+    def _weights_of(self, points: Experiments, rows: Array, tolerance: float) -> _Support:
+        """The best weights of these points; where they do not determine what is asked, of some candidates beside them."""
+        beside = _completing(CandidateRows(rows, self.pool.constant), self.pool, self.space)
+        points, rows = Experiments.join([points, self.points[beside]]), np.concatenate([rows, self.pool.rows[beside]])
+        pool = CandidateRows(rows, self.pool.constant)
+        weights = optimal_weights(pool, self.asked, tolerance=0.1 * tolerance, space=self.space)
+        return _Support(points[weights.chosen], rows[weights.chosen], weights)
+
+    def _polished(self, support: _Support, tolerance: float) -> _Support:
+        """The same with its points where the sensitivity function has its maxima, to a precision at which that is flat."""
+        for _ in range(POLISHING):
+            before = self.weights
+            self.weights, _ = self.bounding(support.weights)
+            z = newton(self.psi, self.box.places(support.points), self.box.difference)
+            self.weights = before
+            points = self.box.points(z)
+            rows, places = self.source.valid(points)
+            if len(places) < len(points):
+                break
+            new = self._weights_of(points, rows, tolerance)
+            if new.weights.log_phi < support.weights.log_phi - 1e-9 or len(new.points) > len(support.points):
+                break
+            support = new
+        return support
 
 
 def refined(
@@ -161,9 +220,9 @@ def refined(
         work.settle(tolerance)
         support, rows, final = work.merged(tolerance)
         # What bounds the optimum is the sensitivity function of the merged design where that has one, else the candidates'.
+        of_pool = work.weights
+        work.weights, _ = work.bounding(final)
         slope = work.weights.log_bound - float(np.log(work.weights.largest))
-        if final is not work.weights and np.isfinite(final.log_phi) and final.largest <= 1 + 10 * tolerance:
-            work.weights, slope = final, final.log_bound - float(np.log(final.largest))
         along = work.pool.along(work.weights.half)
         first = _starts(work, support, along, starts, rng)
         z, value = work.peaks(first)
@@ -171,7 +230,8 @@ def refined(
         if largest <= 1.0 + ABOVE or search == MOST_SEARCHES - 1:
             break
         above = value > 1.0 + CLOSE
-        work.add(_distinct(z[above], value[above], 1e-6))
+        work.weights = of_pool
+        work.add_new(z[above], value[above])
         work.solve(tolerance)
     log_bound = slope + float(np.log(largest))
     half = work.weights.half
@@ -192,6 +252,19 @@ def _starts(work: _Refining, support: Experiments, along: Array, count: int, rng
         more = places[rng.integers(len(places), size=count - len(places))]
         places = np.concatenate([places, np.clip(more + 0.05 * rng.standard_normal(more.shape), 0.0, 1.0)])
     return places
+
+
+def _completing(some: CandidateRows, pool: CandidateRows, space: Estimable) -> IntArray:
+    """Candidates that together with some others determine all that is estimable."""
+    beside = np.empty(0, dtype=int)
+    matrix = some.matrices(np.arange(len(some)), space.into).mean(axis=0)
+    for _ in range(space.rank):
+        values, vectors = np.linalg.eigh(matrix)
+        if values[0] > REGULAR:
+            break
+        beside = np.append(beside, int(np.argmax(pool.along(space.into @ vectors[:, :1]))))
+        matrix = matrix + pool.matrices(beside[-1:], space.into)[0]
+    return beside
 
 
 def _distinct(z: Array, value: Array, radius: float) -> Array:

@@ -12,7 +12,9 @@ import numpy as np
 from ..basics.values import Array
 from .criteria import Criterion, Slope
 
-MOST_STEPS = 200
+MOST_STEPS, MOST_IDLE = 200, 20
+"""Steps, and steps in a row without progress, after which double precision has no more."""
+
 TO_THE_BOUNDARY = 0.99
 SHRINKING = 0.1
 """Of mu in each step."""
@@ -31,11 +33,13 @@ def best_weights(matrices: Array, criterion: Criterion, gap: float) -> tuple[Arr
     s = nu - g
     mu = float(w @ s) / m
     best, smallest = (w, slope), np.inf
+    idle = 0
     for _ in range(MOST_STEPS):
         above = float(g.max()) - 1.0
+        idle = 0 if above < 0.9 * smallest else idle + 1
         if above < smallest:
             best, smallest = (w / w.sum(), slope), above
-        if above <= gap:
+        if above <= gap or idle > MOST_IDLE:
             break
         if not criterion.kinked:
             mu = SHRINKING * float(w @ s) / m

@@ -21,7 +21,13 @@ from .interior import best_weights, mean_of
 FIRST, ADDED = 96, 48
 """Candidates of the first working set, and most that each round adds."""
 
-MOST_ROUNDS, MOST_IDLE = 300, 15
+LARGE = 128
+"""Candidates of a working set from which on those that hardly count leave it."""
+
+REGULAR = 1e-6
+"""Smallest eigenvalue of the mean of a working set, next to the mean of all candidates, which has 1."""
+
+MOST_ROUNDS, MOST_IDLE = 300, 6
 """Rounds, and rounds in a row without progress, after which double precision has no more."""
 
 LEAST_WEIGHTS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-11)
@@ -118,9 +124,10 @@ class _Search:
                 smallest, self.best = gap, _Raw(working, weights, slope)
             if self.deletes:
                 along = self._delete(along, gap)
-            near = slope.along(matrices) > 1.0 - max(10 * gap, 1e-3)
-            kept = working[near | (weights > 1e-4)]
-            working = np.union1d(kept, self.places[_added(along)])
+            kept = (slope.along(matrices) > 1.0 - max(10 * gap, 1e-3)) | (weights > 1e-4)
+            if len(working) > LARGE and np.linalg.eigvalsh(matrices[kept].mean(axis=0))[0] > REGULAR:
+                working = working[kept]
+            working = np.union1d(working, self.places[_added(along)])
 
     def _delete(self, along: Array, gap: float) -> Array:
         """What is left of tr(G F_i) where what cannot have a weight is deleted."""
@@ -217,7 +224,7 @@ def _first(candidates: CandidateRows, space: Estimable, rng: np.random.Generator
     for _ in range(space.rank):
         matrix = candidates.matrices(working, space.into).mean(axis=0)
         values, vectors = np.linalg.eigh(matrix)
-        if values[0] > 1e-6:
+        if values[0] > REGULAR:
             break
         working = np.union1d(working, [int(np.argmax(candidates.along(space.into @ vectors[:, :1])))])
     return working
