@@ -28,6 +28,10 @@ from .information.identifiability import Identifiability, identifiability
 from .information.nearby import Nearby
 from .information.problem import DesignProblem
 from .models import HydraulicCylinder, Model
+from .optimality.approximate import approximate
+from .optimality.approximate_design import ApproximateDesign
+from .optimality.asked import criterion
+from .optimality.criteria import Criterion
 from .points.broken_limits import broken_limits
 from .points.constraints import Constraint
 from .points.experiments import Experiments
@@ -57,9 +61,11 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "ApproximateDesign",
     "CallableModel",
     "Campaign",
     "Constraint",
+    "Criterion",
     "Design",
     "DesignProblem",
     "DesignValidation",
@@ -106,11 +112,13 @@ __all__ = [
     "Unscented",
     "Validation",
     "VirtualRig",
+    "approximate",
     "assumed_covariance",
     "available_isas",
     "best_pieces",
     "broken_limits",
     "compare_rules",
+    "criterion",
     "design_runs",
     "estimate",
     "evaluate_design",

@@ -37,13 +37,14 @@ def results() -> dict[str, Any]:
         "Validation": fp.validate(PROBLEM, {"four": design.points}, runs=20),
         "Campaign": campaign,
         "Identifiability": fp.identifiability(MODEL, PRIOR, REGION),
+        "ApproximateDesign": fp.approximate(PROBLEM, n_candidates=200, starts=50),
         "PieceDesign": fp.best_pieces(PROBLEM, fp.pieces(RECORD, MODEL, length=5), 4),
         "RuleComparison": fp.compare_rules(PROBLEM, design.points, [fp.Linearized(), fp.SparseGaussHermite(2)]),
     }
 
 
-KINDS = ("Design", "Evaluation", "Fit", "Validation", "Campaign", "Identifiability", "PieceDesign", "RuleComparison")
-TABLES = ("Design", "Evaluation", "Fit", "Validation", "Campaign", "PieceDesign", "RuleComparison")
+KINDS = ("Design", "Evaluation", "Fit", "Validation", "Campaign", "Identifiability", "ApproximateDesign", "PieceDesign", "RuleComparison")
+TABLES = ("Design", "Evaluation", "Fit", "Validation", "Campaign", "ApproximateDesign", "PieceDesign", "RuleComparison")
 
 
 def same(a: Any, b: Any) -> None:

@@ -38,6 +38,9 @@ SAME = 1e-6
 POLISHING = 6
 """Most Newton steps of the support's points."""
 
+WORTH_POLISHING = 0.05
+"""Most that log phi may lose by merging before the points are moved."""
+
 NEAR, FAR = 40, 60
 """Candidates with a large sensitivity from which ascents start in each round, and iterations of an ascent."""
 
@@ -108,7 +111,9 @@ class _Refining:
         return z, value
 
     def solve(self, tolerance: float) -> None:
-        self.weights = optimal_weights(self.pool, self.asked, tolerance=tolerance, space=self.space)
+        new = optimal_weights(self.pool, self.asked, tolerance=tolerance, space=self.space)
+        if new.log_phi >= self.weights.log_phi - tolerance:  # what was found before is among the candidates still
+            self.weights = new
 
     def add(self, z: Array) -> None:
         points = self.box.points(z)
@@ -169,8 +174,10 @@ class _Refining:
             if len(places) < len(points):
                 continue
             some = self._weights_of(points, rows, tolerance)
-            if some.weights.log_phi >= self.weights.log_phi - MERGING_COSTS:
-                return self._polished(some, tolerance)
+            if some.weights.log_phi >= self.weights.log_phi - WORTH_POLISHING:
+                some = self._polished(some, tolerance)
+                if some.weights.log_phi >= self.weights.log_phi - MERGING_COSTS:
+                    return some
         return best
 
     def _weights_of(self, points: Experiments, rows: Array, tolerance: float) -> _Support:
