@@ -178,7 +178,20 @@ def _options() -> argparse.Namespace:
     parser.add_argument(
         "task",
         nargs="?",
-        choices=("peers", "scaling", "models", "validation", "campaign", "stiff", "runs", "pieces", "approximate", "packs", "cost", "table"),
+        choices=(
+            "peers",
+            "scaling",
+            "models",
+            "validation",
+            "campaign",
+            "stiff",
+            "runs",
+            "pieces",
+            "approximate",
+            "packs",
+            "cost",
+            "table",
+        ),
         help="other programs; how the cost grows; models written in Python; many fits; design in batches; stiff"
         " models; designs of runs; windows of a log; kinds of vectors;"
         " instructions per trajectory next to the recorded ones; a report as Markdown; nothing for all of fisherpoint next to"

@@ -15,7 +15,13 @@ from ..show.style import CRITERION, NOISE, PRIOR, STYLE, scale
 
 
 def sensitivity_figure(
-    axes: Sequence[Quantity], sample: Experiments, values: Array, support: Experiments, of_support: Array, weights: Array, level: int
+    axes: Sequence[Quantity],
+    sample: Experiments,
+    values: Array,
+    support: Experiments,
+    of_support: Array,
+    weights: Array,
+    level: int,
 ) -> Figure:
     """Candidates as dots, the support with its weights, and the level that none exceeds at an optimum."""
     tables = sample.table, support.table

@@ -1,7 +1,7 @@
 """Many local ascents of the sensitivity function in a region at once.
 
-Each follows a quasi-Newton direction (BFGS) on the coordinates that no bound stops; of some step lengths the best valid point is the
-next. Gradients are central differences of psi(x) = tr(G F(x)), for all ascents in one call of the engine.
+Each follows a quasi-Newton direction (BFGS) on the coordinates that no bound stops; of some step lengths the best valid point is
+the next. Gradients are central differences of psi(x) = tr(G F(x)), for all ascents in one call of the engine.
 """
 
 from __future__ import annotations
@@ -85,7 +85,9 @@ def newton(psi: Psi, z: Array, difference: float) -> Array:
     gradient = _gradient(psi, z, value, difference)
     wide = 10 * difference
     inside = np.clip(z, wide, 1.0 - wide)
-    sides = np.stack([_gradient(psi, inside + s * wide * e, psi(inside + s * wide * e), difference) for e in np.eye(d) for s in (1, -1)])
+    sides = np.stack(
+        [_gradient(psi, inside + s * wide * e, psi(inside + s * wide * e), difference) for e in np.eye(d) for s in (1, -1)]
+    )
     hessian = np.moveaxis(sides[::2] - sides[1::2], 0, 1) / (2 * wide)
     hessian = (hessian + np.swapaxes(hessian, 1, 2)) / 2
     result = z.copy()
@@ -107,6 +109,7 @@ def _gradient(psi: Psi, z: Array, value: Array, difference: float) -> Array:
     places = np.clip(z[:, None] + shifts, 0.0, 1.0)
     found = psi(places.reshape(-1, d)).reshape(count, 2, d)
     moved = np.moveaxis(places.reshape(count, 2, d, d).diagonal(axis1=2, axis2=3), 1, 1)
+    value = np.where(np.isfinite(value), value, np.nan)  # of what is no valid point there is no derivative
     lost = ~np.isfinite(found)
     found, moved = np.where(lost, value[:, None, None], found), np.where(lost, z[:, None, :], moved)
     width = moved[:, 0] - moved[:, 1]

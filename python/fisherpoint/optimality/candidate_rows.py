@@ -7,8 +7,11 @@ that are looked at more closely.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..basics.values import Array, IntArray
+from ..basics.values import Array
+
+Places = NDArray[np.intp]
 
 AT_ONCE = 1 << 15
 """Candidates whose products are held at once, so that memory stays bounded."""
@@ -33,7 +36,7 @@ class CandidateRows:
 
     def along(self, half: Array) -> Array:
         """tr(Y Y^T F_i) for every candidate, (K,)."""
-        count, n, p = self.rows.shape
+        count, _, p = self.rows.shape
         result = np.empty(count)
         for first in range(0, count, AT_ONCE):
             part = self.rows[first : first + AT_ONCE]
@@ -43,16 +46,16 @@ class CandidateRows:
             result += np.einsum("jq,jk,kq->", half, self.constant, half)
         return result
 
-    def matrices(self, chosen: IntArray, into: Array) -> Array:
+    def matrices(self, chosen: Places, into: Array) -> Array:
         """B^T F_i B (m, r, r) of those that are chosen."""
         rows = self.rows[chosen] @ into
         matrices = np.swapaxes(rows, 1, 2) @ rows
-        return matrices if self.constant is None else matrices + into.T @ self.constant @ into
+        return np.asarray(matrices if self.constant is None else matrices + into.T @ self.constant @ into)
 
-    def information(self, chosen: IntArray, weights: Array) -> Array:
+    def information(self, chosen: Places, weights: Array) -> Array:
         """sum_i w_i F_i, (p, p)."""
         rows = (self.rows[chosen] * np.sqrt(weights)[:, None, None]).reshape(-1, self.rows.shape[2])
-        return rows.T @ rows if self.constant is None else rows.T @ rows + weights.sum() * self.constant
+        return np.asarray(rows.T @ rows if self.constant is None else rows.T @ rows + weights.sum() * self.constant)
 
     def triangle(self) -> Array:
         """R (p, p) with R^T R the mean of all F_i, without squares of small numbers where these would lose digits."""
@@ -69,7 +72,7 @@ class CandidateRows:
         r = np.zeros((0, p)) if self.constant is None else symmetric_root(self.constant) * np.sqrt(count)
         for first in range(0, len(flat), AT_ONCE):
             r = np.linalg.qr(np.concatenate([r, flat[first : first + AT_ONCE]]), mode="r")
-        return np.concatenate([r, np.zeros((max(0, p - len(r)), p))]) / np.sqrt(count)
+        return np.asarray(np.concatenate([r, np.zeros((max(0, p - len(r)), p))]) / np.sqrt(count))
 
 
 def symmetric_root(matrix: Array) -> Array:

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.quantity import names_of
-from ..basics.values import Array, IntArray
+from ..basics.values import Array
 from ..points.experiments import Experiments
 from ..points.region import ExperimentRegion
 from .ascents import ascend, newton
-from .candidate_rows import CandidateRows
+from .candidate_rows import CandidateRows, Places
 from .criteria import Criterion
 from .estimable import Estimable
 from .point_rows import PointRows
@@ -80,7 +80,7 @@ class _Box:
 
     def places(self, points: Experiments) -> Array:
         table = points.table[:, : len(self.lower)]
-        return np.clip(((table - self.lower)[:, self.free]) / (self.upper - self.lower)[self.free], 0.0, 1.0)
+        return np.asarray(np.clip((table - self.lower)[:, self.free] / (self.upper - self.lower)[self.free], 0.0, 1.0))
 
     @property
     def difference(self) -> float:
@@ -243,10 +243,9 @@ def refined(
     log_bound = slope + float(np.log(largest))
     half = work.weights.half
     count = len(final.chosen)
-    proven = Weights(
-        np.arange(count), final.weights, half, largest, float(np.exp(min(final.log_phi - log_bound, 0.0))), final.log_phi, log_bound,
-        final.estimable, weights.deleted, final.rounds,
-    )  # fmt: skip
+    efficiency, deleted = float(np.exp(min(final.log_phi - log_bound, 0.0))), weights.deleted
+    bounds = final.log_phi, log_bound, final.estimable, deleted, final.rounds
+    proven = Weights(np.arange(count), final.weights, half, largest, efficiency, *bounds)
     return Refinement(support, rows, proven, len(work.pool), len(first))
 
 
@@ -261,9 +260,9 @@ def _starts(work: _Refining, support: Experiments, along: Array, count: int, rng
     return places
 
 
-def _completing(some: CandidateRows, pool: CandidateRows, space: Estimable) -> IntArray:
+def _completing(some: CandidateRows, pool: CandidateRows, space: Estimable) -> Places:
     """Candidates that together with some others determine all that is estimable."""
-    beside = np.empty(0, dtype=int)
+    beside = np.empty(0, dtype=np.intp)
     matrix = some.matrices(np.arange(len(some)), space.into).mean(axis=0)
     for _ in range(space.rank):
         values, vectors = np.linalg.eigh(matrix)
@@ -276,11 +275,11 @@ def _completing(some: CandidateRows, pool: CandidateRows, space: Estimable) -> I
 
 def _distinct(z: Array, value: Array, radius: float) -> Array:
     """Of places closer than a radius to each other, that of the largest value."""
-    kept: list[IntArray] = []
+    kept: list[int] = []
     for k in np.argsort(-value):
         if all(np.abs(z[k] - z[other]).max() > radius for other in kept):
-            kept.append(k)
-    return z[np.array(kept, dtype=int)]
+            kept.append(int(k))
+    return np.asarray(z[np.array(kept, dtype=np.intp)])
 
 
 def _groups(z: Array, radius: float) -> NDArray[np.intp]:

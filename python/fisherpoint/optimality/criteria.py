@@ -36,6 +36,8 @@ class Slope:
     log_phi: float
     factor: Array  # Cholesky factor L of M; for "E" the eigenvalues of N
     share: float  # for "E", the smoothing
+    smooth: float = 0.0  # for "E", the smoothed value in units of `size`
+    size: float = 1.0
 
     @property
     def gradient(self) -> Array:
@@ -85,8 +87,8 @@ class Criterion(ABC):
             raise ValueError(f"reference: expected information that determines what criterion {self.name!r} asks, given none")
         return float(np.exp(value - other))
 
-    def slope(self, information: Array, share: float = 0.0) -> Slope:
-        """Derivatives of log phi at a regular matrix; `share` smooths what has kinks ("E")."""
+    def slope(self, information: Array, share: float = 0.0, size: float | None = None) -> Slope:
+        """Derivatives of log phi at a regular matrix; `share` of `size` smooths what has kinks ("E")."""
         raise NotImplementedError
 
     def _curvature(self, slope: Slope, matrices: Array) -> Array:
@@ -120,10 +122,10 @@ class Determinant(Criterion):
             return -np.inf
         return -2.0 * float(np.log(np.abs(np.diag(np.linalg.qr(solved, mode="r")))).sum()) / self.level
 
-    def slope(self, information: Array, share: float = 0.0) -> Slope:
-        factor = np.linalg.cholesky(information)
+    def slope(self, information: Array, share: float = 0.0, size: float | None = None) -> Slope:
+        factor = np.asarray(np.linalg.cholesky(information), dtype=np.float64)
         whitened = np.linalg.solve(factor, self.k)
-        r = np.linalg.qr(whitened, mode="r")
+        r = np.asarray(np.linalg.qr(whitened, mode="r"), dtype=np.float64)
         # Z (K^T M^-1 K)^-1/2 with Z = M^-1 K, over sqrt(s)
         half = np.linalg.solve(factor.T, np.linalg.solve(r.T, whitened.T).T)
         log_phi = -2.0 * float(np.log(np.abs(np.diag(r))).sum()) / self.level
@@ -156,14 +158,14 @@ class Variance(Criterion):
 
     def gradient(self, information: Array) -> Array:
         slope = self.slope(information)
-        return -np.exp(-slope.log_phi) * slope.gradient
+        return np.asarray(-np.exp(-slope.log_phi) * slope.gradient)
 
     def log_phi(self, information: Array) -> float:
         solved = _half_solved(information, self.k)
         return -np.inf if solved is None else -float(np.log(np.square(solved).sum()))
 
-    def slope(self, information: Array, share: float = 0.0) -> Slope:
-        factor = np.linalg.cholesky(information)
+    def slope(self, information: Array, share: float = 0.0, size: float | None = None) -> Slope:
+        factor = np.asarray(np.linalg.cholesky(information), dtype=np.float64)
         whitened = np.linalg.solve(factor, self.k)
         variance = float(np.square(whitened).sum())
         half = np.linalg.solve(factor.T, whitened) / np.sqrt(variance)
@@ -183,8 +185,8 @@ class Variance(Criterion):
 class SmallestEigenvalue(Criterion):
     """The smallest eigenvalue of S M S, "E", with S the diagonal matrix of the scales.
 
-    It has kinks where eigenvalues meet, as they mostly do at the optimum. Smoothed it is the largest t + a log det(S M S - t I) over
-    t, of which the derivative is N = a (S M S - t I)^-1, with tr N = 1. Any such N bounds what mixtures can reach, by
+    It has kinks where eigenvalues meet, as they mostly do at the optimum. Smoothed it is the largest t + a log det(S M S - t I)
+    over t, of which the derivative is N = a (S M S - t I)^-1, with tr N = 1. Any such N bounds what mixtures can reach, by
     max_i tr(N S F_i S).
     """
 
@@ -207,18 +209,21 @@ class SmallestEigenvalue(Criterion):
         values = np.linalg.eigvalsh(self._scaled(information))
         return float(np.log(values[0])) if values[0] > _SINGULAR * values[-1] else -np.inf
 
-    def slope(self, information: Array, share: float = 0.0) -> Slope:
+    def slope(self, information: Array, share: float = 0.0, size: float | None = None) -> Slope:
         values, vectors = np.linalg.eigh(self._scaled(information))
         if not values[0] > 0:
             raise np.linalg.LinAlgError("not positive definite")
-        amount = max(share, 1e-12) * values[0]
+        unit = float(values[0]) if size is None else size
+        amount = max(share, 1e-12) * unit
         low, high = values[0] - len(values) * amount, values[0] - amount  # where sum a / (lambda_j - t) passes 1
-        for _ in range(100):
+        for _ in range(60):
             t = (low + high) / 2
             low, high = (t, high) if (amount / (values - t)).sum() < 1 else (low, t)
         weights = amount / (values - low)
-        half = self.k @ (vectors * np.sqrt(weights / weights.sum() / values[0]))
-        return Slope(self, half, float(np.log(values[0])), weights / weights.sum(), amount / values[0])
+        smooth = (low + amount * np.log((values - low) / amount).sum()) / unit
+        weights = weights / weights.sum()
+        half = self.k @ (vectors * np.sqrt(weights / unit))
+        return Slope(self, half, float(np.log(values[0])), weights, amount / unit, float(smooth), unit)
 
     def _curvature(self, slope: Slope, matrices: Array) -> Array:
         # -tr(N F_i N F_j) / a + tr(N^2 F_i) tr(N^2 F_j) / (a tr N^2), as t follows M; here in units of phi, and N = phi G.
@@ -230,8 +235,8 @@ class SmallestEigenvalue(Criterion):
 
     def within(self, estimable: Estimable) -> Criterion:
         # M = Q M_q Q^T and M' = (Q^T B)^T M_q (Q^T B); the eigenvalues of S M S that are not 0 are those of R M_q R^T, (S Q) = U R
-        r = np.linalg.qr(self.k.T @ estimable.span, mode="r")
-        return SmallestEigenvalue(np.linalg.solve(estimable.span.T @ estimable.into, r.T))
+        r = np.asarray(np.linalg.qr(self.k.T @ estimable.span, mode="r"), dtype=np.float64)
+        return SmallestEigenvalue(np.asarray(np.linalg.solve(estimable.span.T @ estimable.into, r.T), dtype=np.float64))
 
 
 class ConditionNumber(Criterion):

@@ -1,4 +1,4 @@
-"""What candidates tell together: the directions of the parameters that any design of them can determine, and those that none can."""
+"""What candidates tell together: the directions of the parameters that designs of them can determine, and those that none can."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Estimable:
 
     @property
     def rank(self) -> int:
-        return self.into.shape[1]
+        return int(self.into.shape[1])
 
     @property
     def orthonormal(self) -> Estimable:

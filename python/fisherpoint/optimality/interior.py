@@ -52,10 +52,12 @@ def best_weights(matrices: Array, criterion: Criterion, gap: float) -> tuple[Arr
         step = _newton(slope, matrices, g, w, s, mu)
         if step is None:
             break
-        moved = _moved(criterion, matrices, (w, s, nu), step, (mu, share), g)
+        moved = _moved(criterion, matrices, (w, s, nu), step, (mu, share), g, slope)
         if moved is None:
             break
         w, s, nu, slope = moved
+        if criterion.kinked:  # in units of its own value
+            slope = criterion.slope(mean_of(matrices, w), share)
         g = slope.along(matrices)
     return best
 
@@ -79,24 +81,39 @@ def _newton(slope: Slope, matrices: Array, g: Array, w: Array, s: Array, mu: flo
 
 
 def _moved(
-    criterion: Criterion, matrices: Array, at: tuple[Array, Array, float], step: tuple[Array, Array, float], towards: tuple[float, float], g: Array
+    criterion: Criterion,
+    matrices: Array,
+    at: tuple[Array, Array, float],
+    step: tuple[Array, Array, float],
+    towards: tuple[float, float],
+    g: Array,
+    slope_now: Slope,
 ) -> tuple[Array, Array, float, Slope] | None:
     """The longest step on which weights and s stay positive and the residuals shrink."""
     (w, s, nu), (dw, ds, new_nu), (mu, share) = at, step, towards
     falling = np.concatenate([-dw / w, -ds / s]).max()
     length = min(1.0, TO_THE_BOUNDARY / max(falling, 1e-300))
-    residual = _residual(g, w, s, nu, mu)
+    now = _merit(slope_now, g, at, mu)
     for _ in range(40):
-        w_new, s_new, nu_new = w + length * dw, s + length * ds, nu + length * (new_nu - nu)
+        new = w + length * dw, s + length * ds, nu + length * (new_nu - nu)
         try:
-            slope = criterion.slope(mean_of(matrices, w_new), share)
+            slope = criterion.slope(mean_of(matrices, new[0]), share, slope_now.size)
         except np.linalg.LinAlgError:
             length /= 2
             continue
-        if _residual(slope.along(matrices), w_new, s_new, nu_new, mu) <= (1 - 0.01 * length) * residual:
-            return w_new, s_new, nu_new, slope
+        merit = _merit(slope, slope.along(matrices), new, mu)
+        if merit <= (now if criterion.kinked else (1 - 0.01 * length) * now):
+            return *new, slope
         length /= 2
     return None
+
+
+def _merit(slope: Slope, g: Array, at: tuple[Array, Array, float], mu: float) -> float:
+    """What falls from step to step: the residuals, or of what is smoothed the function itself with its barrier."""
+    w, s, nu = at
+    if slope.criterion.kinked:
+        return -slope.smooth - mu * float(np.log(w).sum())
+    return _residual(g, w, s, nu, mu)
 
 
 def _residual(g: Array, w: Array, s: Array, nu: float, mu: float) -> float:

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..basics.values import Array, IntArray
-from .candidate_rows import CandidateRows
+from ..basics.values import Array
+from .candidate_rows import CandidateRows, Places
 from .criteria import Criterion, Determinant, Slope
 from .estimable import Estimable, estimable
 from .interior import best_weights, mean_of
@@ -27,7 +27,7 @@ LARGE = 128
 REGULAR = 1e-6
 """Smallest eigenvalue of the mean of a working set, next to the mean of all candidates, which has 1."""
 
-MOST_ROUNDS, MOST_IDLE = 300, 6
+MOST_ROUNDS, MOST_IDLE = 300, 12
 """Rounds, and rounds in a row without progress, after which double precision has no more."""
 
 LEAST_WEIGHTS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-11)
@@ -58,7 +58,7 @@ class Weights:
     rounds : int
     """
 
-    chosen: IntArray
+    chosen: Places
     weights: Array
     half: Array
     largest: float
@@ -109,7 +109,7 @@ class _Search:
         self.deletes = isinstance(criterion, Determinant) and criterion.whole
         self.deleted = self.rounds = 0
 
-    def run(self, working: IntArray) -> None:
+    def run(self, working: Places) -> None:
         """Rounds until the sensitivity function of no candidate exceeds 1 by more than the tolerance, or none gets closer."""
         gap = smallest = np.inf
         idle = 0
@@ -157,11 +157,9 @@ class _Search:
                 half, largest = self.space.into @ own.half, of_own
                 log_bound = min(log_bound, own.log_phi + float(np.log(of_own)))
         efficiency = float(np.exp(min(log_phi - log_bound, 0.0)))
-        return Weights(
-            chosen, weights, half, largest, efficiency, log_phi, log_bound, self.space, self.deleted, self.rounds
-        )
+        return Weights(chosen, weights, half, largest, efficiency, log_phi, log_bound, self.space, self.deleted, self.rounds)
 
-    def _few(self) -> tuple[IntArray, Array, Array]:
+    def _few(self) -> tuple[Places, Array, Array]:
         """The candidates of the best weights without those that hardly count, and their information matrix."""
         raw = self.best
         matrices = self.candidates.matrices(raw.working, self.space.into)
@@ -186,7 +184,7 @@ class _Search:
 class _Raw(NamedTuple):
     """The weights of a working set, as the interior point method leaves them."""
 
-    working: IntArray
+    working: Places
     weights: Array
     slope: Slope
 
@@ -205,7 +203,7 @@ def least_sensitivity(gap: float, p: int) -> float:
     return max(0.0, 1.0 + e / 2 - float(np.sqrt(e * (4.0 + e - 4.0 / p))) / 2)
 
 
-def _added(along: Array) -> IntArray:
+def _added(along: Array) -> Places:
     """Candidates that would help: the largest of each part of the list, so that they differ, and the largest of all."""
     size = -(-len(along) // ADDED)
     padded = np.full(size * -(-len(along) // size), -np.inf)
@@ -217,7 +215,7 @@ def _added(along: Array) -> IntArray:
     return np.asarray(found[along[found] >= 1.0 - 1e-9])
 
 
-def _first(candidates: CandidateRows, space: Estimable, rng: np.random.Generator) -> IntArray:
+def _first(candidates: CandidateRows, space: Estimable, rng: np.random.Generator) -> Places:
     """Candidates of which the mean is regular: some at random, and where these do not do, what tells the rest."""
     count = len(candidates)
     working = np.sort(rng.choice(count, min(FIRST, count), replace=False))
