@@ -165,6 +165,14 @@ def test_what_no_candidate_tells_is_left_out() -> None:
     m = basis.T @ blind.information(found.chosen, found.weights) @ basis
     gains = [np.trace(np.linalg.solve(m, basis.T @ f @ basis)) for f in blind.matrices(np.arange(60), np.eye(P))]
     assert max(gains) <= 3 * (1 + 2e-6)
+    for name in ("A", "E"):  # of what is estimable alone
+        one = {"A": Variance("A", np.eye(P), True), "E": SmallestEigenvalue(np.eye(P))}[name]
+        best = optimal_weights(blind, one)
+        values = np.linalg.eigvalsh(blind.information(best.chosen, best.weights))[1:]
+        value = (1 / values).sum() if name == "A" else values[0]
+        inner = one.within(space.orthonormal)
+        assert inner.value(space.span.T @ blind.information(best.chosen, best.weights) @ space.span) == pytest.approx(value)
+        assert best.efficiency > 0.999
     assert Variance("c", direction[:, None]).outside(space) == pytest.approx(1)
     assert Variance("c", basis[:, :1]).outside(space) < 1e-8
 

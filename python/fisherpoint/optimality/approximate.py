@@ -94,7 +94,8 @@ def approximate(
     if criterion == "ME":
         raise ValueError("criterion: expected one with a concave form, given 'ME': no bound holds for the condition number")
     asked = criterion_of(problem, criterion, of=of, conditions=conditions, scale=scale, threads=threads)
-    counts = [check_positive_int(n, label) for n, label in ((starts, "starts"), (n_candidates, "n_candidates"))]
+    starts = check_positive_int(starts, "starts", 1, MOST_CANDIDATES)
+    n_candidates = check_positive_int(n_candidates, "n_candidates", 1, MOST_CANDIDATES)
     seed, threads = check_positive_int(seed, "seed", 0), resolve_threads(threads)
     tolerance = as_positive(tolerance, "tolerance")
     if not 1e-9 <= tolerance <= 0.1:
@@ -106,7 +107,7 @@ def approximate(
 
     source = PointRows(problem, threads)
     rng = np.random.default_rng(seed)
-    given = _drawn(problem, min(counts[1], MOST_CANDIDATES), rng) if candidates is None else candidates
+    given = _drawn(problem, n_candidates, rng) if candidates is None else candidates
     rows, places = source.valid(given)
     if not len(rows):
         told = ", ".join(f"{reason} {count}" for reason, count in source.rejected.items())
@@ -122,7 +123,7 @@ def approximate(
     weights = optimal_weights(pool, asked, tolerance=tolerance, seed=seed, space=space)
     found = Refinement(points[weights.chosen], rows[weights.chosen], weights, len(rows), 0)
     if candidates is None:
-        found = refined(source, points, pool, asked, weights, counts[0], tolerance, rng)
+        found = refined(source, points, pool, asked, weights, starts, tolerance, rng)
     weights = found.weights
     information = CandidateRows(found.rows, constant).information(np.arange(len(found.rows)), weights.weights)
     inside = space.span.T @ information @ space.span if len(space.null) else information

@@ -155,7 +155,7 @@ class _Search:
             of_own = float(all_of.along(self.space.into @ own.half).max())
             if own.log_phi + np.log(of_own) <= log_bound + 0.5 * self.tolerance:
                 half, largest = self.space.into @ own.half, of_own
-                log_bound = min(log_bound, own.log_phi + float(np.log(of_own)))
+                log_bound = own.log_phi + float(np.log(of_own))
         efficiency = float(np.exp(min(log_phi - log_bound, 0.0)))
         return Weights(chosen, weights, half, largest, efficiency, log_phi, log_bound, self.space, self.deleted, self.rounds)
 
