@@ -7,6 +7,7 @@
 ``python -m bench stiff`` compares stiff models with CVODES;
 ``python -m bench runs`` compares designs of runs with published ones;
 ``python -m bench pieces`` picks the best windows of a log of a million samples;
+``python -m bench approximate`` finds optimal weights of a million candidates;
 ``python -m bench packs`` for what the core's packs could be made of;
 ``python -m bench cost`` counts instructions per trajectory, and exits with 1 where they are a tenth more than recorded;
 ``python -m bench table FILE`` prints what they wrote with ``--json`` as Markdown.
@@ -25,6 +26,7 @@ from typing import Any
 from fisherpoint.points.settings import resolve_threads
 
 from . import (
+    approximate,
     campaign,
     cost,
     covariances,
@@ -77,6 +79,11 @@ def main() -> int:
         of_runs = runs.measure(options.quick, tables.console.print)
         tables.show_runs(of_runs)
         _save(options, {"machine": found, "quick": options.quick, "runs": [asdict(figures) for figures in of_runs]})
+        return 0
+    if options.task == "approximate":
+        of_weights = approximate.measure(options.quick)
+        print(approximate.show(of_weights))
+        _save(options, {"machine": found, "quick": options.quick, "approximate": [asdict(figures) for figures in of_weights]})
         return 0
     if options.task == "pieces":
         of_pieces = pieces.measure(options.quick)
@@ -171,7 +178,20 @@ def _options() -> argparse.Namespace:
     parser.add_argument(
         "task",
         nargs="?",
-        choices=("peers", "scaling", "models", "validation", "campaign", "stiff", "runs", "pieces", "packs", "cost", "table"),
+        choices=(
+            "peers",
+            "scaling",
+            "models",
+            "validation",
+            "campaign",
+            "stiff",
+            "runs",
+            "pieces",
+            "approximate",
+            "packs",
+            "cost",
+            "table",
+        ),
         help="other programs; how the cost grows; models written in Python; many fits; design in batches; stiff"
         " models; designs of runs; windows of a log; kinds of vectors;"
         " instructions per trajectory next to the recorded ones; a report as Markdown; nothing for all of fisherpoint next to"

@@ -29,6 +29,10 @@ from .information.identifiability import Identifiability, identifiability
 from .information.nearby import Nearby
 from .information.problem import DesignProblem
 from .models import HydraulicCylinder, Model
+from .optimality.approximate import approximate
+from .optimality.approximate_design import ApproximateDesign
+from .optimality.asked import criterion
+from .optimality.criteria import Criterion
 from .points.broken_limits import broken_limits
 from .points.constraints import Constraint
 from .points.experiments import Experiments
@@ -58,10 +62,12 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "ApproximateDesign",
     "CallableModel",
     "Campaign",
     "ComparedDesign",
     "Constraint",
+    "Criterion",
     "Design",
     "DesignComparison",
     "DesignProblem",
@@ -109,12 +115,14 @@ __all__ = [
     "Unscented",
     "Validation",
     "VirtualRig",
+    "approximate",
     "assumed_covariance",
     "available_isas",
     "best_pieces",
     "broken_limits",
     "compare",
     "compare_rules",
+    "criterion",
     "design_runs",
     "estimate",
     "evaluate_design",

@@ -216,6 +216,35 @@ def cases() -> dict[str, Case]:
         "best_pieces": _case(
             fp.best_pieces, problem=(problem(),), pieces=(log_pieces(),), n_pieces=(1, INT), seed=(0, INT), threads=threads
         ),
+        "approximate": _case(
+            fp.approximate,
+            problem=(problem(),),
+            candidates=(points(), POINTS, NONE),
+            criterion=("D",),
+            of=(None, NONE),
+            conditions=(None, NONE),
+            scale=(None, NONE),
+            prior_information=(False, FLAG),
+            n_experiments=(None, NONE),
+            n_candidates=(20, INT),
+            starts=(5, INT),
+            tolerance=(1e-4, NUMBER),
+            seed=(0, INT),
+            threads=threads,
+        ),
+        "criterion": _case(
+            fp.criterion,
+            problem=(problem(),),
+            name=("D",),
+            of=(None, NONE),
+            conditions=(None, NONE),
+            scale=(None, NONE),
+            threads=threads,
+        ),
+        "criterion of a function": _case(fp.criterion, problem=(problem(),), name=("c",), of=("a", TEXT, TERM)),
+        "criterion of predictions": _case(
+            fp.criterion, problem=(problem(),), name=("I",), of=("y", TEXT), conditions=(points(), POINTS)
+        ),
         "simulate_record": _case(
             fp.simulate_record,
             model=of_model,

@@ -37,24 +37,16 @@ def results() -> dict[str, Any]:
         "Validation": fp.validate(PROBLEM, {"four": design.points}, runs=20),
         "Campaign": campaign,
         "Identifiability": fp.identifiability(MODEL, PRIOR, REGION),
+        "ApproximateDesign": fp.approximate(PROBLEM, n_candidates=200, starts=50),
         "PieceDesign": fp.best_pieces(PROBLEM, fp.pieces(RECORD, MODEL, length=5), 4),
         "DesignComparison": fp.compare(PROBLEM, {"four": design, "two": design.points[:2]}, draws=50),
         "RuleComparison": fp.compare_rules(PROBLEM, design.points, [fp.Linearized(), fp.SparseGaussHermite(2)]),
     }
 
 
-KINDS = (
-    "Design",
-    "Evaluation",
-    "Fit",
-    "Validation",
-    "Campaign",
-    "Identifiability",
-    "PieceDesign",
-    "DesignComparison",
-    "RuleComparison",
-)
-TABLES = ("Design", "Evaluation", "Fit", "Validation", "Campaign", "PieceDesign", "DesignComparison", "RuleComparison")
+MORE = ("ApproximateDesign", "PieceDesign", "DesignComparison", "RuleComparison")
+KINDS = ("Design", "Evaluation", "Fit", "Validation", "Campaign", "Identifiability", *MORE)
+TABLES = ("Design", "Evaluation", "Fit", "Validation", "Campaign", *MORE)
 
 
 def same(a: Any, b: Any) -> None:

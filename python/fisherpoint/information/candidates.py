@@ -122,24 +122,32 @@ class CandidateSource:
 
     def _survivors(self, points: Experiments) -> tuple[PointInformation, NDArray[np.intp]]:
         """Those that are valid at the prior mean, and their places; the others are counted."""
-        problem, rejected = self._problem, Counter[str]()
-        keep = np.ones(len(points), dtype=bool)
-        if self._region.constraints:
-            keep = self._region.satisfied(problem.model, points)
-            rejected["constraint"] += int((~keep).sum())
-        inside = np.flatnonzero(keep)
-        for surface, rows in on_surface(problem.model, points[inside], problem.theta, problem.crossed).items():
-            rejected[f"starts on {surface} = 0"] += int(keep[inside[rows]].sum())
-            keep[inside[rows]] = False
-        if problem.initial_state_std:
-            near = starts_near(problem.limited, points, problem.theta, problem.initial_state_std, problem.kinks == "exclude")
-            for surface, rows in near.items():
-                rejected[f"starts near {surface}{'' if surface in problem.limited.along else ' = 0'}"] += int(keep[rows].sum())
-                keep[rows] = False
-        tried = np.flatnonzero(keep)
-        information, status = point_sensitivities(problem, points[tried], self._threads)
-        rejected.update(failures_of(status))
+        information, kept, rejected = survivors(self._problem, self._region, points, self._threads)
         self.drawn += len(points)  # with the reasons, so that the counts add up after an interrupt too
         self.rejected.update(+rejected)
-        survive = status == Status.ok
-        return information[survive], tried[survive]
+        return information, kept
+
+
+def survivors(
+    problem: DesignProblem, region: ExperimentRegion | None, points: Experiments, threads: int | None
+) -> tuple[PointInformation, NDArray[np.intp], Counter[str]]:
+    """Points that satisfy a region's constraints and are valid at the prior mean, their places, and reasons of the others."""
+    rejected = Counter[str]()
+    keep = np.ones(len(points), dtype=bool)
+    if region is not None and region.constraints:
+        keep = region.satisfied(problem.model, points)
+        rejected["constraint"] += int((~keep).sum())
+    inside = np.flatnonzero(keep)
+    for surface, rows in on_surface(problem.model, points[inside], problem.theta, problem.crossed).items():
+        rejected[f"starts on {surface} = 0"] += int(keep[inside[rows]].sum())
+        keep[inside[rows]] = False
+    if problem.initial_state_std:
+        near = starts_near(problem.limited, points, problem.theta, problem.initial_state_std, problem.kinks == "exclude")
+        for surface, rows in near.items():
+            rejected[f"starts near {surface}{'' if surface in problem.limited.along else ' = 0'}"] += int(keep[rows].sum())
+            keep[rows] = False
+    tried = np.flatnonzero(keep)
+    information, status = point_sensitivities(problem, points[tried], threads)
+    rejected.update(failures_of(status))
+    survive = status == Status.ok
+    return information[survive], tried[survive], rejected
