@@ -16,6 +16,8 @@ ROOT = Path(__file__).parents[2]
 ALIASES = set(ARGUMENTS)  # of equations as text
 
 OPTIONAL_AND_POSITIONAL = {
+    "approximate": ["candidates"],
+    "criterion": ["name"],
     "Campaign": ["batch"],
     "Experiments": ["dt"],
     "ExperimentRegion": ["constraints"],

@@ -106,7 +106,7 @@ def test_a_file_of_a_result_is_as_it_was_written_or_refused(kind: str, results: 
 @pytest.mark.parametrize("kind", TABLES)
 def test_a_result_is_a_table(kind: str, results: dict[str, Any]) -> None:
     frame = results[kind].to_pandas()
-    assert isinstance(frame, pd.DataFrame) and len(frame) >= 2 and frame.index.names[-1] in ("parameter", "rule", "window")
+    assert isinstance(frame, pd.DataFrame) and len(frame) >= 2 and frame.index.names[-1] in ("parameter", "point", "rule", "window")
     assert frame.select_dtypes("number").notna().all(axis=None)
 
 

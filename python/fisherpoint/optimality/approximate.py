@@ -69,7 +69,7 @@ def approximate(
     n_experiments : int, optional
         For `prior_information`, of which the share depends on how much is measured.
     n_candidates : int
-        Valid candidates that are drawn in the region first.
+        Candidates that are drawn in the region first; those that are no points are left out.
     starts : int
         Places from which local ascents must find nothing.
     tolerance : float

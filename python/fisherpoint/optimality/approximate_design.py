@@ -203,7 +203,8 @@ class ApproximateDesign(Shown, Kept):
             import pandas as pd
 
         names = names_of(self.problem.model.axes)
-        frame = pd.DataFrame(self.points.table[:, : len(names)], columns=pd.Index(names))
+        index = pd.RangeIndex(len(self.points), name="point")
+        frame = pd.DataFrame(self.points.table[:, : len(names)], index, pd.Index(names))
         return frame.assign(weight=self.weights)
 
     def report(self) -> Report:

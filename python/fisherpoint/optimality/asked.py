@@ -12,6 +12,7 @@ from ..basics.values import Array
 from ..information.point_information import point_information
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
+from ..points.settings import resolve_threads
 from .criteria import ConditionNumber, Criterion, Determinant, SmallestEigenvalue, Variance
 from .functions import gradient_of
 
@@ -56,7 +57,7 @@ def criterion(
         For another name, and what is missing, or not used by the criterion.
     """
     check_type(problem, DesignProblem, "problem")
-    name = check_choice(name, CRITERIA, "criterion")
+    name, threads = check_choice(name, CRITERIA, "criterion"), resolve_threads(threads)
     _check_used(name, of, conditions, scale)
     p = len(problem.estimated)
     if name == "D":

@@ -41,8 +41,15 @@ POLISHING = 6
 WORTH_POLISHING = 0.05
 """Most that log phi may lose by merging before the points are moved."""
 
-NEAR, FAR = 40, 60
-"""Candidates with a large sensitivity from which ascents start in each round, and iterations of an ascent."""
+NEAR = 40
+"""Candidates with a large sensitivity from which ascents start in each round."""
+
+SHORT, LONG = 25, 60
+"""Iterations of an ascent in the rounds, and of those that search at the end."""
+
+
+BACK = np.array([0.98, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2])
+"""Shares of the way of an ascent that ends where some plants of the prior have no trajectory."""
 
 
 class Refinement(NamedTuple):
@@ -101,13 +108,16 @@ class _Refining:
         result[places] = CandidateRows(rows, self.pool.constant).along(self.weights.half)
         return result
 
-    def peaks(self, start: Array) -> tuple[Array, Array]:
+    def peaks(self, start: Array, iterations: int) -> tuple[Array, Array]:
         """Where ascents end, and the sensitivity there, of points that are valid on all nodes."""
-        z, value = ascend(self.psi, start, self.box.difference, FAR)
+        z, value = ascend(self.psi, start, self.box.difference, iterations)
         worth = np.flatnonzero(value > 1.0 - ABOVE)
         outside = worth[~np.isfinite(self.psi(z[worth], True))]
-        if len(outside):  # the mean alone does not show where the prior's plants end: these ascents look at all of them
-            z[outside], value[outside] = ascend(lambda x: self.psi(x, True), start[outside], self.box.difference, FAR)
+        if len(outside):  # the mean alone does not show where the prior's plants end: back on the way, to where all of them run
+            tried = start[outside, None] + BACK[None, :, None] * (z[outside] - start[outside])[:, None]
+            values = self.psi(tried.reshape(-1, z.shape[1]), True).reshape(len(outside), -1)
+            best = values.argmax(axis=1)
+            z[outside], value[outside] = tried[np.arange(len(outside)), best], values[np.arange(len(outside)), best]
         return z, value
 
     def solve(self, tolerance: float) -> None:
@@ -137,7 +147,7 @@ class _Refining:
             along = self.pool.along(self.weights.half)
             good = np.argsort(-along)[:NEAR]
             start = self.box.places(self.points[np.union1d(self.weights.chosen, good)])
-            z, value = self.peaks(start)
+            z, value = self.peaks(start, SHORT)
             above = value > 1.0 + min(CLOSE, 10 * tolerance)
             if k % 3 == 0:
                 if value.max() - 1.0 > 0.5 * highest:  # no closer than three rounds ago
@@ -232,7 +242,7 @@ def refined(
         slope = work.weights.log_bound - float(np.log(work.weights.largest))
         along = work.pool.along(work.weights.half)
         first = _starts(work, support, along, starts, rng)
-        z, value = work.peaks(first)
+        z, value = work.peaks(first, LONG)
         largest = max(float(along.max()), float(value[np.isfinite(value)].max(initial=0.0)))
         if largest <= 1.0 + ABOVE or search == MOST_SEARCHES - 1:
             break
