@@ -10,7 +10,7 @@ from ..basics.values import Array
 from ..information.combinations import combination
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
-from ..show.numbers import computed, counted, number, percent
+from ..show.numbers import computed, counted, number
 from ..show.section import Report, Section
 
 WORDS = {
@@ -118,4 +118,8 @@ def _warnings(design: Reported) -> Iterator[str]:
             " the design is for the others."
         )
     if design.efficiency < CLEARLY:
-        yield f"The efficiency is proven to be at least {percent(design.efficiency)} only: double precision has no more here."
+        if design.starts:
+            why = "the search ended while ascents still came to places that tell more. More candidates (n_candidates) may help"
+        else:
+            why = "double precision has no more here"
+        yield f"The efficiency is proven to be at least {floored(design.efficiency)} only: {why}."
