@@ -11,12 +11,16 @@ from dataclasses import replace
 
 from ..basics.checks import check_type
 from ..information.evaluation import Evaluation
+from ..information.output_covariance import needs_covariances
+from ..information.point_information import PointInformation
 from ..information.previous import Previous, previous_information
 from ..information.problem import DesignProblem
 from ..points.settings import resolve_threads
+from .auto_search import AutoSearch
 from .efficiency import Efficiency, efficiency_of, median_of, random_designs
+from .point_search import PointSearch, Progress
 from .result import Design
-from .search import ExchangeSearch, Progress
+from .search import ExchangeSearch
 from .settings import ExchangeSettings
 
 
@@ -35,6 +39,7 @@ def exchange(
     references: bool = True,
     screen: bool = True,
     local: float = 0.5,
+    method: str = "paper",
     previous: Previous | None = None,
 ) -> Design:
     """Find the design with the largest det F by exchanging points for random candidates, Algorithm 1.
@@ -93,12 +98,13 @@ def exchange(
         references=references,
         screen=screen,
         local=local,
+        method=method,
     )
     if progress is not None and not callable(progress):
         raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
     threads = resolve_threads(threads)
     known, left_out = previous_information(problem, previous, threads)
-    search = ExchangeSearch(problem, settings, threads, known)
+    search = _search(problem, settings, threads, known)
     stop_reason = search.run(progress)
     efficiency = None
     under_noise = search.under_noise()
@@ -110,14 +116,21 @@ def exchange(
     return Design(**vars(search.found(stop_reason, under_noise, efficiency, left_out)))
 
 
-def _references(search: ExchangeSearch, under_noise: Evaluation | None) -> Efficiency:
+def _search(problem: DesignProblem, settings: ExchangeSettings, threads: int, previous: PointInformation | None) -> PointSearch:
+    """The search that a method asks for; where D depends on all points, or on a point's own covariance, that of the paper."""
+    if settings.method == "auto" and not needs_covariances(str(problem.output_covariance)):
+        return AutoSearch(problem, settings, threads, previous)
+    return ExchangeSearch(problem, settings, threads, previous)
+
+
+def _references(search: PointSearch, under_noise: Evaluation | None) -> Efficiency:
     """Find the noise-only optimum with the same settings and another seed, and the median random design."""
     if under_noise is None:
         return efficiency_of(search.problem, search.criterion, search.best.log_det, None, None, None)
     problem = search.problem.replace(output_covariance="noise")
     settings = search.settings
     other = replace(settings, seed=settings.seed + 1, max_redraws=0, references=False, screen=False)
-    reference = ExchangeSearch(problem, other, search.threads, search.previous)
+    reference = _search(problem, other, search.threads, search.previous)
     if reference.run(None) == "interrupted":
         raise KeyboardInterrupt
     random = random_designs(problem, settings.n_experiments, settings.seed, search.threads, search.previous, settings.time_limit)

@@ -14,7 +14,7 @@ from ..points.experiments import Experiments
 from .efficiency import Efficiency
 from .settings import ExchangeSettings
 
-STOP_REASONS = ("max_iterations", "patience", "time_limit", "interrupted")
+STOP_REASONS = ("max_iterations", "patience", "time_limit", "interrupted", "converged")
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class FoundDesign:
     rejected : mapping of reason to int
         Candidates that are no points; drawn = accepted + their sum.
     drawn, accepted : int
-    stop_reason : {"max_iterations", "patience", "time_limit", "interrupted"}
+    stop_reason : {"max_iterations", "patience", "time_limit", "interrupted", "converged"}
     seconds : float
     settings : ExchangeSettings
     problem : DesignProblem

@@ -71,17 +71,41 @@ class CandidateSource:
             share = max(self.accepted / self.drawn, 0.05) if self.drawn else 0.7
             batch = round(np.clip(4 * count / share, SMALLEST_BATCH, LARGEST_BATCH))
             tried += batch
-            survivors, _ = self._survivors(self._region.draw(self._problem.model, batch, seed=self._rng))
+            survivors, _ = self.survivors(self._region.draw(self._problem.model, batch, seed=self._rng))
             found.append(survivors)
             have += len(survivors)
         joined = PointInformation.join(found) if len(found) > 1 else found[0]
         self._spare = joined[count:] if have > count else None
         return joined[:count]
 
+    def survivors(self, points: Experiments) -> tuple[PointInformation, NDArray[np.intp]]:
+        """Return those that are valid at the prior mean, and their places; the others are counted."""
+        problem, rejected = self._problem, Counter[str]()
+        keep = np.ones(len(points), dtype=bool)
+        if self._region.constraints:
+            keep = self._region.satisfied(problem.model, points)
+            rejected["constraint"] += int((~keep).sum())
+        inside = np.flatnonzero(keep)
+        for surface, rows in on_surface(problem.model, points[inside], problem.theta, problem.crossed).items():
+            rejected[f"starts on {surface} = 0"] += int(keep[inside[rows]].sum())
+            keep[inside[rows]] = False
+        if problem.initial_state_std:
+            near = starts_near(problem.limited, points, problem.theta, problem.initial_state_std, problem.kinks == "exclude")
+            for surface, rows in near.items():
+                rejected[f"starts near {surface}{'' if surface in problem.limited.along else ' = 0'}"] += int(keep[rows].sum())
+                keep[rows] = False
+        tried = np.flatnonzero(keep)
+        information, status = point_sensitivities(problem, points[tried], self._threads)
+        rejected.update(failures_of(status))
+        self.drawn += len(points)  # with the reasons, so that the counts add up after an interrupt too
+        self.rejected.update(+rejected)
+        survive = status == Status.ok
+        return information[survive], tried[survive]
+
     def draw_near(self, points: Experiments, each: int) -> tuple[PointInformation, IntArray]:
         """Return what is valid at the prior mean of `each` candidates near every point, and the point of each."""
         near = np.repeat(np.arange(len(points), dtype=np.int32), each)
-        survivors, kept = self._survivors(self._region.draw_near(self._problem.model, points[near], seed=self._rng))
+        survivors, kept = self.survivors(self._region.draw_near(self._problem.model, points[near], seed=self._rng))
         return survivors, near[kept]
 
     def confirm(self, chosen: PointInformation) -> PointInformation:
@@ -119,27 +143,3 @@ class CandidateSource:
 
     def _since(self, before: Counter[str]) -> str:
         return ", ".join(f"{reason} {n}" for reason, n in (self.rejected - before).most_common())
-
-    def _survivors(self, points: Experiments) -> tuple[PointInformation, NDArray[np.intp]]:
-        """Those that are valid at the prior mean, and their places; the others are counted."""
-        problem, rejected = self._problem, Counter[str]()
-        keep = np.ones(len(points), dtype=bool)
-        if self._region.constraints:
-            keep = self._region.satisfied(problem.model, points)
-            rejected["constraint"] += int((~keep).sum())
-        inside = np.flatnonzero(keep)
-        for surface, rows in on_surface(problem.model, points[inside], problem.theta, problem.crossed).items():
-            rejected[f"starts on {surface} = 0"] += int(keep[inside[rows]].sum())
-            keep[inside[rows]] = False
-        if problem.initial_state_std:
-            near = starts_near(problem.limited, points, problem.theta, problem.initial_state_std, problem.kinks == "exclude")
-            for surface, rows in near.items():
-                rejected[f"starts near {surface}{'' if surface in problem.limited.along else ' = 0'}"] += int(keep[rows].sum())
-                keep[rows] = False
-        tried = np.flatnonzero(keep)
-        information, status = point_sensitivities(problem, points[tried], self._threads)
-        rejected.update(failures_of(status))
-        self.drawn += len(points)  # with the reasons, so that the counts add up after an interrupt too
-        self.rejected.update(+rejected)
-        survive = status == Status.ok
-        return information[survive], tried[survive]

@@ -1,0 +1,126 @@
+"""Exchange of a design's points for those of a pool, of which all rows are at hand.
+
+F is the sum of W W^T over the points, W (p, n) the whitened rows of a point as columns. With F = L L^T,
+det(F + W W^T) / det F = det(I + G^T G), G = L^-1 W (the matrix determinant lemma). Columns of all candidates lie side by side,
+(p, n, N), so that each operation is one over all of them, and no library starts threads for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..basics.values import Array
+
+LEAST_RATIO = 1 + 1e-6
+"""By which an exchange must raise det F; less would go on for ever."""
+
+MOST_PASSES = 30
+"""Over all points of a design."""
+
+TINY = 1e-10
+"""What F keeps of itself where a point leaves it: with as few points as parameters it is singular then."""
+
+
+def divided(factor: Array, columns: Array) -> Array:
+    """L^-1 W of columns (p, ...), by substitution; L (p, p) is a lower triangle."""
+    result = np.empty_like(columns)
+    for i in range(len(factor)):
+        rest = columns[i].copy()
+        for j in range(i):
+            rest -= factor[i, j] * result[j]
+        result[i] = rest / factor[i, i]
+    return result
+
+
+def gains(fisher: Array, columns: Array) -> Array:
+    """det(F + W W^T) / det F, (N,), of columns (p, n, N)."""
+    factor = np.asarray(np.linalg.cholesky(fisher), dtype=np.float64)
+    g = divided(factor, columns)
+    p, n = g.shape[:2]
+    if n > p:
+        return _determinants(np.einsum("pnk,qnk->pqk", g, g) + np.eye(p)[:, :, None])
+    return _determinants(np.einsum("pnk,pmk->nmk", g, g) + np.eye(n)[:, :, None])
+
+
+def _determinants(matrices: Array) -> Array:
+    """Of positive definite matrices (n, n, N), which are overwritten."""
+    result: Array = matrices[0, 0].copy()
+    for k in range(len(matrices) - 1):
+        for i in range(k + 1, len(matrices)):
+            matrices[i, k + 1 :] -= matrices[i, k] / matrices[k, k] * matrices[k, k + 1 :]
+        result *= matrices[k + 1, k + 1]
+    return result
+
+
+class PoolExchange:
+    """A design among candidates, some of which may replace its points.
+
+    Parameters
+    ----------
+    columns : ndarray, (p, n, N)
+        W of all candidates.
+    chosen : ndarray of int, (L,)
+        The design's, among them.
+    fixed : ndarray, (p, p)
+        What is added to F.
+    """
+
+    def __init__(self, columns: Array, chosen: NDArray[np.intp], fixed: Array) -> None:
+        self.chosen = chosen.copy()
+        own = columns[:, :, chosen]
+        fisher = np.einsum("pnk,qnk->pq", own, own) + fixed
+        # In coordinates in which F is about I, its scales do not matter, nor what is added to it.
+        factor = np.asarray(np.linalg.cholesky(fisher + TINY * np.diag(np.diag(fisher))), dtype=np.float64)
+        self._columns = divided(factor, columns)
+        half = np.linalg.solve(factor, fixed)
+        self._fixed = np.linalg.solve(factor, half.T) + TINY * np.eye(len(fixed))
+
+    def promising(self, among: NDArray[np.intp], most: int) -> NDArray[np.intp]:
+        """For every point the `most` best of some candidates that raise det F in its place, all together."""
+        columns, found = self._columns[:, :, among], []
+        for place in self._distinct():
+            without, own = self._without(place)
+            ratios = gains(without, columns)
+            best = np.argpartition(-ratios, most)[:most] if len(ratios) > most else np.arange(len(ratios))
+            found.append(among[best[ratios[best] > LEAST_RATIO * own]])
+        return np.unique(np.concatenate(found))
+
+    def run(self, among: NDArray[np.intp], late: Callable[[], bool]) -> None:
+        """Replace points by the best of some candidates, one after the other, until none raises det F any more."""
+        columns = np.ascontiguousarray(self._columns[:, :, among])
+        for _ in range(MOST_PASSES):
+            changed = False
+            for place in self._distinct():
+                if late():
+                    return
+                without, own = self._without(place)
+                ratios = gains(without, columns)
+                best = int(np.argmax(ratios))
+                if ratios[best] > LEAST_RATIO * own:
+                    self.chosen[place], changed = among[best], True
+            if not changed:
+                return
+
+    def _distinct(self) -> NDArray[np.intp]:
+        """Places of the points, one of those that are the same."""
+        return np.sort(np.unique(self.chosen, return_index=True)[1])
+
+    def _without(self, place: int) -> tuple[Array, float]:
+        """F without the point at a place, and by how much that point raises its determinant."""
+        rest = self._columns[:, :, np.delete(self.chosen, place)]
+        without = np.einsum("pnk,qnk->pq", rest, rest) + self._fixed
+        return without, float(gains(without, self._columns[:, :, self.chosen[place], None])[0])
+
+
+def greedy(columns: Array, count: int, fixed: Array) -> NDArray[np.intp]:
+    """Candidates (count,) that are chosen one after the other, each as the best beside those before it; it may be one of them."""
+    spread = np.einsum("pnk,pnk->p", columns, columns) / columns.shape[2]
+    fisher, chosen = fixed + np.diag(np.maximum(1e-8 * spread, np.finfo(float).tiny)), []
+    for _ in range(count):
+        chosen.append(int(np.argmax(gains(fisher, columns))))
+        own = columns[:, :, chosen[-1]]
+        fisher = fisher + own @ own.T
+    return np.array(chosen)
