@@ -148,11 +148,20 @@ class AutoSearch(PointSearch):
         points = design.experiments
         places = np.sort(np.unique(points.table, axis=0, return_index=True)[1])
         each = max(LEAST_NEAR, NEAR * self.settings.n_candidates // len(places))
-        near, _ = self.source.draw_near(points[places], each)
-        return self._kept(self._exchanged(design, self._pool(near))) if len(near) else design
+        near, of = self.source.draw_near(points[places], each)
+        return self._kept(self._exchanged(design, self._pool(near), place=places[of])) if len(near) else design
 
-    def _exchanged(self, design: PointInformation, pool: Pool, part: NDArray[np.intp] | None = None) -> PointInformation:
-        """The design after an exchange over a pool, or a part of it; what enters is valid on all nodes."""
+    def _exchanged(
+        self,
+        design: PointInformation,
+        pool: Pool,
+        part: NDArray[np.intp] | None = None,
+        place: NDArray[np.intp] | None = None,
+    ) -> PointInformation:
+        """The design after an exchange over a pool, or a part of it; what enters is valid on all nodes.
+
+        Of candidates that are near the points at some places, which these are says what is tried on all nodes.
+        """
         count = len(design)
         live = np.arange(len(pool.valid)) if part is None else part
         live = live[pool.valid[live] >= 0]
@@ -160,7 +169,8 @@ class AutoSearch(PointSearch):
         exchange = PoolExchange(columns, np.arange(count), self._fixed)
         for look in range(LOOKS):
             unknown = np.flatnonzero(pool.valid[live] == 0)
-            wanted = exchange.promising(count + unknown, PROMISING) - count if len(unknown) else unknown
+            places = None if place is None else place[live[unknown]]
+            wanted = exchange.promising(count + unknown, PROMISING, places) - count
             if look and not len(wanted):
                 break
             self._confirm(pool, live[wanted])

@@ -17,6 +17,9 @@ from ..basics.values import Array
 LEAST_RATIO = 1 + 1e-6
 """By which an exchange must raise det F; less would go on for ever."""
 
+FEW = 20_000
+"""Numbers of columns up to which the linear algebra library divides them, without threads."""
+
 MOST_PASSES = 30
 """Over all points of a design."""
 
@@ -26,6 +29,8 @@ TINY = 1e-10
 
 def divided(factor: Array, columns: Array) -> Array:
     """L^-1 W of columns (p, ...), by substitution; L (p, p) is a lower triangle."""
+    if columns.size < FEW:
+        return np.asarray(np.linalg.solve(factor, columns.reshape(len(factor), -1)), dtype=np.float64).reshape(columns.shape)
     result = np.empty_like(columns)
     for i in range(len(factor)):
         rest = columns[i].copy()
@@ -77,30 +82,36 @@ class PoolExchange:
         self._columns = divided(factor, columns)
         half = np.linalg.solve(factor, fixed)
         self._fixed = np.linalg.solve(factor, half.T) + TINY * np.eye(len(fixed))
+        self._fisher = self._information()
 
-    def promising(self, among: NDArray[np.intp], most: int) -> NDArray[np.intp]:
-        """For every point the `most` best of some candidates that raise det F in its place, all together."""
-        columns, found = self._columns[:, :, among], []
-        for place in self._distinct():
-            without, own = self._without(place)
-            ratios = gains(without, columns)
-            best = np.argpartition(-ratios, most)[:most] if len(ratios) > most else np.arange(len(ratios))
-            found.append(among[best[ratios[best] > LEAST_RATIO * own]])
+    def promising(self, among: NDArray[np.intp], most: int, place: NDArray[np.intp] | None = None) -> NDArray[np.intp]:
+        """For every point the `most` best of some candidates that raise det F in its place, all together.
+
+        Where the `place` of each candidate is given, it is looked at there alone.
+        """
+        found = [np.empty(0, dtype=np.intp)]
+        for own in self._distinct():
+            some = among if place is None else among[place == own]
+            if len(some):
+                ratios = self._ratios(own, self._columns[:, :, np.append(some, self.chosen[own])])
+                ratios, least = ratios[:-1], LEAST_RATIO * ratios[-1]
+                best = np.argpartition(-ratios, most)[:most] if len(ratios) > most else np.arange(len(ratios))
+                found.append(some[best[ratios[best] > least]])
         return np.unique(np.concatenate(found))
 
     def run(self, among: NDArray[np.intp], late: Callable[[], bool]) -> None:
-        """Replace points by the best of some candidates, one after the other, until none raises det F any more."""
+        """Replace points by the best of some candidates, its own ones with them, until none raises det F any more."""
         columns = np.ascontiguousarray(self._columns[:, :, among])
         for _ in range(MOST_PASSES):
             changed = False
-            for place in self._distinct():
+            for own in self._distinct():
                 if late():
                     return
-                without, own = self._without(place)
-                ratios = gains(without, columns)
+                ratios = self._ratios(own, columns)
                 best = int(np.argmax(ratios))
-                if ratios[best] > LEAST_RATIO * own:
-                    self.chosen[place], changed = among[best], True
+                if ratios[best] > LEAST_RATIO * ratios[np.searchsorted(among, self.chosen[own])]:
+                    self.chosen[own], changed = among[best], True
+                    self._fisher = self._information()
             if not changed:
                 return
 
@@ -108,11 +119,14 @@ class PoolExchange:
         """Places of the points, one of those that are the same."""
         return np.sort(np.unique(self.chosen, return_index=True)[1])
 
-    def _without(self, place: int) -> tuple[Array, float]:
-        """F without the point at a place, and by how much that point raises its determinant."""
-        rest = self._columns[:, :, np.delete(self.chosen, place)]
-        without = np.einsum("pnk,qnk->pq", rest, rest) + self._fixed
-        return without, float(gains(without, self._columns[:, :, self.chosen[place], None])[0])
+    def _ratios(self, place: int, columns: Array) -> Array:
+        """By how much each of some columns raises det F without the point at a place."""
+        own = self._columns[:, :, self.chosen[place]]
+        return gains(self._fisher - own @ own.T, columns)
+
+    def _information(self) -> Array:
+        own = self._columns[:, :, self.chosen]
+        return np.asarray(np.einsum("pnk,qnk->pq", own, own)) + self._fixed
 
 
 def greedy(columns: Array, count: int, fixed: Array) -> NDArray[np.intp]:
