@@ -39,7 +39,7 @@ PROMISING, LOOKS = 6, 3
 CYCLE, CLIMB = 8, 20
 """Rounds after which all numbers ascend together, and iterations of that ascent."""
 
-LEAST_GAIN, MOST_IDLE = 1e-3, 2
+LEAST_GAIN, MOST_IDLE = 3e-3, 2
 """The search ends after so many cycles in a row that gain less."""
 
 
@@ -90,12 +90,10 @@ class AutoSearch(PointSearch):
                 design = self._round(design)
                 yield
             ends.append(design)
-        design = max(ends, key=self._value)
-        if starts > 1:
-            design = self._kept(self._exchanged(design, self._pool(PointInformation.join(ends), 1)))
+        design, found = max(ends, key=self._value), self._pool(PointInformation.join(ends), 1)
         idle, before = 0, self._value(design)
         while idle < MOST_IDLE:
-            design = self._kept(self._ascended(design))
+            design = self._kept(self._ascended(self._kept(self._exchanged(design, found))))
             for _ in range(CYCLE):
                 yield
                 design = self._round(design)

@@ -11,7 +11,6 @@ from dataclasses import replace
 
 from ..basics.checks import check_type
 from ..information.evaluation import Evaluation
-from ..information.output_covariance import needs_covariances
 from ..information.point_information import PointInformation
 from ..information.previous import Previous, previous_information
 from ..information.problem import DesignProblem
@@ -21,7 +20,7 @@ from .efficiency import Efficiency, efficiency_of, median_of, random_designs
 from .point_search import PointSearch, Progress
 from .result import Design
 from .search import ExchangeSearch
-from .settings import ExchangeSettings
+from .settings import ExchangeSettings, searched_by
 
 
 def exchange(
@@ -118,13 +117,13 @@ def exchange(
 
 def _search(problem: DesignProblem, settings: ExchangeSettings, threads: int, previous: PointInformation | None) -> PointSearch:
     """The search that a method asks for; where D depends on all points, or on a point's own covariance, that of the paper."""
-    if settings.method == "auto" and not needs_covariances(str(problem.output_covariance)):
+    if searched_by(settings.method, problem) == "auto":
         return AutoSearch(problem, settings, threads, previous)
     return ExchangeSearch(problem, settings, threads, previous)
 
 
 def _references(search: PointSearch, under_noise: Evaluation | None) -> Efficiency:
-    """Find the noise-only optimum with the same settings and another seed, and the median random design."""
+    """What another search with D = R and the same settings finds, and the median random design."""
     if under_noise is None:
         return efficiency_of(search.problem, search.criterion, search.best.log_det, None, None, None)
     problem = search.problem.replace(output_covariance="noise")

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..basics.checks import LARGEST_INT, as_float, as_positive, as_probability, check_choice, check_flag, check_positive_int
+from ..information.output_covariance import needs_covariances
+from ..information.problem import DesignProblem
 
 METHODS = ("paper", "auto")
 _LEAST = {"n_experiments": 1, "n_candidates": 1, "max_iterations": 0, "seed": 0, "patience": 1, "max_redraws": 0}
@@ -42,6 +44,11 @@ class ExchangeSettings:
         if not 0 <= self.local <= 1:
             raise ValueError(f"local: expected a share between 0 and 1, given {self.local:g}")
         check_choice(self.method, METHODS, "method")
+
+
+def searched_by(method: str, problem: DesignProblem) -> str:
+    """The method of a search: where D needs the covariance of every point, "auto" is that of the paper."""
+    return "paper" if needs_covariances(str(problem.output_covariance)) else method
 
 
 @dataclass(frozen=True)
