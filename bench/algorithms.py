@@ -1,8 +1,8 @@
 """``python -m bench.algorithms``: how good the designs of each method are, and what they cost.
 
-For each case and method designs of several seeds; the efficiency of each is (det F / det F of the best that any of them has)^(1/p).
-"paper, longer" is the paper's search with ten times as many iterations. Times are of the processor, all threads together; "cores" is
-how many were at work in the mean. ``--quick`` takes three seeds of the first cases.
+For each case and method designs of several seeds. The efficiency of each is (det F / det F of the best that any of them has)^(1/p).
+"paper, longer" is the paper's search with ten times as many iterations. Times are those of the processor, all threads together;
+"cores" is how many were at work in the mean. ``--quick`` takes three seeds of three cases.
 """
 
 from __future__ import annotations

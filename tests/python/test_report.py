@@ -65,7 +65,7 @@ def test_design_report_says_all_that_matters(design: fp.Design) -> None:
         "m3/(s sqrt(Pa))",
         "under the sensor noise (D = R)",
         "R + mean predictive covariance of the points, (17)",
-        "of the noise-only optimum found",
+        "of the best that another search with D = R found",
         "of the median random design",
         "all iterations done",
         "rule over the prior TensorGrid(levels=",

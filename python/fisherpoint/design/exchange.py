@@ -1,7 +1,7 @@
-"""The exchange algorithm, Algorithm 1.
+"""The exchange of points: Algorithm 1, or a search that goes on to the best design it can find.
 
-Lines 11 and 13 print "arg min"; the reading is that the candidate with the largest Phi enters, and the point whose removal
-leaves the largest Phi leaves. That may be the candidate itself, so Phi never falls.
+Lines 11 and 13 of the algorithm print "arg min"; the reading is that the candidate with the largest Phi enters, and the point whose
+removal leaves the largest Phi leaves. That may be the candidate itself, so Phi never falls.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def exchange(
     method: str = "paper",
     previous: Previous | None = None,
 ) -> Design:
-    """Find the design with the largest det F by exchanging points for random candidates, Algorithm 1.
+    """Find the design with the largest det F by exchanging points for candidates.
 
     Parameters
     ----------
@@ -70,6 +70,11 @@ def exchange(
     local : float
         Candidates near the points of the design that are drawn beside the n_candidates, as a share of these over all iterations:
         they come every fourth time, at least one for each point. 0 for none: Algorithm 1 alone.
+    method : {"paper", "auto"}
+        "paper" is Algorithm 1 with local candidates. "auto" finds better designs in several times the time: from several starts it
+        exchanges points over pools of candidates, at first 200 n_candidates random ones, then in each iteration 24 n_candidates
+        near the points, and moves all numbers together. It ends as "converged" where nothing gains any more. Where D is "pooled" or
+        "pointwise" it is "paper"; `max_redraws`, `screen` and `local` are of "paper" alone.
     previous : Measurements, Experiments, Design, or a sequence of these, optional
         Points whose information is already collected. They are added to every design and never leave: F is that of all L points,
         previous and new, and so are the design's evaluations and what it is compared with. The standard errors are then those of
