@@ -33,14 +33,14 @@ PART, LEAST_PART, MOST_WORK = 0.3, 300, 200_000
 STARTS, SKETCH = 6, 8
 """Starts, and rounds of each; half of the iterations at most."""
 
-PROMISING, LOOKS = 6, 3
+PROMISING, LOOKS = 4, 2
 """Candidates in the place of each point that are tried on all nodes, and how often more of them in each exchange."""
 
 CYCLE, CLIMB = 8, 20
 """Rounds after which all numbers ascend together, and iterations of that ascent."""
 
-LEAST_GAIN, MOST_IDLE = 3e-3, 2
-"""The search ends after so many cycles in a row that gain less."""
+LEAST_GAIN, MOST_IDLE = 1e-4, 2
+"""The search ends after so many cycles in a row that gain less for each parameter."""
 
 
 class Pool:
@@ -98,7 +98,7 @@ class AutoSearch(PointSearch):
                 yield
                 design = self._round(design)
             value = self._value(design)
-            idle = idle + 1 if value - before < LEAST_GAIN else 0
+            idle = idle + 1 if value - before < LEAST_GAIN * len(self._known) else 0
             before = value
 
     @property
