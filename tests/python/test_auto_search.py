@@ -118,12 +118,13 @@ def test_the_best_never_gets_worse_and_is_what_it_says(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["noise", "region"])
-def test_it_finds_more_than_the_paper_with_as_many_candidates(kind: str) -> None:
+def test_it_finds_more_than_the_method_of_the_paper(kind: str) -> None:
+    """As the defaults are, where its iterations are more work; here they have fewer candidates."""
     given = problem(output_covariance=kind)
     for seed in range(2):
-        auto = fp.exchange(given, 9, method="auto", n_candidates=20, max_iterations=40, seed=seed, references=False)
-        paper = fp.exchange(given, 9, n_candidates=50, max_iterations=auto.drawn // 100, seed=seed, references=False)
-        assert auto.evaluation.log_det > paper.evaluation.log_det
+        auto = fp.exchange(given, 9, method="auto", n_candidates=20, max_iterations=100, seed=seed, references=False)
+        paper = fp.exchange(given, 9, seed=seed, references=False)
+        assert auto.evaluation.log_det > paper.evaluation.log_det + 0.2
 
 
 @pytest.mark.parametrize("kind", ["noise", "region"])
@@ -144,7 +145,7 @@ def test_where_covariances_are_needed_it_is_the_search_of_the_paper(kind: str) -
 
 @pytest.mark.parametrize("jumps", ["cross", "exclude"])
 def test_points_obey_constraints_and_survive_on_all_nodes(jumps: str) -> None:
-    """Those that an ascent has moved with them: it is made to come after the first rounds."""
+    """Also after rounds and an ascent, as with so few iterations there is one start alone."""
     region = fp.ExperimentRegion(REGION, constraints=["p_A + p_B < 1.5e7"])
     given = problem(region=region, jumps=jumps)
     design = fp.exchange(given, **QUICK)

@@ -183,13 +183,15 @@ def _search(design: FoundDesign) -> Section:
     last = design.trace[-1].iteration if design.trace else 0
     stop = _STOP[design.stop_reason].format(patience=settings.patience, time_limit=settings.time_limit or 0)
     rate = f" ({design.drawn / design.seconds:.0f} per second)" if design.seconds > 0 else ""
+    method = searched_by(settings.method, problem)
+    each = f", {settings.n_candidates} per iteration" if method == "paper" else ""
     facts = [
-        ("method", _METHOD[searched_by(settings.method, problem)]),
+        ("method", _METHOD[method]),
         ("stopped by", stop),
         ("iterations", f"{last} of at most {settings.max_iterations}, {counted(exchanges, 'exchange')}"),
         (
             "candidates",
-            f"{design.drawn} drawn{rate}, {design.accepted} accepted, {settings.n_candidates} per iteration",
+            f"{design.drawn} drawn{rate}, {design.accepted} accepted{each}",
         ),
         ("rule over the prior", f"{problem.rule}, {counted(problem.rule.size(problem.prior), 'node')}"),
         ("distinct points", f"{design.distinct_points} of {len(design.points)}"),
