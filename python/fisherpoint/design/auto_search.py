@@ -33,6 +33,9 @@ PART, LEAST_PART, MOST_WORK = 0.3, 300, 200_000
 STARTS, SKETCH = 6, 8
 """Starts, and rounds of each; half of the iterations at most."""
 
+TRIES = 6
+"""Choices of half of the points at random, for every second start; each is exchanged over the least part of the pool."""
+
 PROMISING, LOOKS = 4, 2
 """Candidates in the place of each point that are tried on all nodes, and how often more of them in each exchange."""
 
@@ -84,8 +87,8 @@ class AutoSearch(PointSearch):
         pool = self._pool(PointInformation.join([random, self.source.draw(count)]))
         pool.valid[: len(random)] = 1
         ends = []
-        for _ in range(starts):
-            design = self._start(pool)
+        for start in range(starts):
+            design = self._start(pool, at_random=start % 2 == 1)
             for _ in range(SKETCH):
                 design = self._round(design)
                 yield
@@ -128,18 +131,22 @@ class AutoSearch(PointSearch):
             self.best = Incumbent(design, prepared, self._log_det(prepared, 0.0))
         return design
 
-    def _start(self, pool: Pool) -> PointInformation:
-        """A design of a random part of the pool; what is not valid gives way to any point that is."""
+    def _start(self, pool: Pool, at_random: bool) -> PointInformation:
+        """A design of a random part of the pool, the best points or half of them any; what is not valid gives way to what is."""
         rng, count = self._rng, self.settings.n_experiments
         live = np.flatnonzero(pool.valid >= 0)
         size = int(max(LEAST_PART, min(PART * len(live), MOST_WORK / count)))
         part = np.sort(rng.permutation(live)[:size])
-        chosen = part[greedy(np.ascontiguousarray(pool.columns[:, :, part]), count, self._fixed)]
-        self._confirm(pool, np.unique(chosen))
-        valid = np.flatnonzero(pool.valid == 1)
-        lost = pool.valid[chosen] < 0
-        chosen[lost] = rng.choice(valid, int(lost.sum()))
-        return self._kept(self._exchanged(pool.information[chosen], pool, part))
+        designs = []
+        for _ in range(TRIES if at_random else 1):
+            some = np.sort(rng.permutation(part)[:LEAST_PART]) if at_random else part
+            first = rng.integers(len(some), size=count // 2 if at_random else 0)
+            chosen = some[greedy(np.ascontiguousarray(pool.columns[:, :, some]), count, self._fixed, first)]
+            self._confirm(pool, np.unique(chosen))
+            lost = pool.valid[chosen] < 0
+            chosen[lost] = rng.choice(np.flatnonzero(pool.valid == 1), int(lost.sum()))
+            designs.append(self._exchanged(pool.information[chosen], pool, some))
+        return self._kept(max(designs, key=self._value))
 
     def _round(self, design: PointInformation) -> PointInformation:
         """Draw candidates near all points, and exchange the points over all of them."""

@@ -20,6 +20,9 @@ LEAST_RATIO = 1 + 1e-6
 FEW = 20_000
 """Numbers of columns up to which the linear algebra library divides them, without threads."""
 
+SMALL = 1e-4
+"""What is added to F where a design is singular; and the square root of the pivot, as a share, below which it is."""
+
 MOST_PASSES = 30
 """Over all points of a design."""
 
@@ -75,14 +78,15 @@ class PoolExchange:
 
     def __init__(self, columns: Array, chosen: NDArray[np.intp], fixed: Array) -> None:
         self.chosen = chosen.copy()
-        own = columns[:, :, chosen]
-        fisher = np.einsum("pnk,qnk->pq", own, own) + fixed
+        own, least = columns[:, :, chosen], TINY
         # In coordinates in which F is about I, its scales do not matter, nor what is added to it.
-        factor = np.asarray(np.linalg.cholesky(fisher + TINY * np.diag(np.diag(fisher))), dtype=np.float64)
+        factor = _factor(np.einsum("pnk,qnk->pq", own, own) + fixed)
+        if _singular(factor):  # then in those of the candidates, and with more of I, so that it can be told what is missing
+            factor = _factor(np.einsum("pnk,qnk->pq", columns, columns) * len(chosen) / columns.shape[2] + fixed)
+            least = SMALL
         self._columns = divided(factor, columns)
         half = np.linalg.solve(factor, fixed)
-        self._fixed = np.linalg.solve(factor, half.T) + TINY * np.eye(len(fixed))
-        self._fisher = self._information()
+        self._fixed = np.linalg.solve(factor, half.T) + least * np.eye(len(fixed))
 
     def promising(self, among: NDArray[np.intp], most: int, place: NDArray[np.intp] | None = None) -> NDArray[np.intp]:
         """For every point the `most` best of some candidates that raise det F in its place, all together.
@@ -111,7 +115,6 @@ class PoolExchange:
                 best = int(np.argmax(ratios))
                 if ratios[best] > LEAST_RATIO * ratios[np.searchsorted(among, self.chosen[own])]:
                     self.chosen[own], changed = among[best], True
-                    self._fisher = self._information()
             if not changed:
                 return
 
@@ -121,19 +124,31 @@ class PoolExchange:
 
     def _ratios(self, place: int, columns: Array) -> Array:
         """By how much each of some columns raises det F without the point at a place."""
-        own = self._columns[:, :, self.chosen[place]]
-        return gains(self._fisher - own @ own.T, columns)
-
-    def _information(self) -> Array:
-        own = self._columns[:, :, self.chosen]
-        return np.asarray(np.einsum("pnk,qnk->pq", own, own)) + self._fixed
+        rest = self._columns[:, :, np.delete(self.chosen, place)]
+        without = np.einsum("pnk,qnk->pq", rest, rest) + self._fixed
+        return gains(without + TINY * np.diag(np.diag(without)), columns)
 
 
-def greedy(columns: Array, count: int, fixed: Array) -> NDArray[np.intp]:
-    """Candidates (count,) that are chosen one after the other, each as the best beside those before it; it may be one of them."""
+def _factor(fisher: Array) -> Array:
+    """A lower triangle of F, to which next to nothing is added: a parameter may be without influence."""
+    scale = np.diag(fisher)
+    kept = TINY * np.maximum(scale, TINY * scale.max() + np.finfo(float).tiny / TINY)
+    return np.asarray(np.linalg.cholesky(fisher + np.diag(kept)), dtype=np.float64)
+
+
+def _singular(factor: Array) -> bool:
+    """Whether F is singular to working precision."""
+    pivots: Array = np.diag(factor) ** 2 / np.square(factor).sum(axis=1)
+    return bool((pivots < SMALL**2).any())
+
+
+def greedy(columns: Array, count: int, fixed: Array, first: NDArray[np.intp] | None = None) -> NDArray[np.intp]:
+    """Candidates (count,) that are chosen one after the other, each as the best beside those before it and the `first` ones."""
     spread = np.einsum("pnk,pnk->p", columns, columns) / columns.shape[2]
-    fisher, chosen = fixed + np.diag(np.maximum(1e-8 * spread, np.finfo(float).tiny)), []
-    for _ in range(count):
+    fisher, chosen = fixed + np.diag(np.maximum(1e-8 * spread, np.finfo(float).tiny)), [] if first is None else first.tolist()
+    for place in chosen:
+        fisher = fisher + columns[:, :, place] @ columns[:, :, place].T
+    while len(chosen) < count:
         chosen.append(int(np.argmax(gains(fisher, columns))))
         own = columns[:, :, chosen[-1]]
         fisher = fisher + own @ own.T
