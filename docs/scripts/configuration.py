@@ -176,12 +176,14 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
         '[design]\nn_experiments = 12\nmax_iterations = 200\nparameters = ["a_tau", "b_tau", "m_q"]\n',
         {
             "n_experiments": "Number of points of the design.",
-            "n_candidates": "Random candidates per iteration.",
+            "n_candidates": 'Random candidates per iteration; `"auto"` has 200 times as many in its pool.',
             "max_iterations": "Largest number of iterations.",
             "seed": "Seed of the search; the same seed gives the same design, whatever the number of threads.",
             "patience": "Stop after this many iterations without an exchange.",
             "time_limit": "Stop after this many seconds. Not allowed in a campaign.",
             "local": "Number of candidates close to points of the design, as a share of the random ones; 0 for none.",
+            "method": 'The [search](../explanation/search.md): `"paper"` is Algorithm 1 with moves of points; `"auto"` takes longer'
+            " and comes closer to the best design.",
             "output_covariance": "The [form of D](../explanation/output_covariance.md).",
             "parameters": "The parameters to estimate; the others are taken as known.",
             "kinks": 'Whether trajectories may cross kinks; `"exclude"` leaves out points that do.',

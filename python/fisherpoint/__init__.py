@@ -13,10 +13,10 @@ from .design.efficiency import Efficiency
 from .design.exchange import exchange
 from .design.found import TraceRecord
 from .design.piece_design import PieceDesign
+from .design.point_search import Progress
 from .design.result import Design
 from .design.run_design import RunDesign
 from .design.run_search import RunProgress
-from .design.search import Progress
 from .design.settings import ExchangeSettings, RunSettings
 from .engine.levels import available_isas, isa
 from .estimation.estimate import estimate

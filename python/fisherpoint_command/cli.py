@@ -8,6 +8,7 @@ import platform
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from enum import StrEnum
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Annotated, Any
@@ -88,6 +89,13 @@ def _main(
     """Which short experiments to run so that the parameters of a nonlinear state space model come out precise."""
 
 
+class Method(StrEnum):
+    """How `fisherpoint design` searches for points."""
+
+    paper = "paper"
+    auto = "auto"
+
+
 @app.command(epilog="Example: fisherpoint design examples/cylinder.toml -o run/")
 def design(
     file: File,
@@ -95,6 +103,7 @@ def design(
     threads: Threads = None,
     seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Overrides the value in the file.")] = None,
     max_iterations: Annotated[int | None, typer.Option(min=1, metavar="N", help="Overrides the value in the file.")] = None,
+    method: Annotated[Method | None, typer.Option(help="Overrides the value in the file.")] = None,
     no_plots: NoPlots = False,
     quiet: Quiet = False,
 ) -> int:
@@ -108,7 +117,8 @@ def design(
     if config.runs is not None:
         return design_of_runs(config, output, seed, threads, no_plots, quiet)
     problem, settings = config.problem(), config.exchange_settings()
-    for name, value in (("seed", seed), ("max_iterations", max_iterations)):
+    chosen = None if method is None else method.value
+    for name, value in (("seed", seed), ("max_iterations", max_iterations), ("method", chosen)):
         if value is not None:
             settings[name] = value
     # What can fail for a trivial reason fails before the work, not after it.

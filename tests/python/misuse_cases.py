@@ -422,6 +422,7 @@ def cases() -> dict[str, Case]:
             references=(False, FLAG),
             screen=(True, FLAG),
             local=(0.5, NUMBER),
+            method=("paper", TEXT),
             previous=(None, NONE, POINTS, ARRAY, NAMES),
         ),
         "Design.load": _case(fp.Design.load, directory=(files() / "design", TEXT, PATH)),

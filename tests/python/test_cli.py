@@ -89,14 +89,14 @@ def test_design_prints_and_writes_its_result(run: Any, file: Path, tmp_path: Pat
 
 
 def test_options_override_the_file(run: Any, file: Path, tmp_path: Path) -> None:
-    options = ["--no-plots", "--quiet", "--seed", 3, "--max-iterations", 2]
+    options = ["--no-plots", "--quiet", "--seed", 3, "--max-iterations", 2, "--method", "auto"]
     for threads in (1, 2):
         result = run("design", file, "-o", tmp_path / str(threads), "--threads", threads, *options)
         assert (result.code, result.out, result.err) == (0, "", "")
         assert names(tmp_path / str(threads)) == {"design.csv", "design.json", "report.txt"}
     assert (tmp_path / "1" / "design.csv").read_bytes() == (tmp_path / "2" / "design.csv").read_bytes()
     settings = fp.Design.load(tmp_path / "1").settings
-    assert (settings.seed, settings.max_iterations) == (3, 2)
+    assert (settings.seed, settings.max_iterations, settings.method) == (3, 2, "auto")
 
 
 def test_an_interrupted_design_is_saved_and_reported(run: Any, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

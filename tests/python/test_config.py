@@ -39,6 +39,7 @@ MISTAKES = {
         "max_iterations = 10000000000",
         "design.max_iterations: expected a number <= 1000000000, given 10000000000",
     ),
+    "method": ("seed = 0 ", 'method = "best" ', 'design.method: expected "paper" or "auto", given "best"'),
     "share": ("seed = 0 ", "local = 1.5 ", "design.local: expected a number <= 1, given 1.5"),
     "unit": ('unit = "N" }', 'unit = "kN" }', 'prior.a_tau.unit: expected "N", given "kN"'),
     "unit of a constant": ('unit = "m2" }', 'unit = "mm2" }', 'model.constants.A_A.unit: expected "m2", given "mm2"'),

@@ -383,6 +383,7 @@ def test_settings_are_kept() -> None:
         "references": False,
         "screen": True,
         "local": 0.5,
+        "method": "paper",
     }
     assert design.problem is given and given.rule == SMALL
     assert design.seconds >= design.trace[-1].seconds

@@ -66,7 +66,7 @@ def test_design_report_says_all_that_matters(design: fp.Design) -> None:
         "m3/(s sqrt(Pa))",
         "under the sensor noise (D = R)",
         "R + mean predictive covariance of the points, (17)",
-        "of the noise-only optimum found",
+        "of the best that another search with D = R found",
         "of the median random design",
         "Plants that can run the design",
         "The search has not seen these plants.",
@@ -118,7 +118,8 @@ def test_a_design_below_random_is_warned_of(design: fp.Design) -> None:
 )
 def test_the_stop_reason_is_a_sentence(design: fp.Design, reason: str, settings: dict[str, Any], expected: str) -> None:
     given = dict.fromkeys(["patience", "time_limit"]) | settings
-    changed = with_changes(design, stop_reason=reason, settings=SimpleNamespace(seed=0, n_candidates=5, max_iterations=4, **given))
+    kept = SimpleNamespace(seed=0, n_candidates=5, max_iterations=4, method="paper", **given)
+    changed = with_changes(design, stop_reason=reason, settings=kept)
     assert expected in words(to_text(report.design_report(changed)))
 
 

@@ -140,6 +140,7 @@ class DesignTable(Table):
     patience: Annotated[int, Field(ge=1, le=MOST["patience"])] | None = None
     time_limit: Positive | None = None
     local: Annotated[float, Field(ge=0, le=1)] | None = None
+    method: Literal["paper", "auto"] | None = None
     output_covariance: Literal["noise", "region", "pooled", "pointwise"] | None = None
     parameters: Annotated[list[str], Field(min_length=1)] | None = None
     kinks: Literal["cross", "exclude"] | None = None

@@ -37,7 +37,8 @@ class Efficiency:
     under_noise : float or None
         log det F of the design with D = R.
     noise_optimum : float or None
-        The largest found with D = R: by a search for it with another seed, or by the design itself.
+        The largest found with D = R: by another search for it, or by the design itself. There may be better designs: nothing
+        is proven.
     random_median : float or None
         Median over random designs of as many points, D = R, see `random_designs`; None where about half of them are singular.
     vs_optimum, vs_random : float or None

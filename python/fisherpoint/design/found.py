@@ -23,7 +23,7 @@ DRAWS = 1000
 UNSEEN = 1_000_003
 """Added to the seed for these plants."""
 
-STOP_REASONS = ("max_iterations", "patience", "time_limit", "interrupted")
+STOP_REASONS = ("max_iterations", "patience", "time_limit", "interrupted", "converged")
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class FoundDesign:
     rejected : mapping of reason to int
         Candidates that are no points; drawn = accepted + their sum.
     drawn, accepted : int
-    stop_reason : {"max_iterations", "patience", "time_limit", "interrupted"}
+    stop_reason : {"max_iterations", "patience", "time_limit", "interrupted", "converged"}
     seconds : float
     settings : ExchangeSettings
     problem : DesignProblem

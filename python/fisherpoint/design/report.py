@@ -21,6 +21,7 @@ from ..show.numbers import column, computed, counted, number, percent
 from ..show.section import Report, Section
 from .evaluated import Evaluated
 from .found import FoundDesign
+from .settings import searched_by
 
 _ROWS = 40  # points shown of a longer list
 _WORST = 3  # parameters named in a warning
@@ -176,8 +177,8 @@ def _efficiency(design: FoundDesign) -> Iterator[Section]:
     if efficiency is None:
         return
     if efficiency.vs_optimum is not None:
-        optimum = f"(log det {efficiency.noise_optimum:.4f})"
-        facts.append(("of the noise-only optimum found", f"{percent(efficiency.vs_optimum)} {optimum}"))
+        other = f"(log det {efficiency.noise_optimum:.4f})"
+        facts.append(("of the best that another search with D = R found", f"{percent(efficiency.vs_optimum)} {other}"))
     if efficiency.vs_random is not None:
         median = f"(log det {efficiency.random_median:.4f})"
         facts.append(("of the median random design", f"{percent(efficiency.vs_random)} {median}"))
@@ -194,7 +195,11 @@ _STOP = {
     "patience": "no exchange for {patience} iterations",
     "time_limit": "the time limit of {time_limit:g} s",
     "interrupted": "interrupted; this is the best design until then",
+    "converged": "nothing gained any more; whether there is a better design is not known",
 }
+
+
+_METHOD = {"paper": "paper: Algorithm 1, with moves of points", "auto": "auto: exchange over pools, and ascents of all numbers"}
 
 
 def _search(design: FoundDesign) -> Section:
@@ -203,12 +208,15 @@ def _search(design: FoundDesign) -> Section:
     last = design.trace[-1].iteration if design.trace else 0
     stop = _STOP[design.stop_reason].format(patience=settings.patience, time_limit=settings.time_limit or 0)
     rate = f" ({design.drawn / design.seconds:.0f} per second)" if design.seconds > 0 else ""
+    method = searched_by(settings.method, problem)
+    each = f", {settings.n_candidates} per iteration" if method == "paper" else ""
     facts = [
+        ("method", _METHOD[method]),
         ("stopped by", stop),
         ("iterations", f"{last} of at most {settings.max_iterations}, {counted(exchanges, 'exchange')}"),
         (
             "candidates",
-            f"{design.drawn} drawn{rate}, {design.accepted} accepted, {settings.n_candidates} per iteration",
+            f"{design.drawn} drawn{rate}, {design.accepted} accepted{each}",
         ),
         ("rule over the prior", f"{problem.rule}, {counted(problem.rule.size(problem.prior), 'node')}"),
         ("distinct points", f"{design.distinct_points} of {len(design.points)}"),

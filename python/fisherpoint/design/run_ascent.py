@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.values import Array
+from .linear_runs import LinearRuns
 from .run_objective import RunObjective
 from .run_slopes import linear_runs
 
@@ -61,10 +62,7 @@ def ascend(
         n = linear.variable.max() + 1
         here = np.empty(n)
         here[linear.variable[moving]] = z[moving]
-        steps = []
-        for distance in np.minimum(reach * REACHES, MOST):
-            steps.append(linear.within(distance).best_step(np.maximum(-distance, -here), np.minimum(distance, 1.0 - here)))
-        changes = (shares[:, None, None] * np.array(steps)).reshape(-1, n)  # share after share
+        changes = trial_changes(linear, here, reach, shares)
         tried = np.tile(z, (len(changes), 1, 1))
         tried[:, moving] = np.clip(here + changes, 0.0, 1.0)[:, linear.variable[moving]]
         values = objective.values(tried, selected)
@@ -79,3 +77,17 @@ def ascend(
         if small == MOST_SMALL or reach < LEAST or late():
             break
     return Peak(z, value)
+
+
+def trial_changes(linear: LinearRuns, here: Array, reach: float | Array, shares: Array = SHARES) -> Array:
+    """Changes (T, n) of variables from `here` (n,) that are worth a try: best steps within some distances, share after share.
+
+    `reach` is by how much each variable may change, one for all or (n,); the distances are `REACHES` times as much.
+    """
+    steps = []
+    for factor in REACHES:
+        distance = np.minimum(reach * factor, MOST)
+        lower, upper = np.maximum(-distance, -here), np.minimum(distance, 1.0 - here)
+        steps.append(linear.within(float(np.max(distance))).best_step(lower, upper))
+    changes: Array = (shares[:, None, None] * np.array(steps)).reshape(-1, len(here))
+    return changes

@@ -10,23 +10,13 @@ their linearized covariances, which come with the sensitivities, and gives the r
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import NamedTuple
-
 import numpy as np
 
-from ..basics.values import Array, FrozenMapping, IntArray
+from ..basics.values import Array, IntArray
 from ..engine import _core
-from ..information.candidates import CandidateSource
-from ..information.evaluation import Evaluation, evaluate_information, finite_fisher
-from ..information.output_covariance import Criterion, criterion, needs_covariances
+from ..information.output_covariance import needs_covariances
 from ..information.point_information import PointInformation
-from ..information.problem import DesignProblem
-from .efficiency import Efficiency
-from .found import FoundDesign, TraceRecord
-from .settings import ExchangeSettings
+from .point_search import RIDGE, Incumbent, PointSearch
 
 SHORTLIST = 10
 """Candidates that screening leaves for the rule; the best under the rule is nearly always among them (`bench/screening.py`)."""
@@ -37,95 +27,19 @@ MOVE_EVERY = 4
 LEAST_GAIN = 1e-6
 """What log det F must gain for a point to be moved; less would be moved for ever."""
 
-RIDGE = 1e-9
-"""Share of the prior's information that is added to F as long as a design is singular, so that singular designs can be told
-apart."""
 
-
-class Progress(NamedTuple):
-    """What the search reports after each iteration."""
-
-    iteration: int
-    max_iterations: int
-    log_det: float
-    exchanges: int
-    drawn: int
-    rejected: int
-    seconds: float
-
-
-class _Incumbent(NamedTuple):
-    """The best design so far; replaced as a whole, so that an interrupt cannot tear it."""
-
-    information: PointInformation
-    prepared: PointInformation
-    log_det: float
-
-
-@dataclass
-class ExchangeSearch:
+class ExchangeSearch(PointSearch):
     """The state of one run of Algorithm 1."""
 
-    problem: DesignProblem
-    settings: ExchangeSettings
-    threads: int
-    previous: PointInformation | None = None  # stays, beside whatever points the design has
-    trace: list[TraceRecord] = field(default_factory=list)
-
     def __post_init__(self) -> None:
-        self._started = time.perf_counter()
-        self.source = CandidateSource(self.problem, np.random.default_rng(self.settings.seed), self.threads)
+        super().__post_init__()
         self.needs_covariances = needs_covariances(str(self.problem.output_covariance))
-        start = self.source.draw_confirmed(self.settings.n_experiments)
-        self.criterion: Criterion = criterion(self.problem, self._with_previous(start), self.threads)
-        self._previous = None if self.previous is None else self.criterion.prepare(self.previous)
-        prepared = self.criterion.prepare(start)
-        self.best = _Incumbent(start, prepared, self._log_det(prepared, 0.0))
-        self._record(0, False)
 
-    def run(self, progress: Callable[[Progress], None] | None) -> str:
-        settings, exchanges, idle = self.settings, 0, 0
-        try:
-            for iteration in range(1, settings.max_iterations + 1):
-                exchanged = self._iterate()
-                if iteration % MOVE_EVERY == 0:
-                    exchanged |= self._move()
-                exchanges += exchanged
-                idle = 0 if exchanged else idle + 1
-                self._record(iteration, exchanged)
-                if progress is not None:
-                    candidates = self.source.drawn, self.source.rejected.total()
-                    progress(Progress(iteration, settings.max_iterations, self.best.log_det, exchanges, *candidates, self.seconds))
-                if settings.patience is not None and idle >= settings.patience:
-                    return "patience"
-                if settings.time_limit is not None and self.seconds >= settings.time_limit:
-                    return "time_limit"
-        except KeyboardInterrupt:
-            return "interrupted"
-        return "max_iterations"
-
-    @property
-    def seconds(self) -> float:
-        return time.perf_counter() - self._started
-
-    def _record(self, iteration: int, exchanged: bool) -> None:
-        self.trace.append(TraceRecord(iteration, self.best.log_det, bool(exchanged), self.source.drawn, self.seconds))
-
-    def _log_det(self, prepared: PointInformation, ridge: float) -> float:
-        return self._phi(self._accumulate(prepared), ridge)
-
-    def _accumulate(self, prepared: PointInformation) -> _core.FisherAccumulator:
-        """The previous points, and these."""
-        if self._previous is None:
-            return self.criterion.accumulate(prepared)
-        return self.criterion.accumulate(PointInformation.join([self._previous, prepared]))
-
-    def _with_previous(self, information: PointInformation) -> PointInformation:
-        return information if self.previous is None else PointInformation.join([self.previous, information])
-
-    def _phi(self, accumulator: _core.FisherAccumulator, ridge: float) -> float:
-        fisher = finite_fisher(accumulator.fisher(accumulator.output_covariance(self.criterion.given, self.criterion.pooled)))
-        return _core.log_det(fisher + ridge * np.eye(len(fisher)))
+    def _advance(self, iteration: int) -> bool:
+        exchanged = self._iterate()
+        if iteration % MOVE_EVERY == 0:
+            exchanged |= self._move()
+        return exchanged
 
     def _iterate(self) -> bool:
         """Lines 6 to 14: draw candidates until one improves Phi, let the best enter and the least useful point leave."""
@@ -152,7 +66,7 @@ class ExchangeSearch:
         log_det = self._log_det(prepared, 0.0)
         if not (log_det if ridge == 0.0 else self._log_det(prepared, ridge)) > phi:  # the same to rounding
             return False
-        self.best = _Incumbent(entering, prepared, log_det)
+        self.best = Incumbent(entering, prepared, log_det)
         return True
 
     def _move(self) -> bool:
@@ -171,7 +85,7 @@ class ExchangeSearch:
             prepared = self.criterion.prepare(information)
             log_det = self._log_det(prepared, 0.0)
             if log_det > self.best.log_det + LEAST_GAIN:
-                self.best, moved = _Incumbent(information, prepared, log_det), True
+                self.best, moved = Incumbent(information, prepared, log_det), True
         return moved
 
     def _nearby(self, candidates: PointInformation, near: IntArray) -> tuple[PointInformation, IntArray]:
@@ -231,38 +145,3 @@ class ExchangeSearch:
         rows = np.arange(last)
         rows[leaving] = last
         return PointInformation.join([self.best.information, candidate])[rows]
-
-    def under_noise(self) -> Evaluation | None:
-        if self.problem.noise_std is None:
-            return None
-        information = self._with_previous(self.best.information)
-        d = criterion(self.problem, information, self.threads, "noise")
-        return evaluate_information(self.problem, information, d, self.threads)
-
-    def found(
-        self,
-        stop_reason: str,
-        under_noise: Evaluation | None,
-        efficiency: Efficiency | None,
-        previous_left_out: Mapping[str, int],
-    ) -> FoundDesign:
-        evaluation = under_noise
-        if evaluation is None or self.criterion.kind != "noise":
-            information = self._with_previous(self.best.information)
-            evaluation = evaluate_information(self.problem, information, self.criterion, self.threads)
-        return FoundDesign(
-            problem=self.problem,
-            settings=self.settings,
-            points=self.best.information.experiments,
-            evaluation=evaluation,
-            under_noise=under_noise,
-            efficiency=efficiency,
-            trace=tuple(self.trace),
-            rejected=FrozenMapping(dict(self.source.rejected)),
-            drawn=self.source.drawn,
-            accepted=self.source.accepted,
-            stop_reason=stop_reason,
-            seconds=self.seconds,
-            n_previous=0 if self.previous is None else len(self.previous),
-            previous_left_out=previous_left_out,
-        )

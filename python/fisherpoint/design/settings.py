@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..basics.checks import LARGEST_INT, as_float, as_positive, as_probability, check_flag, check_positive_int
+from ..basics.checks import LARGEST_INT, as_float, as_positive, as_probability, check_choice, check_flag, check_positive_int
+from ..information.output_covariance import needs_covariances
+from ..information.problem import DesignProblem
 
+METHODS = ("paper", "auto")
 _LEAST = {"n_experiments": 1, "n_candidates": 1, "max_iterations": 0, "seed": 0, "patience": 1, "max_redraws": 0}
 MOST = {"n_experiments": 10**6, "n_candidates": 10**6, "max_iterations": 10**9, "patience": 10**9, "max_redraws": 10**6}
 MOST_OF_RUNS = {"n_runs": 1000, "n_starts": 10_000, "n_candidates": 10**6}
@@ -25,6 +28,7 @@ class ExchangeSettings:
     references: bool
     screen: bool = False  # as in files that do not say
     local: float = 0.0
+    method: str = "paper"
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -39,6 +43,12 @@ class ExchangeSettings:
         set_field(self, "local", as_float(self.local, "local"))
         if not 0 <= self.local <= 1:
             raise ValueError(f"local: expected a share between 0 and 1, given {self.local:g}")
+        check_choice(self.method, METHODS, "method")
+
+
+def searched_by(method: str, problem: DesignProblem) -> str:
+    """The method of a search: where D needs the covariance of every point, "auto" is that of the paper."""
+    return "paper" if needs_covariances(str(problem.output_covariance)) else method
 
 
 @dataclass(frozen=True)

@@ -71,17 +71,24 @@ class CandidateSource:
             share = max(self.accepted / self.drawn, 0.05) if self.drawn else 0.7
             batch = round(np.clip(4 * count / share, SMALLEST_BATCH, LARGEST_BATCH))
             tried += batch
-            survivors, _ = self._survivors(self._region.draw(self._problem.model, batch, seed=self._rng))
+            survivors, _ = self.survivors(self._region.draw(self._problem.model, batch, seed=self._rng))
             found.append(survivors)
             have += len(survivors)
         joined = PointInformation.join(found) if len(found) > 1 else found[0]
         self._spare = joined[count:] if have > count else None
         return joined[:count]
 
+    def survivors(self, points: Experiments) -> tuple[PointInformation, NDArray[np.intp]]:
+        """Return those that are valid at the prior mean, and their places; the others are counted."""
+        information, kept, rejected = surviving(self._problem, self._region, points, self._threads)
+        self.drawn += len(points)  # with the reasons, so that the counts add up after an interrupt too
+        self.rejected.update(+rejected)
+        return information, kept
+
     def draw_near(self, points: Experiments, each: int) -> tuple[PointInformation, IntArray]:
         """Return what is valid at the prior mean of `each` candidates near every point, and the point of each."""
         near = np.repeat(np.arange(len(points), dtype=np.int32), each)
-        survivors, kept = self._survivors(self._region.draw_near(self._problem.model, points[near], seed=self._rng))
+        survivors, kept = self.survivors(self._region.draw_near(self._problem.model, points[near], seed=self._rng))
         return survivors, near[kept]
 
     def confirm(self, chosen: PointInformation) -> PointInformation:
@@ -120,15 +127,8 @@ class CandidateSource:
     def _since(self, before: Counter[str]) -> str:
         return ", ".join(f"{reason} {n}" for reason, n in (self.rejected - before).most_common())
 
-    def _survivors(self, points: Experiments) -> tuple[PointInformation, NDArray[np.intp]]:
-        """Those that are valid at the prior mean, and their places; the others are counted."""
-        information, kept, rejected = survivors(self._problem, self._region, points, self._threads)
-        self.drawn += len(points)  # with the reasons, so that the counts add up after an interrupt too
-        self.rejected.update(+rejected)
-        return information, kept
 
-
-def survivors(
+def surviving(
     problem: DesignProblem, region: ExperimentRegion | None, points: Experiments, threads: int | None
 ) -> tuple[PointInformation, NDArray[np.intp], Counter[str]]:
     """Points that satisfy a region's constraints and are valid at the prior mean, their places, and reasons of the others."""

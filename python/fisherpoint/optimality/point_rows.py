@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.values import Array
-from ..information.candidates import survivors
+from ..information.candidates import surviving
 from ..information.output_covariance import cholesky_factor, criterion
 from ..information.point_information import MOST_POINTS, PointInformation, with_covariance
 from ..information.problem import DesignProblem
@@ -44,7 +44,7 @@ class PointRows:
         """Rows (V, n, p) of those that are valid at the prior mean, and their places."""
         rows, places = [], []
         for first in range(0, len(points), MOST_POINTS):
-            information, kept, _ = survivors(self.problem, self._region, points[first : first + MOST_POINTS], self._threads)
+            information, kept, _ = surviving(self.problem, self._region, points[first : first + MOST_POINTS], self._threads)
             rows.append(self.whitened(information))
             places.append(kept + first)
         return np.concatenate(rows), np.concatenate(places)
@@ -53,7 +53,7 @@ class PointRows:
         """Rows of those that are valid at the prior mean and on all nodes of the rule, and their places; others are counted."""
         rows, places = [], []
         for first in range(0, len(points), MOST_POINTS):
-            information, kept, lost = survivors(self.problem, self._region, points[first : first + MOST_POINTS], self._threads)
+            information, kept, lost = surviving(self.problem, self._region, points[first : first + MOST_POINTS], self._threads)
             _, status = with_covariance(self.problem, information, self._threads)
             good = status == Status.ok
             self.rejected.update(+lost)
