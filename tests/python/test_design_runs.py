@@ -200,6 +200,22 @@ def test_starts_that_end_without_a_value_are_told(tmp_path: Path) -> None:
     assert fp.RunDesign.load(tmp_path).ends == design.ends
 
 
+def test_classical_runs_stand_beside_the_design(tmp_path: Path) -> None:
+    design = fp.design_runs(slider(mover()), n_starts=2)
+    assert set(design.classical) == {"steps", "pulses", "binary sequences", "ramps", "sines and chirps"}
+    assert all(-np.inf < value <= design.log_det + 1e-6 for value in design.classical.values())
+    assert "Beside classical runs" in str(design) and "binary sequences" in str(design)
+    # Those of one step, by hand.
+    up = fp.Runs([[0.0, 0.0]], np.ones((1, 8, 1)), np.full((1, 8), 0.5))
+    one_level = np.linalg.slogdet(fp.evaluate_design(design.problem, up).information)[1]
+    assert design.classical["steps"] >= one_level - 1e-6
+    design.save(tmp_path)
+    assert fp.RunDesign.load(tmp_path).classical == design.classical
+    few = fp.design_runs(slider(mover(samples=3)), n_starts=1)
+    assert max(few.classical.values()) <= few.log_det + 1e-6
+    assert not fp.design_runs(slider(mover(constant=("u",))), n_starts=1).classical
+
+
 def test_limits_of_single_quantities_are_lines() -> None:
     problem = slider(mover(), along=["x < 5e-1", "abs(v) < 0.4", "-1.5 <= x", "x + v < 3", "-.2 < x < 2.0"])
     lines = limits_of(problem)

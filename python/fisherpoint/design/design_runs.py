@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..basics.checks import as_floats, check_type
 from ..basics.values import Array, FrozenMapping
+from ..engine.levels import kernels
 from ..information.evaluation import evaluate_design
 from ..information.feasibility import feasibility
 from ..information.previous import Previous, previous_information
@@ -19,6 +20,7 @@ from ..points.run_region import RunRegion
 from ..points.settings import resolve_threads
 from .found import DRAWS, UNSEEN
 from .run_design import RunDesign
+from .run_references import classical_log_dets
 from .run_search import RunProgress, RunSearch
 from .settings import RunSettings
 
@@ -118,6 +120,12 @@ def design_runs(
     )
     stop_reason = search.run(progress)
     runs, seconds = search.runs(), search.seconds
+    classical: dict[str, float] = {}
+    if stop_reason != "interrupted" and not search.pool.singular and problem.model.kernels is kernels:
+        try:
+            classical = classical_log_dets(search.objective, settings.n_runs, problem.region.samples, settings.seed)
+        except KeyboardInterrupt:
+            stop_reason = "interrupted"
     return RunDesign(
         problem=problem,
         settings=settings,
@@ -132,6 +140,7 @@ def design_runs(
         drawn=search.pool.drawn,
         rejected=FrozenMapping(dict(search.pool.rejected)),
         seconds=seconds,
+        classical=FrozenMapping(classical),
     )
 
 

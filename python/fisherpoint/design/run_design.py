@@ -11,7 +11,7 @@ from ..basics.checks import as_path
 from ..basics.extras import needed_for
 from ..basics.files import write_whole
 from ..basics.kept import Codec, Kept
-from ..basics.values import Array
+from ..basics.values import Array, FrozenMapping
 from ..information.codec import evaluation_from_json, evaluation_to_json, problem_from_json, problem_to_json
 from ..information.evaluation import Evaluation
 from ..information.feasibility import Feasibility
@@ -56,6 +56,8 @@ class RunDesign(Shown, Kept):
     rejected : mapping of reason to int
         Runs drawn at random for the search, and those of them that do not reach their ends.
     seconds : float
+    classical : mapping of profile to float
+        log det F of the best of a hundred random runs of each classical profile, steps for one, whether plants can run them or not.
     """
 
     problem: DesignProblem
@@ -71,6 +73,7 @@ class RunDesign(Shown, Kept):
     drawn: int
     rejected: Mapping[str, int]
     seconds: float
+    classical: Mapping[str, float] = FrozenMapping({})
 
     _INSIDE = (RunSettings, Feasibility)
     _CODEC: ClassVar[Codec] = {

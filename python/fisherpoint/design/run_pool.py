@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -11,10 +12,10 @@ from ..information.run_tangents import run_tangents
 from ..points.runs import Runs
 from ..points.status import failures_of
 from .run_objective import Judged, RunObjective
-from .run_profiles import draw_runs
+from .run_profiles import Profile, draw_runs
 
 PART = 4
-"""A start takes its runs from one in so many of the pool, at random, so that starts differ."""
+"""A start takes its runs from one in so many of the pool, at random, so that starts differ; 1 for all."""
 
 MOST_DRAWN = 20
 """Runs that are drawn at most, for each one that is wanted."""
@@ -34,6 +35,8 @@ class RunPool:
     objective : RunObjective
     wanted : int
     rng : numpy.random.Generator
+    profiles : sequence of functions, optional
+        Of the inputs; all where none are given.
 
     Attributes
     ----------
@@ -50,7 +53,9 @@ class RunPool:
         Where hardly any run reaches its end; the message says why.
     """
 
-    def __init__(self, objective: RunObjective, wanted: int, rng: np.random.Generator) -> None:
+    def __init__(
+        self, objective: RunObjective, wanted: int, rng: np.random.Generator, profiles: Sequence[Profile] | None = None
+    ) -> None:
         self._objective, self._begun = objective, list[int]()  # with which starts have begun
         self.drawn, self.rejected = 0, Counter[str]()
         z: list[Array] = []
@@ -62,7 +67,7 @@ class RunPool:
                     f"region: expected runs that reach their ends, given {have} of {self.drawn} drawn ({reasons}): "
                     "shorten them or narrow the region"
                 )
-            drawn = draw_runs(objective.coordinates, wanted, rng)
+            drawn = draw_runs(objective.coordinates, wanted, rng, profiles)
             judged = objective.judged(objective.tried(drawn, None))
             self.drawn += wanted
             if not judged.ok.all():
@@ -91,10 +96,10 @@ class RunPool:
         values = self._objective.log_dets(self._judged.matrices + RIDGE * np.eye(self._judged.matrices.shape[-1]))
         return self._objective.coordinates.runs(self._z[np.argsort(-values, kind="stable")[:count]])
 
-    def chosen(self, n_runs: int, rng: np.random.Generator) -> Array:
+    def chosen(self, n_runs: int, rng: np.random.Generator, part: int = PART) -> Array:
         """Free numbers of runs of a random part, by exchange: each gives way to the best one beside the others, until none does."""
         objective = self._objective
-        some = rng.permutation(len(self._z))[: max(n_runs, -(-len(self._z) // PART))]
+        some = rng.permutation(len(self._z))[: max(n_runs, -(-len(self._z) // part))]
         if n_runs == 1 and len(fresh := some[~np.isin(some, self._begun)]):
             some = fresh
         f, costs = self._judged.matrices[some], self._judged.costs[some]

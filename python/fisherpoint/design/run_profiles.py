@@ -6,7 +6,7 @@ from one bound to the other: steps, pulses, binary sequences, ramps and sines, f
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -19,14 +19,21 @@ AT_BOUND = 0.5
 MOST_PULSES = 4
 
 
-def draw_runs(coordinates: RunCoordinates, count: int, rng: np.random.Generator) -> Array:
-    """Free numbers (count, d) of random runs."""
+Profile = Callable[[np.random.Generator, int], Array]
+"""Numbers (n,) between 0 and 1 of one input, drawn by a generator."""
+
+
+def draw_runs(
+    coordinates: RunCoordinates, count: int, rng: np.random.Generator, profiles: Sequence[Profile] | None = None
+) -> Array:
+    """Free numbers (count, d) of random runs, with `PROFILES` or those that are given."""
+    profiles = PROFILES if profiles is None else profiles
     z = _levels(rng, (count, len(coordinates)))
     changing = coordinates.inputs
     durations = [j for j, name in enumerate(coordinates.names) if name == "dt"]
     for k in range(count):
         for _, where in changing:
-            profile = PROFILES[rng.integers(len(PROFILES))]
+            profile = profiles[int(rng.integers(len(profiles)))]
             z[k, where] = profile(rng, where.stop - where.start)
         if len(durations) > 1 and rng.random() < 0.5:  # segments of one length
             z[k, durations] = rng.random()
@@ -87,7 +94,7 @@ def noise(rng: np.random.Generator, n: int) -> Array:
     return np.asarray(np.repeat(_levels(rng, (n // hold + 1,)), hold)[:n])
 
 
-PROFILES: tuple[Callable[[np.random.Generator, int], Array], ...] = (
+PROFILES: tuple[Profile, ...] = (
     constant,
     step,
     pulses,
@@ -98,3 +105,12 @@ PROFILES: tuple[Callable[[np.random.Generator, int], Array], ...] = (
     sine,
     noise,
 )
+
+CLASSICAL: Mapping[str, Profile] = {
+    "steps": step,
+    "pulses": pulses,
+    "binary sequences": binary,
+    "ramps": ramp,
+    "sines and chirps": sine,
+}
+"""What rigs are identified with by hand."""

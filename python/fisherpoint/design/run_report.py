@@ -15,6 +15,7 @@ from ..points.run_region import RunRegion
 from ..points.runs import Runs
 from ..show.numbers import computed, counted, number, percent
 from ..show.section import Report, Section
+from .efficiency import d_efficiency
 from .report import plants_sections
 
 _ROWS = 40  # runs shown of a longer list
@@ -61,6 +62,8 @@ class Reported(HasRuns, Protocol):
     def rejected(self) -> Mapping[str, int]: ...
     @property
     def seconds(self) -> float: ...
+    @property
+    def classical(self) -> Mapping[str, float]: ...
 
 
 def run_report(design: Reported) -> Report:
@@ -72,12 +75,8 @@ def run_report(design: Reported) -> Report:
         f"{counted(len(runs), 'run')} with {samples} for {problem.model.name}, {counted(len(parameters), 'parameter')} to estimate"
     )
     inner = design.evaluation.report()
-    sections = [
-        _runs_table(problem, runs),
-        *inner.sections,
-        *plants_sections(design.feasibility, design.settings.confidence),
-        _search(design),
-    ]
+    plants = plants_sections(design.feasibility, design.settings.confidence)
+    sections = [_runs_table(problem, runs), *inner.sections, *plants, _search(design), *_classical(design)]
     return Report(headline, sections, [*_warnings(design), *inner.warnings])
 
 
@@ -115,6 +114,20 @@ def _search(design: Reported) -> Section:
     if len(others) < len(design.ends):
         note += f" {len(design.ends) - len(others)} ended at runs that touch a surface at the problem's tolerance."
     return Section("Search", (), facts, notes=[] if singular else [note])
+
+
+def _classical(design: Reported) -> Iterator[Section]:
+    """Runs as they are chosen by hand, beside the design."""
+    if not design.classical:
+        return
+    rows = []
+    for name, value in sorted(design.classical.items(), key=lambda one: -one[1]):
+        efficiency = d_efficiency(value, design.log_det, len(design.evaluation.parameters))
+        rows.append((name, "-inf: singular" if not np.isfinite(value) else computed(value, 5), percent(efficiency or 0.0)))
+    note = (
+        "The best of a hundred random ones of each kind, or of fewer where they are long; whether plants can run them is not asked."
+    )
+    yield Section("Beside classical runs", ("inputs", "log det F, sum", "D-efficiency"), rows, notes=[note])
 
 
 def _warnings(design: Reported) -> Iterator[str]:
