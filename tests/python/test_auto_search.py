@@ -206,6 +206,7 @@ def test_a_singular_design_determines_what_it_can() -> None:
 
 
 def test_an_interrupt_returns_the_best_so_far() -> None:
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs start with Ctrl-C ignored
     seen: list[float] = []
 
     def progress(now: fp.Progress) -> None:
@@ -214,7 +215,10 @@ def test_an_interrupt_returns_the_best_so_far() -> None:
             os.kill(os.getpid(), signal.SIGINT)
             threading.Event().wait(0.1)
 
-    design = fp.exchange(problem(), **QUICK, progress=progress)
+    try:
+        design = fp.exchange(problem(), **QUICK, progress=progress)
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert design.stop_reason == "interrupted" and len(seen) == 5
     assert design.evaluation.log_det == pytest.approx(seen[-1], abs=1e-9)
 

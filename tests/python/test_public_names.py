@@ -40,7 +40,17 @@ OPTIONAL_AND_POSITIONAL = {
 }
 """Arguments that may be left out and are still clear without their names; all others have them."""
 
-RESULTS = ("Design", "DesignValidation", "Evaluation", "Feasibility", "Identifiability", "RuleComparison", "Status", "Validation")
+RESULTS = (
+    "Design",
+    "DesignValidation",
+    "Evaluation",
+    "Feasibility",
+    "Identifiability",
+    "RuleComparison",
+    "RunDesign",
+    "Status",
+    "Validation",
+)
 """What functions return, and nobody else makes."""
 
 
