@@ -111,19 +111,22 @@ def design(
 
     Writes design.csv, design.json, report.txt and pictures. Ctrl-C stops early and keeps the best design so far.
     """
-    config = load_config(file)
-    if config.region is None:
-        raise config.error("region", "missing; expected a table with bounds of every state, every input and dt")
-    if config.runs is not None:
-        return design_of_runs(config, output, seed, threads, no_plots, quiet)
-    problem, settings = config.problem(), config.exchange_settings()
-    chosen = None if method is None else method.value
-    for name, value in (("seed", seed), ("max_iterations", max_iterations), ("method", chosen)):
-        if value is not None:
-            settings[name] = value
-    # What can fail for a trivial reason fails before the work, not after it.
-    save_pictures = None if no_plots else _picture_writer(output)
-    make_directory(output)
+    try:
+        config = load_config(file)
+        if config.region is None:
+            raise config.error("region", "missing; expected a table with bounds of every state, every input and dt")
+        if config.runs is not None:
+            return design_of_runs(config, output, seed, threads, no_plots, quiet)
+        problem, settings = config.problem(), config.exchange_settings()
+        chosen = None if method is None else method.value
+        for name, value in (("seed", seed), ("max_iterations", max_iterations), ("method", chosen)):
+            if value is not None:
+                settings[name] = value
+        # What can fail for a trivial reason fails before the work, not after it.
+        save_pictures = None if no_plots else _picture_writer(output)
+        make_directory(output)
+    except KeyboardInterrupt:  # else typer ends without a word
+        return _interrupted()
 
     try:
         found = _exchange(problem, settings, threads, show=not quiet)
