@@ -111,22 +111,19 @@ def design(
 
     Writes design.csv, design.json, report.txt and pictures. Ctrl-C stops early and keeps the best design so far.
     """
-    try:
-        config = load_config(file)
-        if config.region is None:
-            raise config.error("region", "missing; expected a table with bounds of every state, every input and dt")
-        if config.runs is not None:
-            return design_of_runs(config, output, seed, threads, no_plots, quiet)
-        problem, settings = config.problem(), config.exchange_settings()
-        chosen = None if method is None else method.value
-        for name, value in (("seed", seed), ("max_iterations", max_iterations), ("method", chosen)):
-            if value is not None:
-                settings[name] = value
-        # What can fail for a trivial reason fails before the work, not after it.
-        save_pictures = None if no_plots else _picture_writer(output)
-        make_directory(output)
-    except KeyboardInterrupt:  # else typer ends without a word
-        return _interrupted()
+    config = load_config(file)
+    if config.region is None:
+        raise config.error("region", "missing; expected a table with bounds of every state, every input and dt")
+    if config.runs is not None:
+        return design_of_runs(config, output, seed, threads, no_plots, quiet)
+    problem, settings = config.problem(), config.exchange_settings()
+    chosen = None if method is None else method.value
+    for name, value in (("seed", seed), ("max_iterations", max_iterations), ("method", chosen)):
+        if value is not None:
+            settings[name] = value
+    # What can fail for a trivial reason fails before the work, not after it.
+    save_pictures = None if no_plots else _picture_writer(output)
+    make_directory(output)
 
     try:
         found = _exchange(problem, settings, threads, show=not quiet)
@@ -243,9 +240,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _run(arguments: list[str]) -> int:
     try:
-        code = app(arguments, prog_name="fisherpoint", standalone_mode=False) or 0
+        command = typer.main.get_command(app)
+        with command.make_context("fisherpoint", arguments) as context:  # typer's own way ends without a word at Ctrl-C
+            code: int = command.invoke(context) or 0
         sys.stdout.flush()
         return code
+    except typer.Exit as left:  # after --help and --version
+        return left.exit_code
     except KeyboardInterrupt:
         return _interrupted()
     except typer.TyperException as error:
