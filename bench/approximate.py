@@ -7,9 +7,9 @@ from time import perf_counter
 
 import numpy as np
 
-from fisherpoint.optimality.candidate_rows import CandidateRows
-from fisherpoint.optimality.criteria import Determinant
-from fisherpoint.optimality.weights import optimal_weights
+from fisherpoint.design.optimality.candidate_rows import CandidateRows
+from fisherpoint.design.optimality.criteria import Determinant
+from fisherpoint.design.optimality.weights import optimal_weights
 
 from . import fresh_process
 from .memory import peak_memory

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fisherpoint.design.search import SHORTLIST, ExchangeSearch
+from fisherpoint.design.points.exchange_search import SHORTLIST, ExchangeSearch
 from fisherpoint.design.settings import ExchangeSettings
 from fisherpoint.engine import _core
 from fisherpoint.information.point_information import PointInformation, with_linearized_covariance

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from rich.console import Console
 from rich.table import Table
 
-from fisherpoint.design.search import SHORTLIST
+from fisherpoint.design.points.exchange_search import SHORTLIST
 
 from . import cost, packs
 from .accuracy import ACCURACY_RULE, Errors

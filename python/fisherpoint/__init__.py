@@ -6,17 +6,21 @@ from .basics.extras import needed_for
 from .basics.quantity import Quantity
 from .campaign.campaign import Campaign
 from .data import Measurements, Pieces, Record, RecordTrajectory, VirtualRig, pieces, simulate_record
-from .design.best_pieces import best_pieces
 from .design.compare import ComparedDesign, DesignComparison, compare
-from .design.design_runs import design_runs
 from .design.efficiency import Efficiency
 from .design.exchange import exchange
 from .design.found import TraceRecord
-from .design.piece_design import PieceDesign
-from .design.point_search import Progress
+from .design.optimality.approximate import approximate
+from .design.optimality.approximate_design import ApproximateDesign
+from .design.optimality.asked import criterion
+from .design.optimality.criteria import Criterion
+from .design.pieces.best_pieces import best_pieces
+from .design.pieces.piece_design import PieceDesign
+from .design.points.point_search import Progress
 from .design.result import Design
-from .design.run_design import RunDesign
-from .design.run_search import RunProgress
+from .design.runs.design_runs import design_runs
+from .design.runs.run_design import RunDesign
+from .design.runs.run_search import RunProgress
 from .design.settings import ExchangeSettings, RunSettings
 from .engine.levels import available_isas, isa
 from .estimation.estimate import estimate
@@ -29,10 +33,6 @@ from .information.identifiability import Identifiability, identifiability
 from .information.nearby import Nearby
 from .information.problem import DesignProblem
 from .models import HydraulicCylinder, Model
-from .optimality.approximate import approximate
-from .optimality.approximate_design import ApproximateDesign
-from .optimality.asked import criterion
-from .optimality.criteria import Criterion
 from .points.broken_limits import broken_limits
 from .points.constraints import Constraint
 from .points.experiments import Experiments

@@ -30,7 +30,7 @@ def design_of_runs(config: Config, output: Path, seed: int | None, threads: int 
         settings["seed"] = seed
     if not no_plots:
         with needed_for("pictures"):
-            import fisherpoint.design.run_pictures  # noqa: F401  what can fail for a trivial reason fails before the work
+            import fisherpoint.design.runs.run_pictures  # noqa: F401  what can fail for a trivial reason fails before the work
     make_directory(output)
 
     console = Console(stderr=True)

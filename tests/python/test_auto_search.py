@@ -16,7 +16,7 @@ import pytest
 import fisherpoint as fp
 from conftest import REGION
 from defaults import MODEL, problem, same_bits
-from fisherpoint.design.pool_exchange import PoolExchange, divided, gains, greedy
+from fisherpoint.design.points.pool_exchange import PoolExchange, divided, gains, greedy
 from test_known_designs import CASES, ONE_FACTOR, SOON, SQUARE, ZERO, linear, log_det_m, quadratic
 from test_known_designs import problem as known_problem
 
@@ -157,7 +157,7 @@ def test_points_obey_constraints_and_survive_on_all_nodes(jumps: str) -> None:
 
 
 def test_an_ascent_moves_points_and_keeps_them_valid() -> None:
-    from fisherpoint.design.auto_search import AutoSearch
+    from fisherpoint.design.points.auto_search import AutoSearch
     from fisherpoint.design.settings import ExchangeSettings
 
     given = problem(region=fp.ExperimentRegion(REGION, constraints=["p_A + p_B < 1.5e7"]))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.design.run_search import RunSearch
+from fisherpoint.design.runs.run_search import RunSearch
 
 QUICK: dict[str, Any] = {"threads": 1, "n_starts": 2, "n_candidates": 20}
 TRUTH, NOISE = {"k": 1.15, "b": 0.45}, {"x": 0.01, "z": 0.05}

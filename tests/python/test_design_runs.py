@@ -12,11 +12,11 @@ import pytest
 
 import fisherpoint as fp
 from bench.runs import decay, reactor
-from fisherpoint.design.run_moves import moved_runs
-from fisherpoint.design.run_objective import RunObjective
-from fisherpoint.design.run_pictures import limits_of
-from fisherpoint.design.run_profiles import PROFILES, draw_runs
-from fisherpoint.design.run_slopes import linear_runs
+from fisherpoint.design.runs.run_moves import moved_runs
+from fisherpoint.design.runs.run_objective import RunObjective
+from fisherpoint.design.runs.run_pictures import limits_of
+from fisherpoint.design.runs.run_profiles import PROFILES, draw_runs
+from fisherpoint.design.runs.run_slopes import linear_rows
 from fisherpoint.points.run_region import RunCoordinates
 
 FINE: Any = (1e-9, True, True, "fastest", 1)
@@ -101,7 +101,7 @@ def test_the_gradient_is_that_of_differences(kappa: float, central: bool, error:
     objective = RunObjective(problem, coordinates, plants, np.zeros((2, 2, 2)), FINE)
     objective.kappa = kappa
     z = np.random.default_rng(0).uniform(0.3, 0.7, (2, len(coordinates)))
-    linear = linear_runs(objective, z, None, central, np.random.default_rng(0))
+    linear = linear_rows(objective, z, None, central, np.random.default_rng(0))
     assert linear is not None
     value, gradient = linear.value_and_gradient(np.zeros(z.size))
 

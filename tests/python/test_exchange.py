@@ -18,7 +18,7 @@ import fisherpoint as fp
 from conftest import REGION
 from defaults import KINDS, MODEL, NAMES, NOISE, OUTPUTS, PRIOR, SMALL, grid, problem, same_bits
 from fisherpoint.design.efficiency import median_of, random_designs
-from fisherpoint.design.search import SHORTLIST
+from fisherpoint.design.points.exchange_search import SHORTLIST
 from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.information.point_information import PointInformation
 

@@ -11,7 +11,7 @@ import pytest
 import fisherpoint as fp
 from conftest import REGION, random_points
 from defaults import KINDS, MODEL, problem, same_bits
-from fisherpoint.design.search import ExchangeSearch
+from fisherpoint.design.points.exchange_search import ExchangeSearch
 from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.points.region import NEAREST
 

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fisherpoint.optimality.candidate_rows import CandidateRows
-from fisherpoint.optimality.criteria import ConditionNumber, Criterion, Determinant, SmallestEigenvalue, Variance
-from fisherpoint.optimality.estimable import estimable
-from fisherpoint.optimality.functions import gradient_of
-from fisherpoint.optimality.rounding import efficient_rounding
-from fisherpoint.optimality.weights import least_sensitivity, optimal_weights
+from fisherpoint.design.optimality.candidate_rows import CandidateRows
+from fisherpoint.design.optimality.criteria import ConditionNumber, Criterion, Determinant, SmallestEigenvalue, Variance
+from fisherpoint.design.optimality.estimable import estimable
+from fisherpoint.design.optimality.functions import gradient_of
+from fisherpoint.design.optimality.rounding import efficient_rounding
+from fisherpoint.design.optimality.weights import least_sensitivity, optimal_weights
 
 P = 4
 

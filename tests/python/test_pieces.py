@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import fisherpoint as fp
-from fisherpoint.design.disjoint import Windows
-from fisherpoint.design.packed import Packed
-from fisherpoint.design.piece_search import PieceSearch
+from fisherpoint.design.pieces.disjoint import Windows
+from fisherpoint.design.pieces.packed import Packed
+from fisherpoint.design.pieces.piece_search import PieceSearch
 from oracle import Floats
 from run_cases import NOISE, THETA, tanks
 

@@ -9,9 +9,9 @@ from typing import Any, TypeAlias
 
 from ..basics.values import FrozenMapping
 from ..data import Measurements
-from ..design.design_runs import design_runs
 from ..design.exchange import exchange
-from ..design.run_design import RunDesign
+from ..design.runs.design_runs import design_runs
+from ..design.runs.run_design import RunDesign
 from ..design.settings import ExchangeSettings, RunSettings
 from ..information.problem import DesignProblem
 from ..information.run_information import checked_problem

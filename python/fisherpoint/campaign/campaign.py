@@ -13,8 +13,8 @@ from ..basics.checks import check_type
 from ..basics.extras import needed_for
 from ..basics.values import FrozenMapping
 from ..data import Measurements
-from ..design.point_search import Progress
-from ..design.run_search import RunProgress
+from ..design.points.point_search import Progress
+from ..design.runs.run_search import RunProgress
 from ..estimation.estimate import estimate
 from ..estimation.fit import Fit
 from ..estimation.precision import quantile

@@ -8,8 +8,8 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter, PercentFormatter
 
+from ..show.standard_errors import share_axis
 from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT
 
 COLOURS = (NOISE, CRITERION, "#009e73", "#cc79a7", TEXT, "#56b4e9")
@@ -38,13 +38,6 @@ def plot_comparison(designs: Mapping[str, Mapping[str, float] | None], prior_std
                 continue
             share = [errors[parameter] / prior_std[parameter] for parameter in names]
             axes.plot(share, rows + 0.4 * ((k + 0.5) / count - 0.5), label=name, markersize=5, **style)
-        axes.set_xscale("log")
-        axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=None))
-        axes.xaxis.set_minor_formatter(NullFormatter())
-        axes.set_xlim(left=min(axes.get_xlim()[0], 0.08))  # a decade at least, so that there are two labels
-        axes.set_yticks(rows, names)
-        axes.set_ylim(len(names) - 0.5, -0.5)
-        axes.set_xlabel("standard error, share of the prior std")
-        axes.grid(axis="y", visible=False)
+        share_axis(axes, names)
         figure.legend(loc="outside upper left", ncols=3)
     return figure

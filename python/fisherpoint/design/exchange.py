@@ -15,11 +15,11 @@ from ..information.point_information import PointInformation
 from ..information.previous import Previous, previous_information
 from ..information.problem import DesignProblem
 from ..points.settings import resolve_threads
-from .auto_search import AutoSearch
 from .efficiency import Efficiency, efficiency_of, median_of, random_designs
-from .point_search import PointSearch, Progress
+from .points.auto_search import AutoSearch
+from .points.exchange_search import ExchangeSearch
+from .points.point_search import PointSearch, Progress
 from .result import Design
-from .search import ExchangeSearch
 from .settings import ExchangeSettings, searched_by
 
 

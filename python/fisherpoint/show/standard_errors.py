@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, PercentFormatter
 
@@ -30,14 +31,7 @@ def standard_error_figure(
             share = np.array([errors[name] / prior_std[name] for name in names])
             axes.hlines(rows, np.minimum(share, 1.0), np.maximum(share, 1.0), color=NOISE, alpha=0.4)
             axes.plot(share, rows, "o", color=NOISE, markersize=6, label=label)
-        axes.set_xscale("log")
-        axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=None))
-        axes.xaxis.set_minor_formatter(NullFormatter())
-        axes.set_xlim(left=min(axes.get_xlim()[0], 0.08))  # a decade at least, so that there are two labels
-        axes.set_yticks(rows, names)
-        axes.set_ylim(len(names) - 0.5, -0.5)
-        axes.set_xlabel("standard error, share of the prior std")
-        axes.grid(axis="y", visible=False)
+        share_axis(axes, names)
         # What that means in units, beside the axis.
         for row, name in zip(rows, names, strict=True):
             prior = f"{computed(float(prior_std[name]))} {units.get(name, '')}".rstrip()
@@ -53,3 +47,15 @@ def standard_error_figure(
             )
         figure.legend(loc="outside upper left", ncols=2, title="Prior against predicted standard errors", alignment="left")
     return figure
+
+
+def share_axis(axes: Axes, names: Sequence[str]) -> None:
+    """Standard errors as shares of the prior's along a logarithmic axis, a row for each parameter, the first on top."""
+    axes.set_xscale("log")
+    axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=None))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.set_xlim(left=min(axes.get_xlim()[0], 0.08))  # a decade at least, so that there are two labels
+    axes.set_yticks(np.arange(len(names)), names)
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.set_xlabel("standard error, share of the prior std")
+    axes.grid(axis="y", visible=False)

@@ -1,0 +1,220 @@
+"""Designs as weights of points, with the proof of how good they are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from ...basics.checks import check_choice, check_positive_int
+from ...basics.extras import needed_for
+from ...basics.kept import Codec, Kept
+from ...basics.quantity import names_of
+from ...basics.values import Array
+from ...information.codec import problem_from_json, problem_to_json
+from ...information.previous import HasPoints
+from ...information.problem import DesignProblem
+from ...points.codec import points_from_json, points_to_json
+from ...points.experiments import Experiments
+from ...show.section import Report
+from ...show.shown import Shown
+from .approximate_report import approximate_report
+from .asked import criterion
+from .candidate_rows import CandidateRows
+from .criteria import Criterion
+from .estimable import Estimable
+from .point_rows import PointRows
+from .rounding import efficient_rounding
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ApproximateDesign(Shown, Kept):
+    """Weights of points: the share of all measurements that each is to get.
+
+    Attributes
+    ----------
+    problem : DesignProblem
+    criterion_name : {"D", "A", "E", "c", "Ds", "I"}
+    of : str, tuple of str or None
+        The function, parameters or output that was asked about.
+    conditions : Experiments or None
+        Where the output is predicted.
+    scale : mapping of parameter name to float, or None
+    n_experiments : int or None
+        With how many experiments the prior's information was weighed; None where it was not added.
+    points : Experiments
+        The support.
+    weights : ndarray, (m,)
+        They sum to 1.
+    information : ndarray, (p, p)
+        M = sum_i w_i F_i, with parameters in units of their prior std, and 1/n_experiments of the prior's where it was added.
+    value : float
+        The criterion at M, which is that of one experiment; n of them have n M.
+    efficiency : float
+        Lower bound of the share of the optimum that the design reaches, by concavity, among everything that was searched.
+    largest : float
+        The largest value of the sensitivity function that was met, as a share of its level: at most 1 at an optimum.
+    level : int
+        What the sensitivity function is at most at an optimum: p for "D", where it is tr(M^-1 F).
+    half : ndarray, (p, q)
+        Y of the sensitivity function level |J Y|^2.
+    estimable : Estimable
+        What the candidates determine together.
+    null_directions : tuple of mappings of parameter name to float
+        Combinations of standardised parameters that no candidate says anything about: the design is for the others.
+    n_candidates : int
+        Valid candidates over which the sensitivity function was computed, all of them.
+    starts : int
+        Local ascents of the sensitivity function in the region, from as many places, after the last change of the support; 0
+        where only the candidates count.
+    sample : Experiments
+        Some of the candidates, for pictures.
+    left_out : mapping of reason to int
+        Candidates that are no points.
+    deleted : int
+        Candidates that were proven to have no weight in any optimum.
+    seconds : float
+    """
+
+    problem: DesignProblem
+    criterion_name: str
+    of: str | tuple[str, ...] | None
+    conditions: Experiments | None
+    scale: Mapping[str, float] | None
+    n_experiments: int | None
+    points: Experiments
+    weights: Array
+    information: Array
+    value: float
+    efficiency: float
+    largest: float
+    level: int
+    half: Array
+    estimable: Estimable
+    null_directions: tuple[Mapping[str, float], ...]
+    n_candidates: int
+    starts: int
+    sample: Experiments
+    left_out: Mapping[str, int]
+    deleted: int
+    seconds: float
+
+    _INSIDE = (Estimable,)
+    _CODEC: ClassVar[Codec] = {
+        DesignProblem: (problem_to_json, problem_from_json),
+        Experiments: (points_to_json, points_from_json),
+    }
+
+    @cached_property
+    def criterion(self) -> Criterion:
+        """The criterion, as a function of information matrices."""
+        options = {"of": self.of, "conditions": self.conditions, "scale": self.scale}
+        return criterion(self.problem, self.criterion_name, **options)  # type: ignore[arg-type]
+
+    @property
+    def _constant(self) -> Array | None:
+        return None if self.n_experiments is None else prior_information(self.problem) / self.n_experiments
+
+    def sensitivity(self, points: Experiments, *, threads: int | None = None) -> Array:
+        """The sensitivity function (K,) at any points; NaN where a point is none. The design is optimal where it is <= `level`."""
+        result = np.full(len(points), np.nan)
+        rows, places = PointRows(self.problem, threads).at_mean(points)
+        result[places] = self.level * CandidateRows(rows, self._constant).along(self.half)
+        return result
+
+    def efficiency_of(self, points: Experiments | HasPoints, *, threads: int | None = None) -> float:
+        """Lower bound of the efficiency of an exact design of L points, each measured once, against the best L measurements.
+
+        The best weights are at least as good as the best L points, and what they can reach is bounded. The bound holds for
+        designs of points among what was searched.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For what are no points, points that are not valid at the prior mean, and another number than `n_experiments` where the
+            prior's information was added.
+        """
+        given = points if isinstance(points, Experiments) else getattr(points, "points", None)
+        if not isinstance(given, Experiments):
+            raise TypeError(f"points: expected Experiments or a design of these, given {type(points).__name__}")
+        count = len(given)
+        if not count:
+            raise ValueError("points: expected at least one point, given none")
+        if self.n_experiments not in (None, count):
+            raise ValueError(f"points: expected as many as n_experiments, {self.n_experiments}, given {count}")
+        rows, places = PointRows(self.problem, threads).at_mean(given)
+        if len(rows) < count:
+            wrong = int(np.setdiff1d(np.arange(count), places)[0])
+            raise ValueError(f"points: expected valid ones, given points[{wrong}], which is none at the prior mean")
+        return self._share(CandidateRows(rows, self._constant).information(np.arange(count), np.full(count, 1 / count)))
+
+    def _share(self, information: Array) -> float:
+        into = self.estimable.into
+        inner = self.criterion.within(self.estimable)
+        ratio = inner.log_phi(into.T @ information @ into) - inner.log_phi(into.T @ self.information @ into)
+        return float(np.exp(min(ratio + np.log(self.efficiency), 0.0)))
+
+    def rounded(self, n: int) -> Experiments:
+        """The points of an exact design of n measurements, by efficient rounding (Pukelsheim and Rieder 1992); points repeat.
+
+        Raises
+        ------
+        ValueError
+            For fewer measurements than points with a weight.
+        """
+        n = check_positive_int(n, "n")
+        if n < len(self.points):
+            raise ValueError(f"n: expected at least as many measurements as the design has points, {len(self.points)}, given {n}")
+        return self.points[np.repeat(np.arange(len(self.points)), efficient_rounding(self.weights, n))]
+
+    def plot(self, kind: str = "sensitivity", *, path: str | Path | None = None) -> Figure:
+        """Draw the sensitivity function over each coordinate; needs matplotlib.
+
+        Parameters
+        ----------
+        kind : {"sensitivity"}
+        path : path, optional
+            Where the picture is also written; the ending says the format, PNG where there is none.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        check_choice(kind, ("sensitivity",), "kind")
+        with needed_for("plot"):
+            from ...show.style import drawn
+            from .approximate_pictures import sensitivity_figure
+
+        model, values = self.problem.model, self.sensitivity(self.sample)
+        of_support = self.sensitivity(self.points)
+        return drawn(sensitivity_figure(model.axes, self.sample, values, self.points, of_support, self.weights, self.level), path)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """One row per point of the support: its coordinates, SI units, and its weight."""
+        with needed_for("to_pandas"):
+            import pandas as pd
+
+        names = names_of(self.problem.model.axes)
+        index = pd.RangeIndex(len(self.points), name="point")
+        frame = pd.DataFrame(self.points.table[:, : len(names)], index, pd.Index(names))
+        return frame.assign(weight=self.weights)
+
+    def report(self) -> Report:
+        """The support, the value, and what is proven about it."""
+        return approximate_report(self)
+
+
+def prior_information(problem: DesignProblem) -> Array:
+    """Inverse (p, p) of the prior's covariance in units of its std, for the estimated parameters with the others known."""
+    correlation = problem.prior.correlation
+    half = np.linalg.solve(np.linalg.cholesky(correlation), np.eye(len(correlation)))
+    rows = [problem.prior.names.index(name) for name in problem.estimated]
+    return np.asarray((half.T @ half)[np.ix_(rows, rows)])

@@ -1,0 +1,125 @@
+"""A design of weights as a report that says what is proven and what is not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Protocol
+
+from ...basics.quantity import names_of
+from ...basics.values import Array
+from ...information.combinations import combination
+from ...information.problem import DesignProblem
+from ...points.experiments import Experiments
+from ...show.numbers import computed, counted, number
+from ...show.section import Report, Section
+
+WORDS = {
+    "D": "log det F",
+    "A": "trace of F^-1",
+    "E": "smallest eigenvalue of F",
+    "c": "variance of the function",
+    "Ds": "log det of the information about the subset",
+    "I": "mean prediction variance",
+}
+
+CLEARLY = 0.999
+"""A proven efficiency below which the report warns."""
+
+
+class Reported(Protocol):
+    """What the report needs of a :class:`fisherpoint.ApproximateDesign`."""
+
+    @property
+    def problem(self) -> DesignProblem: ...
+    @property
+    def criterion_name(self) -> str: ...
+    @property
+    def of(self) -> str | tuple[str, ...] | None: ...
+    @property
+    def n_experiments(self) -> int | None: ...
+    @property
+    def points(self) -> Experiments: ...
+    @property
+    def weights(self) -> Array: ...
+    @property
+    def value(self) -> float: ...
+    @property
+    def efficiency(self) -> float: ...
+    @property
+    def largest(self) -> float: ...
+    @property
+    def level(self) -> int: ...
+    @property
+    def null_directions(self) -> tuple[Mapping[str, float], ...]: ...
+    @property
+    def n_candidates(self) -> int: ...
+    @property
+    def starts(self) -> int: ...
+    @property
+    def left_out(self) -> Mapping[str, int]: ...
+    @property
+    def deleted(self) -> int: ...
+    @property
+    def seconds(self) -> float: ...
+
+
+def approximate_report(design: Reported) -> Report:
+    """Support, criterion, proof and search."""
+    among = f"{counted(design.n_candidates, 'candidate')}"
+    if design.starts:
+        among += f" and {counted(design.starts, 'local ascent')} of the sensitivity function"
+    headline = (
+        f"Weights of {counted(len(design.points), 'point')}: {design.criterion_name}-efficiency at least "
+        f"{floored(design.efficiency)} among {among}"
+    )
+    return Report(headline, [_support(design), _proof(design)], list(_warnings(design)))
+
+
+def floored(efficiency: float) -> str:
+    """In percent, rounded down."""
+    return f"{min(int(efficiency * 1e7) / 1e5, 100.0):g} %"
+
+
+def _support(design: Reported) -> Section:
+    names = names_of(design.problem.model.axes)
+    columns = (*(f"{quantity.name} [{quantity.unit}]" for quantity in design.problem.model.axes), "weight")
+    table = design.points.table[:, : len(names)].tolist()
+    rows = [(*(number(x, 5) for x in row), f"{w:.5f}") for row, w in zip(table, design.weights.tolist(), strict=True)]
+    return Section("Points", columns, rows)
+
+
+def _proof(design: Reported) -> Section:
+    asked = "" if design.of is None else f" of {design.of if isinstance(design.of, str) else ', '.join(design.of)}"
+    facts = [
+        ("criterion", f"{design.criterion_name}{asked}"),
+        (f"{WORDS[design.criterion_name]} of one experiment", computed(design.value, 7)),
+        ("largest sensitivity, optimal where at most the level", f"{design.level * design.largest:.7g}, level {design.level}"),
+        ("efficiency by concavity", f"at least {floored(design.efficiency)}"),
+        ("over all of", counted(design.n_candidates, "candidate")),
+    ]
+    if design.starts:
+        facts.append(("and what was met by", f"{counted(design.starts, 'local ascent')} in the region"))
+    if design.n_experiments is not None:
+        facts.append(("with the prior's information, for", counted(design.n_experiments, "experiment")))
+    facts += [("not determined (in prior std)", combination(null)) for null in design.null_directions]
+    facts += [(f"left out: {reason}", str(count)) for reason, count in design.left_out.items()]
+    if design.deleted:
+        facts.append(("proven to have no weight", counted(design.deleted, "candidate")))
+    notes = []
+    if design.starts:
+        notes.append("Points of the region that no ascent came to are not covered: the sensitivity function has many maxima")
+    return Section("What is proven", (), [*facts, ("time", f"{design.seconds:.1f} s")], notes=notes)
+
+
+def _warnings(design: Reported) -> Iterator[str]:
+    if design.null_directions:
+        yield (
+            f"The candidates leave {counted(len(design.null_directions), 'combination')} of parameters undetermined, named above:"
+            " the design is for the others."
+        )
+    if design.efficiency < CLEARLY:
+        if design.starts:
+            why = "the search ended while ascents still came to places that tell more. More candidates (n_candidates) may help"
+        else:
+            why = "double precision has no more here"
+        yield f"The efficiency is proven to be at least {floored(design.efficiency)} only: {why}."

@@ -1,0 +1,81 @@
+"""Candidates as rows: the information matrix of each is F_i = J_i^T J_i, to which a constant may be added.
+
+What all candidates are asked for, tr(G F_i) = |J_i Y|^2 with G = Y Y^T, is a product of matrices; F_i itself is formed for the few
+that are looked at more closely.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...basics.values import Array
+
+Places = NDArray[np.intp]
+
+AT_ONCE = 1 << 15
+"""Candidates whose products are held at once, so that memory stays bounded."""
+
+
+class CandidateRows:
+    """Whitened sensitivities of K candidates.
+
+    Parameters
+    ----------
+    rows : ndarray, (K, n, p)
+        dy/dtheta in units of the noise and of the parameters' scale.
+    constant : ndarray, (p, p), optional
+        What is added to each F_i: a share of information that is there already.
+    """
+
+    def __init__(self, rows: Array, constant: Array | None = None) -> None:
+        self.rows, self.constant = rows, constant
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def along(self, half: Array) -> Array:
+        """tr(Y Y^T F_i) for every candidate, (K,)."""
+        count, _, p = self.rows.shape
+        result = np.empty(count)
+        for first in range(0, count, AT_ONCE):
+            part = self.rows[first : first + AT_ONCE]
+            product = part.reshape(-1, p) @ half
+            np.einsum("ij,ij->i", *(2 * [product.reshape(len(part), -1)]), out=result[first : first + len(part)])
+        if self.constant is not None:
+            result += np.einsum("jq,jk,kq->", half, self.constant, half)
+        return result
+
+    def matrices(self, chosen: Places, into: Array) -> Array:
+        """B^T F_i B (m, r, r) of those that are chosen."""
+        rows = self.rows[chosen] @ into
+        matrices = np.swapaxes(rows, 1, 2) @ rows
+        return np.asarray(matrices if self.constant is None else matrices + into.T @ self.constant @ into)
+
+    def information(self, chosen: Places, weights: Array) -> Array:
+        """sum_i w_i F_i, (p, p)."""
+        rows = (self.rows[chosen] * np.sqrt(weights)[:, None, None]).reshape(-1, self.rows.shape[2])
+        return np.asarray(rows.T @ rows if self.constant is None else rows.T @ rows + weights.sum() * self.constant)
+
+    def triangle(self) -> Array:
+        """R (p, p) with R^T R the mean of all F_i, without squares of small numbers where these would lose digits."""
+        count, _, p = self.rows.shape
+        flat = self.rows.reshape(-1, p)
+        gram = np.zeros((p, p))
+        for first in range(0, len(flat), AT_ONCE):
+            part = flat[first : first + AT_ONCE]
+            gram += part.T @ part
+        gram = gram / count if self.constant is None else gram / count + self.constant
+        scale = np.sqrt(np.diag(gram))
+        if (scale > 0).all() and np.linalg.eigvalsh(gram / np.outer(scale, scale))[0] > 1e-8:
+            return np.asarray(np.linalg.cholesky(gram).T)
+        r = np.zeros((0, p)) if self.constant is None else symmetric_root(self.constant) * np.sqrt(count)
+        for first in range(0, len(flat), AT_ONCE):
+            r = np.linalg.qr(np.concatenate([r, flat[first : first + AT_ONCE]]), mode="r")
+        return np.asarray(np.concatenate([r, np.zeros((max(0, p - len(r)), p))]) / np.sqrt(count))
+
+
+def symmetric_root(matrix: Array) -> Array:
+    """H (p, p) with H^T H the positive semidefinite matrix."""
+    values, vectors = np.linalg.eigh(matrix)
+    return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))).T)

@@ -1,0 +1,304 @@
+"""Points of a design in the region: local maxima of the sensitivity function join the candidates until none exceeds its level."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...basics.quantity import names_of
+from ...basics.values import Array
+from ...points.experiments import Experiments
+from ...points.region import ExperimentRegion
+from .ascents import ascend, newton
+from .candidate_rows import CandidateRows, Places
+from .criteria import Criterion
+from .estimable import Estimable
+from .point_rows import PointRows
+from .weights import REGULAR, Weights, optimal_weights
+
+ABOVE = 1e-3
+"""By which share of its level the sensitivity function may be exceeded by what the ascents from many starts find."""
+
+MOST_ROUNDS, MOST_SEARCHES = 15, 4
+
+CLOSE = 1e-6
+"""The rounds end where no maximum near the support exceeds the level by more than this share."""
+
+RADII = (0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
+"""Shares of the region's width within which points of the support are merged, where that costs nothing."""
+
+MERGING_COSTS = 1e-6
+"""Most that log phi may lose by merging."""
+
+SAME = 1e-6
+"""Shares of the region's width within which two places are one."""
+
+POLISHING = 6
+"""Most Newton steps of the support's points."""
+
+WORTH_POLISHING = 0.05
+"""Most that log phi may lose by merging before the points are moved."""
+
+NEAR = 40
+"""Candidates with a large sensitivity from which ascents start in each round."""
+
+SHORT, LONG = 25, 60
+"""Iterations of an ascent in the rounds, and of those that search at the end."""
+
+
+BACK = np.array([0.98, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2])
+"""Shares of the way of an ascent that ends where some plants of the prior have no trajectory."""
+
+
+class Refinement(NamedTuple):
+    """The support, its rows and weights; candidates and starts that the sensitivity function was followed from."""
+
+    points: Experiments
+    rows: Array
+    weights: Weights
+    n_candidates: int
+    starts: int
+
+
+class _Support(NamedTuple):
+    """Points with their rows and weights, of which `chosen` counts within them where they were weighed alone."""
+
+    points: Experiments
+    rows: Array
+    weights: Weights
+
+
+class _Box:
+    """The region's coordinates that are free, as a unit box."""
+
+    def __init__(self, source: PointRows) -> None:
+        region, self.model = source.problem.region, source.problem.model
+        assert isinstance(region, ExperimentRegion)
+        self.source = source
+        self.lower, self.upper = np.array([region.bounds[name] for name in names_of(self.model.axes)]).T
+        self.free = np.flatnonzero(self.upper > self.lower)
+
+    def points(self, z: Array) -> Experiments:
+        table = np.tile(self.lower, (len(z), 1))
+        table[:, self.free] += z * (self.upper - self.lower)[self.free]
+        return Experiments.of_table(self.model, np.clip(table, self.lower, self.upper))
+
+    def places(self, points: Experiments) -> Array:
+        table = points.table[:, : len(self.lower)]
+        return np.asarray(np.clip((table - self.lower)[:, self.free] / (self.upper - self.lower)[self.free], 0.0, 1.0))
+
+    @property
+    def difference(self) -> float:
+        """Half the distance of central differences: trajectories are known to the tolerance only."""
+        return 1e-4 if not self.model.states else float(np.clip(0.3 * np.cbrt(self.source.problem.rtol), 1e-4, 3e-3))
+
+
+class _Refining:
+    def __init__(self, source: PointRows, points: Experiments, pool: CandidateRows, asked: Criterion, weights: Weights) -> None:
+        self.box, self.source, self.asked = _Box(source), source, asked
+        self.points, self.pool, self.weights = points, pool, weights
+        self.space = weights.estimable
+
+    def psi(self, z: Array, on_nodes: bool = False) -> Array:
+        """tr(G F(z)), (K,); -inf where a place is no valid point."""
+        result = np.full(len(z), -np.inf)
+        rows, places = (self.source.valid if on_nodes else self.source.at_mean)(self.box.points(z))
+        result[places] = CandidateRows(rows, self.pool.constant).along(self.weights.half)
+        return result
+
+    def peaks(self, start: Array, iterations: int) -> tuple[Array, Array]:
+        """Where ascents end, and the sensitivity there, of points that are valid on all nodes."""
+        z, value = ascend(self.psi, start, self.box.difference, iterations)
+        worth = np.flatnonzero(value > 1.0 - ABOVE)
+        outside = worth[~np.isfinite(self.psi(z[worth], True))]
+        if len(outside):  # the mean alone does not show where the prior's plants end: back on the way, to where all of them run
+            tried = start[outside, None] + BACK[None, :, None] * (z[outside] - start[outside])[:, None]
+            values = self.psi(tried.reshape(-1, z.shape[1]), True).reshape(len(outside), -1)
+            best = values.argmax(axis=1)
+            z[outside], value[outside] = tried[np.arange(len(outside)), best], values[np.arange(len(outside)), best]
+        return z, value
+
+    def solve(self, tolerance: float) -> None:
+        new = optimal_weights(self.pool, self.asked, tolerance=tolerance, space=self.space)
+        if new.log_phi >= self.weights.log_phi - tolerance:  # what was found before is among the candidates still
+            self.weights = new
+
+    def add(self, z: Array) -> None:
+        points = self.box.points(z)
+        rows, places = self.source.valid(points)
+        self.points = Experiments.join([self.points, points[places]])
+        self.pool = CandidateRows(np.concatenate([self.pool.rows, rows]), self.pool.constant)
+
+    def add_new(self, z: Array, value: Array) -> bool:
+        """Add those places that no candidate is at already; whether there are any."""
+        distinct = _distinct(z, value, SAME)
+        known = self.box.places(self.points)
+        new = np.array([np.abs(known - one).max(axis=1).min() > SAME for one in distinct])
+        if new.any():
+            self.add(distinct[new])
+        return bool(new.any())
+
+    def settle(self, tolerance: float) -> None:
+        """Add the maxima near the support and near good candidates until none is above the level."""
+        highest = np.inf
+        for k in range(MOST_ROUNDS):
+            along = self.pool.along(self.weights.half)
+            good = np.argsort(-along)[:NEAR]
+            start = self.box.places(self.points[np.union1d(self.weights.chosen, good)])
+            z, value = self.peaks(start, SHORT)
+            above = value > 1.0 + min(CLOSE, 10 * tolerance)
+            if k % 3 == 0:
+                if value.max() - 1.0 > 0.5 * highest:  # no closer than three rounds ago
+                    return
+                highest = value.max() - 1.0
+            if not above.any() or not self.add_new(z[above], value[above]):
+                return
+            self.solve(tolerance)
+
+    def bounding(self, own: Weights) -> tuple[Weights, float]:
+        """Whose sensitivity function bounds the optimum better over all candidates, and its largest value there.
+
+        That of the support's own weights, or that of the candidates' where those do not determine all parameters well.
+        """
+        found = []
+        for one in (own, self.weights):
+            largest = float(self.pool.along(one.half).max())
+            found.append((one.log_bound - np.log(one.largest) + np.log(largest), one, largest))
+        own_bound, others = found
+        return own_bound[1:] if own_bound[0] <= others[0] + MERGING_COSTS else others[1:]
+
+    def merged(self, tolerance: float) -> _Support:
+        """The support with points that lie close together taken for one, as far as that costs nothing."""
+        chosen, w = self.weights.chosen, self.weights.weights
+        z, best = self.box.places(self.points[chosen]), _Support(self.points[chosen], self.pool.rows[chosen], self.weights)
+        for radius in RADII:
+            group = _groups(z, radius)
+            if group.max() + 1 == len(z):
+                break
+            centre = np.array([np.average(z[group == k], axis=0, weights=w[group == k]) for k in range(group.max() + 1)])
+            snapped = np.where(centre < 1e-7, 0.0, np.where(centre > 1 - 1e-7, 1.0, centre))
+            points = self.box.points(snapped)
+            rows, places = self.source.valid(points)
+            if len(places) < len(points):
+                continue
+            some = self._weights_of(points, rows, tolerance)
+            if some.weights.log_phi >= self.weights.log_phi - WORTH_POLISHING:
+                some = self._polished(some, tolerance)
+                if some.weights.log_phi >= self.weights.log_phi - MERGING_COSTS:
+                    return some
+        return best
+
+    def _weights_of(self, points: Experiments, rows: Array, tolerance: float) -> _Support:
+        """The best weights of these points; where they do not determine what is asked, of some candidates beside them."""
+        beside = _completing(CandidateRows(rows, self.pool.constant), self.pool, self.space)
+        points, rows = Experiments.join([points, self.points[beside]]), np.concatenate([rows, self.pool.rows[beside]])
+        pool = CandidateRows(rows, self.pool.constant)
+        weights = optimal_weights(pool, self.asked, tolerance=0.1 * tolerance, space=self.space)
+        return _Support(points[weights.chosen], rows[weights.chosen], weights)
+
+    def _polished(self, support: _Support, tolerance: float) -> _Support:
+        """The same with its points where the sensitivity function has its maxima, to a precision at which that is flat."""
+        for _ in range(POLISHING):
+            before = self.weights
+            self.weights, _ = self.bounding(support.weights)
+            z = newton(self.psi, self.box.places(support.points), self.box.difference)
+            self.weights = before
+            points = self.box.points(z)
+            rows, places = self.source.valid(points)
+            if len(places) < len(points):
+                break
+            new = self._weights_of(points, rows, tolerance)
+            if new.weights.log_phi < support.weights.log_phi - 1e-9 or len(new.points) > len(support.points):
+                break
+            support = new
+        return support
+
+
+def refined(
+    source: PointRows,
+    points: Experiments,
+    pool: CandidateRows,
+    asked: Criterion,
+    weights: Weights,
+    starts: int,
+    tolerance: float,
+    rng: np.random.Generator,
+) -> Refinement:
+    """Move the support in the region until ascents from so many starts meet nothing above the level.
+
+    The bound of the efficiency is by the largest sensitivity among all candidates and wherever an ascent has ended.
+    """
+    work = _Refining(source, points, pool, asked, weights)
+    if not len(work.box.free):
+        return Refinement(points[weights.chosen], pool.rows[weights.chosen], weights, len(pool), 0)
+    for search in range(MOST_SEARCHES):
+        work.settle(tolerance)
+        support, rows, final = work.merged(tolerance)
+        # What bounds the optimum is the sensitivity function of the merged design where that has one, else the candidates'.
+        of_pool = work.weights
+        work.weights, _ = work.bounding(final)
+        slope = work.weights.log_bound - float(np.log(work.weights.largest))
+        along = work.pool.along(work.weights.half)
+        first = _starts(work, support, along, starts, rng)
+        z, value = work.peaks(first, LONG)
+        largest = max(float(along.max()), float(value[np.isfinite(value)].max(initial=0.0)))
+        if largest <= 1.0 + ABOVE or search == MOST_SEARCHES - 1:
+            break
+        above = value > 1.0 + CLOSE
+        work.weights = of_pool
+        work.add_new(z[above], value[above])
+        work.solve(tolerance)
+    log_bound = slope + float(np.log(largest))
+    half = work.weights.half
+    count = len(final.chosen)
+    efficiency, deleted = float(np.exp(min(final.log_phi - log_bound, 0.0))), weights.deleted
+    bounds = final.log_phi, log_bound, final.estimable, deleted, final.rounds
+    proven = Weights(np.arange(count), final.weights, half, largest, efficiency, *bounds)
+    return Refinement(support, rows, proven, len(work.pool), len(first))
+
+
+def _starts(work: _Refining, support: Experiments, along: Array, count: int, rng: np.random.Generator) -> Array:
+    """The support, the best candidates, and others at random, as places."""
+    best = np.argsort(-along)[: count // 4]
+    others = rng.permutation(np.setdiff1d(np.arange(len(along)), best))[: max(0, count - len(best))]
+    places = work.box.places(Experiments.join([support, work.points[np.concatenate([best, others])]]))
+    while len(places) < count:  # fewer candidates than starts: each is begun from again, a little beside
+        more = places[rng.integers(len(places), size=count - len(places))]
+        places = np.concatenate([places, np.clip(more + 0.05 * rng.standard_normal(more.shape), 0.0, 1.0)])
+    return places
+
+
+def _completing(some: CandidateRows, pool: CandidateRows, space: Estimable) -> Places:
+    """Candidates that together with some others determine all that is estimable."""
+    beside = np.empty(0, dtype=np.intp)
+    matrix = some.matrices(np.arange(len(some)), space.into).mean(axis=0)
+    for _ in range(space.rank):
+        values, vectors = np.linalg.eigh(matrix)
+        if values[0] > REGULAR:
+            break
+        beside = np.append(beside, int(np.argmax(pool.along(space.into @ vectors[:, :1]))))
+        matrix = matrix + pool.matrices(beside[-1:], space.into)[0]
+    return beside
+
+
+def _distinct(z: Array, value: Array, radius: float) -> Array:
+    """Of places closer than a radius to each other, that of the largest value."""
+    kept: list[int] = []
+    for k in np.argsort(-value):
+        if all(np.abs(z[k] - z[other]).max() > radius for other in kept):
+            kept.append(int(k))
+    return np.asarray(z[np.array(kept, dtype=np.intp)])
+
+
+def _groups(z: Array, radius: float) -> NDArray[np.intp]:
+    """Numbers (m,) of groups of places that hang together within a radius."""
+    group = np.arange(len(z))
+    near = np.abs(z[:, None] - z[None]).max(axis=2) <= radius
+    for _ in range(len(z)):
+        smallest = np.where(near, group[None], len(z)).min(axis=1)
+        if (smallest == group).all():
+            break
+        group = smallest
+    return np.unique(group, return_inverse=True)[1]

@@ -1,0 +1,289 @@
+"""Criteria of optimality as functions of an information matrix, with what their optima are recognised by.
+
+Every criterion but "ME" is given by an information function phi: positively homogeneous, concave and increasing in the information
+matrix (Pukelsheim, Optimal Design of Experiments, 1993, ch. 5). With G the derivative of log phi at any M, tr(G M) = 1, and
+
+    phi(N) <= phi(M) tr(G N)    for every N,
+
+so that of all mixtures of matrices F_i none has more than phi(M) max_i tr(G F_i). M itself is optimal if and only if that maximum
+is 1: the equivalence theorem. It holds for matrices of any rank.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...basics.values import Array
+from .estimable import Estimable
+
+
+@dataclass(frozen=True, eq=False)
+class Slope:
+    """The derivatives of log phi at M, along information matrices F (m, p, p).
+
+    Attributes
+    ----------
+    half : ndarray, (p, q)
+        Y of the gradient G = Y Y^T.
+    log_phi : float
+    """
+
+    criterion: Criterion
+    half: Array
+    log_phi: float
+    factor: Array  # Cholesky factor L of M; for "E" the eigenvalues of N
+    share: float  # for "E", the smoothing
+    smooth: float = 0.0  # for "E", the smoothed value in units of `size`
+    size: float = 1.0
+
+    @property
+    def gradient(self) -> Array:
+        """G (p, p)."""
+        return self.half @ self.half.T
+
+    def along(self, matrices: Array) -> Array:
+        """tr(G F_i), (m,)."""
+        return np.asarray(np.einsum("ijk,jk->i", matrices, self.gradient))
+
+    def curvature(self, matrices: Array) -> Array:
+        """The second derivatives (m, m) of log phi by the weights of F_i."""
+        return self.criterion._curvature(self, matrices)
+
+
+class Criterion(ABC):
+    """One number that says how good an information matrix is.
+
+    Attributes
+    ----------
+    name : str
+    level : int
+        What the sensitivity function is multiplied by, so that it is tr(M^-1 F_i) <= p for "D"; 1 where that is not the custom.
+    """
+
+    name: str
+    level: int = 1
+    kinked: bool = False
+
+    @abstractmethod
+    def value(self, information: Array) -> float:
+        """The criterion at a matrix (p, p) as it is told: infinitely bad where the matrix does not determine what is asked."""
+
+    @abstractmethod
+    def gradient(self, information: Array) -> Array:
+        """Derivative (p, p) of `value` by the information matrix, which must be regular."""
+
+    @abstractmethod
+    def log_phi(self, information: Array) -> float:
+        """log phi; -inf where the matrix does not determine what is asked."""
+
+    def efficiency(self, information: Array, reference: Array) -> float:
+        """phi of a matrix as a share of that of another: so many times fewer measurements would do with the other."""
+        value, other = self.log_phi(information), self.log_phi(reference)
+        if not np.isfinite(other):
+            raise ValueError(f"reference: expected information that determines what criterion {self.name!r} asks, given none")
+        return float(np.exp(value - other))
+
+    def slope(self, information: Array, share: float = 0.0, size: float | None = None) -> Slope:
+        """Derivatives of log phi at a regular matrix; `share` of `size` smooths what has kinks ("E")."""
+        raise NotImplementedError
+
+    def _curvature(self, slope: Slope, matrices: Array) -> Array:
+        raise NotImplementedError
+
+    def within(self, estimable: Estimable) -> Criterion:
+        """The same as a function of matrices in the coordinates of what is estimable."""
+        raise NotImplementedError
+
+    def outside(self, estimable: Estimable) -> float:
+        """The share of what is asked that is not estimable; 0 for criteria that ask for what is."""
+        return 0.0
+
+
+class Determinant(Criterion):
+    """log det (K^T M^-1 K)^-1: "D" where K is the identity, "Ds" where it picks parameters and the others are nuisance."""
+
+    def __init__(self, name: str, k: Array, whole: bool) -> None:
+        self.name, self.k, self.level = name, k, k.shape[1]
+        self.whole = whole  # K is any regular matrix: D, in whatever coordinates
+
+    def value(self, information: Array) -> float:
+        return self.level * self.log_phi(information)
+
+    def gradient(self, information: Array) -> Array:
+        return self.level * self.slope(information).gradient
+
+    def log_phi(self, information: Array) -> float:
+        solved = _half_solved(information, self.k)
+        if solved is None:
+            return -np.inf
+        return -2.0 * float(np.log(np.abs(np.diag(np.linalg.qr(solved, mode="r")))).sum()) / self.level
+
+    def slope(self, information: Array, share: float = 0.0, size: float | None = None) -> Slope:
+        factor = np.asarray(np.linalg.cholesky(information), dtype=np.float64)
+        whitened = np.linalg.solve(factor, self.k)
+        r = np.asarray(np.linalg.qr(whitened, mode="r"), dtype=np.float64)
+        # Z (K^T M^-1 K)^-1/2 with Z = M^-1 K, over sqrt(s)
+        half = np.linalg.solve(factor.T, np.linalg.solve(r.T, whitened.T).T)
+        log_phi = -2.0 * float(np.log(np.abs(np.diag(r))).sum()) / self.level
+        return Slope(self, half / np.sqrt(self.level), log_phi, factor, 0.0)
+
+    def _curvature(self, slope: Slope, matrices: Array) -> Array:
+        across = _across(slope, matrices)
+        inner = slope.half.T @ matrices @ slope.half
+        inner = inner.reshape(len(matrices), -1)
+        return np.asarray(self.level * (inner @ inner.T) - 2.0 * (across @ across.T))
+
+    def within(self, estimable: Estimable) -> Criterion:
+        if self.whole:
+            return Determinant(self.name, np.eye(estimable.rank), True)
+        return Determinant(self.name, estimable.into.T @ self.k, False)
+
+    def outside(self, estimable: Estimable) -> float:
+        return 0.0 if self.whole else estimable.outside(self.k)
+
+
+class Variance(Criterion):
+    """tr(K^T M^-1 K): "A" where K scales the parameters, "c" for one function of them, "I" for predictions."""
+
+    def __init__(self, name: str, k: Array, whole: bool = False) -> None:
+        self.name, self.k, self.level = name, k, 1
+        self.whole = whole  # "A", which asks for what is estimable
+
+    def value(self, information: Array) -> float:
+        return float(np.exp(-self.log_phi(information)))
+
+    def gradient(self, information: Array) -> Array:
+        slope = self.slope(information)
+        return np.asarray(-np.exp(-slope.log_phi) * slope.gradient)
+
+    def log_phi(self, information: Array) -> float:
+        solved = _half_solved(information, self.k)
+        return -np.inf if solved is None else -float(np.log(np.square(solved).sum()))
+
+    def slope(self, information: Array, share: float = 0.0, size: float | None = None) -> Slope:
+        factor = np.asarray(np.linalg.cholesky(information), dtype=np.float64)
+        whitened = np.linalg.solve(factor, self.k)
+        variance = float(np.square(whitened).sum())
+        half = np.linalg.solve(factor.T, whitened) / np.sqrt(variance)
+        return Slope(self, half, -float(np.log(variance)), factor, 0.0)
+
+    def _curvature(self, slope: Slope, matrices: Array) -> Array:
+        across, along = _across(slope, matrices), slope.along(matrices)
+        return np.asarray(np.outer(along, along) - 2.0 * (across @ across.T))
+
+    def within(self, estimable: Estimable) -> Criterion:
+        return Variance(self.name, estimable.into.T @ estimable.projected(self.k), self.whole)
+
+    def outside(self, estimable: Estimable) -> float:
+        return 0.0 if self.whole else estimable.outside(self.k)
+
+
+class SmallestEigenvalue(Criterion):
+    """The smallest eigenvalue of S M S, "E", with S the diagonal matrix of the scales.
+
+    It has kinks where eigenvalues meet, as they mostly do at the optimum. Smoothed it is the largest t + a log det(S M S - t I)
+    over t, of which the derivative is N = a (S M S - t I)^-1, with tr N = 1. Any such N bounds what mixtures can reach, by
+    max_i tr(N S F_i S).
+    """
+
+    kinked = True
+
+    def __init__(self, scale: Array) -> None:
+        self.name, self.k = "E", scale  # (p, r): S, in the coordinates of what is estimable
+
+    def _scaled(self, matrices: Array) -> Array:
+        return np.asarray(self.k.T @ matrices @ self.k)
+
+    def value(self, information: Array) -> float:
+        return float(np.linalg.eigvalsh(self._scaled(information))[0])
+
+    def gradient(self, information: Array) -> Array:
+        v = self.k @ np.linalg.eigh(self._scaled(information))[1][:, 0]
+        return np.outer(v, v)
+
+    def log_phi(self, information: Array) -> float:
+        values = np.linalg.eigvalsh(self._scaled(information))
+        return float(np.log(values[0])) if values[0] > _SINGULAR * values[-1] else -np.inf
+
+    def slope(self, information: Array, share: float = 0.0, size: float | None = None) -> Slope:
+        values, vectors = np.linalg.eigh(self._scaled(information))
+        if not values[0] > 0:
+            raise np.linalg.LinAlgError("not positive definite")
+        unit = float(values[0]) if size is None else size
+        amount = max(share, 1e-12) * unit
+        low, high = values[0] - len(values) * amount, values[0] - amount  # where sum a / (lambda_j - t) passes 1
+        for _ in range(60):
+            t = (low + high) / 2
+            low, high = (t, high) if (amount / (values - t)).sum() < 1 else (low, t)
+        weights = amount / (values - low)
+        smooth = (low + amount * np.log((values - low) / amount).sum()) / unit
+        weights = weights / weights.sum()
+        half = self.k @ (vectors * np.sqrt(weights / unit))
+        return Slope(self, half, float(np.log(values[0])), weights, amount / unit, float(smooth), unit)
+
+    def _curvature(self, slope: Slope, matrices: Array) -> Array:
+        # -tr(N F_i N F_j) / a + tr(N^2 F_i) tr(N^2 F_j) / (a tr N^2), as t follows M; here in units of phi, and N = phi G.
+        inner = np.asarray(slope.half.T @ matrices @ slope.half).reshape(len(matrices), -1)
+        n = slope.factor
+        moved = inner[:, :: len(n) + 1] @ n
+        rest = np.outer(moved, moved) / np.square(n).sum()
+        return np.asarray((rest - inner @ inner.T) / slope.share)
+
+    def within(self, estimable: Estimable) -> Criterion:
+        # M = Q M_q Q^T and M' = (Q^T B)^T M_q (Q^T B); the eigenvalues of S M S that are not 0 are those of R M_q R^T, (S Q) = U R
+        r = np.asarray(np.linalg.qr(self.k.T @ estimable.span, mode="r"), dtype=np.float64)
+        return SmallestEigenvalue(np.asarray(np.linalg.solve(estimable.span.T @ estimable.into, r.T), dtype=np.float64))
+
+
+class ConditionNumber(Criterion):
+    """The largest over the smallest eigenvalue of S M S, "ME".
+
+    It does not change with the amount of information, and is not a convex or concave function of M. So there is no information
+    function, no equivalence theorem and no bound of this kind.
+    """
+
+    def __init__(self, scale: Array) -> None:
+        self.name, self.k = "ME", scale
+
+    def value(self, information: Array) -> float:
+        return float(np.exp(-self.log_phi(information)))
+
+    def gradient(self, information: Array) -> Array:
+        values, vectors = np.linalg.eigh(self.k.T @ information @ self.k)
+        low, high = self.k @ vectors[:, 0], self.k @ vectors[:, -1]
+        return np.asarray(np.outer(high, high) / values[0] - values[-1] / values[0] ** 2 * np.outer(low, low))
+
+    def log_phi(self, information: Array) -> float:
+        values = np.linalg.eigvalsh(self.k.T @ information @ self.k)
+        return float(np.log(values[0] / values[-1])) if values[0] > _SINGULAR * values[-1] else -np.inf
+
+
+_SINGULAR = 1e-14
+"""Share of the largest eigenvalue below which the smallest is rounding."""
+
+
+def _half_solved(information: Array, k: Array) -> Array | None:
+    """Some H with H^T H = K^T M^- K; None where K is not in the range of M."""
+    scale = np.sqrt(np.maximum(np.diag(information), 0.0))
+    scale = np.where(scale > 0, scale, 1.0)
+    scaled = information / np.outer(scale, scale)
+    rows = k / scale[:, None]
+    values, vectors = np.linalg.eigh(scaled)
+    kept = values > _SINGULAR * len(values) * values[-1]
+    if kept.all():
+        return np.asarray(np.linalg.solve(np.linalg.cholesky(scaled), rows))
+    inside = vectors[:, kept]
+    if np.linalg.norm(rows - inside @ (inside.T @ rows)) > 1e-7 * np.linalg.norm(rows):
+        return None
+    return np.asarray((inside.T @ rows) / np.sqrt(values[kept])[:, None])
+
+
+def _across(slope: Slope, matrices: Array) -> Array:
+    """L^-1 F_i Y as rows (m, p q): products of two are tr(G F_i M^-1 F_j)."""
+    p, q = slope.half.shape
+    columns = np.moveaxis(matrices @ slope.half, 0, 1).reshape(p, -1)
+    solved = np.linalg.solve(slope.factor, columns)
+    return np.asarray(np.moveaxis(solved.reshape(p, len(matrices), q), 1, 0).reshape(len(matrices), -1))

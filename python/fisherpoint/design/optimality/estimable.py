@@ -1,0 +1,64 @@
+"""What candidates tell together: the directions of the parameters that designs of them can determine, and those that none can."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...basics.values import Array
+from ...information.null_space import column_scaled_svd
+
+RANK_TOLERANCE = 1e-9
+"""Singular values of the column-scaled sensitivities below this share of the largest count as zero."""
+
+
+@dataclass(frozen=True, eq=False)
+class Estimable:
+    """Coordinates of what is estimable, in which the mean of all information matrices is the identity.
+
+    Attributes
+    ----------
+    into : ndarray, (p, r)
+        B: a matrix M becomes B^T M B.
+    span : ndarray, (p, r)
+        Q: an orthonormal basis of the range of all information matrices.
+    null : ndarray, (p - r, p)
+        Right singular vectors of the column-scaled sensitivities that belong to no information.
+    length : ndarray, (p,)
+        By which the columns were divided for these.
+    """
+
+    into: Array
+    span: Array
+    null: Array
+    length: Array
+
+    @property
+    def rank(self) -> int:
+        return int(self.into.shape[1])
+
+    @property
+    def orthonormal(self) -> Estimable:
+        """The same directions in orthonormal coordinates, in which lengths are those of the parameters."""
+        return Estimable(self.span, self.span, self.null, self.length)
+
+    def projected(self, k: Array) -> Array:
+        """The part of the columns of K (p, s) that is estimable."""
+        return np.asarray(self.span @ (self.span.T @ k)) if len(self.null) else k
+
+    def outside(self, k: Array) -> float:
+        """The largest share of a column of K that is not estimable."""
+        size = np.linalg.norm(k, axis=0)
+        rest = np.linalg.norm(k - self.projected(k), axis=0)
+        return float((rest / np.where(size > 0, size, 1.0)).max())
+
+
+def estimable(triangle: Array) -> Estimable:
+    """Of R (p, p), with R^T R the mean of all information matrices."""
+    values, directions, length = column_scaled_svd(triangle)
+    rank = int((values > RANK_TOLERANCE * max(float(values.max()), 1e-300)).sum())
+    size = np.where(length > 0, length, 1.0)[:, None]
+    into = directions[:rank].T / values[:rank] / size
+    span = np.eye(len(length)) if rank == len(length) else np.linalg.qr(directions[:rank].T * size)[0]
+    return Estimable(into, span, directions[rank:], length)

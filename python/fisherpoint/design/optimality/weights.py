@@ -1,0 +1,228 @@
+"""The best weights of many candidates: of few at a time, to which those that would help most are added.
+
+The weights of a working set are found by an interior point method; then the sensitivity function of all candidates says which of
+the others to take in, and how far from the optimum over all of them the weights are. Candidates that cannot be part of any optimum
+are deleted on the way.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ...basics.values import Array
+from .candidate_rows import CandidateRows, Places
+from .criteria import Criterion, Determinant, Slope
+from .estimable import Estimable, estimable
+from .interior import best_weights, mean_of
+
+FIRST, ADDED = 96, 48
+"""Candidates of the first working set, and most that each round adds."""
+
+LARGE = 128
+"""Candidates of a working set from which on those that hardly count leave it."""
+
+REGULAR = 1e-6
+"""Smallest eigenvalue of the mean of a working set, next to the mean of all candidates, which has 1."""
+
+MOST_ROUNDS, MOST_IDLE = 300, 12
+"""Rounds, and rounds in a row without progress, after which double precision has no more."""
+
+LEAST_WEIGHTS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-11)
+"""Weights below which a candidate is dropped in the end, where that costs less than a tenth of the tolerance."""
+
+
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """Weights of candidates, and what bounds those of any others.
+
+    Attributes
+    ----------
+    chosen : ndarray of int, (m,)
+        Candidates with a weight.
+    weights : ndarray, (m,)
+        They sum to 1.
+    half : ndarray, (p, q)
+        Y of the sensitivity function |J_i Y|^2.
+    largest : float
+        Its largest value over all candidates; 1 at an optimum.
+    efficiency : float
+        Lower bound of the share of the optimum over all candidates that the weights have.
+    log_phi, log_bound : float
+        Of the weights, and the largest that any weights can have; in coordinates of their own.
+    estimable : Estimable
+    deleted : int
+        Candidates that were proven to have no weight in any optimum.
+    rounds : int
+    """
+
+    chosen: Places
+    weights: Array
+    half: Array
+    largest: float
+    efficiency: float
+    log_phi: float
+    log_bound: float
+    estimable: Estimable
+    deleted: int
+    rounds: int
+
+
+def optimal_weights(
+    candidates: CandidateRows, criterion: Criterion, *, tolerance: float = 1e-6, seed: int = 0, space: Estimable | None = None
+) -> Weights:
+    """Find the weights with the best criterion.
+
+    Parameters
+    ----------
+    candidates : CandidateRows
+    criterion : Criterion
+        With an information function; what it asks must be estimable from the candidates.
+    tolerance : float
+        What the sensitivity function may exceed its level by, as a share.
+    seed : int
+        Of the first candidates that are looked at.
+    space : Estimable, optional
+        Coordinates of what the candidates tell together. Default: computed.
+
+    Returns
+    -------
+    Weights
+        Where the tolerance cannot be reached in double precision, `efficiency` says what was.
+    """
+    space = estimable(candidates.triangle()) if space is None else space
+    inner = criterion.within(space)
+    search = _Search(candidates, inner, space, tolerance)
+    search.run(_first(candidates, space, np.random.default_rng(seed)))
+    return search.found()
+
+
+class _Search:
+    """The working set, the candidates that are left, and the best weights so far."""
+
+    def __init__(self, candidates: CandidateRows, criterion: Criterion, space: Estimable, tolerance: float) -> None:
+        self.candidates, self.criterion, self.space, self.tolerance = candidates, criterion, space, tolerance
+        self.stored, self.places = candidates, np.arange(len(candidates))
+        self.possible = np.ones(len(candidates), dtype=bool)
+        self.deletes = isinstance(criterion, Determinant) and criterion.whole
+        self.deleted = self.rounds = 0
+
+    def run(self, working: Places) -> None:
+        """Rounds until the sensitivity function of no candidate exceeds 1 by more than the tolerance, or none gets closer."""
+        gap = smallest = np.inf
+        idle = 0
+        while self.rounds < MOST_ROUNDS and idle < MOST_IDLE and smallest > self.tolerance:
+            self.rounds += 1
+            matrices = self.candidates.matrices(working, self.space.into)
+            weights, slope = best_weights(matrices, self.criterion, float(np.clip(0.03 * gap, 0.2 * self.tolerance, 0.01)))
+            along = self.stored.along(self.space.into @ slope.half)
+            gap = max(float(along.max()) - 1.0, 0.0)
+            idle = 0 if gap < 0.9 * smallest else idle + 1
+            if gap < smallest:
+                smallest, self.best = gap, _Raw(working, weights, slope)
+            if self.deletes:
+                along = self._delete(along, gap)
+            kept = (slope.along(matrices) > 1.0 - max(10 * gap, 1e-3)) | (weights > 1e-4)
+            if len(working) > LARGE and np.linalg.eigvalsh(matrices[kept].mean(axis=0))[0] > REGULAR:
+                working = working[kept]
+            working = np.union1d(working, self.places[_added(along)])
+
+    def _delete(self, along: Array, gap: float) -> Array:
+        """What is left of tr(G F_i) where what cannot have a weight is deleted."""
+        self.possible &= along >= least_sensitivity(gap, self.space.rank) * (1 - 1e-9)
+        if self.possible.mean() < 0.7:
+            self.places, along = self.places[self.possible], along[self.possible]
+            self.stored = CandidateRows(self.stored.rows[self.possible], self.candidates.constant)
+            self.possible = np.ones(len(self.places), dtype=bool)
+        self.deleted = len(self.candidates) - int(self.possible.sum())
+        return along
+
+    def found(self) -> Weights:
+        """Few weights, and the sensitivity function of all candidates that bounds any."""
+        raw, all_of = self.best, self.candidates
+        chosen, weights, information = self._few()
+        log_phi = self.criterion.log_phi(information)
+        half = self.space.into @ raw.slope.half
+        largest = float(all_of.along(half).max())
+        log_bound = raw.slope.log_phi + float(np.log(largest))
+        try:
+            own = self.criterion.slope(information, raw.slope.share)
+        except np.linalg.LinAlgError:  # the optimum does not determine all that could be determined
+            own = None
+        if own is not None:
+            of_own = float(all_of.along(self.space.into @ own.half).max())
+            if own.log_phi + np.log(of_own) <= log_bound + 0.5 * self.tolerance:
+                half, largest = self.space.into @ own.half, of_own
+                log_bound = own.log_phi + float(np.log(of_own))
+        efficiency = float(np.exp(min(log_phi - log_bound, 0.0)))
+        return Weights(chosen, weights, half, largest, efficiency, log_phi, log_bound, self.space, self.deleted, self.rounds)
+
+    def _few(self) -> tuple[Places, Array, Array]:
+        """The candidates of the best weights without those that hardly count, and their information matrix."""
+        raw = self.best
+        matrices = self.candidates.matrices(raw.working, self.space.into)
+        least = raw.slope.log_phi - 0.1 * self.tolerance
+        for smallest in LEAST_WEIGHTS:
+            some = raw.weights > smallest
+            if not some.any():
+                continue
+            weights = raw.weights[some] / raw.weights[some].sum()
+            information = mean_of(matrices[some], weights)
+            if self.criterion.log_phi(information) < least:
+                try:
+                    weights, _ = best_weights(matrices[some], self.criterion, 0.1 * self.tolerance)
+                except np.linalg.LinAlgError:
+                    continue
+                information = mean_of(matrices[some], weights)
+            if self.criterion.log_phi(information) >= least:
+                return raw.working[some], weights, information
+        return raw.working, raw.weights, mean_of(matrices, raw.weights)
+
+
+class _Raw(NamedTuple):
+    """The weights of a working set, as the interior point method leaves them."""
+
+    working: Places
+    weights: Array
+    slope: Slope
+
+
+def least_sensitivity(gap: float, p: int) -> float:
+    """What tr(M^-1 F_i) / p of a candidate must be at least for it to have a weight in any D-optimal design.
+
+    With max_i tr(M^-1 F_i) = p (1 + gap). Harman and Pronzato (2007) proved it for matrices of rank one. It holds for any: where
+    the optimum M* gives F_i a weight, tr(M*^-1 F_i) = p, so that tr(M^-1 F_i) >= p b, with b the smallest eigenvalue of
+    B = M^-1/2 M* M^-1/2. Now tr B <= p (1 + gap), as M* is a mixture of the F_i, and tr B^-1 = tr(M*^-1 M) <= p, as M is one and
+    M* optimal. Of all eigenvalues with these two sums the smallest is least where the others are equal; this is it.
+    """
+    if p == 1:
+        return 1.0 - 1e-9  # B is the number that both sums bound
+    e = p * gap
+    return max(0.0, 1.0 + e / 2 - float(np.sqrt(e * (4.0 + e - 4.0 / p))) / 2)
+
+
+def _added(along: Array) -> Places:
+    """Candidates that would help: the largest of each part of the list, so that they differ, and the largest of all."""
+    size = -(-len(along) // ADDED)
+    padded = np.full(size * -(-len(along) // size), -np.inf)
+    padded[: len(along)] = along
+    first = padded.reshape(-1, size).argmax(axis=1) + size * np.arange(len(padded) // size)
+    few = min(len(along), ADDED // 4)
+    largest = np.argpartition(-along, few - 1)[:few]
+    found = np.union1d(first, largest)
+    return np.asarray(found[along[found] >= 1.0 - 1e-9])
+
+
+def _first(candidates: CandidateRows, space: Estimable, rng: np.random.Generator) -> Places:
+    """Candidates of which the mean is regular: some at random, and where these do not do, what tells the rest."""
+    count = len(candidates)
+    working = np.sort(rng.choice(count, min(FIRST, count), replace=False))
+    for _ in range(space.rank):
+        matrix = candidates.matrices(working, space.into).mean(axis=0)
+        values, vectors = np.linalg.eigh(matrix)
+        if values[0] > REGULAR:
+            break
+        working = np.union1d(working, [int(np.argmax(candidates.along(space.into @ vectors[:, :1])))])
+    return working

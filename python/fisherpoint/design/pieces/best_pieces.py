@@ -1,0 +1,147 @@
+"""The windows of a record that determine the parameters best: the design of an experiment that has already happened."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from ...basics.checks import check_positive_int, check_type
+from ...basics.values import Array, FrozenMapping
+from ...data.pieces import Pieces
+from ...information.combinations import combination
+from ...information.evaluation import RANK_TOLERANCE, evaluate_information, null_direction
+from ...information.null_space import column_scaled_svd
+from ...information.output_covariance import criterion
+from ...information.piece_information import PieceInformation, picked_information, piece_information, piece_problem
+from ...information.problem import DesignProblem
+from .disjoint import Windows
+from .packed import Packed
+from .piece_design import PieceDesign
+from .piece_search import PieceSearch
+
+RANDOM_CHOICES = 200
+"""Random choices of windows, of which the median is told."""
+
+
+def best_pieces(problem: DesignProblem, pieces: Pieces, n_pieces: int, *, seed: int = 0, threads: int | None = None) -> PieceDesign:
+    """Find the windows of a record that share no sample and have the largest det F together.
+
+    F of a window is that of a run which starts at what was measured: the noise of the sensors there moves all of its samples, and
+    R_k = R + G P G^T takes it into account. All windows are weighed first, which also bounds what any choice can reach; then
+    windows are exchanged, one for another, until none gains.
+
+    Parameters
+    ----------
+    problem : DesignProblem
+        Of the model of the pieces; the region may be None. Starts have the standard deviations `initial_state_std`; those of states
+        that are not named there are the `noise_std` of the outputs that tell them. As candidates of a search do, windows start
+        three of them away from jumps and limits of the model; limits along the way do not count.
+    pieces : Pieces
+    n_pieces : int
+        How many windows are picked.
+    seed : int
+        Of the random choices that the windows are compared with. What is picked does not depend on it.
+    threads : int, optional
+        Default: every core.
+
+    Returns
+    -------
+    PieceDesign
+        Ctrl-C during the exchanges returns the best windows so far, with stop_reason "interrupted".
+
+    Raises
+    ------
+    TypeError, ValueError
+        For misuse, more windows than there are without a common sample, starts of unknown precision, and a record that does not
+        determine all parameters: the message says which combinations of them are left open.
+    """
+    started = time.perf_counter()
+    check_type(problem, DesignProblem, "problem")
+    check_type(pieces, Pieces, "pieces")
+    count, seed = check_positive_int(n_pieces, "n_pieces"), check_positive_int(seed, "seed", 0)
+    problem = piece_problem(problem, pieces)
+    _refuse_more(count, Windows(pieces.first, pieces.length))
+    information = piece_information(problem, pieces, threads)
+    if not len(information.rows):
+        told = ", ".join(f"{reason} {lost}" for reason, lost in information.left_out.items())
+        raise ValueError(f"pieces: expected windows with trajectories that are ok, given none: {told}")
+    windows = Windows(pieces.first[information.rows], pieces.length)
+    _refuse_more(count, windows)
+    _refuse_open_directions(problem, information.factor)
+    packing = Packed(len(problem.estimated))
+    packing.in_coordinates(information.packed, information.factor)
+    search = PieceSearch(information.packed, packing, windows, count)
+    stop_reason = search.run()
+    return _found(problem, pieces, information, search, stop_reason, seed, threads, started)
+
+
+def _refuse_more(count: int, windows: Windows) -> None:
+    most = len(windows.most())
+    if count > most:
+        raise ValueError(f"n_pieces: expected at most the {most} windows that share no sample, given {count}")
+
+
+def _refuse_open_directions(problem: DesignProblem, factor: Array) -> None:
+    names = problem.estimated
+    values, directions, length = column_scaled_svd(factor)
+    rank = int((values > RANK_TOLERANCE * max(values.max(), 1e-300)).sum())
+    if rank < len(names):
+        told = "; ".join(combination(null_direction(v, length, names)) for v in directions[rank:])
+        raise ValueError(
+            f"pieces: expected windows that together determine all parameters, given {rank} of {len(names)}; not determined, in"
+            f" prior std: {told}. Estimate fewer parameters, or take longer windows"
+        )
+
+
+def _found(
+    problem: DesignProblem,
+    pieces: Pieces,
+    information: PieceInformation,
+    search: PieceSearch,
+    stop_reason: str,
+    seed: int,
+    threads: int | None,
+    started: float,
+) -> PieceDesign:
+    rows = information.rows[search.chosen]
+    runs, y = pieces.cut(rows)
+    picked = picked_information(problem, pieces, rows, threads)
+    evaluation = evaluate_information(problem, picked, criterion(problem, picked, threads), threads)
+    p, offset = len(problem.estimated), 2 * float(np.log(np.abs(np.diag(information.factor))).sum())
+    singular = evaluation.covariance is None
+    return PieceDesign(
+        problem=problem,
+        length=pieces.length,
+        every=pieces.every,
+        windows=rows,
+        first=pieces.first[rows],
+        t=pieces.record.t[pieces.first[rows]],
+        runs=runs,
+        y=y,
+        shares=np.full(len(rows), np.nan) if singular or search.singular else search.shares,
+        evaluation=evaluation,
+        log_det=-np.inf if singular else evaluation.log_det + p * float(np.log(evaluation.n_points / 2)),
+        bound=search.bound + offset,
+        references=FrozenMapping({name: value + offset for name, value in _references(search, seed).items()}),
+        n_windows=len(pieces),
+        n_disjoint=len(search.windows.most()),
+        n_samples=len(pieces.record),
+        left_out=FrozenMapping({**pieces.left_out, **information.left_out}),
+        exchanges=search.exchanges,
+        stop_reason=stop_reason,
+        seconds=time.perf_counter() - started,
+    )
+
+
+def _references(search: PieceSearch, seed: int) -> dict[str, float]:
+    """log det of windows that are chosen without a look at what they say, from as many disjoint ones as there are."""
+    disjoint, count = search.windows.most(), search.count
+    rng = np.random.default_rng(seed)
+    random = [search.log_det(disjoint[rng.choice(len(disjoint), count, replace=False)]) for _ in range(RANDOM_CHOICES)]
+    return {
+        "all": search.log_det(disjoint),
+        "first": search.log_det(disjoint[:count]),
+        "spread": search.log_det(disjoint[np.linspace(0, len(disjoint) - 1, count).round().astype(int)]),
+        "random": float(np.median(random)),
+    }

@@ -1,0 +1,142 @@
+"""Windows that were picked from a record, as a report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Protocol
+
+import numpy as np
+
+from ...basics.values import Array
+from ...information.evaluation import Evaluation
+from ...information.problem import DesignProblem
+from ...show.numbers import computed, counted, number, percent
+from ...show.section import Report, Section
+from .disjoint import Places
+
+_ROWS = 20  # windows shown of a longer list
+
+CHOICES = {
+    "all": "all windows side by side",
+    "first": "as many at the beginning",
+    "spread": "as many evenly spread",
+    "random": "as many at random, median",
+}
+
+ENDS = {
+    "no_exchange": "no exchange of one window for another gains",
+    "most_exchanges": "after the largest number of exchanges",
+    "interrupted": "interrupted",
+}
+
+
+class Reported(Protocol):
+    """What the report needs of a :class:`fisherpoint.PieceDesign`."""
+
+    @property
+    def problem(self) -> DesignProblem: ...
+    @property
+    def length(self) -> int: ...
+    @property
+    def windows(self) -> Places: ...
+    @property
+    def first(self) -> Places: ...
+    @property
+    def t(self) -> Array: ...
+    @property
+    def y(self) -> Array: ...
+    @property
+    def shares(self) -> Array: ...
+    @property
+    def evaluation(self) -> Evaluation: ...
+    @property
+    def log_det(self) -> float: ...
+    @property
+    def bound(self) -> float: ...
+    @property
+    def efficiency(self) -> float | None: ...
+    @property
+    def references(self) -> Mapping[str, float]: ...
+    @property
+    def n_windows(self) -> int: ...
+    @property
+    def n_disjoint(self) -> int: ...
+    @property
+    def n_samples(self) -> int: ...
+    @property
+    def left_out(self) -> Mapping[str, int]: ...
+    @property
+    def exchanges(self) -> int: ...
+    @property
+    def stop_reason(self) -> str: ...
+    @property
+    def seconds(self) -> float: ...
+    def versus(self, reference: str) -> float | None: ...
+
+
+def piece_report(design: Reported) -> Report:
+    """Windows, parameters, comparison, search, and warnings."""
+    taken = len(design.windows) * design.length
+    headline = (
+        f"{counted(len(design.windows), 'window')} of {design.length} samples: {percent(taken / design.n_samples)} of the record's"
+        " samples"
+    )
+    share = design.versus("all")
+    if share is not None:
+        headline += f", {percent(share)} of the information in all windows side by side"
+    inner = design.evaluation.report()
+    sections = [_windows(design), *inner.sections, _comparison(design), _search(design)]
+    return Report(headline, sections, [*_warnings(design), *inner.warnings])
+
+
+def _windows(design: Reported) -> Section:
+    order = np.argsort(-np.nan_to_num(design.shares), kind="stable")[:_ROWS]
+    numbers = np.isfinite(design.y).sum(axis=(1, 2))
+    rows = [
+        (str(design.windows[k]), str(design.first[k]), number(float(design.t[k]), 6), str(numbers[k]), percent(design.shares[k]))
+        for k in order.tolist()
+    ]
+    more = len(design.windows) - len(rows)
+    notes = [f"The largest shares; {counted(more, 'window')} more are picked"] if more else []
+    columns = ("window", "first sample", "t [s]", "numbers", "share of what is known")
+    return Section("Windows that say most", columns, rows, notes=notes)
+
+
+def _comparison(design: Reported) -> Section:
+    rows = []
+    for name, words in CHOICES.items():
+        value, ratio = design.references[name], design.versus(name)
+        told = computed(value, 6) if np.isfinite(value) else "singular"
+        rows.append((words, told, "-" if ratio is None else f"{percent(ratio)}"))
+    columns = ("other choices", "log det F", "information of those picked, by D-efficiency")
+    return Section("Next to other choices", columns, rows)
+
+
+def _search(design: Reported) -> Section:
+    efficiency = design.efficiency
+    facts = [
+        ("log det F, sum over samples", computed(design.log_det, 6) if np.isfinite(design.log_det) else "-inf: singular"),
+        ("no choice exceeds", computed(design.bound, 6)),
+        ("D-efficiency against the best choice", "-" if efficiency is None else f"at least {_whole(efficiency)}"),
+        ("windows", f"{design.n_windows}, of which {design.n_disjoint} share no sample"),
+        *((f"left out: {reason}", str(count)) for reason, count in design.left_out.items()),
+        ("end of the search", f"{ENDS[design.stop_reason]} ({counted(design.exchanges, 'exchange')})"),
+        ("time", f"{design.seconds:.1f} s"),
+    ]
+    return Section("Search", (), facts)
+
+
+def _whole(efficiency: float) -> str:
+    """In percent, rounded down."""
+    return f"{min(int(efficiency * 1e5) / 1e3, 100.0):g} %"
+
+
+def _warnings(design: Reported) -> Iterator[str]:
+    evaluation = design.evaluation
+    if evaluation.covariance is None:
+        yield (
+            f"The windows determine {evaluation.rank} of {len(evaluation.parameters)} parameters: the combinations named below the"
+            " criterion cannot be estimated from them. Pick more, or longer ones."
+        )
+    if design.stop_reason != "no_exchange":
+        yield f"The search was ended early ({design.stop_reason}): better windows may be found in more time."

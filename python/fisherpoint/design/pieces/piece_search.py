@@ -1,0 +1,190 @@
+"""Which windows of a record to take: weights on all of them first, then windows, then exchanges of one for another.
+
+log det of M = sum of w_k F_k is concave in the weights, so that for any M it is at most log det M + tr(M^-1 M') - p of any M' that
+may be chosen. The largest sum of tr(M^-1 F_k) over disjoint windows thus bounds what any choice reaches.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...basics.values import Array
+from .disjoint import Places, Windows
+from .packed import Packed
+
+ROUNDS_OF_WEIGHTS = 60
+
+LEAST_GAIN = 1e-7
+"""In log det, below which an exchange does not count."""
+
+MOST_EXCHANGES = 10_000
+
+PAIRS_AT_ONCE = 4096
+
+NUMBERS_AT_ONCE = 4_000_000
+
+SINGULAR = 1e-13
+"""Share of the largest eigenvalue below which one is zero, in coordinates in which all windows together are the identity."""
+
+RIDGE = 1e-9
+"""What stands in for the windows that are not taken while those that are leave M singular, as a share of all windows."""
+
+
+class PieceSearch:
+    """The search for `count` disjoint windows with the largest log det.
+
+    Parameters
+    ----------
+    f : ndarray, (K, m)
+        F of all windows, packed, in coordinates in which their sum is the identity.
+    packing : Packed
+    windows : Windows
+    count : int
+        At most as many as there are disjoint windows.
+
+    Attributes
+    ----------
+    windows : Windows
+    chosen : ndarray of int, (count,)
+        The best windows so far, increasing.
+    bound : float
+        What log det of no `count` disjoint windows exceeds.
+    exchanges : int
+    """
+
+    def __init__(self, f: Array, packing: Packed, windows: Windows, count: int) -> None:
+        self._f, self._packing, self.windows, self.count = f, packing, windows, count
+        self.chosen = windows.most()[:count]
+        self.bound, self.exchanges = np.inf, 0
+        self._value, self._regular = self.log_det(self.chosen), False
+
+    def log_det(self, chosen: Places) -> float:
+        return float(self._packing.log_dets(self._total(chosen)))
+
+    @property
+    def singular(self) -> bool:
+        """Whether the chosen windows do not determine all parameters."""
+        return self._packing.rank(self._total(self.chosen), SINGULAR) < self._packing.p
+
+    @property
+    def shares(self) -> Array:
+        """tr(M^-1 F_k) / p of the chosen windows, which sum up to 1; where M is not singular."""
+        gradient = self._packing.gradient(self._total(self.chosen))
+        return np.asarray(self._f[self.chosen] @ gradient / self._packing.p)
+
+    def run(self) -> str:
+        """Search, and return how it ended: "no_exchange", "most_exchanges" or "interrupted"."""
+        try:
+            self._weigh(self._f.sum(axis=0) * (self.count / len(self._f)))
+            while True:
+                while self._exchange():
+                    self.exchanges += 1
+                    if self.exchanges >= MOST_EXCHANGES:
+                        return "most_exchanges"
+                before = self._value
+                if not self.singular:
+                    self._weigh(self._total(self.chosen))
+                if not self._value > before:
+                    return "no_exchange"
+        except KeyboardInterrupt:
+            return "interrupted"
+
+    def _total(self, chosen: Places) -> Array:
+        return np.asarray(self._f[chosen].sum(axis=0))
+
+    def _ridge(self) -> Array:
+        """Nothing from when on the chosen windows do not leave M singular."""
+        self._regular = self._regular or not self.singular
+        return (0.0 if self._regular else RIDGE) * self._packing.of(np.eye(self._packing.p))
+
+    def _weigh(self, m: Array) -> None:
+        """Improve weights on all windows from M = sum of w_k F_k on (Frank and Wolfe 1956); lower the bound, keep the best windows.
+
+        The best windows for the gradient at M are a vertex of what may be chosen, towards which M moves as far as that gains.
+        """
+        p = self._packing.p
+        for _ in range(ROUNDS_OF_WEIGHTS):
+            gains = self._f @ self._packing.gradient(m)
+            chosen, most = self.windows.best(np.maximum(gains, 0.0), self.count)
+            self.bound = min(self.bound, float(self._packing.log_dets(m)) + most - p)
+            vertex = self._total(chosen)
+            value = float(self._packing.log_dets(vertex))
+            if value > self._value or self._value == -np.inf:
+                self.chosen, self._value = chosen, value
+            if self.bound - self._value < LEAST_GAIN * p or most - p < LEAST_GAIN * p:
+                return
+            m = m + self._step(m, vertex) * (vertex - m)
+
+    def _step(self, m: Array, vertex: Array) -> float:
+        """The share of the way from M to another matrix at which log det is largest."""
+        low, high = 0.0, 1.0
+        for _ in range(40):
+            middle = (low + high) / 2
+            slope = self._packing.gradient(m + middle * (vertex - m)) @ (vertex - m)
+            low, high = (middle, high) if slope > 0 else (low, middle)
+        return low
+
+    def _exchange(self) -> bool:
+        """Make the exchange of one window for another that gains most; False where none does.
+
+        As log det is concave, taking j for i gains at most tr(M^-1 (F_j - F_i)); and, with t = tr((M - F_i)^-1 F_j), at most
+        p log(1 + t / p) less what i is worth. Pairs are tried in the order of these bounds until the next cannot be the best.
+        """
+        ridge = self._ridge()
+        m = self._total(self.chosen) + ridge
+        value = float(self._packing.log_dets(m))
+        entering, leaving, most = self._pairs(m, value)
+        order = np.argsort(-most, kind="stable")
+        best, found = LEAST_GAIN, -1
+        for first in range(0, len(order), PAIRS_AT_ONCE):
+            some = order[first : first + PAIRS_AT_ONCE]
+            if not most[some[0]] > best:
+                break
+            totals = m - self._f[self.chosen[leaving[some]]] + self._f[entering[some]]
+            gained = self._packing.log_dets(totals) - value
+            if gained.max() > best:
+                best, found = float(gained.max()), int(some[np.argmax(gained)])
+        if found < 0:
+            return False
+        chosen = self.chosen.copy()
+        chosen[leaving[found]] = entering[found]
+        chosen.sort()
+        self.chosen, self._value = chosen, self.log_det(chosen)
+        return True
+
+    def _pairs(self, m: Array, value: float) -> tuple[Places, Places, Array]:
+        """Windows that may enter, places of those that would leave for them, and bounds of what that gains, where above zero."""
+        packing, p = self._packing, self._packing.p
+        gradient = packing.gradient(m)
+        gains, own = self._f @ gradient, self._f[self.chosen] @ gradient
+        partner = self._partners()
+        without = m - self._f[self.chosen]
+        worth = value - packing.log_dets(without)
+        regular = np.array([packing.rank(one, SINGULAR) == p for one in without]) & np.isfinite(worth)
+        slopes = np.stack([packing.gradient(one) if ok else gradient for one, ok in zip(without, regular, strict=True)])
+        lost = np.where(partner >= 0, own[np.maximum(partner, 0)], own.min())
+        candidates = np.flatnonzero((partner > -2) & (gains - lost > LEAST_GAIN))
+        entering, leaving, bounds = list[Places](), list[Places](), list[Array]()
+        each = max(1, NUMBERS_AT_ONCE // self.count)
+        for first in range(0, len(candidates), each):
+            some = candidates[first : first + each]
+            most = gains[some][:, None] - own
+            closer = p * np.log1p(np.maximum(self._f[some] @ slopes.T, 0.0) / p) - worth
+            most = np.where(regular, np.minimum(most, closer), most)
+            allowed: NDArray[np.bool_] = (partner[some] == -1)[:, None] | (partner[some][:, None] == np.arange(self.count))
+            j, i = np.nonzero(allowed & (most > LEAST_GAIN))
+            entering.append(some[j])
+            leaving.append(i)
+            bounds.append(most[j, i])
+        none = np.empty(0, dtype=np.intp)
+        return np.concatenate([none, *entering]), np.concatenate([none, *leaving]), np.concatenate([np.empty(0), *bounds])
+
+    def _partners(self) -> Places:
+        """For each window the place of the only chosen one that it shares a sample with; -1 for none, -2 for two or itself."""
+        partner = np.full(len(self._f), -1, dtype=np.intp)
+        for place, window in enumerate(self.chosen.tolist()):
+            near = self.windows.near(window)
+            partner[near] = np.where(partner[near] == -1, place, -2)
+        partner[self.chosen] = -2
+        return partner

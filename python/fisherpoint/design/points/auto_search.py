@@ -1,0 +1,197 @@
+"""The search of method "auto": exchange over pools of evaluated candidates, from several starts, and an ascent of all numbers.
+
+Every start chooses one point after the other from a part of a pool of random candidates, and exchanges them over it. In each round
+candidates are drawn near the points of the design, and all of its points are exchanged over all of these together. The points of
+all starts are then a pool themselves, of which an exchange makes the design that is followed to its end: rounds, and between them
+an ascent.
+
+A pool is evaluated at the prior mean. What would raise det F is tried on all nodes of the rule before it may enter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...basics.values import Array
+from ...information.point_information import PointInformation
+from .point_ascent import PointAscent, whitened_rows
+from .point_search import RIDGE, Incumbent, PointSearch
+from .pool_exchange import PoolExchange, greedy
+
+POOL, MOST_POOL = 200, 50_000
+"""Random candidates, as a multiple of `n_candidates`, and at most."""
+
+NEAR, LEAST_NEAR = 24, 4
+"""Candidates near all points in each round, as a multiple of `n_candidates`, and near each point at least."""
+
+PART, LEAST_PART, MOST_WORK = 0.3, 300, 200_000
+"""Share of the pool from which a start chooses; how many at least; and points times candidates of an exchange at most."""
+
+STARTS, SKETCH = 6, 8
+"""Starts, and rounds of each; half of the iterations at most."""
+
+TRIES = 6
+"""Choices of half of the points at random, for every second start; each is exchanged over the least part of the pool."""
+
+PROMISING, LOOKS = 4, 2
+"""Candidates in the place of each point that are tried on all nodes, and how often more of them in each exchange."""
+
+CYCLE, CLIMB = 8, 20
+"""Rounds after which all numbers ascend together, and iterations of that ascent."""
+
+LEAST_GAIN, MOST_IDLE = 1e-4, 2
+"""The search ends after so many cycles in a row that gain less for each parameter."""
+
+
+class Pool:
+    """Candidates that are valid at the prior mean, their whitened rows as columns (p, n, N), and what is known of their validity.
+
+    `valid` is 1 of those that are valid on all nodes of the rule, -1 of those that are not, and 0 where it is not known.
+    """
+
+    def __init__(self, information: PointInformation, columns: Array, valid: int = 0) -> None:
+        self.information, self.columns = information, columns
+        self.valid = np.full(len(information), valid, dtype=np.int8)
+
+
+class AutoSearch(PointSearch):
+    """The state of one search, for a D that does not depend on the other points."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        p = len(self.problem.estimated)
+        self._known = np.zeros((p, p))
+        if self.previous is not None:
+            rows = whitened_rows(self.criterion, self.previous).reshape(-1, p)
+            self._known = np.einsum("kp,kq->pq", rows, rows)
+        self._rng = np.random.default_rng([self.settings.seed, 2])
+        self._rounds = self._all_rounds()
+
+    def _advance(self, iteration: int) -> bool | None:
+        before = self.best
+        try:
+            next(self._rounds)
+        except StopIteration:
+            return None
+        return self.best is not before
+
+    def _all_rounds(self) -> Iterator[None]:
+        """The whole search, round by round."""
+        settings = self.settings
+        starts = int(np.clip(settings.max_iterations // (2 * SKETCH), 1, STARTS))
+        random = self.best.information
+        count = min(MOST_POOL, POOL * settings.n_candidates)
+        pool = self._pool(PointInformation.join([random, self.source.draw(count)]))
+        pool.valid[: len(random)] = 1
+        ends = []
+        for start in range(starts):
+            design = self._start(pool, at_random=start % 2 == 1)
+            for _ in range(SKETCH):
+                design = self._round(design)
+                yield
+            ends.append(design)
+        design, found = max(ends, key=self._value), self._pool(PointInformation.join(ends), 1)
+        idle, before = 0, self._value(design)
+        while idle < MOST_IDLE:
+            design = self._kept(self._ascended(self._kept(self._exchanged(design, found))))
+            for _ in range(CYCLE):
+                yield
+                design = self._round(design)
+            value = self._value(design)
+            idle = idle + 1 if value - before < LEAST_GAIN * len(self._known) else 0
+            before = value
+
+    @property
+    def _ridge(self) -> float:
+        return 0.0 if np.isfinite(self.best.log_det) else RIDGE
+
+    @property
+    def _fixed(self) -> Array:
+        """What is added to F, the sum over the points: previous ones, and as long as designs are singular a little of the prior."""
+        total = self.settings.n_experiments + (0 if self.previous is None else len(self.previous))
+        fixed: Array = self._known + self._ridge * total / 2 * np.eye(len(self._known))
+        return fixed
+
+    def _pool(self, information: PointInformation, valid: int = 0) -> Pool:
+        return Pool(information, self._columns(information), valid)
+
+    def _columns(self, information: PointInformation) -> Array:
+        return np.ascontiguousarray(whitened_rows(self.criterion, information).transpose(2, 1, 0))
+
+    def _value(self, design: PointInformation) -> float:
+        return self._log_det(self.criterion.prepare(design), self._ridge)
+
+    def _kept(self, design: PointInformation) -> PointInformation:
+        """The same, which is the best so far where it is better."""
+        prepared = self.criterion.prepare(design)
+        if self._log_det(prepared, self._ridge) > self._log_det(self.best.prepared, self._ridge):
+            self.best = Incumbent(design, prepared, self._log_det(prepared, 0.0))
+        return design
+
+    def _start(self, pool: Pool, at_random: bool) -> PointInformation:
+        """A design of a random part of the pool, the best points or half of them any; what is not valid gives way to what is."""
+        rng, count = self._rng, self.settings.n_experiments
+        live = np.flatnonzero(pool.valid >= 0)
+        size = int(max(LEAST_PART, min(PART * len(live), MOST_WORK / count)))
+        part = np.sort(rng.permutation(live)[:size])
+        designs = []
+        for _ in range(TRIES if at_random else 1):
+            some = np.sort(rng.permutation(part)[:LEAST_PART]) if at_random else part
+            first = rng.integers(len(some), size=count // 2 if at_random else 0)
+            chosen = some[greedy(np.ascontiguousarray(pool.columns[:, :, some]), count, self._fixed, first)]
+            self._confirm(pool, np.unique(chosen))
+            lost = pool.valid[chosen] < 0
+            chosen[lost] = rng.choice(np.flatnonzero(pool.valid == 1), int(lost.sum()))
+            designs.append(self._exchanged(pool.information[chosen], pool, some))
+        return self._kept(max(designs, key=self._value))
+
+    def _round(self, design: PointInformation) -> PointInformation:
+        """Draw candidates near all points, and exchange the points over all of them."""
+        points = design.experiments
+        places = np.sort(np.unique(points.table, axis=0, return_index=True)[1])
+        each = max(LEAST_NEAR, NEAR * self.settings.n_candidates // len(places))
+        near, of = self.source.draw_near(points[places], each)
+        return self._kept(self._exchanged(design, self._pool(near), place=places[of])) if len(near) else design
+
+    def _exchanged(
+        self,
+        design: PointInformation,
+        pool: Pool,
+        part: NDArray[np.intp] | None = None,
+        place: NDArray[np.intp] | None = None,
+    ) -> PointInformation:
+        """The design after an exchange over a pool, or a part of it; what enters is valid on all nodes.
+
+        Of candidates that are near the points at some places, which these are says what is tried on all nodes.
+        """
+        count = len(design)
+        live = np.arange(len(pool.valid)) if part is None else part
+        live = live[pool.valid[live] >= 0]
+        columns = np.concatenate([self._columns(design), pool.columns[:, :, live]], axis=2)
+        exchange = PoolExchange(columns, np.arange(count), self._fixed)
+        for look in range(LOOKS):
+            unknown = np.flatnonzero(pool.valid[live] == 0)
+            places = None if place is None else place[live[unknown]]
+            wanted = exchange.promising(count + unknown, PROMISING, places) - count
+            if look and not len(wanted):
+                break
+            self._confirm(pool, live[wanted])
+            exchange.run(np.append(np.arange(count), count + np.flatnonzero(pool.valid[live] == 1)), self._late)
+        entered = exchange.chosen >= count
+        source = exchange.chosen.copy()
+        source[entered] = count + np.arange(int(entered.sum()))
+        taken = pool.information[live[exchange.chosen[entered] - count]]
+        return PointInformation.join([design, taken])[source]
+
+    def _confirm(self, pool: Pool, rows: NDArray[np.intp]) -> None:
+        rows = rows[pool.valid[rows] == 0]
+        if len(rows):
+            _, valid = self.source.confirmed(pool.information[rows])
+            pool.valid[rows] = np.where(valid, 1, -1)
+
+    def _ascended(self, design: PointInformation) -> PointInformation:
+        ascent = PointAscent(self.problem, self.source, self.criterion, self._fixed, self.threads)
+        return ascent.run(design, CLIMB, self._late)

@@ -1,0 +1,149 @@
+"""Ascent from points to better ones, all free numbers of all points together.
+
+An experiment point is a run of one segment: the criterion to first order and the steps that are tried are those of runs
+(linear_rows.py, run_ascent.py). A point that would not be valid keeps its place, and may go less far the next time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...basics.quantity import names_of
+from ...basics.values import Array
+from ...information.candidates import CandidateSource
+from ...information.output_covariance import Criterion, cholesky_factor
+from ...information.point_information import PointInformation, point_sensitivities
+from ...information.problem import DesignProblem
+from ...points.experiments import Experiments
+from ...points.region import ExperimentRegion
+from ...points.status import Status
+from ..runs.linear_rows import LinearRows
+from ..runs.run_ascent import FIRST, LEAST, MOST, MOST_SMALL, REACHES, SHARES, SMALL_GAIN, trial_changes
+
+STEP = 1e-4
+"""Of a free number, for differences."""
+
+CONFIRMED = 4
+"""Steps whose points are tried on all nodes of the rule, at most."""
+
+FURTHER = 1.5
+"""By how much a step may be longer than the last one that was good."""
+
+
+class PointAscent:
+    """What an ascent needs to know.
+
+    Parameters
+    ----------
+    problem : DesignProblem
+    source : CandidateSource
+        Tells which points are valid.
+    criterion : Criterion
+        With a D that does not depend on the other points.
+    fixed : ndarray, (p, p)
+        What is added to F, the sum over the points.
+    threads : int
+    """
+
+    def __init__(self, problem: DesignProblem, source: CandidateSource, criterion: Criterion, fixed: Array, threads: int) -> None:
+        assert isinstance(problem.region, ExperimentRegion)
+        self._problem, self._source, self._criterion, self._threads = problem, source, criterion, threads
+        self.fixed = fixed
+        self._lower, upper = np.array([problem.region.bounds[name] for name in names_of(problem.model.axes)]).T
+        self._width = upper - self._lower
+        self._free = np.flatnonzero(self._width > 0)
+
+    def rows(self, information: PointInformation) -> Array:
+        """Whitened rows (K, n, p)."""
+        return whitened_rows(self._criterion, information)
+
+    def run(self, start: PointInformation, iterations: int, late: Callable[[], bool]) -> PointInformation:
+        """The points to which an ascent leads, in so many iterations at most."""
+        points, rows = start, self.rows(start)
+        value, reach, small = self._value(rows), np.full(len(start), FIRST), 0
+        for _ in range(iterations):
+            if not len(self._free) or not np.isfinite(value) or small == MOST_SMALL or reach.max() < LEAST or late():
+                break
+            z = self._numbers(points.experiments)
+            here = z[:, self._free].ravel()
+            changes = trial_changes(self._linear(z, rows), here, np.repeat(reach, len(self._free)))
+            after, gain = self._best_of(points, rows, value, np.clip(here + changes, 0.0, 1.0), z)
+            if after is None:
+                reach = reach * REACHES[-1]
+            else:
+                points, rows, trial, moved = after
+                value = self._value(rows)
+                factor = REACHES[trial % len(REACHES)] * SHARES[trial // len(REACHES)]
+                reach = np.where(moved, np.clip(FURTHER * factor * reach, LEAST, MOST), REACHES[-1] * factor * reach)
+            small = small + 1 if gain < SMALL_GAIN else 0
+        return points
+
+    def _best_of(
+        self, points: PointInformation, rows: Array, value: float, free: Array, z: Array
+    ) -> tuple[tuple[PointInformation, Array, int, NDArray[np.bool_]] | None, float]:
+        """The best of some designs with free numbers (T, L * d): points, rows, which it is and which points moved; and the gain."""
+        count, trials = len(points), len(free)
+        tried = np.tile(z, (trials, 1))
+        tried[:, self._free] = free.reshape(trials * count, -1)
+        survivors, kept = self._source.survivors(self._points(tried))
+        place = np.full((trials, count), -1)
+        place.flat[kept] = np.arange(len(kept))
+        there = np.where((place >= 0)[:, :, None, None], self.rows(survivors)[place] if len(kept) else 0.0, rows)
+        values = np.array([self._value(one) for one in there])
+        for trial in np.argsort(-values, kind="stable")[:CONFIRMED]:
+            if not values[trial] > value:
+                break
+            moved = place[trial] >= 0
+            chosen, valid = self._source.confirmed(survivors[place[trial, moved]])
+            moved[moved] = valid
+            rows_there = np.where(moved[:, None, None], there[trial], rows)
+            gain = self._value(rows_there) - value
+            if gain > 0:
+                source = np.arange(count)
+                source[moved] = count + np.flatnonzero(valid)
+                return (PointInformation.join([points, chosen])[source], rows_there, int(trial), moved), gain
+        return None, 0.0
+
+    def _linear(self, z: Array, rows: Array) -> LinearRows:
+        """The criterion to first order, by differences; a number by which there is none stays."""
+        count, d = len(z), len(self._free)
+        slopes, known = np.zeros((d, *rows.shape)), np.zeros((d, count), dtype=bool)
+        for side in (1.0, -1.0):
+            step = side * np.where(z[:, self._free] < 0.5, STEP, -STEP)
+            number, point = np.nonzero(~known & ((z[:, self._free] + step >= 0) & (z[:, self._free] + step <= 1)).T)
+            if not len(point):
+                break
+            beside = z[point].copy()
+            beside[np.arange(len(point)), self._free[number]] += step[point, number]
+            information, status = point_sensitivities(self._problem, self._points(beside), self._threads)
+            ok = np.flatnonzero(status == Status.ok)
+            number, point = number[ok], point[ok]
+            difference = self.rows(information[ok]) - rows[point]
+            slopes[number, point] = difference / step[point, number][:, None, None]
+            known[number, point] = True
+        nothing = np.zeros((1, count, 0)), np.zeros((count, d, 1, 0))  # no distances to limits
+        own = np.ascontiguousarray(slopes.swapaxes(0, 1))[:, :, None]
+        return LinearRows(rows[None], own, nothing[0], nothing[1], self.fixed[None], 0.0, np.arange(count * d).reshape(count, d))
+
+    def _value(self, rows: Array) -> float:
+        flat = rows.reshape(-1, rows.shape[-1])
+        sign, value = np.linalg.slogdet(np.einsum("kp,kq->pq", flat, flat) + self.fixed)
+        return float(value) if sign > 0 else -np.inf
+
+    def _numbers(self, points: Experiments) -> Array:
+        table = points.table[:, : len(self._lower)]
+        z: Array = np.clip((table - self._lower) / np.where(self._width > 0, self._width, 1.0), 0.0, 1.0)
+        return z
+
+    def _points(self, z: Array) -> Experiments:
+        table = np.clip(self._lower + self._width * z, self._lower, self._lower + self._width)
+        return Experiments.of_table(self._problem.model, table)
+
+
+def whitened_rows(criterion: Criterion, information: PointInformation) -> Array:
+    """Rows (K, n, p) of which the squares are the information of each point, for a D that does not depend on the others."""
+    factor = cholesky_factor(criterion.given, criterion.names, criterion.kind)
+    return np.asarray(np.linalg.solve(factor, criterion.prepare(information).sensitivity), dtype=np.float64)

@@ -1,0 +1,153 @@
+"""What every search for points has: the problem, the best design so far, its criterion, and what it becomes in the end."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from ...basics.values import FrozenMapping
+from ...engine import _core
+from ...information.candidates import CandidateSource
+from ...information.evaluation import Evaluation, evaluate_information, finite_fisher
+from ...information.output_covariance import Criterion, criterion
+from ...information.point_information import PointInformation
+from ...information.problem import DesignProblem
+from ..efficiency import Efficiency
+from ..found import FoundDesign, TraceRecord
+from ..settings import ExchangeSettings
+
+RIDGE = 1e-9
+"""Share of the prior's information that is added to F as long as a design is singular, so that singular designs can be told
+apart."""
+
+
+class Progress(NamedTuple):
+    """What the search reports after each iteration."""
+
+    iteration: int
+    max_iterations: int
+    log_det: float
+    exchanges: int
+    drawn: int
+    rejected: int
+    seconds: float
+
+
+class Incumbent(NamedTuple):
+    """The best design so far; replaced as a whole, so that an interrupt cannot tear it."""
+
+    information: PointInformation
+    prepared: PointInformation
+    log_det: float
+
+
+@dataclass
+class PointSearch:
+    """The state of one search; it begins with random points."""
+
+    problem: DesignProblem
+    settings: ExchangeSettings
+    threads: int
+    previous: PointInformation | None = None  # stays, beside whatever points the design has
+    trace: list[TraceRecord] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._started = time.perf_counter()
+        self.source = CandidateSource(self.problem, np.random.default_rng(self.settings.seed), self.threads)
+        start = self.source.draw_confirmed(self.settings.n_experiments)
+        self.criterion: Criterion = criterion(self.problem, self._with_previous(start), self.threads)
+        self._previous = None if self.previous is None else self.criterion.prepare(self.previous)
+        prepared = self.criterion.prepare(start)
+        self.best = Incumbent(start, prepared, self._log_det(prepared, 0.0))
+        self._record(0, False)
+
+    def run(self, progress: Callable[[Progress], None] | None) -> str:
+        """Search until something ends it, and return what."""
+        settings, exchanges, idle = self.settings, 0, 0
+        try:
+            for iteration in range(1, settings.max_iterations + 1):
+                exchanged = self._advance(iteration)
+                if exchanged is None:
+                    return "converged"
+                exchanges += exchanged
+                idle = 0 if exchanged else idle + 1
+                self._record(iteration, exchanged)
+                if progress is not None:
+                    candidates = self.source.drawn, self.source.rejected.total()
+                    progress(Progress(iteration, settings.max_iterations, self.best.log_det, exchanges, *candidates, self.seconds))
+                if settings.patience is not None and idle >= settings.patience:
+                    return "patience"
+                if self._late():
+                    return "time_limit"
+        except KeyboardInterrupt:
+            return "interrupted"
+        return "max_iterations"
+
+    def _advance(self, iteration: int) -> bool | None:
+        """One iteration: whether the best design is another one after it; None where nothing is left to try."""
+        raise NotImplementedError
+
+    def _late(self) -> bool:
+        return self.settings.time_limit is not None and self.seconds >= self.settings.time_limit
+
+    @property
+    def seconds(self) -> float:
+        return time.perf_counter() - self._started
+
+    def _record(self, iteration: int, exchanged: bool) -> None:
+        self.trace.append(TraceRecord(iteration, self.best.log_det, bool(exchanged), self.source.drawn, self.seconds))
+
+    def _log_det(self, prepared: PointInformation, ridge: float) -> float:
+        return self._phi(self._accumulate(prepared), ridge)
+
+    def _accumulate(self, prepared: PointInformation) -> _core.FisherAccumulator:
+        """The previous points, and these."""
+        if self._previous is None:
+            return self.criterion.accumulate(prepared)
+        return self.criterion.accumulate(PointInformation.join([self._previous, prepared]))
+
+    def _with_previous(self, information: PointInformation) -> PointInformation:
+        return information if self.previous is None else PointInformation.join([self.previous, information])
+
+    def _phi(self, accumulator: _core.FisherAccumulator, ridge: float) -> float:
+        fisher = finite_fisher(accumulator.fisher(accumulator.output_covariance(self.criterion.given, self.criterion.pooled)))
+        return _core.log_det(fisher + ridge * np.eye(len(fisher)))
+
+    def under_noise(self) -> Evaluation | None:
+        if self.problem.noise_std is None:
+            return None
+        information = self._with_previous(self.best.information)
+        d = criterion(self.problem, information, self.threads, "noise")
+        return evaluate_information(self.problem, information, d, self.threads)
+
+    def found(
+        self,
+        stop_reason: str,
+        under_noise: Evaluation | None,
+        efficiency: Efficiency | None,
+        previous_left_out: Mapping[str, int],
+    ) -> FoundDesign:
+        evaluation = under_noise
+        if evaluation is None or self.criterion.kind != "noise":
+            information = self._with_previous(self.best.information)
+            evaluation = evaluate_information(self.problem, information, self.criterion, self.threads)
+        return FoundDesign(
+            problem=self.problem,
+            settings=self.settings,
+            points=self.best.information.experiments,
+            evaluation=evaluation,
+            under_noise=under_noise,
+            efficiency=efficiency,
+            trace=tuple(self.trace),
+            rejected=FrozenMapping(dict(self.source.rejected)),
+            drawn=self.source.drawn,
+            accepted=self.source.accepted,
+            stop_reason=stop_reason,
+            seconds=self.seconds,
+            n_previous=0 if self.previous is None else len(self.previous),
+            previous_left_out=previous_left_out,
+        )

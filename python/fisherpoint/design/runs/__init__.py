@@ -1,0 +1,1 @@
+"""The search for runs, and the designs that it finds."""

@@ -1,0 +1,93 @@
+"""Ascent from runs to better ones, all free numbers together.
+
+Every iteration takes the slopes of rows and limits, and asks the criterion to first order (linear_rows.py) where it is largest
+within some distances. These runs and others on the way to them are computed side by side, for little more than one of them, and the
+best of all is the next. So the distance that the first order is good for need not be guessed, and where log det F has a kink, as
+where plants begin to stick at another time, some step gets past it all the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...basics.values import Array
+from .linear_rows import LinearRows
+from .run_objective import RunObjective
+from .run_slopes import linear_rows
+
+FIRST, LEAST, MOST = 0.1, 1e-5, 1.0
+"""By how much each number may change at first, at least, and at most."""
+
+NEAR = 0.03
+"""Where slopes are taken by central differences: the maximum is about as near."""
+
+REACHES = 4.0 ** np.array([1, 0, -1, -2])
+"""Times that much, the distances within which the best step is asked for."""
+
+SHARES, MANY = np.array([1.0, 0.7, 0.4, 0.2]), 64
+"""Of these steps, the runs that are tried; only the whole steps where there are many runs on many plants, and no lanes free."""
+
+SMALL_GAIN, MOST_SMALL = 1e-4, 4
+"""The ascent ends after so many iterations in a row that gain less."""
+
+
+class Peak(NamedTuple):
+    """Free numbers (L, d) where an ascent has ended, and what the runs are worth."""
+
+    z: Array
+    value: float
+
+
+def ascend(
+    objective: RunObjective,
+    z: Array,
+    selected: NDArray[np.bool_] | None,
+    iterations: int,
+    late: Callable[[], bool],
+    rng: np.random.Generator,
+) -> Peak:
+    """The best runs that an ascent from free numbers z (L, d) finds; `late` tells it to stop."""
+    value = float(objective.values(z[None], selected)[0])
+    reach, small = FIRST, 0
+    shares = SHARES[:1] if len(z) * len(objective.plants) > MANY else SHARES
+    for _ in range(iterations):
+        linear = linear_rows(objective, z, selected, reach < NEAR, rng)
+        if linear is None or not np.isfinite(value):
+            break
+        moving = linear.variable >= 0
+        n = linear.variable.max() + 1
+        here = np.empty(n)
+        here[linear.variable[moving]] = z[moving]
+        changes = trial_changes(linear, here, reach, shares)
+        tried = np.tile(z, (len(changes), 1, 1))
+        tried[:, moving] = np.clip(here + changes, 0.0, 1.0)[:, linear.variable[moving]]
+        values = objective.values(tried, selected)
+        best = int(np.argmax(values))
+        gain = values[best] - value
+        if gain > 0:
+            z, value = tried[best], float(values[best])
+            reach = float(np.clip(1.5 * reach * REACHES[best % len(REACHES)] * shares[best // len(REACHES)], LEAST, MOST))
+        else:
+            reach *= float(REACHES[-1])
+        small = small + 1 if gain < SMALL_GAIN else 0
+        if small == MOST_SMALL or reach < LEAST or late():
+            break
+    return Peak(z, value)
+
+
+def trial_changes(linear: LinearRows, here: Array, reach: float | Array, shares: Array = SHARES) -> Array:
+    """Changes (T, n) of variables from `here` (n,) that are worth a try: best steps within some distances, share after share.
+
+    `reach` is by how much each variable may change, one for all or (n,); the distances are `REACHES` times as much.
+    """
+    steps = []
+    for factor in REACHES:
+        distance = np.minimum(reach * factor, MOST)
+        lower, upper = np.maximum(-distance, -here), np.minimum(distance, 1.0 - here)
+        steps.append(linear.within(float(np.max(distance))).best_step(lower, upper))
+    changes: Array = (shares[:, None, None] * np.array(steps)).reshape(-1, len(here))
+    return changes

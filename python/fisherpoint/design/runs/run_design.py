@@ -1,0 +1,145 @@
+"""A design of runs, as the search returns it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+from ...basics.checks import as_path
+from ...basics.extras import needed_for
+from ...basics.files import write_whole
+from ...basics.kept import Codec, Kept
+from ...basics.values import Array, FrozenMapping
+from ...information.codec import evaluation_from_json, evaluation_to_json, problem_from_json, problem_to_json
+from ...information.evaluation import Evaluation
+from ...information.feasibility import Feasibility
+from ...information.problem import DesignProblem
+from ...points.codec import runs_from_json, runs_to_json
+from ...points.run_files import plan_csv, runs_csv
+from ...points.runs import Runs
+from ...show.section import Report
+from ...show.shown import Shown
+from ..settings import RunSettings
+from .run_report import run_report
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RunDesign(Shown, Kept):
+    """The runs that `design_runs` found, with what is needed to judge and to repeat them.
+
+    Attributes
+    ----------
+    problem : DesignProblem
+    settings : RunSettings
+    runs : Runs
+    evaluation : Evaluation
+        Of the runs, and of previous points and runs with them, at the prior mean.
+    log_det : float
+        What was maximised: log det F in its sum form, parameters standardised by the prior; with `plants` its mean over these. -inf
+        where no runs of the region determine all parameters.
+    plants : ndarray, (R, p)
+        Parameters over which it is averaged; one row, the prior mean, where none were given.
+    ends : tuple of float
+        log det F that each start of the search came to, in the order in which they were followed.
+    again : int
+        How many of them are as good as the best one.
+    feasibility : Feasibility
+        Which of a thousand plants that the search has not seen can run the whole design, and why others cannot.
+    stop_reason : {"all_starts", "time_limit", "interrupted"}
+    drawn : int
+    rejected : mapping of reason to int
+        Runs drawn at random for the search, and those of them that do not reach their ends.
+    seconds : float
+    classical : mapping of profile to float
+        log det F of the best of a hundred random runs of each classical profile, steps for one, whether plants can run them or not.
+    """
+
+    problem: DesignProblem
+    settings: RunSettings
+    runs: Runs
+    evaluation: Evaluation
+    log_det: float
+    plants: Array
+    ends: tuple[float, ...]
+    again: int
+    feasibility: Feasibility
+    stop_reason: str
+    drawn: int
+    rejected: Mapping[str, int]
+    seconds: float
+    classical: Mapping[str, float] = FrozenMapping({})
+
+    _INSIDE = (RunSettings, Feasibility)
+    _CODEC: ClassVar[Codec] = {
+        DesignProblem: (problem_to_json, problem_from_json),
+        Runs: (runs_to_json, runs_from_json),
+        Evaluation: (evaluation_to_json, lambda data: evaluation_from_json(data, data["n_points"])),
+    }
+
+    @property
+    def points(self) -> Runs:
+        """The runs, under the name that designs of points have for them."""
+        return self.runs
+
+    @property
+    def feasible(self) -> bool:
+        """Whether no smaller share of the plants than the asked one can run the design, of those that `feasibility` has tried."""
+        return self.settings.confidence is None or self.feasibility.share >= self.settings.confidence
+
+    def report(self) -> Report:
+        """Runs, parameters, what plants can run them, and the search as tables."""
+        return run_report(self)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """One row per parameter, as `Evaluation.to_pandas`."""
+        return self.evaluation.to_pandas()
+
+    def plot(self, kind: str = "runs", *, path: str | Path | None = None) -> Figure:
+        """Draw the runs, or which sample tells about which parameter; needs matplotlib.
+
+        Parameters
+        ----------
+        kind : {"runs", "information", "standard_errors", "correlation"}
+            Inputs, and outputs with their spread over the prior and their samples; the share of each sample in what is known of
+            each parameter; and what `Evaluation.plot` draws.
+        path : path, optional
+            Where the picture is also written; the ending says the format, PNG where there is none.
+
+        Raises
+        ------
+        ValueError
+            For another kind, or the ending of no format of pictures.
+        """
+        with needed_for("plot"):
+            from ...show.style import drawn
+            from .run_pictures import plot_of
+
+        return drawn(plot_of(self, kind), path)
+
+    def save(self, directory: str | Path) -> None:
+        """Write design.csv, plan.csv and design.json into `directory`, which is made where needed; design.json last."""
+        directory = as_path(directory, "directory")
+        directory.mkdir(parents=True, exist_ok=True)
+        model = self.problem.model
+        write_whole(directory / "design.csv", runs_csv(self.runs, model))
+        write_whole(directory / "plan.csv", plan_csv(self.runs, model))
+        super().save(directory / "design.json")
+
+    @classmethod
+    def load(cls, directory: str | Path) -> RunDesign:
+        """Read a design that `save` wrote.
+
+        Raises
+        ------
+        OSError
+            Where design.json cannot be read.
+        ValueError
+            Where it is truncated, was changed, or is not a design of runs.
+        """
+        return super().load(as_path(directory, "directory") / "design.json")

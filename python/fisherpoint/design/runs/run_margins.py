@@ -1,0 +1,79 @@
+"""How far runs keep from the limits of the model's domain, counted in what the prior makes of that distance.
+
+A run that is fine with the parameters at the prior mean may break a limit on many of the plants that the prior allows. To first
+order the value of a limit h along a run varies by the root of sum_j (h_x S_j + h_theta_j)^2 over the principal parts of the prior,
+and of what is uncertain. A distance of fewer than `kappa` of these standard deviations costs, so that gradients lead away from the
+limit. What share of the plants can run a design, its trajectories tell; this only shows where to go.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...basics.values import Array
+from ...information.problem import DesignProblem
+from ...information.run_tangents import RunTangents
+
+WEIGHT = 4.0
+"""What one standard deviation too few costs at a sample, in log det F."""
+
+LEAST_SPREAD = 1e-3
+"""Spread of a limit's value, as a share of its largest value on the way, where the prior makes none."""
+
+FAR = 100.0
+"""The largest distance that is told, in standard deviations."""
+
+MOST_ROWS = 4000
+"""States at once; many more would not stay in the cache."""
+
+
+class RunMargins:
+    """How far runs keep from limits of the domain."""
+
+    def __init__(self, problem: DesignProblem) -> None:
+        assumed = problem.assumed
+        model = problem.limited if assumed is None else assumed.model
+        self._core, self._poles, self.exist = model.core, len(model.poles), bool(model.domain)
+        names = [quantity.name for quantity in problem.model.parameters]
+        chosen = problem.prior.marginal(problem.estimated)
+        factor = np.linalg.cholesky(chosen.covariance)
+        size = len(names) if assumed is None else len(assumed.model.parameters)
+        parts = np.zeros((len(problem.estimated), size))
+        parts[:, problem.estimated_columns] = factor.T
+        if assumed is not None:
+            further = np.zeros((len(assumed.columns), size))
+            further[np.arange(len(assumed.columns)), assumed.columns] = assumed.std
+            parts = np.concatenate([parts, further])
+        self._parts = parts
+
+    def distances(self, tangents: RunTangents) -> Array:
+        """Of each run at each segment's end from each limit, (K, N, c), in standard deviations, and `FAR` at most."""
+        count, segments = tangents.runs.dt.shape
+        each = max(1, MOST_ROWS // (segments * (1 + len(self._parts))))
+        parts = [self._distances(tangents, slice(first, first + each)) for first in range(0, count, each)]
+        return np.concatenate(parts)
+
+    def _distances(self, tangents: RunTangents, some: slice) -> Array:
+        runs = tangents.runs[some]
+        there = runs.dt > 0
+        x, theta = tangents.x[some, 1:], tangents.theta[some]
+        k, n = np.nonzero(there)
+        moves = tangents.dx[some][k, n] @ self._parts.T  # (S, n_x, q)
+        q = len(self._parts)
+        states = np.concatenate([x[k, n][None], x[k, n] + moves.transpose(2, 0, 1)]).reshape(-1, x.shape[2])
+        inputs = np.tile(runs.u[k, n], (1 + q, 1))
+        parameters = np.concatenate([theta[k][None], theta[k] + self._parts[:, None]]).reshape(-1, theta.shape[1])
+        with np.errstate(all="ignore"):  # outside the domain there may be no number
+            h = np.asarray(self._core.limits(states, inputs, parameters)).reshape(1 + q, len(k), -1)
+            h[:, :, : self._poles] *= np.sign(h[:1, :, : self._poles])
+            spread = np.linalg.norm(h[1:] - h[0], axis=0)
+            spread = np.maximum(spread, LEAST_SPREAD * np.abs(h[0]).max(axis=0, initial=0.0)) + 1e-300
+            near = h[0] / spread
+        found = np.full((*there.shape, h.shape[2]), FAR)
+        found[k, n] = np.where(np.isfinite(near), np.minimum(near, FAR), 0.0)
+        return found
+
+
+def costs_of(distances: Array, kappa: float) -> Array:
+    """What runs cost, (K,), at distances (K, ...) of fewer than kappa standard deviations."""
+    return np.asarray(WEIGHT * np.square(np.maximum(0.0, kappa - distances)).reshape(len(distances), -1).sum(axis=1))

@@ -1,0 +1,77 @@
+"""Single changes of a run, by which a search leaves the maximum that gradients have led it to.
+
+log det F of runs has many local maxima, most of them a pulse at another place: from one of them, another one is seldom far.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...basics.values import Array
+from ...points.run_region import RunCoordinates
+
+GRID = 7
+"""Values that a number is set to, from bound to bound."""
+
+MOST_SINGLE, MOST_SWAPS, MOST_BLOCKS = 800, 300, 200
+"""Changes of each kind; where there were more, a random choice of them."""
+
+
+def moved_runs(coordinates: RunCoordinates, z: Array, rng: np.random.Generator) -> Array:
+    """Free numbers (M, d) of runs that differ from z (d,) by one change; what runs share stays.
+
+    A number goes to another value; two segments swap theirs, or a profile is shifted or turned round; a block of segments gets one
+    value.
+    """
+    moved = _single(coordinates, z)
+    found = [_some(moved, MOST_SINGLE, rng)]
+    for _, where in coordinates.inputs:
+        if not coordinates.shared[where].any():
+            found += [_swaps(z, where, rng), _shifts(z, where), _blocks(z, where, rng)]
+    return np.concatenate(found)
+
+
+def _some(moved: Array, most: int, rng: np.random.Generator) -> Array:
+    return moved if len(moved) <= most else moved[np.sort(rng.permutation(len(moved))[:most])]
+
+
+def _single(coordinates: RunCoordinates, z: Array) -> Array:
+    number, values = [], []
+    for j, levels in enumerate(coordinates.stepped):
+        if not coordinates.shared[j]:
+            grid = np.linspace(0, 1, GRID) if levels == 0 else (np.arange(levels) + 0.5) / levels
+            number += [j] * len(grid)
+            values += grid.tolist()
+    moved = np.tile(z, (len(number), 1))
+    moved[np.arange(len(number)), number] = values
+    return moved
+
+
+def _swaps(z: Array, where: slice, rng: np.random.Generator) -> Array:
+    a, b = np.triu_indices(where.stop - where.start, 1)
+    differ = z[where][a] != z[where][b]
+    a, b = a[differ] + where.start, b[differ] + where.start
+    moved, rows = np.tile(z, (len(a), 1)), np.arange(len(a))
+    moved[rows, a], moved[rows, b] = z[b], z[a]
+    return _some(moved, MOST_SWAPS, rng)
+
+
+def _shifts(z: Array, where: slice) -> Array:
+    n = where.stop - where.start
+    moved = np.tile(z, (2 * n, 1))
+    for k in range(n):
+        moved[k, where] = np.roll(z[where], k)
+        moved[n + k, where] = np.roll(z[where], k)[::-1]
+    return moved[1:]
+
+
+def _blocks(z: Array, where: slice, rng: np.random.Generator) -> Array:
+    n = where.stop - where.start
+    if n < 4:
+        return np.empty((0, len(z)))
+    moved = np.tile(z, (MOST_BLOCKS, 1))
+    for row in moved:
+        length = int(np.ceil((n / 2) ** rng.random()))
+        first = where.start + rng.integers(n - length + 1)
+        row[first : first + length] = rng.integers(0, GRID) / (GRID - 1)
+    return moved

@@ -1,0 +1,156 @@
+"""log det of the information in runs as a function of their free numbers, less what runs cost that come near limits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...basics.values import Array
+from ...engine.levels import kernels
+from ...information.problem import DesignProblem
+from ...information.run_information import information_matrices
+from ...information.run_tangents import RunTangents, run_tangents
+from ...points.run_region import RunCoordinates
+from ...points.runs import Runs
+from ...points.settings import Settings
+from ...points.status import Status
+from .run_margins import RunMargins, costs_of
+
+LOOKS, MORE_LOOKS = 2, 4
+"""Times in every segment at which the distance to limits is taken, and where that has not been enough."""
+
+ROWS = 16
+"""Of runs and plants that one thread computes at once: enough for its lanes, and few enough for its cache."""
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """Of K runs: F (K, R, p, p) on every plant, whether they reach their ends on all (K,), and their costs (K,)."""
+
+    matrices: Array
+    ok: NDArray[np.bool_]
+    costs: Array
+
+    def some(self, rows: Any) -> Judged:
+        return Judged(self.matrices[rows], self.ok[rows], self.costs[rows])
+
+    @staticmethod
+    def join(parts: list[Judged]) -> Judged:
+        return Judged(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("matrices", "ok", "costs")))
+
+
+class RunObjective:
+    """The mean over plants of log det F, F the sum over L runs, each described by its free numbers, less what runs cost.
+
+    Parameters
+    ----------
+    problem : DesignProblem
+    coordinates : RunCoordinates
+    plants : ndarray, (R, p)
+        Parameters of the model.
+    previous : ndarray, (R, p, p)
+        Information that is there without the runs.
+    settings : Settings
+        Of the trajectories.
+
+    Attributes
+    ----------
+    kappa : float
+        Standard deviations that runs keep from limits of the domain, or pay for; 0 for no costs.
+    looks : int
+        Times in every segment at which that distance is taken.
+    """
+
+    def __init__(
+        self, problem: DesignProblem, coordinates: RunCoordinates, plants: Array, previous: Array, settings: Settings
+    ) -> None:
+        self.problem, self.coordinates, self.plants, self.previous = problem, coordinates, plants, previous
+        self.kappa, self.looks, self.settings = 0.0, LOOKS, settings
+        self.margins = RunMargins(problem)
+        self._parallel = problem.model.kernels is kernels  # functions of Python need not bear several threads
+
+    def judged(self, runs: Runs) -> Judged:
+        """What runs are worth, each by itself."""
+
+        def part(some: slice) -> Judged:
+            return self._judged(self.tangents(runs[some], threads=1), len(runs[some]))
+
+        return Judged.join(self.in_parts(part, len(runs)))
+
+    def sample_matrices(self, runs: Runs) -> Array:
+        """F (L, N, R, p, p) of the samples of runs, each by itself."""
+        sensitivity = self.tangents(runs).rows(self.problem).sensitivity
+        f = information_matrices(self.problem, sensitivity.reshape(-1, 1, *sensitivity.shape[2:]))
+        return np.moveaxis(f.reshape(len(self.plants), *runs.dt.shape, *f.shape[1:]), 0, 2)
+
+    def log_dets(self, total: Array) -> Array:
+        """The mean over the plants of log det of F (..., R, p, p); -inf where one is singular."""
+        sign, value = np.linalg.slogdet(total)
+        return np.asarray(np.where(sign > 0, value, -np.inf).mean(axis=-1))
+
+    def of(self, judged: Judged) -> float:
+        """The criterion of runs together, less their costs."""
+        if not judged.ok.all():
+            return -np.inf
+        return float(self.log_dets(judged.matrices.sum(axis=0) + self.previous)) - float(judged.costs.sum())
+
+    def values(self, z: Array, selected: NDArray[np.bool_] | None = None) -> Array:
+        """The criterion less costs (T,) of T designs of L runs, of free numbers (T, L, d); `selected` (L, N) samples count."""
+        designs, runs = z.shape[:2]
+        flags = None if selected is None else np.tile(selected, (designs, 1))
+        judged = self.judged(self.tried(z.reshape(designs * runs, -1), flags))
+        f = judged.matrices.reshape(designs, runs, *judged.matrices.shape[1:]).sum(axis=1)
+        values = self.log_dets(f + self.previous) - judged.costs.reshape(designs, runs).sum(axis=1)
+        return np.where(judged.ok.reshape(designs, runs).all(axis=1), values, -np.inf)
+
+    def tried(self, z: Array, selected: NDArray[np.bool_] | None) -> Runs:
+        """Runs with free numbers z (K, d), which measure the `selected` (K, N) samples, in as short segments as costs need."""
+        runs = self.coordinates.runs(z)
+        runs = runs if selected is None else runs.measuring(selected)
+        return runs.divided(np.arange(1, self.looks + 1) / self.looks) if self.costly else runs
+
+    @property
+    def costly(self) -> bool:
+        """Whether runs pay for coming near limits."""
+        return self.kappa > 0 and self.margins.exist
+
+    def in_parts(self, function: Callable[[slice], T], count: int) -> list[T]:
+        """What a function makes of each part of `count` runs; the parts do not depend on the threads."""
+        each = -(-ROWS // len(self.plants))
+        parts = [slice(first, first + each) for first in range(0, count, each)]
+        if self.settings[4] == 1 or len(parts) == 1 or not self._parallel:
+            return [function(part) for part in parts]
+        with ThreadPoolExecutor(self.settings[4]) as pool:
+            return list(pool.map(function, parts))
+
+    def on_plants(self, runs: Runs) -> tuple[Runs, Array]:
+        """The runs on every plant, plant after plant, and the parameters of each."""
+        count = len(runs)
+        many = runs[np.tile(np.arange(count), len(self.plants))] if len(self.plants) > 1 else runs
+        return many, np.repeat(self.plants, count, axis=0)
+
+    def tangents(self, runs: Runs, outputs_alone: bool | None = None, threads: int | None = None) -> RunTangents:
+        """Of runs on every plant, plant after plant."""
+        many, theta = self.on_plants(runs)
+        alone = not self.costly if outputs_alone is None else outputs_alone
+        settings = (*self.settings[:4], threads or self.settings[4])
+        return run_tangents(self.problem, many, theta, settings, outputs_alone=alone)
+
+    def _judged(self, tangents: RunTangents, count: int) -> Judged:
+        """Of tangents of `count` runs, plant after plant."""
+        plants = len(self.plants)
+        rows = tangents.rows(self.problem)
+        f = information_matrices(self.problem, rows.sensitivity)
+        costs = costs_of(self.margins.distances(tangents), self.kappa) if self.costly else np.zeros(len(f))
+        return Judged(
+            f.reshape(plants, count, *f.shape[1:]).swapaxes(0, 1),
+            (rows.status.reshape(plants, count) == Status.ok).all(axis=0),
+            costs.reshape(plants, count).mean(axis=0),
+        )

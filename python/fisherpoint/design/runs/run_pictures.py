@@ -1,0 +1,142 @@
+"""Pictures of designs of runs: inputs and outputs over time, and which sample tells about which parameter."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+from ...basics.checks import check_choice
+from ...basics.values import Array
+from ...information.problem import DesignProblem
+from ...information.run_information import run_rows, run_settings
+from ...points.run_trajectories import checked_run_trajectories
+from ...points.runs import Runs
+from ...points.status import Status
+from ...show.style import NOISE, PRIOR, STYLE, TEXT, scale
+from .run_plants import RunPlants
+from .run_report import HasRuns
+
+DRAWN = 100
+"""Plants whose outputs show the spread."""
+
+SHARES = (1e-5, 1e-4, 1e-3, 3e-3, 0.01, 0.02, 0.04, 0.08, 0.15, 0.25, 0.4, 0.6, 0.8, 1.0)
+"""Of each segment, at which outputs are drawn: behind a change of the inputs they may change fast."""
+
+LOOKS = len(SHARES)
+
+NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"
+
+MOST_SHOWN = 6
+"""Runs of a picture."""
+
+
+def plot_of(design: HasRuns, kind: str) -> Figure:
+    check_choice(kind, ("runs", "information", "standard_errors", "correlation"), "kind")
+    if kind == "runs":
+        return plot_runs(design.problem, design.runs)
+    if kind == "information":
+        return plot_information(design.problem, design.runs)
+    return design.evaluation.plot(kind)
+
+
+def plot_runs(problem: DesignProblem, runs: Runs) -> Figure:
+    """Inputs, and outputs at the prior mean with samples, and where 90 % of the prior's plants are; limits are dashed."""
+    model, settings = problem.model, run_settings(problem, None)
+    shown = runs[: min(len(runs), MOST_SHOWN)]
+    fine = shown.divided(SHARES)
+    mean = checked_run_trajectories(model, fine, problem.theta, settings)
+    plants = RunPlants(problem, DRAWN, np.random.default_rng(0), settings)
+    spread, reached = plants.outputs(fine)
+    limits = limits_of(problem)
+    rows, columns = len(model.inputs) + len(model.outputs), len(shown)
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(1.5 + 4.2 * columns, 0.6 + 1.5 * rows), layout="constrained")
+        grid = figure.subplots(rows, columns, squeeze=False, sharex="col", sharey="row")
+        for k in range(columns):
+            n = int(shown.segments[k])
+            t, ends = np.concatenate([[0.0], shown.t[k, :n]]), fine.t[k, : n * LOOKS]
+            factor_t, unit_t = _time(float(t[-1]))
+            for i, quantity in enumerate(model.inputs):
+                factor, unit = scale(quantity, shown.u[:, :, i])
+                held = factor * np.append(shown.u[k, :n, i], shown.u[k, n - 1, i])
+                grid[i, k].step(factor_t * t, held, where="post", color=TEXT, linewidth=1.2)
+                grid[i, 0].set_ylabel(f"{quantity.name} [{unit}]")
+            for j, quantity in enumerate(model.outputs):
+                axes: Any = grid[len(model.inputs) + j, k]
+                factor, unit = scale(quantity, mean.y[:, :, j])
+                if reached[:, k].any():
+                    low, high = np.quantile(spread[reached[:, k], k, : n * LOOKS, j], [0.05, 0.95], axis=0)
+                    axes.fill_between(factor_t * ends, factor * low, factor * high, color=PRIOR, alpha=0.35, linewidth=0)
+                for limit in limits.get(quantity.name, ()):
+                    axes.axhline(factor * limit, color=TEXT, linewidth=0.8, linestyle="--")
+                axes.plot(factor_t * ends, factor * mean.y[k, : n * LOOKS, j], color=NOISE, linewidth=1.2)
+                at = np.flatnonzero(shown.measured[k, :n])
+                sampled = mean.y[k, at * LOOKS + LOOKS - 1, j]
+                axes.plot(factor_t * shown.t[k, at], factor * sampled, "o", color=NOISE, markersize=3.2)
+                grid[len(model.inputs) + j, 0].set_ylabel(f"{quantity.name} [{unit}]")
+            grid[0, k].set_title(f"run {k + 1}")
+            grid[-1, k].set_xlabel(f"time [{unit_t}]")
+        more = f"; {len(runs) - columns} further runs are not shown" if len(runs) > columns else ""
+        marks = f"dots: samples{', dashed: limits' if limits else ''}{more}"
+        title = f"At the prior mean, and 90 % of the prior's plants (grey)\n{marks}"
+        figure.suptitle(title, x=0.01, ha="left")
+    return figure
+
+
+def plot_information(problem: DesignProblem, runs: Runs) -> Figure:
+    """The share of each sample in the information about each parameter by itself, run after run."""
+    rows = run_rows(problem, runs, problem.theta, run_settings(problem, None))
+    told = _told(problem, rows.sensitivity[rows.status == Status.ok], runs.measured[rows.status == Status.ok])
+    share = told / np.maximum(told.sum(axis=0), 1e-300)
+    with mpl.rc_context(STYLE | {"axes.grid": False}):
+        figure = Figure(figsize=(max(6.0, min(14.0, 2.0 + 0.12 * len(share))), 1.2 + 0.32 * share.shape[1]), layout="constrained")
+        axes: Any = figure.subplots()
+        count = len(share)
+        image = axes.imshow(
+            100 * share.T,
+            aspect="auto",
+            cmap="cividis",
+            interpolation="nearest",
+            vmin=0,
+            extent=(0.5, count + 0.5, share.shape[1] - 0.5, -0.5),
+        )
+        axes.set_yticks(range(len(problem.estimated)), problem.estimated)
+        ends = np.cumsum(runs.measured.sum(axis=1))
+        for end in ends[:-1]:
+            axes.axvline(end + 0.5, color="white", linewidth=1.0)
+        axes.set_xlabel("sample" if len(runs) == 1 else "sample, run after run")
+        axes.set_title("Share of each sample in what is told about a parameter, the others known")
+        figure.colorbar(image, ax=axes, pad=0.01, format="%g %%")
+    return figure
+
+
+def limits_of(problem: DesignProblem) -> dict[str, list[float]]:
+    """Numbers that limits along the way compare single states or outputs with, by name; other limits are no lines."""
+    found: dict[str, list[float]] = {}
+    for text in problem.along or ():
+        parts = [part.strip() for part in re.split(r"[<>]=?", text)]
+        numbers = [float(part) for part in parts if re.fullmatch(NUMBER, part)]
+        for part in parts:
+            if match := re.fullmatch(r"(abs\()?([A-Za-z_]\w*)(?(1)\))", part):
+                values = numbers + [-number for number in numbers] if match[1] else numbers
+                found.setdefault(match[2], []).extend(values)
+    return found
+
+
+def _told(problem: DesignProblem, sensitivity: Array, measured: Array) -> Array:
+    """Information (S, p) of each sample about each parameter."""
+    white = sensitivity / np.sqrt(np.diag(problem.noise_covariance))[:, None]
+    told: Array = np.square(white).sum(axis=2)[measured]
+    return told
+
+
+def _time(longest: float) -> tuple[float, str]:
+    """Factor and unit in which times are easy to read."""
+    for seconds, unit in ((86400.0, "d"), (3600.0, "h"), (60.0, "min")):
+        if longest >= 3 * seconds:
+            return 1 / seconds, unit
+    return (1.0, "s") if longest >= 1.0 else (1e3, "ms")

@@ -1,0 +1,54 @@
+"""Plants that the prior allows, on which runs are tried during the search, and which show the spread of outputs."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...basics.values import Array
+from ...information.draws import drawn_plants
+from ...information.problem import DesignProblem
+from ...points.run_trajectories import checked_run_trajectories
+from ...points.runs import Runs
+from ...points.settings import Settings, finer
+from ...points.status import Status
+
+
+class RunPlants:
+    """Plants drawn from the prior, and from what is uncertain; each has one deviation of its starts.
+
+    Parameters
+    ----------
+    problem : DesignProblem
+    count : int
+    rng : numpy.random.Generator
+    settings : Settings
+        Of the trajectories.
+    """
+
+    def __init__(self, problem: DesignProblem, count: int, rng: np.random.Generator, settings: Settings) -> None:
+        self._theta, _ = drawn_plants(problem, count, rng)
+        assumed, starts = problem.assumed, len(problem.initial_state_std or ())
+        self._model, self._settings = problem.limited if assumed is None else assumed.model, settings
+        if assumed is not None and starts:
+            self._theta[:, assumed.columns[-starts:]] += assumed.std[-starts:] * rng.standard_normal((count, starts))
+
+    def __len__(self) -> int:
+        return len(self._theta)
+
+    def can_run(self, runs: Runs) -> NDArray[np.bool_]:
+        """Which plants (R,) reach the ends of all runs."""
+        return np.asarray(self.outputs(runs)[1].all(axis=1))
+
+    def outputs(self, runs: Runs) -> tuple[Array, NDArray[np.bool_]]:
+        """Outputs (R, K, N, n_y) of runs on every plant, and which runs reach their ends (R, K)."""
+        many = runs[np.tile(np.arange(len(runs)), len(self))]
+        theta = np.repeat(self._theta, len(runs), axis=0)
+        done = checked_run_trajectories(self._model, many, theta, self._settings)
+        y, status = done.y, done.status
+        near = np.flatnonzero(status == Status.grazes_jump)
+        if len(near):
+            again = checked_run_trajectories(self._model, many[near], theta[near], finer(self._settings))
+            y[near], status[near] = again.y, again.status
+        shape = len(self), len(runs)
+        return y.reshape(*shape, *y.shape[1:]), status.reshape(shape) == Status.ok

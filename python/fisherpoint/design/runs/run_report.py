@@ -1,0 +1,160 @@
+"""What a design of runs is worth, as a report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Protocol
+
+import numpy as np
+
+from ...basics.quantity import names_of
+from ...information.evaluation import Evaluation
+from ...information.feasibility import Feasibility
+from ...information.problem import DesignProblem
+from ...points.run_region import RunRegion
+from ...points.runs import Runs
+from ...show.numbers import computed, counted, number, percent
+from ...show.section import Report, Section
+from ..efficiency import d_efficiency
+from ..report import plants_sections
+
+_ROWS = 40  # runs shown of a longer list
+
+
+class Settings(Protocol):
+    @property
+    def n_starts(self) -> int: ...
+    @property
+    def confidence(self) -> float | None: ...
+
+
+class HasRuns(Protocol):
+    """What pictures need of a :class:`fisherpoint.RunDesign`."""
+
+    @property
+    def problem(self) -> DesignProblem: ...
+    @property
+    def runs(self) -> Runs: ...
+    @property
+    def evaluation(self) -> Evaluation: ...
+
+
+class Reported(HasRuns, Protocol):
+    """What the report needs."""
+
+    @property
+    def settings(self) -> Settings: ...
+    @property
+    def log_det(self) -> float: ...
+    @property
+    def ends(self) -> tuple[float, ...]: ...
+    @property
+    def again(self) -> int: ...
+    @property
+    def feasibility(self) -> Feasibility: ...
+    @property
+    def feasible(self) -> bool: ...
+    @property
+    def stop_reason(self) -> str: ...
+    @property
+    def drawn(self) -> int: ...
+    @property
+    def rejected(self) -> Mapping[str, int]: ...
+    @property
+    def seconds(self) -> float: ...
+    @property
+    def classical(self) -> Mapping[str, float]: ...
+
+
+def run_report(design: Reported) -> Report:
+    """Runs, parameters, which plants can run them, the search, and warnings."""
+    problem, runs = design.problem, design.runs
+    parameters = design.evaluation.parameters
+    samples = counted(int(runs.measured.sum()), "sample")
+    headline = (
+        f"{counted(len(runs), 'run')} with {samples} for {problem.model.name}, {counted(len(parameters), 'parameter')} to estimate"
+    )
+    inner = design.evaluation.report()
+    plants = plants_sections(design.feasibility, design.settings.confidence)
+    sections = [_runs_table(problem, runs), *inner.sections, *plants, _search(design), *_classical(design)]
+    return Report(headline, sections, [*_warnings(design), *inner.warnings])
+
+
+def _runs_table(problem: DesignProblem, runs: Runs) -> Section:
+    model = problem.model
+    columns = ["run", *(f"{q.name} at the start [{q.unit}]" for q in model.states), "segments", "samples", "duration [s]"]
+    columns += [f"{q.name} [{q.unit}]" for q in model.inputs]
+    rows = []
+    for k in range(min(len(runs), _ROWS)):
+        held = runs.u[k, : runs.segments[k]]
+        told = [
+            number(low) if low == high else f"{number(low)} to {number(high)}"
+            for low, high in zip(held.min(0), held.max(0), strict=True)
+        ]
+        start = [number(value) for value in runs.x0[k]]
+        sizes = [str(runs.segments[k]), str(int(runs.measured[k].sum())), number(float(runs.dt[k].sum()))]
+        rows.append([str(k + 1), *start, *sizes, *told])
+    notes = [f"... and {len(runs) - _ROWS} more"] if len(runs) > _ROWS else []
+    return Section("Runs: start, hold the inputs of each segment, sample at the ends that are measured", columns, rows, notes=notes)
+
+
+def _search(design: Reported) -> Section:
+    told = {"all_starts": "every start was followed", "time_limit": "the time was up", "interrupted": "interrupted"}
+    singular = not np.isfinite(design.log_det)
+    facts = [
+        ("log det F, sum over samples", "-inf: singular" if singular else computed(design.log_det, 6)),
+        ("starts followed", f"{len(design.ends)} of {design.settings.n_starts}"),
+        ("that ended as well as the best", f"{design.again} of {len(design.ends)}"),
+        ("end of the search", told[design.stop_reason]),
+        ("runs drawn", f"{design.drawn}, of which {sum(design.rejected.values())} do not reach their ends"),
+        ("time", f"{design.seconds:.1f} s"),
+    ]
+    others = sorted((end for end in design.ends if np.isfinite(end)), reverse=True)
+    note = f"Starts ended at log det F = {', '.join(computed(end, 5) for end in others[:8])}{' ...' if len(others) > 8 else ''}."
+    if len(others) < len(design.ends):
+        note += f" {len(design.ends) - len(others)} ended at runs that touch a surface at the problem's tolerance."
+    return Section("Search", (), facts, notes=[] if singular else [note])
+
+
+def _classical(design: Reported) -> Iterator[Section]:
+    """Runs as they are chosen by hand, beside the design."""
+    if not design.classical:
+        return
+    rows = []
+    for name, value in sorted(design.classical.items(), key=lambda one: -one[1]):
+        efficiency = d_efficiency(value, design.log_det, len(design.evaluation.parameters))
+        rows.append((name, "-inf: singular" if not np.isfinite(value) else computed(value, 5), percent(efficiency or 0.0)))
+    note = (
+        "The best of a hundred random ones of each kind, or of fewer where they are long; whether plants can run them is not asked."
+    )
+    yield Section("Beside classical runs", ("inputs", "log det F, sum", "D-efficiency"), rows, notes=[note])
+
+
+def _warnings(design: Reported) -> Iterator[str]:
+    if not design.feasible:
+        asked = percent(design.settings.confidence or 0.0)
+        yield (
+            f"Only {percent(design.feasibility.share)} of the plants that the prior allows can run this design, where {asked} was"
+            " asked for: shorten the runs, narrow the region, or give the search more time."
+        )
+    if design.stop_reason != "all_starts":
+        yield f"The search was ended early ({design.stop_reason}): a better design may be found in more time."
+    elif design.again == 1 and len(design.ends) > 1:
+        yield "Only one start came to this design: there may be a better one. More starts (n_starts) tell."
+    evaluation = design.evaluation
+    if evaluation.rank < len(evaluation.parameters):
+        yield (
+            f"The runs determine {evaluation.rank} of {len(evaluation.parameters)} parameters: the combinations named below"
+            " the criterion cannot be estimated from them, however often they are repeated."
+        )
+    region = design.problem.region
+    if isinstance(region, RunRegion):
+        at = [name for name in names_of(design.problem.model.states) if _at_bound(design, region, name)]
+        if at:
+            yield f"Starts lie on bounds of {', '.join(at)}: wider bounds would allow a better design."
+
+
+def _at_bound(design: Reported, region: RunRegion, name: str) -> bool:
+    lower, upper = region.bounds[name]
+    values = design.runs.x0[:, names_of(design.problem.model.states).index(name)]
+    return lower < upper and bool(np.isin(values, (lower, upper)).all())

@@ -1,0 +1,134 @@
+"""Rows and distances to limits of runs by their free numbers, for the criterion to first order.
+
+Slopes are taken by differences, all of them side by side: second derivatives of trajectories would cost as much. A run whose input
+changes in segment n is the same up to there, so it goes on from the state and the sensitivities at its start: half of the segments
+need not be computed again.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...basics.values import Array
+from ...information.run_tangents import RunTangents, tangents_from
+from ...points.status import Status
+from .linear_rows import LinearRows
+from .run_objective import RunObjective
+
+STEP = 1e-3
+"""Of a free number, for differences."""
+
+MOST_SLOPES = 20_000_000
+"""Slopes at once, so that memory stays bounded."""
+
+
+class _Parts(NamedTuple):
+    """Of K runs on R plants: rows (R, K, m, p) and distances (R, K, c), and which of the runs reach their ends on all of them."""
+
+    rows: Array
+    distances: Array
+    ok: NDArray[np.bool_]
+
+
+def linear_rows(
+    objective: RunObjective, z: Array, selected: NDArray[np.bool_] | None, central: bool, rng: np.random.Generator
+) -> LinearRows | None:
+    """The criterion to first order around free numbers z (L, d); None where there is none, or no number is free.
+
+    Without `central` differences, slopes cost half as much and are exact to a step only. Where those of all numbers took too much
+    memory, they are those of some.
+    """
+    count = len(z)
+    base = objective.tried(z, selected)
+    along = objective.tangents(base, outputs_alone=False)
+    if along.status.any():
+        return None
+    told = np.flatnonzero(base.measured.any(axis=0))
+    here = _parts(objective, along, told)
+    variable = _variables(objective, count, (here.rows.size + here.distances.size) // count, rng)
+    run, number = np.nonzero(variable >= 0)
+    if not len(run):
+        return None
+    inward = np.where(z[run, number] < 0.5, STEP, -STEP)
+
+    def beside(step: Array) -> _Parts:
+        """With each number by itself changed by a step."""
+
+        def part(some: slice) -> _Parts:
+            own = run[some]
+            moved = z[own]
+            moved[np.arange(len(own)), number[some]] += step[some]
+            many, theta = objective.on_plants(objective.tried(moved, None if selected is None else selected[own]))
+            lanes = (own[:, None] + count * np.arange(len(objective.plants))).T.ravel()  # of `along`, plant after plant
+            settings = (*objective.settings[:4], 1)
+            there = tangents_from(objective.problem, along, lanes, many, theta, settings, outputs_alone=not objective.costly)
+            return _parts(objective, there, told)
+
+        parts = objective.in_parts(part, len(run))
+        return _Parts(*(np.concatenate([one[k] for one in parts], axis=0 if k == 2 else 1) for k in range(3)))
+
+    def slopes(first: _Parts, second: _Parts, span: Array, both: NDArray[np.bool_]) -> tuple[Array, Array]:
+        """By the numbers, zero where there are not both."""
+        found, scale = [], np.divide(1.0, span, out=np.zeros(len(span)), where=both)
+        for k in range(2):
+            difference = (first[k] - second[k]).swapaxes(0, 1)
+            found.append(difference * scale.reshape(-1, *[1] * (difference.ndim - 1)))
+        return found[0], found[1]
+
+    at_own = _Parts(here.rows[:, run], here.distances[:, run], here.ok[run])
+    near = beside(inward)
+    by_rows, by_distances = slopes(near, at_own, inward, near.ok)
+    if central or not near.ok.all():
+        outward = np.where((z[run, number] - inward < 0.0) | (z[run, number] - inward > 1.0), 0.0, -inward)
+        far = beside(outward)
+        better = far.ok & near.ok & (outward != 0.0) if central else far.ok & ~near.ok & (outward != 0.0)
+        other = slopes(near, far, inward - outward, better) if central else slopes(far, at_own, outward, better)
+        by_rows[better], by_distances[better] = other[0][better], other[1][better]
+    return LinearRows(
+        here.rows,
+        _by_run(by_rows, run, number, z.shape),
+        here.distances,
+        _by_run(by_distances, run, number, z.shape),
+        objective.previous,
+        objective.kappa,
+        variable,
+    )
+
+
+def _parts(objective: RunObjective, tangents: RunTangents, told: NDArray[np.intp]) -> _Parts:
+    """Whitened rows of what the segments that are `told` measure, and distances where they count."""
+    plants = len(objective.plants)
+    of_all = tangents.rows(objective.problem)
+    rows = of_all.sensitivity[:, told] / np.sqrt(np.diag(objective.problem.noise_covariance))[:, None]
+    count = len(rows) // plants
+    distances = objective.margins.distances(tangents) if objective.costly else np.empty((len(rows), 0))
+    return _Parts(
+        rows.reshape(plants, count, -1, rows.shape[3]),
+        distances.reshape(plants, count, -1),
+        (of_all.status.reshape(plants, count) == Status.ok).all(axis=0),
+    )
+
+
+def _variables(objective: RunObjective, count: int, size: int, rng: np.random.Generator) -> NDArray[np.intp]:
+    """Which variable each number (L, d) is: what runs share is one, the others are their own; -1 of those that stay."""
+    free, shared = objective.coordinates.stepped == 0, objective.coordinates.shared
+    variable = np.full((count, len(free)), -1, dtype=np.intp)
+    common, own = np.flatnonzero(free & shared), np.flatnonzero(free & ~shared)
+    variable[:, common] = np.arange(len(common))
+    variable[:, own] = len(common) + np.arange(count * len(own)).reshape(count, -1)
+    n, most = len(common) + count * len(own), max(1, MOST_SLOPES // max(1, size))
+    if n > most:
+        kept = np.zeros(n, dtype=bool)
+        kept[rng.permutation(n)[:most]] = True
+        variable = np.append(np.where(kept, np.cumsum(kept) - 1, -1), -1)[variable]
+    return variable
+
+
+def _by_run(slopes: Array, run: NDArray[np.intp], number: NDArray[np.intp], shape: tuple[int, ...]) -> Array:
+    """Slopes by single numbers as (L, d, ...), zero of those that stay."""
+    whole = np.zeros((*shape, *slopes.shape[1:]))
+    whole[run, number] = slopes
+    return whole

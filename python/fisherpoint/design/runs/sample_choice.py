@@ -1,0 +1,56 @@
+"""Which samples of runs to take: weights on all instants, then the best few of each run by exchange."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...basics.values import Array
+from ...points.runs import Runs
+from .run_objective import RunObjective
+
+ROUNDS_OF_WEIGHTS = 100
+
+MOST_EXCHANGES = 200
+
+
+def best_samples(objective: RunObjective, runs: Runs, count: int) -> NDArray[np.bool_]:
+    """Flags (L, N) of `count` samples of each run, among those that it measures."""
+    f = objective.sample_matrices(runs)  # (L, N, R, p, p)
+    shape, allowed = f.shape[:2], runs.measured
+    weights = _weights(objective, f, allowed, count)
+    order = np.argsort(np.where(allowed, -weights, np.inf), axis=1, kind="stable")
+    chosen = np.zeros(shape, dtype=bool)
+    np.put_along_axis(chosen, order[:, :count], True, axis=1)
+    total = f[chosen].sum(axis=0) + objective.previous
+    value = float(objective.log_dets(total))
+    for _ in range(MOST_EXCHANGES):
+        best, change = value, None
+        for run in range(shape[0]):
+            inside, outside = np.flatnonzero(chosen[run]), np.flatnonzero(allowed[run] & ~chosen[run])
+            if not len(outside):
+                continue
+            values = objective.log_dets(total - f[run, inside][:, None] + f[run, outside][None])
+            a, b = np.unravel_index(int(np.argmax(values)), values.shape)
+            if values[a, b] > best + 1e-9:
+                best, change = float(values[a, b]), (run, int(inside[a]), int(outside[b]))
+        if change is None:
+            break
+        run, leaving, entering = change
+        value = best
+        total = total - f[run, leaving] + f[run, entering]
+        chosen[run, leaving], chosen[run, entering] = False, True
+    return chosen
+
+
+def _weights(objective: RunObjective, f: Array, allowed: NDArray[np.bool_], count: int) -> Array:
+    """Weights (L, N) that sum up to `count` in each run, by the multiplicative algorithm (Titterington 1976)."""
+    weights = np.where(allowed, count / np.maximum(allowed.sum(axis=1, keepdims=True), 1), 0.0)
+    p = f.shape[-1]
+    for _ in range(ROUNDS_OF_WEIGHTS):
+        total = np.einsum("kn,knrij->rij", weights, f) + objective.previous
+        ridge = 1e-12 * np.trace(total, axis1=1, axis2=2)[:, None, None] * np.eye(p)
+        gain = np.trace(np.linalg.solve(total + ridge, f), axis1=-2, axis2=-1).mean(axis=-1)
+        weights = weights * gain
+        weights *= count / np.maximum(weights.sum(axis=1, keepdims=True), 1e-300)
+    return weights

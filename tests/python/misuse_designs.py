@@ -1,0 +1,212 @@
+"""Problems, designs, criteria and campaigns: with good arguments, and the kinds of clumsy ones."""
+
+from __future__ import annotations
+
+import tempfile
+from functools import cache
+
+import fisherpoint as fp
+from misuse_case import Case, case, within
+from misuse_examples import (
+    NOISE,
+    campaign,
+    comparison,
+    data,
+    design,
+    files,
+    log_pieces,
+    model,
+    points,
+    prior,
+    problem,
+    record,
+    region,
+    run_data,
+    run_problem,
+)
+from misuse_values import ARRAY, FLAG, FUNCTION, INT, MAP, MODEL, NAMES, NONE, NUMBER, PATH, POINTS, PRIOR, SLICE, TERM, TEXT
+
+NEW = "a new directory"
+
+
+@cache
+def design_cases() -> dict[str, Case]:
+    of_model = (model(), MODEL)
+    of_points = (points(), POINTS)
+    rtol = (1e-6, NUMBER)
+    threads = (1, INT, NONE)
+    kinks = ("cross",)
+    return {
+        "design_runs": case(
+            fp.design_runs,
+            problem=(run_problem(),),
+            n_runs=(1, INT),
+            n_starts=(1, INT),
+            n_candidates=(20, INT),
+            confidence=(0.9, NUMBER, NONE),
+            plants=(None, NONE, ARRAY),
+            seed=(0, INT),
+            threads=threads,
+            time_limit=(1.0, NUMBER, NONE),
+            progress=(None, NONE),
+            previous=(None, NONE),
+        ),
+        "pieces": case(
+            fp.pieces,
+            record=(record(),),
+            model=of_model,
+            length=(2, INT),
+            every=(1, INT, NONE),
+            states=({"h": [1.0, 0.9, 0.8, 0.7]}, MAP, NONE),
+            longest_step=(2.0, NUMBER, NONE),
+        ),
+        "pieces[]": case(lambda index: log_pieces()[index], index=(0, INT, ARRAY, NAMES, SLICE)),
+        "best_pieces": case(
+            fp.best_pieces, problem=(problem(),), pieces=(log_pieces(),), n_pieces=(1, INT), seed=(0, INT), threads=threads
+        ),
+        "approximate": case(
+            fp.approximate,
+            problem=(problem(),),
+            candidates=(points(), POINTS, NONE),
+            criterion=("D",),
+            of=(None, NONE),
+            conditions=(None, NONE),
+            scale=(None, NONE),
+            prior_information=(False, FLAG),
+            n_experiments=(None, NONE),
+            n_candidates=(20, INT),
+            starts=(5, INT),
+            tolerance=(1e-4, NUMBER),
+            seed=(0, INT),
+            threads=threads,
+        ),
+        "criterion": case(
+            fp.criterion,
+            problem=(problem(),),
+            name=("D",),
+            of=(None, NONE),
+            conditions=(None, NONE),
+            scale=(None, NONE),
+            threads=threads,
+        ),
+        "criterion of a function": case(fp.criterion, problem=(problem(),), name=("c",), of=("a", TEXT, TERM)),
+        "criterion of predictions": case(
+            fp.criterion, problem=(problem(),), name=("I",), of=("y", TEXT), conditions=(points(), POINTS)
+        ),
+        "DesignProblem": case(
+            fp.DesignProblem,
+            model=of_model,
+            prior=(prior(), PRIOR),
+            region=(region(), NONE),
+            noise_std=(NOISE, NONE),
+            rule=(fp.SparseGaussHermite(1),),
+            output_covariance=("noise", NONE),
+            parameters=(["k"], NONE, NAMES),
+            kinks=kinks,
+            jumps=kinks,
+            rtol=rtol,
+            uncertain=({"d": 0.1}, MAP, NONE),
+            initial_state_std=({"h": 0.1}, MAP, NONE),
+            assumed_covariance=("tangents",),
+            along=(["h < 9"], NONE, NAMES, ARRAY),
+        ),
+        "DesignProblem.replace": case(
+            lambda **changes: problem().replace(**changes),
+            prior=(prior(), PRIOR),
+            noise_std=(NOISE, NONE),
+            parameters=(["k"], NONE, NAMES),
+            rtol=rtol,
+        ),
+        "evaluate_design": case(
+            fp.evaluate_design, problem=(problem(),), points=of_points, threads=threads, previous=(None, NONE, POINTS, ARRAY, NAMES)
+        ),
+        "evaluate_under_noise": case(
+            fp.evaluate_under_noise,
+            problem=(problem(),),
+            points=of_points,
+            threads=threads,
+            previous=(None, NONE, POINTS, ARRAY, NAMES),
+        ),
+        "feasibility": case(
+            fp.feasibility,
+            problem=(problem(),),
+            points=of_points,
+            draws=(20, INT),
+            seed=(0, INT),
+            threads=threads,
+        ),
+        "Feasibility.holds": case(fp.feasibility(problem(), points(), draws=20).holds, share=(0.5, NUMBER)),
+        "compare": case(
+            fp.compare,
+            problem=(problem(),),
+            designs=({"one": points()}, MAP, POINTS, ARRAY),
+            draws=(20, INT),
+            seed=(0, INT),
+            threads=threads,
+        ),
+        "compare_rules": case(
+            fp.compare_rules,
+            problem=(problem(),),
+            points=(points()[:1], POINTS),
+            rules=([fp.Linearized()], NONE, ARRAY, NAMES),
+            threads=threads,
+        ),
+        "exchange": case(
+            fp.exchange,
+            problem=(problem(),),
+            n_experiments=(2, INT),
+            n_candidates=(2, INT),
+            max_iterations=(1, INT),
+            seed=(0, INT),
+            threads=threads,
+            progress=(None, NONE, FUNCTION),
+            patience=(None, NONE, INT),
+            time_limit=(1.0, NONE, NUMBER),
+            max_redraws=(1, INT),
+            references=(False, FLAG),
+            screen=(True, FLAG),
+            local=(0.5, NUMBER),
+            method=("paper", TEXT),
+            previous=(None, NONE, POINTS, ARRAY, NAMES),
+        ),
+        "Design.load": case(fp.Design.load, directory=(files() / "design", TEXT, PATH)),
+        "Design.save": case(
+            lambda directory: design().save(within(directory)),
+            directory=("again", TEXT, PATH),
+        ),
+        "Campaign": case(
+            fp.Campaign,
+            problem=(problem(),),
+            batch=(2, INT, NONE),
+            targets=({"k": 0.1}, MAP, NONE, NUMBER),
+            seed=(0, INT),
+            threads=threads,
+            n_candidates=(2, INT),
+            local=(0.5, NUMBER),
+        ),
+        "Campaign of runs": case(
+            fp.Campaign,
+            problem=(run_problem(),),
+            batch=(2, INT, NONE),
+            targets=({"k": 0.1}, MAP, NONE, NUMBER),
+            seed=(0, INT),
+            threads=threads,
+            n_starts=(1, INT),
+            n_candidates=(2, INT),
+            confidence=(0.9, NUMBER, NONE),
+        ),
+        "Campaign directory": case(
+            lambda directory: fp.Campaign(
+                problem(), directory=tempfile.mkdtemp(dir=files()) if directory is NEW else directory, batch=2
+            ),
+            directory=(NEW, PATH, NONE),
+        ),
+        "Campaign.load": case(fp.Campaign.load, directory=(files() / "campaign", PATH, TEXT)),
+        "Campaign.is_in": case(fp.Campaign.is_in, directory=(files(), PATH, TEXT)),
+        "Campaign.told": case(lambda data: campaign().told(data), data=(data(),)),
+        "RuleComparison.cheapest": case(lambda within: comparison().cheapest(within), within=(0.01, NUMBER)),
+        "Campaign.tell": case(lambda data: campaign().tell(data), data=(data(),)),
+        "Campaign.tell runs": case(lambda data: fp.Campaign(run_problem(), n_starts=1).tell(data), data=(run_data(),)),
+        "Campaign.next": case(lambda progress: campaign().next(progress=progress), progress=(None, NONE, FUNCTION)),
+        "Campaign.targets": case(lambda targets: setattr(campaign(), "targets", targets), targets=({"k": 0.1}, MAP, NONE, NUMBER)),
+    }

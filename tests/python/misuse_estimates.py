@@ -1,0 +1,111 @@
+"""Identifiability, estimates, virtual rigs and validations: with good arguments, and the kinds of clumsy ones."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import fisherpoint as fp
+from misuse_case import Case, case, within
+from misuse_examples import NOISE, THETA, data, fit, model, points, prior, problem, region, run_data, runs
+from misuse_values import ARRAY, FLAG, INT, MAP, MODEL, NAMES, NONE, NUMBER, PATH, POINTS, PRIOR, TEXT
+
+
+@cache
+def estimate_cases() -> dict[str, Case]:
+    of_model = (model(), MODEL)
+    of_points = (points(), POINTS)
+    theta = (THETA, ARRAY, MAP)
+    rtol = (1e-6, NUMBER)
+    threads = (1, INT, NONE)
+    return {
+        "simulate_record": case(
+            fp.simulate_record,
+            model=of_model,
+            theta=theta,
+            t=([0.0, 0.1, 0.2], ARRAY),
+            u=([0.1, 0.2, 0.3], ARRAY),
+            x0=({"h": 1.0}, ARRAY, MAP),
+            rtol=rtol,
+        ),
+        "VirtualRig": case(
+            fp.VirtualRig,
+            model=of_model,
+            theta=theta,
+            noise_std=(NOISE,),
+            initial_state_std=({"h": 0.01}, MAP, NONE),
+            seed=(0, INT),
+            rtol=rtol,
+        ),
+        "VirtualRig.measure": case(fp.VirtualRig(model(), THETA, NOISE).measure, points=of_points, repeats=(1, INT)),
+        "VirtualRig.measure, runs": case(fp.VirtualRig(model(), THETA, NOISE).measure, points=(runs(), POINTS), repeats=(1, INT)),
+        "identifiability": case(
+            fp.identifiability,
+            model=of_model,
+            prior=(prior(), PRIOR, NONE),
+            region=(region(), NONE),
+            n_points=(20, INT, NONE),
+            n_theta=(2, INT),
+            seed=(0, INT),
+            parameters=(["k"], NONE, NAMES),
+            unknown_start=((), NAMES),
+            threads=threads,
+        ),
+        "estimate": case(
+            fp.estimate,
+            model=of_model,
+            data=(data(),),
+            prior=(prior(), PRIOR, NONE),
+            start=(THETA, MAP, NONE, PRIOR),
+            parameters=(None, NONE, NAMES),
+            noise_std=(NOISE, NONE),
+            bounds=({"k": (0.0, 1.0)}, MAP, NONE),
+            uncertain=({"d": 0.01}, MAP, NONE),
+            initial_state_std=({"h": 0.01}, MAP, NONE),
+            assumed_rule=(None, NONE),
+            starts=(1, INT),
+            rtol=rtol,
+            threads=threads,
+        ),
+        "estimate, runs": case(
+            fp.estimate,
+            model=of_model,
+            data=(run_data(),),
+            noise_std=(NOISE, NONE),
+            uncertain=({"d": 0.01}, MAP, NONE),
+            initial_state_std=({"h": 0.01}, MAP, NONE),
+            rtol=rtol,
+        ),
+        "validate, runs": case(
+            fp.validate,
+            designs=({"one": runs()},),
+            problem=(problem(),),
+            noise_std=(NOISE, NONE),
+            runs=(2, INT),
+            theta=("mean", MAP),
+            rtol=rtol,
+            threads=threads,
+        ),
+        "a bound": case(
+            lambda bound: fp.estimate(model(), data(), noise_std=NOISE, bounds={"k": bound}), bound=((0.0, 1.0), ARRAY)
+        ),
+        "Fit.intervals": case(lambda level: fit().intervals(level), level=(0.9, NUMBER)),
+        "Fit.profile": case(lambda name, level: fit().profile(name, level=level), name=("k", TEXT), level=(0.9, NUMBER)),
+        "Fit.save": case(
+            lambda directory: fit().save(within(directory)),
+            directory=("fit", TEXT, PATH),
+        ),
+        "validate": case(
+            fp.validate,
+            designs=({"one": points()},),
+            problem=(problem(),),
+            noise_std=(NOISE, NONE),
+            runs=(2, INT),
+            theta=("mean", MAP),
+            seed=(0, INT),
+            truth=(None, NONE, MODEL),
+            noise=("known",),
+            use_prior=(True, FLAG),
+            rtol=rtol,
+            threads=threads,
+        ),
+    }
