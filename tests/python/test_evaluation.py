@@ -261,7 +261,7 @@ def test_the_bound_of_a_design_is_the_closed_one() -> None:
     shares = np.array(list(rule.variances(PRIOR).values()))
     assert efficiency.bound == pytest.approx(9 * np.log(2 * 3 / 9) - np.log(shares).sum(), rel=1e-12)
     assert efficiency.vs_bound is not None and 0 < efficiency.vs_bound < 1.1
-    assert efficiency.under_noise is efficiency.noise_optimum is efficiency.random_median is None
+    assert efficiency.under_noise is efficiency.at_most is efficiency.best_found is efficiency.random_median is None
 
 
 def test_a_regionless_problem_can_be_evaluated() -> None:

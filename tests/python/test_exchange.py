@@ -349,9 +349,14 @@ def test_efficiencies_are_ratios_of_what_was_found(kind: str) -> None:
     e, under_noise = design.efficiency, design.under_noise
     assert e is not None and under_noise is not None
     assert e.under_noise == under_noise.log_det
-    assert e.noise_optimum is not None and e.noise_optimum >= e.under_noise
     assert e.random_median is not None
-    assert e.vs_optimum == pytest.approx(np.exp((e.under_noise - e.noise_optimum) / 9)) and 0 < e.vs_optimum <= 1
+    assert e.at_most is not None and e.n_candidates > 0
+    assert e.at_least == pytest.approx(np.exp((e.under_noise - e.at_most) / 9)) and 0 < e.at_least < 1
+    if kind == "noise":  # the design is what such a search finds
+        assert e.best_found is e.vs_best is None
+    else:
+        assert e.best_found is not None and e.under_noise <= e.best_found < e.at_most
+        assert e.vs_best == pytest.approx(np.exp((e.under_noise - e.best_found) / 9)) and 0 < e.vs_best <= 1
     assert e.vs_random == pytest.approx(np.exp((e.under_noise - e.random_median) / 9))
     assert e.below_random == (e.vs_random < 1)
     assert e.bound is None and e.vs_bound is None

@@ -121,7 +121,7 @@ def test_six_after_others_are_better_than_random_ones_after_the_same() -> None:
     assert design.evaluation.log_det > rivals.max()
     assert design.efficiency is not None and design.efficiency.random_median is not None
     assert design.efficiency.random_median == pytest.approx(np.median(rivals), abs=1.0)
-    assert design.efficiency.noise_optimum is not None and design.efficiency.noise_optimum >= design.evaluation.log_det
+    assert design.efficiency.at_most is not None and design.efficiency.at_most > design.evaluation.log_det
     # Of those that know nothing of the others.
     blind = fp.exchange(given, 6, n_candidates=50, max_iterations=60, references=False)
     assert design.evaluation.log_det > fp.evaluate_design(given, blind.points, previous=known).log_det

@@ -50,7 +50,7 @@ def with_changes(design: fp.Design, **changes: Any) -> Any:
 
 
 def efficiency(**values: Any) -> Any:
-    names = "under_noise noise_optimum random_median vs_optimum vs_random below_random bound vs_bound"
+    names = "under_noise at_most at_least n_candidates best_found vs_best random_median vs_random below_random bound vs_bound"
     return SimpleNamespace(**dict.fromkeys(names.split(), None) | values)
 
 
@@ -100,7 +100,7 @@ def test_a_design_below_random_is_warned_of(design: fp.Design) -> None:
         changed = with_changes(
             design,
             efficiency=efficiency(
-                under_noise=1.0, noise_optimum=9.0, random_median=2.0, vs_optimum=0.4, vs_random=0.9, below_random=below
+                under_noise=1.0, best_found=9.0, random_median=2.0, vs_best=0.4, vs_random=0.9, below_random=below
             ),
         )
         text = words(to_text(report.design_report(changed)))

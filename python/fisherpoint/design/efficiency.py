@@ -1,4 +1,4 @@
-"""What a design is worth beside others: the best under the sensor noise, random ones, and the bound of the pooled form.
+"""What a design is worth beside others: what bounds those of the same candidates, random ones, the bound of the pooled form.
 
 The criterion's own value says little. To first order (7), (16) and (17) without noise give tr(Sigma_theta F) = 2 n_y for
 every design, so that log det(Sigma_theta F) <= p log(2 n_y / p), whatever the points are; what counts is the information under
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,6 +29,13 @@ MOST_RANDOM_POINTS = 20_000
 LEAST_RANDOM_DESIGNS = 25
 
 
+class Bound(NamedTuple):
+    """The largest log det F under the sensor noise, (7), that a design of some candidates can have, and how many these are."""
+
+    log_det: float
+    n_candidates: int
+
+
 @dataclass(frozen=True)
 class Efficiency:
     """Log dets (standardised, (7)'s scaling) and D-efficiencies (det ratio)^(1/p); None where something does not exist.
@@ -36,13 +44,20 @@ class Efficiency:
     ----------
     under_noise : float or None
         log det F of the design with D = R.
-    noise_optimum : float or None
-        The largest found with D = R: by another search for it, or by the design itself. There may be better designs: nothing
-        is proven.
-    random_median : float or None
-        Median over random designs of as many points, D = R, see `random_designs`; None where about half of them are singular.
-    vs_optimum, vs_random : float or None
-        D-efficiencies of the design against the two.
+    at_most : float or None
+        Proven: no design of as many of the candidates that were evaluated has a larger log det with D = R. Weights of candidates
+        that need not be whole numbers reach it, so that designs may all be below.
+    at_least : float or None
+        The D-efficiency of the design against that, a lower bound of its efficiency among designs of these candidates. It says
+        nothing of points between them: `fisherpoint.approximate` searches the region.
+    n_candidates : int
+        How many candidates the bound is of.
+    best_found, vs_best : float or None
+        Where the criterion's D is another than R: the largest log det that another search for D = R found, or that the design
+        itself has, and the D-efficiency against it. There may be better designs.
+    random_median, vs_random : float or None
+        Median over random designs of as many points, D = R, see `random_designs`, and the D-efficiency against it; None where about
+        half of them are singular.
     below_random : bool
         Whether the design is worse than the median random design.
     bound, vs_bound : float or None
@@ -51,9 +66,12 @@ class Efficiency:
     """
 
     under_noise: float | None
-    noise_optimum: float | None
+    at_most: float | None
+    at_least: float | None
+    n_candidates: int
+    best_found: float | None
+    vs_best: float | None
     random_median: float | None
-    vs_optimum: float | None
     vs_random: float | None
     below_random: bool
     bound: float | None
@@ -73,9 +91,10 @@ def efficiency_of(
     problem: DesignProblem,
     d: Criterion,
     log_det: float,
-    under_noise: float | None,
-    noise_optimum: float | None,
-    random_median: float | None,
+    under_noise: float | None = None,
+    candidates: Bound | None = None,
+    best_found: float | None = None,
+    random_median: float | None = None,
 ) -> Efficiency:
     """Collect the comparison of a design whose log dets under its criterion and under the noise are given."""
     p, n_y = len(problem.estimated), int(d.used.sum())
@@ -85,14 +104,18 @@ def efficiency_of(
         log_det_nodes = _core.log_det(problem.rule.second_moments(problem.prior, problem.estimated)[np.ix_(rows, rows)])
         if np.isfinite(log_det_nodes):
             bound = float(p * np.log(2 * n_y / p) - log_det_nodes)
-    if under_noise is not None and noise_optimum is not None:
-        noise_optimum = max(noise_optimum, under_noise)
+    if under_noise is not None and best_found is not None:
+        best_found = max(best_found, under_noise)
+    at_most = None if candidates is None else candidates.log_det
     vs_random = d_efficiency(under_noise, random_median, p)
     return Efficiency(
         under_noise=under_noise,
-        noise_optimum=noise_optimum,
+        at_most=at_most,
+        at_least=d_efficiency(under_noise, at_most, p),
+        n_candidates=0 if candidates is None else candidates.n_candidates,
+        best_found=best_found,
+        vs_best=d_efficiency(under_noise, best_found, p),
         random_median=random_median,
-        vs_optimum=d_efficiency(under_noise, noise_optimum, p),
         vs_random=vs_random,
         below_random=vs_random is not None and vs_random < 1,
         bound=bound,

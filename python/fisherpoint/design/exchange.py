@@ -128,16 +128,24 @@ def _search(problem: DesignProblem, settings: ExchangeSettings, threads: int, pr
 
 
 def _references(search: PointSearch, under_noise: Evaluation | None) -> Efficiency:
-    """What another search with D = R and the same settings finds, and the median random design."""
+    """The median random design, a bound for designs of the candidates, and where D is not R what a search with D = R finds."""
     if under_noise is None:
-        return efficiency_of(search.problem, search.criterion, search.best.log_det, None, None, None)
-    problem = search.problem.replace(output_covariance="noise")
-    settings = search.settings
-    other = replace(settings, seed=settings.seed + 1, max_redraws=0, references=False, screen=False)
-    reference = _search(problem, other, search.threads, search.previous)
-    if reference.run(None) == "interrupted":
-        raise KeyboardInterrupt
+        return efficiency_of(search.problem, search.criterion, search.best.log_det)
+    problem, settings, seen = search.problem.replace(output_covariance="noise"), search.settings, search.seen
+    best_found = None
+    if search.criterion.kind != "noise":
+        other = _search(problem, replace(settings, seed=settings.seed + 1), search.threads, search.previous)
+        if other.run(None) == "interrupted":
+            raise KeyboardInterrupt
+        best_found = other.best.log_det
+        seen = seen.with_those_of(other.seen)
     random = random_designs(problem, settings.n_experiments, settings.seed, search.threads, search.previous, settings.time_limit)
     return efficiency_of(
-        search.problem, search.criterion, search.best.log_det, under_noise.log_det, reference.best.log_det, median_of(random)
+        search.problem,
+        search.criterion,
+        search.best.log_det,
+        under_noise.log_det,
+        seen.bound(search.best.information, search.previous),
+        best_found,
+        median_of(random),
     )

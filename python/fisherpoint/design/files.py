@@ -80,6 +80,9 @@ def design_from_json(data: dict[str, Any]) -> dict[str, Any]:
     efficiency: Any = data["efficiency"] and {
         name: float(value) if isinstance(value, str) else value for name, value in data["efficiency"].items()
     }
+    if efficiency and "noise_optimum" in efficiency:  # a file from before the bound
+        found = {"best_found": efficiency.pop("noise_optimum"), "vs_best": efficiency.pop("vs_optimum")}
+        efficiency = efficiency | found | {"at_most": None, "at_least": None, "n_candidates": 0}
     return dict(
         problem=problem_from_json(data["problem"]),
         settings=settings,

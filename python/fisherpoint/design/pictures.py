@@ -39,7 +39,7 @@ def plot_criterion(design: FoundDesign) -> Figure:
         if design.efficiency is not None:
             _reference(axes, design.efficiency.bound, "closed bound", "-.")
             if kind == "noise":
-                _reference(axes, design.efficiency.noise_optimum, "best of another search", "--")
+                _reference(axes, design.efficiency.at_most, "bound for these candidates", "--")
                 _reference(axes, design.efficiency.random_median, "median random design", ":")
         axes.set_xlabel("iteration")
         axes.set_ylabel("log det F, parameters in prior std")

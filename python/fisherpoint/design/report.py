@@ -176,9 +176,17 @@ def _efficiency(design: FoundDesign) -> Iterator[Section]:
     efficiency, facts = design.efficiency, []
     if efficiency is None:
         return
-    if efficiency.vs_optimum is not None:
-        other = f"(log det {efficiency.noise_optimum:.4f})"
-        facts.append(("of the best that another search with D = R found", f"{percent(efficiency.vs_optimum)} {other}"))
+    notes = []
+    if efficiency.at_least is not None:
+        of_all = f"of any design of the {efficiency.n_candidates} candidates"
+        facts.append((of_all, f"at least {percent(efficiency.at_least)} (log det at most {efficiency.at_most:.4f})"))
+        notes = [
+            "Proven by the weights that are best for these candidates; designs of whole points may all fall short of them. It says "
+            "nothing of points between the candidates: fp.approximate searches the region."
+        ]
+    if efficiency.vs_best is not None:
+        other = f"(log det {efficiency.best_found:.4f})"
+        facts.append(("of the best that another search with D = R found", f"{percent(efficiency.vs_best)} {other}"))
     if efficiency.vs_random is not None:
         median = f"(log det {efficiency.random_median:.4f})"
         facts.append(("of the median random design", f"{percent(efficiency.vs_random)} {median}"))
@@ -187,7 +195,7 @@ def _efficiency(design: FoundDesign) -> Iterator[Section]:
         facts.append(("of the closed bound", f"{percent(efficiency.vs_bound)} {bound}"))
     under = "" if efficiency.under_noise is None else f"; under the sensor noise, log det {efficiency.under_noise:.4f}"
     if facts:
-        yield Section(f"D-efficiency{under}", (), facts)
+        yield Section(f"D-efficiency{under}", (), facts, notes=notes)
 
 
 _STOP = {

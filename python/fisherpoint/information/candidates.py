@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,8 @@ class CandidateSource:
         With a region.
     rng : numpy.random.Generator
     threads : int or None
+    keep : callable, optional
+        Is given all that is valid at the prior mean.
 
     Raises
     ------
@@ -39,11 +42,18 @@ class CandidateSource:
         Where the problem has no region.
     """
 
-    def __init__(self, problem: DesignProblem, rng: np.random.Generator, threads: int | None) -> None:
+    def __init__(
+        self,
+        problem: DesignProblem,
+        rng: np.random.Generator,
+        threads: int | None,
+        keep: Callable[[PointInformation], None] | None = None,
+    ) -> None:
         if not isinstance(problem.region, ExperimentRegion):
             given = "None" if problem.region is None else "a RunRegion, which is for design_runs"
             raise ValueError(f"region: expected an ExperimentRegion to draw candidates from, given {given}")
         self._problem, self._region, self._rng, self._threads = problem, problem.region, rng, threads
+        self._keep = keep
         self._spare: PointInformation | None = None
         self.drawn = 0
         self.rejected: Counter[str] = Counter()
@@ -83,6 +93,8 @@ class CandidateSource:
         information, kept, rejected = surviving(self._problem, self._region, points, self._threads)
         self.drawn += len(points)  # with the reasons, so that the counts add up after an interrupt too
         self.rejected.update(+rejected)
+        if self._keep is not None:
+            self._keep(information)
         return information, kept
 
     def draw_near(self, points: Experiments, each: int) -> tuple[PointInformation, IntArray]:

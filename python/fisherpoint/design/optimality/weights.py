@@ -7,10 +7,12 @@ are deleted on the way.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...basics.values import Array
 from .candidate_rows import CandidateRows, Places
@@ -71,7 +73,14 @@ class Weights:
 
 
 def optimal_weights(
-    candidates: CandidateRows, criterion: Criterion, *, tolerance: float = 1e-6, seed: int = 0, space: Estimable | None = None
+    candidates: CandidateRows,
+    criterion: Criterion,
+    *,
+    tolerance: float = 1e-6,
+    seed: int = 0,
+    space: Estimable | None = None,
+    first: Places | None = None,
+    allowed: Callable[[Places], NDArray[np.bool_]] | None = None,
 ) -> Weights:
     """Find the weights with the best criterion.
 
@@ -86,6 +95,11 @@ def optimal_weights(
         Of the first candidates that are looked at.
     space : Estimable, optional
         Coordinates of what the candidates tell together. Default: computed.
+    first : ndarray of int, optional
+        Candidates to begin with. Default: some at random.
+    allowed : callable, optional
+        Of candidates that would have a weight, tells which may; the first may. What may not is left out, also of what bounds the
+        optimum. Default: all may.
 
     Returns
     -------
@@ -94,16 +108,26 @@ def optimal_weights(
     """
     space = estimable(candidates.triangle()) if space is None else space
     inner = criterion.within(space)
-    search = _Search(candidates, inner, space, tolerance)
-    search.run(_first(candidates, space, np.random.default_rng(seed)))
+    search = _Search(candidates, inner, space, tolerance, allowed)
+    if first is None:
+        first = np.sort(np.random.default_rng(seed).choice(len(candidates), min(FIRST, len(candidates)), replace=False))
+    search.run(search.regular(first))
     return search.found()
 
 
 class _Search:
     """The working set, the candidates that are left, and the best weights so far."""
 
-    def __init__(self, candidates: CandidateRows, criterion: Criterion, space: Estimable, tolerance: float) -> None:
+    def __init__(
+        self,
+        candidates: CandidateRows,
+        criterion: Criterion,
+        space: Estimable,
+        tolerance: float,
+        allowed: Callable[[Places], NDArray[np.bool_]] | None,
+    ) -> None:
         self.candidates, self.criterion, self.space, self.tolerance = candidates, criterion, space, tolerance
+        self.allowed, self.excluded = allowed, np.zeros(len(candidates), dtype=bool)
         self.stored, self.places = candidates, np.arange(len(candidates))
         self.possible = np.ones(len(candidates), dtype=bool)
         self.deletes = isinstance(criterion, Determinant) and criterion.whole
@@ -118,6 +142,7 @@ class _Search:
             matrices = self.candidates.matrices(working, self.space.into)
             weights, slope = best_weights(matrices, self.criterion, float(np.clip(0.03 * gap, 0.2 * self.tolerance, 0.01)))
             along = self.stored.along(self.space.into @ slope.half)
+            along[self.excluded[self.places]] = -np.inf
             gap = max(float(along.max()) - 1.0, 0.0)
             idle = 0 if gap < 0.9 * smallest else idle + 1
             if gap < smallest:
@@ -127,7 +152,37 @@ class _Search:
             kept = (slope.along(matrices) > 1.0 - max(10 * gap, 1e-3)) | (weights > 1e-4)
             if len(working) > LARGE and np.linalg.eigvalsh(matrices[kept].mean(axis=0))[0] > REGULAR:
                 working = working[kept]
-            working = np.union1d(working, self.places[_added(along)])
+            wanted = self.places[_added(along)]
+            added = self._taken(wanted)
+            idle = idle if len(added) == len(wanted) else 0
+            working = np.union1d(working, added)
+
+    def regular(self, working: Places) -> Places:
+        """Candidates of which the mean is regular: these, and where they do not do, what tells the rest."""
+        for _ in range(self.space.rank):
+            matrix = self.candidates.matrices(working, self.space.into).mean(axis=0)
+            values, vectors = np.linalg.eigh(matrix)
+            if values[0] > REGULAR:
+                break
+            taken = np.empty(0, dtype=np.intp)
+            while not len(taken) and not self.excluded.all():
+                along = self.candidates.along(self.space.into @ vectors[:, :1])
+                along[self.excluded] = -np.inf
+                taken = self._taken(np.array([np.argmax(along)]))
+            working = np.union1d(working, taken)
+        return working
+
+    def _taken(self, wanted: Places) -> Places:
+        """Those that may have a weight; the others are left out from now on."""
+        if self.allowed is None or not len(wanted):
+            return wanted
+        may = self.allowed(wanted)
+        self.excluded[wanted[~may]] = True
+        return wanted[may]
+
+    def _largest(self, half: Array) -> float:
+        along = self.candidates.along(half)
+        return float(along[~self.excluded].max())
 
     def _delete(self, along: Array, gap: float) -> Array:
         """What is left of tr(G F_i) where what cannot have a weight is deleted."""
@@ -141,18 +196,18 @@ class _Search:
 
     def found(self) -> Weights:
         """Few weights, and the sensitivity function of all candidates that bounds any."""
-        raw, all_of = self.best, self.candidates
+        raw = self.best
         chosen, weights, information = self._few()
         log_phi = self.criterion.log_phi(information)
         half = self.space.into @ raw.slope.half
-        largest = float(all_of.along(half).max())
+        largest = self._largest(half)
         log_bound = raw.slope.log_phi + float(np.log(largest))
         try:
             own = self.criterion.slope(information, raw.slope.share)
         except np.linalg.LinAlgError:  # the optimum does not determine all that could be determined
             own = None
         if own is not None:
-            of_own = float(all_of.along(self.space.into @ own.half).max())
+            of_own = self._largest(self.space.into @ own.half)
             if own.log_phi + np.log(of_own) <= log_bound + 0.5 * self.tolerance:
                 half, largest = self.space.into @ own.half, of_own
                 log_bound = own.log_phi + float(np.log(of_own))
@@ -213,16 +268,3 @@ def _added(along: Array) -> Places:
     largest = np.argpartition(-along, few - 1)[:few]
     found = np.union1d(first, largest)
     return np.asarray(found[along[found] >= 1.0 - 1e-9])
-
-
-def _first(candidates: CandidateRows, space: Estimable, rng: np.random.Generator) -> Places:
-    """Candidates of which the mean is regular: some at random, and where these do not do, what tells the rest."""
-    count = len(candidates)
-    working = np.sort(rng.choice(count, min(FIRST, count), replace=False))
-    for _ in range(space.rank):
-        matrix = candidates.matrices(working, space.into).mean(axis=0)
-        values, vectors = np.linalg.eigh(matrix)
-        if values[0] > REGULAR:
-            break
-        working = np.union1d(working, [int(np.argmax(candidates.along(space.into @ vectors[:, :1])))])
-    return working

@@ -19,6 +19,7 @@ from ...information.problem import DesignProblem
 from ..efficiency import Efficiency
 from ..found import FoundDesign, TraceRecord
 from ..settings import ExchangeSettings
+from .seen_candidates import SeenCandidates
 
 RIDGE = 1e-9
 """Share of the prior's information that is added to F as long as a design is singular, so that singular designs can be told
@@ -57,7 +58,9 @@ class PointSearch:
 
     def __post_init__(self) -> None:
         self._started = time.perf_counter()
-        self.source = CandidateSource(self.problem, np.random.default_rng(self.settings.seed), self.threads)
+        self.seen = SeenCandidates(self.problem, self.threads)
+        keep = self.seen.add if self.settings.references and self.problem.noise_std is not None else None
+        self.source = CandidateSource(self.problem, np.random.default_rng(self.settings.seed), self.threads, keep)
         start = self.source.draw_confirmed(self.settings.n_experiments)
         self.criterion: Criterion = criterion(self.problem, self._with_previous(start), self.threads)
         self._previous = None if self.previous is None else self.criterion.prepare(self.previous)

@@ -1,0 +1,83 @@
+"""What no design of the candidates that a search has evaluated can exceed."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...information.output_covariance import criterion
+from ...information.point_information import PointInformation, with_covariance
+from ...information.problem import DesignProblem
+from ...points.status import Status
+from ..efficiency import Bound
+from ..optimality.candidate_rows import CandidateRows, Places
+from ..optimality.criteria import Determinant
+from ..optimality.estimable import estimable
+from ..optimality.weights import optimal_weights
+from .point_ascent import whitened_rows
+
+MOST_NUMBERS = 10_000_000
+"""Numbers of sensitivities that are kept, of 8 bytes each; candidates after these are not."""
+
+TOLERANCE = 5e-4
+"""By which share the sensitivity function may exceed its level over the candidates."""
+
+
+class SeenCandidates:
+    """What was valid at the prior mean."""
+
+    def __init__(self, problem: DesignProblem, threads: int) -> None:
+        self._problem, self._threads = problem, threads
+        self._seen: list[PointInformation] = []
+        self._numbers = 0
+
+    def add(self, information: PointInformation) -> None:
+        """Keep these, as long as there is room."""
+        if len(information) and self._numbers < MOST_NUMBERS:
+            self._seen.append(information)
+            self._numbers += information.sensitivity.size
+
+    def with_those_of(self, other: SeenCandidates) -> SeenCandidates:
+        joined = SeenCandidates(self._problem, self._threads)
+        for information in (*self._seen, *other._seen):
+            joined.add(information)
+        return joined
+
+    def bound(self, design: PointInformation, previous: PointInformation | None) -> Bound | None:
+        """What bounds designs of as many points, beside the previous ones; None where no candidates determine all parameters.
+
+        Maximised is log det of M = sum_i w_i F_i over weights that sum to 1, which every design of these candidates is a case of;
+        the equivalence theorem bounds the maximum (Kiefer and Wolfowitz 1960). Candidates that no design may have, as plants of the
+        prior cannot run them, are left out where they would have a weight.
+        """
+        everything = PointInformation.join([design, *self._seen])
+        noise = criterion(self._problem, everything, self._threads, "noise")
+        rows = whitened_rows(noise, everything)
+        p, count, total, known = rows.shape[2], len(design), len(design), None
+        if previous is not None:
+            flat = whitened_rows(noise, previous).reshape(-1, p)
+            known, total = flat.T @ flat / count, count + len(previous)
+        candidates = CandidateRows(rows, known)
+        space = estimable(candidates.triangle())
+        if space.rank < p:
+            return None
+        valid = np.arange(len(rows)) < count
+
+        def runs_everywhere(places: Places) -> NDArray[np.bool_]:
+            unknown = places[~valid[places]]
+            _, status = with_covariance(self._problem, everything[unknown], self._threads)
+            valid[unknown] = status == Status.ok
+            return valid[places]
+
+        found = optimal_weights(
+            candidates,
+            Determinant("D", np.eye(p), True),
+            tolerance=TOLERANCE,
+            space=space,
+            first=np.arange(count),
+            allowed=runs_everywhere,
+        )
+        sign, log_det = np.linalg.slogdet(candidates.information(found.chosen, found.weights))
+        if not sign > 0 or not found.efficiency > 0:
+            return None
+        return Bound(float(log_det + p * np.log(2 * count / total) - p * np.log(found.efficiency)), len(rows) - count)
