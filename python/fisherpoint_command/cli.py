@@ -41,7 +41,7 @@ try:
     from .campaign import campaign
     from .compare import compare
     from .estimate import estimate
-    from .runs import design_of_runs, evaluate_runs, read_points, simulate_runs
+    from .runs import design_of_runs, evaluate_runs, read_points, read_told, simulate_runs
     from .terminal import (
         INTERRUPTED,
         MISUSE,
@@ -104,6 +104,13 @@ def design(
     seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Overrides the value in the file.")] = None,
     max_iterations: Annotated[int | None, typer.Option(min=1, metavar="N", help="Overrides the value in the file.")] = None,
     method: Annotated[Method | None, typer.Option(help="Overrides the value in the file.")] = None,
+    keep: Annotated[
+        Path | None, typer.Option(metavar="POINTS.csv", help="Points that the design must have; they count as its first.")
+    ] = None,
+    previous: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="DATA.csv", help="What is already measured, or planned besides: adds to what the design tells."),
+    ] = None,
     no_plots: NoPlots = False,
     quiet: Quiet = False,
 ) -> int:
@@ -115,12 +122,19 @@ def design(
     if config.region is None:
         raise config.error("region", "missing; expected a table with bounds of every state, every input and dt")
     if config.runs is not None:
+        for option, paths in (("--keep", keep), ("--previous", previous)):
+            if paths:
+                raise ConfigError(f"{option}: expected a file with points to design; {file} has a table [runs]")
         return design_of_runs(config, output, seed, threads, no_plots, quiet)
     problem, settings = config.problem(), config.exchange_settings()
     chosen = None if method is None else method.value
     for name, value in (("seed", seed), ("max_iterations", max_iterations), ("method", chosen)):
         if value is not None:
             settings[name] = value
+    if keep is not None:
+        settings["keep"] = read_data(keep, "points", fp.Experiments.from_csv, problem.model)
+    if previous:
+        settings["previous"] = [read_data(path, "points or measurements", read_told, problem.model) for path in previous]
     # What can fail for a trivial reason fails before the work, not after it.
     save_pictures = None if no_plots else _picture_writer(output)
     make_directory(output)
@@ -318,7 +332,7 @@ def _exchange(problem: fp.DesignProblem, settings: dict[str, Any], threads: int 
             rejected = now.rejected / now.drawn if now.drawn else 0.0
             state = f"log det {now.log_det:.3f}, {now.exchanges} exchanges, {rate:.0f} candidates/s, {rejected:.0%} rejected"
             if now.iteration == now.max_iterations:
-                state = "comparing with the best design for the sensor noise and with random designs"
+                state = "proving how good it is, and comparing with random designs"
             bar.update(task, completed=now.iteration, total=now.max_iterations, state=state)
 
         return fp.exchange(problem, **settings, threads=threads, progress=progress)

@@ -89,6 +89,13 @@ def simulate_runs(model: fp.Model, runs: fp.Runs, theta: Array, crossings: dict[
     return 0
 
 
+def read_told(path: Path, model: fp.Model) -> fp.Experiments | fp.Runs | fp.Measurements:
+    """Measurements where the file has a column of an output, else points or runs that are planned."""
+    if any(name.startswith("y_") for name in CsvTable(path).names):
+        return fp.Measurements.from_csv(path, model)
+    return read_points(path, model)
+
+
 def read_points(path: Path, model: fp.Model) -> fp.Experiments | fp.Runs:
     """Points, or runs where the file has a row for every segment of one."""
     names = CsvTable(path).names

@@ -6,16 +6,25 @@ removal leaves the largest Phi leaves. That may be the candidate itself, so Phi 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from ..basics.checks import check_type
+from ..information.candidates import surviving
 from ..information.evaluation import Evaluation
-from ..information.point_information import PointInformation
+from ..information.output_covariance import needs_covariances
+from ..information.point_information import PointInformation, with_covariance
 from ..information.previous import Previous, previous_information
 from ..information.problem import DesignProblem
+from ..points.experiments import Experiments
+from ..points.region import ExperimentRegion
 from ..points.settings import resolve_threads
+from ..points.status import Status, failures_of
 from .efficiency import Efficiency, efficiency_of, median_of, random_designs
+from .found import FoundDesign
 from .points.auto_search import AutoSearch
 from .points.exchange_search import ExchangeSearch
 from .points.point_search import PointSearch, Progress
@@ -38,8 +47,9 @@ def exchange(
     references: bool = True,
     screen: bool = True,
     local: float = 0.5,
-    method: str = "paper",
+    method: str = "auto",
     previous: Previous | None = None,
+    keep: Experiments | FoundDesign | None = None,
 ) -> Design:
     """Find the design with the largest det F by exchanging points for candidates.
 
@@ -79,6 +89,9 @@ def exchange(
         Points whose information is already collected. They are added to every design and never leave: F is that of all L points,
         previous and new, and so are the design's evaluations and what it is compared with. The standard errors are then those of
         an estimate from all data together; they do not take in the prior, also where this is the posterior of the previous data.
+    keep : Experiments or Design, optional
+        Points that the design must have, such as those that were chosen by hand, or of a design to which more are added. They are
+        its first points, never leave, and count among the `n_experiments`.
 
     Returns
     -------
@@ -88,7 +101,7 @@ def exchange(
     Raises
     ------
     ValueError
-        For misuse, a region in which hardly a point survives, or a singular output covariance.
+        For misuse, points to keep that are not valid, a region in which hardly a point survives, or a singular output covariance.
     """
     check_type(problem, DesignProblem, "problem")
     settings = ExchangeSettings(
@@ -108,7 +121,10 @@ def exchange(
         raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
     threads = resolve_threads(threads)
     known, left_out = previous_information(problem, previous, threads)
-    search = _search(problem, settings, threads, known)
+    kept = None
+    if keep is not None:
+        known, kept = _with_kept(problem, keep, known, settings.n_experiments, threads)
+    search = _search(problem, settings, threads, known, kept)
     stop_reason = search.run(progress)
     efficiency = None
     under_noise = search.under_noise()
@@ -120,11 +136,37 @@ def exchange(
     return Design(**vars(search.found(stop_reason, under_noise, efficiency, left_out)))
 
 
-def _search(problem: DesignProblem, settings: ExchangeSettings, threads: int, previous: PointInformation | None) -> PointSearch:
+def _with_kept(
+    problem: DesignProblem, keep: Experiments | FoundDesign, known: PointInformation | None, n_experiments: int, threads: int
+) -> tuple[PointInformation, Experiments]:
+    """What is known beside the points that are searched for, and the points that are kept."""
+    kept = getattr(keep, "points", keep)
+    if not isinstance(kept, Experiments):
+        raise TypeError(f"keep: expected Experiments or a Design of points, given {type(keep).__name__}")
+    if not 0 < len(kept) < n_experiments:
+        raise ValueError(f"keep: expected fewer points than n_experiments, {n_experiments}, and at least one; given {len(kept)}")
+    region = problem.region if isinstance(problem.region, ExperimentRegion) else None
+    information, places, lost = surviving(problem, region, kept, threads)
+    if needs_covariances(str(problem.output_covariance)) and len(places) == len(kept):
+        information, status = with_covariance(problem, information, threads)
+        places, lost = np.flatnonzero(status == Status.ok), Counter(failures_of(status))
+    if len(places) < len(kept):
+        wrong = int(np.setdiff1d(np.arange(len(kept)), places)[0])
+        raise ValueError(f"keep: expected valid points, given points[{wrong}], which is none: {', '.join(+lost)}")
+    return information if known is None else PointInformation.join([known, information]), kept
+
+
+def _search(
+    problem: DesignProblem,
+    settings: ExchangeSettings,
+    threads: int,
+    previous: PointInformation | None,
+    kept: Experiments | None,
+) -> PointSearch:
     """The search that a method asks for; where D depends on all points, or on a point's own covariance, that of the paper."""
     if searched_by(settings.method, problem) == "auto":
-        return AutoSearch(problem, settings, threads, previous)
-    return ExchangeSearch(problem, settings, threads, previous)
+        return AutoSearch(problem, settings, threads, previous, kept)
+    return ExchangeSearch(problem, settings, threads, previous, kept)
 
 
 def _references(search: PointSearch, under_noise: Evaluation | None) -> Efficiency:
@@ -134,12 +176,12 @@ def _references(search: PointSearch, under_noise: Evaluation | None) -> Efficien
     problem, settings, seen = search.problem.replace(output_covariance="noise"), search.settings, search.seen
     best_found = None
     if search.criterion.kind != "noise":
-        other = _search(problem, replace(settings, seed=settings.seed + 1), search.threads, search.previous)
+        other = _search(problem, replace(settings, seed=settings.seed + 1), search.threads, search.previous, search.kept)
         if other.run(None) == "interrupted":
             raise KeyboardInterrupt
         best_found = other.best.log_det
         seen = seen.with_those_of(other.seen)
-    random = random_designs(problem, settings.n_experiments, settings.seed, search.threads, search.previous, settings.time_limit)
+    random = random_designs(problem, search.count, settings.seed, search.threads, search.previous, settings.time_limit)
     return efficiency_of(
         search.problem,
         search.criterion,

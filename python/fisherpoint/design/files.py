@@ -55,7 +55,7 @@ def design_to_json(design: FoundDesign) -> dict[str, Any]:
         "efficiency": efficiency,
         "trace": [{**asdict(record), "log_det": number_to_json(record.log_det)} for record in design.trace],
         "rejected": dict(design.rejected),
-        **{name: getattr(design, name) for name in (*PLAIN, "n_previous")},
+        **{name: getattr(design, name) for name in (*PLAIN, "n_previous", "n_kept")},
         "previous_left_out": dict(design.previous_left_out),
     }
 
@@ -93,6 +93,7 @@ def design_from_json(data: dict[str, Any]) -> dict[str, Any]:
         trace=tuple(TraceRecord(**{**record, "log_det": log_det_from_json(record["log_det"])}) for record in data["trace"]),
         rejected=FrozenMapping(rejected),
         n_previous=n_previous,
+        n_kept=check_positive_int(data.get("n_kept", 0), "n_kept", 0, len(points["dt"])),
         previous_left_out=by_name(data.get("previous_left_out"), None, "previous_left_out", partial(check_positive_int, least=0)),
         **{name: data[name] for name in PLAIN},
     )

@@ -61,6 +61,8 @@ class FoundDesign:
     problem : DesignProblem
     n_previous : int
         Points whose information was already collected: the evaluations count them, `points` does not have them.
+    n_kept : int
+        The first so many points were given, and stay.
     previous_left_out : mapping of reason to int
         Previous points that are not valid at the prior mean, and are not used.
     """
@@ -78,6 +80,7 @@ class FoundDesign:
     stop_reason: str
     seconds: float
     n_previous: int = 0
+    n_kept: int = 0
     previous_left_out: Mapping[str, int] = FrozenMapping({})
 
     @cached_property

@@ -97,7 +97,13 @@ def _points_table(evaluated: Evaluated) -> Section:
     title = f"Points: {start}{held}sample the outputs{' after dt' if model.states else ''}"
     columns = [column(values[:_ROWS]) for values in points.table.T[: len(model.axes)]]
     rows = [(str(k + 1), *row) for k, row in enumerate(zip(*columns, strict=True))]
-    return Section(title, ["#", *map(_header, model.axes)], rows, notes=_more(len(points)))
+    return Section(title, ["#", *map(_header, model.axes)], rows, notes=[*_more(len(points)), *_kept(evaluated)])
+
+
+def _kept(evaluated: Evaluated) -> Iterator[str]:
+    n_kept = getattr(evaluated, "n_kept", 0)
+    if n_kept:
+        yield f"{'Point 1 was' if n_kept == 1 else f'Points 1 to {n_kept} were'} given, and kept; the others were searched for."
 
 
 def _more(total: int) -> list[str]:

@@ -111,7 +111,7 @@ class AutoSearch(PointSearch):
     @property
     def _fixed(self) -> Array:
         """What is added to F, the sum over the points: previous ones, and as long as designs are singular a little of the prior."""
-        total = self.settings.n_experiments + (0 if self.previous is None else len(self.previous))
+        total = self.count + (0 if self.previous is None else len(self.previous))
         fixed: Array = self._known + self._ridge * total / 2 * np.eye(len(self._known))
         return fixed
 
@@ -133,7 +133,7 @@ class AutoSearch(PointSearch):
 
     def _start(self, pool: Pool, at_random: bool) -> PointInformation:
         """A design of a random part of the pool, the best points or half of them any; what is not valid gives way to what is."""
-        rng, count = self._rng, self.settings.n_experiments
+        rng, count = self._rng, self.count
         live = np.flatnonzero(pool.valid >= 0)
         size = int(max(LEAST_PART, min(PART * len(live), MOST_WORK / count)))
         part = np.sort(rng.permutation(live)[:size])

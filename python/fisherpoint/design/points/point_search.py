@@ -16,6 +16,7 @@ from ...information.evaluation import Evaluation, evaluate_information, finite_f
 from ...information.output_covariance import Criterion, criterion
 from ...information.point_information import PointInformation
 from ...information.problem import DesignProblem
+from ...points.experiments import Experiments
 from ..efficiency import Efficiency
 from ..found import FoundDesign, TraceRecord
 from ..settings import ExchangeSettings
@@ -53,7 +54,8 @@ class PointSearch:
     problem: DesignProblem
     settings: ExchangeSettings
     threads: int
-    previous: PointInformation | None = None  # stays, beside whatever points the design has
+    previous: PointInformation | None = None  # stays, beside whatever points are searched for; the kept ones stand last
+    kept: Experiments | None = None  # points of the design that are not searched for
     trace: list[TraceRecord] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -61,7 +63,7 @@ class PointSearch:
         self.seen = SeenCandidates(self.problem, self.threads)
         keep = self.seen.add if self.settings.references and self.problem.noise_std is not None else None
         self.source = CandidateSource(self.problem, np.random.default_rng(self.settings.seed), self.threads, keep)
-        start = self.source.draw_confirmed(self.settings.n_experiments)
+        start = self.source.draw_confirmed(self.count)
         self.criterion: Criterion = criterion(self.problem, self._with_previous(start), self.threads)
         self._previous = None if self.previous is None else self.criterion.prepare(self.previous)
         prepared = self.criterion.prepare(start)
@@ -127,6 +129,11 @@ class PointSearch:
         d = criterion(self.problem, information, self.threads, "noise")
         return evaluate_information(self.problem, information, d, self.threads)
 
+    @property
+    def count(self) -> int:
+        """Points that are searched for."""
+        return self.settings.n_experiments - (0 if self.kept is None else len(self.kept))
+
     def found(
         self,
         stop_reason: str,
@@ -138,10 +145,11 @@ class PointSearch:
         if evaluation is None or self.criterion.kind != "noise":
             information = self._with_previous(self.best.information)
             evaluation = evaluate_information(self.problem, information, self.criterion, self.threads)
+        own, n_kept = self.best.information.experiments, 0 if self.kept is None else len(self.kept)
         return FoundDesign(
             problem=self.problem,
             settings=self.settings,
-            points=self.best.information.experiments,
+            points=own if self.kept is None else Experiments.join([self.kept, own]),
             evaluation=evaluation,
             under_noise=under_noise,
             efficiency=efficiency,
@@ -151,6 +159,7 @@ class PointSearch:
             accepted=self.source.accepted,
             stop_reason=stop_reason,
             seconds=self.seconds,
-            n_previous=0 if self.previous is None else len(self.previous),
+            n_previous=(0 if self.previous is None else len(self.previous)) - n_kept,
+            n_kept=n_kept,
             previous_left_out=previous_left_out,
         )
