@@ -182,8 +182,8 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "patience": "Stop after this many iterations without an exchange.",
             "time_limit": "Stop after this many seconds. Not allowed in a campaign.",
             "local": "Number of candidates close to points of the design, as a share of the random ones; 0 for none.",
-            "method": 'The [search](../explanation/search.md): `"paper"` is Algorithm 1 with moves of points; `"auto"` takes longer'
-            " and comes closer to the best design.",
+            "method": 'The [search](../explanation/search.md): `"auto"`, or the faster `"paper"`, which is Algorithm 1 with moves'
+            " of points and gets less close to the best design.",
             "output_covariance": "The [form of D](../explanation/output_covariance.md).",
             "parameters": "The parameters to estimate; the others are taken as known.",
             "kinks": 'Whether trajectories may cross kinks; `"exclude"` leaves out points that do.',

@@ -243,7 +243,7 @@ def test_the_exchange_finds_the_same_design(quiet: None, equations: fp.SymbolicM
         problem = fp.DesignProblem(
             model, PRIOR, REGION, noise_std={"y": 0.01}, rule=fp.Linearized(), output_covariance=kind, rtol=1e-8
         )
-        return fp.exchange(problem, n_experiments=5, n_candidates=5, max_iterations=3, references=False)
+        return fp.exchange(problem, 5, n_candidates=5, max_iterations=3, references=False, method="paper")
 
     found, expected = design(tanks()), design(equations)
     np.testing.assert_allclose(found.points.table, expected.points.table, rtol=1e-12)
@@ -430,3 +430,10 @@ def test_derivatives_that_overflow_warn_of_nothing() -> None:
     one = np.ones(1)
     rate, slope = tangents.tangents(lambda x, u, p: np.exp(709 * x) * p, one, one[None], one, one, one, one, by_complex_step=True)
     assert np.isfinite(rate).all() and np.isinf(slope).all()
+
+
+def test_the_search_of_functions_is_that_of_the_paper(quiet: None) -> None:
+    """That of "auto" would take hundreds of thousands of trajectories."""
+    problem = fp.DesignProblem(tanks(), PRIOR, REGION, noise_std={"y": 0.01}, rule=fp.Linearized())
+    auto, paper = (fp.exchange(problem, 5, n_candidates=5, max_iterations=2, references=False, method=m) for m in ("auto", "paper"))
+    np.testing.assert_array_equal(auto.points.table, paper.points.table)

@@ -22,7 +22,7 @@ from fisherpoint.design.points.exchange_search import SHORTLIST
 from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.information.point_information import PointInformation
 
-QUICK: dict[str, Any] = {"n_experiments": 9, "n_candidates": 8, "max_iterations": 12, "references": False}
+QUICK: dict[str, Any] = {"n_experiments": 9, "n_candidates": 8, "max_iterations": 12, "references": False, "method": "paper"}
 
 
 # --- Phi ----------------------------------------------------------------------------------------------------------------
@@ -133,7 +133,16 @@ def test_one_iteration_is_the_exhaustive_search(kind: str) -> None:
     for seed in range(25):
         expected, exchanged = brute_force(given, seed, n_experiments=2, n_candidates=3)
         design = fp.exchange(
-            given, 2, n_candidates=3, max_iterations=1, seed=seed, max_redraws=0, references=False, screen=False, local=0.0
+            given,
+            2,
+            n_candidates=3,
+            max_iterations=1,
+            seed=seed,
+            max_redraws=0,
+            references=False,
+            screen=False,
+            local=0.0,
+            method="paper",
         )
         np.testing.assert_array_equal(design.points.table, expected.table)
         assert design.trace[-1].exchanged == exchanged
@@ -388,7 +397,7 @@ def test_settings_are_kept() -> None:
         "references": False,
         "screen": True,
         "local": 0.5,
-        "method": "paper",
+        "method": "auto",
     }
     assert design.problem is given and given.rule == SMALL
     assert design.seconds >= design.trace[-1].seconds

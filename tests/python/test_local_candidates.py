@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from typing import Any
 
@@ -15,6 +16,7 @@ from fisherpoint.design.points.exchange_search import ExchangeSearch
 from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.points.region import NEAREST
 
+paper = functools.partial(fp.exchange, method="paper")
 LOW, HIGH = np.array(list(REGION.values())).T
 
 
@@ -56,7 +58,7 @@ def test_moving_points_raises_phi(kind: str) -> None:
     """By more than twice as many random candidates do, in the mean over some searches."""
     given = problem(output_covariance=kind)
     without, more, local = (
-        [fp.exchange(given, 9, n_candidates=n, max_iterations=30, seed=seed, references=False, local=share) for seed in range(4)]
+        [paper(given, 9, n_candidates=n, max_iterations=30, seed=seed, references=False, local=share) for seed in range(4)]
         for n, share in ((10, 0.0), (20, 0.0), (10, 1.0))
     )
     reached = [np.mean([design.evaluation.log_det for design in designs]) for designs in (without, more, local)]
@@ -70,7 +72,7 @@ def test_moving_points_raises_phi(kind: str) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_result_does_not_depend_on_the_number_of_threads(kind: str) -> None:
     given = problem(output_covariance=kind)
-    one, three = (fp.exchange(given, 9, n_candidates=10, max_iterations=10, references=False, local=1.0, threads=n) for n in (1, 3))
+    one, three = (paper(given, 9, n_candidates=10, max_iterations=10, references=False, local=1.0, threads=n) for n in (1, 3))
     assert same_bits(one.points.table, three.points.table)
     assert one.trace[-1].log_det == three.trace[-1].log_det and one.rejected == three.rejected
 
@@ -78,7 +80,7 @@ def test_the_result_does_not_depend_on_the_number_of_threads(kind: str) -> None:
 def test_moved_points_obey_constraints_and_survive_on_all_nodes() -> None:
     region = fp.ExperimentRegion(REGION, constraints=["p_A + p_B < 1.5e7"])
     given = problem(region=region)
-    design = fp.exchange(given, 9, n_candidates=20, max_iterations=20, references=False, local=1.0)
+    design = paper(given, 9, n_candidates=20, max_iterations=20, references=False, local=1.0)
     assert design.rejected["constraint"] > 0
     assert np.all(design.points.x0[:, 2] + design.points.x0[:, 3] < 1.5e7)
     assert not fp.predictive_covariance(MODEL, design.points, given.prior, given.rule).status.any()
@@ -93,7 +95,7 @@ def decay(bounds: tuple[float, float] = (0.1, 5.0)) -> fp.DesignProblem:
 
 def test_patience_ends_a_search_that_has_come_to_its_optimum() -> None:
     """Points are not moved for ever by gains that nobody sees."""
-    design = fp.exchange(decay(), 1, n_candidates=20, max_iterations=5000, patience=50, references=False)
+    design = paper(decay(), 1, n_candidates=20, max_iterations=5000, patience=50, references=False)
     assert design.stop_reason == "patience" and design.trace[-1].iteration < 1000
     assert design.points.dt[0] == pytest.approx(1.0, abs=2e-3)
 
@@ -102,7 +104,7 @@ def test_patience_ends_a_search_that_has_come_to_its_optimum() -> None:
 def test_points_are_moved_for_what_is_worth_it_only(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """However near the optimum a point is, candidates near it are better, by the square of less and less."""
     monkeypatch.setattr(ExchangeSearch, "_iterate", lambda _: False)  # no random candidates, which any gain lets in
-    design = fp.exchange(decay(), 1, n_candidates=20, max_iterations=400, seed=seed, references=False, local=1.0)
+    design = paper(decay(), 1, n_candidates=20, max_iterations=400, seed=seed, references=False, local=1.0)
     gains = [after.log_det - before.log_det for before, after in itertools.pairwise(design.trace) if after.exchanged]
     assert min(gains) > 1e-6
     assert design.points.dt[0] == pytest.approx(1.0, abs=2e-3)
@@ -119,7 +121,7 @@ def test_local_candidates_come_every_fourth_time_as_many_as_their_share(
         return draw_near(source, near, count)
 
     monkeypatch.setattr(CandidateSource, "draw_near", counted)
-    fp.exchange(
+    paper(
         decay(),
         points,
         n_candidates=10,
@@ -139,7 +141,7 @@ def test_a_design_that_stays_singular_determines_what_it_can(seed: int) -> None:
     )
     prior = fp.GaussianPrior(mean=dict.fromkeys("abc", 1.0), std=dict.fromkeys("abc", 1.0))
     region = fp.ExperimentRegion({"u": (0, 1), "v": (0, 1), "w": (0, 0)}, constraints=["u + v < 1"])
-    design = fp.exchange(
+    design = paper(
         fp.DesignProblem(model, prior, region, noise_std={"y": 1.0}),
         2,
         n_candidates=50,

@@ -51,7 +51,7 @@ def test_growth_is_what_evaluation_at_the_moved_parameters_gives(which: str) -> 
     problem, given = slider(), points(BRAKING, PUSHED, BALANCED)
     if which == "cylinder":
         problem = cylinder()
-        given = fp.exchange(problem, n_candidates=20, max_iterations=20, references=False).points
+        given = fp.exchange(problem, method="paper", n_candidates=20, max_iterations=20, references=False).points
     evaluation = fp.evaluate_under_noise(problem, given)
     assert evaluation is not None and evaluation.nearby is not None and evaluation.covariance is not None
     promised, white = errors_by_hand(problem, given, problem.theta)
@@ -153,7 +153,7 @@ def test_a_file_with_something_else_is_refused(change: dict[str, Any], tmp_path:
 
 def test_the_cylinder_is_silent() -> None:
     for seed in range(2):
-        design = fp.exchange(cylinder(), seed=seed, max_iterations=100, references=False)
+        design = fp.exchange(cylinder(), method="paper", seed=seed, max_iterations=100, references=False)
         assert design.under_noise is not None and design.under_noise.nearby is not None
         assert max(design.under_noise.nearby.growth.values()) < 1.3
         assert not design.under_noise.nearby.without_trajectory

@@ -114,7 +114,5 @@ def test_a_designs_efficiency_is_at_least_what_it_says(method: str) -> None:
 
 
 def test_a_poor_design_is_not_said_to_be_good() -> None:
-    design = fp.exchange(problem(), 3, n_candidates=200, max_iterations=0)
-    assert design.efficiency is not None and design.efficiency.at_least is not None
-    poor = fp.exchange(problem(), 3, n_candidates=200, max_iterations=1, max_redraws=50, local=0.0)
-    assert poor.efficiency is not None and poor.efficiency.at_least is not None and poor.efficiency.at_least < 0.98
+    poor = fp.exchange(problem(), 3, n_candidates=200, max_iterations=1, max_redraws=50, local=0.0, method="paper").efficiency
+    assert poor is not None and poor.at_least is not None and poor.at_least < 0.9

@@ -81,10 +81,11 @@ def exchange(
         Candidates near the points of the design that are drawn beside the n_candidates, as a share of these over all iterations:
         they come every fourth time, at least one for each point. 0 for none: Algorithm 1 alone.
     method : {"paper", "auto"}
-        "paper" is Algorithm 1 with local candidates. "auto" finds better designs in several times the time: from several starts it
-        exchanges points over pools of candidates, at first 200 n_candidates random ones, then in each iteration 24 n_candidates
-        near the points, and moves all numbers together. It ends as "converged" where nothing gains any more. Where D is "pooled" or
-        "pointwise" it is "paper"; `max_redraws`, `screen` and `local` are of "paper" alone.
+        "auto" exchanges points from several starts over pools of candidates, at first 200 n_candidates random ones, then in each
+        iteration 24 n_candidates near the points, and moves all numbers together. It ends as "converged" where nothing gains any
+        more. "paper" is Algorithm 1 with local candidates: a fraction of the time, and designs that are not as good. Where D is
+        "pooled" or "pointwise", and for models of Python functions that cannot be translated, "auto" is "paper"; `max_redraws`,
+        `screen` and `local` are of "paper" alone.
     previous : Measurements, Experiments, Design, or a sequence of these, optional
         Points whose information is already collected. They are added to every design and never leave: F is that of all L points,
         previous and new, and so are the design's evaluations and what it is compared with. The standard errors are then those of
@@ -180,7 +181,7 @@ def _references(search: PointSearch, under_noise: Evaluation | None) -> Efficien
         if other.run(None) == "interrupted":
             raise KeyboardInterrupt
         best_found = other.best.log_det
-        seen = seen.with_those_of(other.seen)
+        seen.include(other.seen)
     random = random_designs(problem, search.count, settings.seed, search.threads, search.previous, settings.time_limit)
     return efficiency_of(
         search.problem,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..basics.checks import LARGEST_INT, as_float, as_positive, as_probability, check_choice, check_flag, check_positive_int
+from ..engine.levels import kernels
 from ..information.output_covariance import needs_covariances
 from ..information.problem import DesignProblem
 
@@ -47,8 +48,9 @@ class ExchangeSettings:
 
 
 def searched_by(method: str, problem: DesignProblem) -> str:
-    """The method of a search: where D needs the covariance of every point, "auto" is that of the paper."""
-    return "paper" if needs_covariances(str(problem.output_covariance)) else method
+    """The method of a search: "auto" is that of the paper where D needs every point's covariance, or trajectories cost much."""
+    costly = needs_covariances(str(problem.output_covariance)) or problem.model.kernels is not kernels
+    return "paper" if costly else method
 
 
 @dataclass(frozen=True)

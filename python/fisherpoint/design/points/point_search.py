@@ -63,12 +63,15 @@ class PointSearch:
         self.seen = SeenCandidates(self.problem, self.threads)
         keep = self.seen.add if self.settings.references and self.problem.noise_std is not None else None
         self.source = CandidateSource(self.problem, np.random.default_rng(self.settings.seed), self.threads, keep)
-        start = self.source.draw_confirmed(self.count)
+        start = self._first()
         self.criterion: Criterion = criterion(self.problem, self._with_previous(start), self.threads)
         self._previous = None if self.previous is None else self.criterion.prepare(self.previous)
         prepared = self.criterion.prepare(start)
         self.best = Incumbent(start, prepared, self._log_det(prepared, 0.0))
         self._record(0, False)
+
+    def _first(self) -> PointInformation:
+        return self.source.draw_confirmed(self.count)
 
     def run(self, progress: Callable[[Progress], None] | None) -> str:
         """Search until something ends it, and return what."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,7 +15,7 @@ from ..efficiency import Bound
 from ..optimality.candidate_rows import CandidateRows, Places
 from ..optimality.criteria import Determinant
 from ..optimality.estimable import estimable
-from ..optimality.weights import optimal_weights
+from ..optimality.weights import Weights, optimal_weights
 from .point_ascent import whitened_rows
 
 MOST_NUMBERS = 10_000_000
@@ -21,6 +23,12 @@ MOST_NUMBERS = 10_000_000
 
 TOLERANCE = 5e-4
 """By which share the sensitivity function may exceed its level over the candidates."""
+
+
+class _Best(NamedTuple):
+    everything: PointInformation
+    candidates: CandidateRows
+    found: Weights
 
 
 class SeenCandidates:
@@ -37,11 +45,10 @@ class SeenCandidates:
             self._seen.append(information)
             self._numbers += information.sensitivity.size
 
-    def with_those_of(self, other: SeenCandidates) -> SeenCandidates:
-        joined = SeenCandidates(self._problem, self._threads)
-        for information in (*self._seen, *other._seen):
-            joined.add(information)
-        return joined
+    def include(self, other: SeenCandidates) -> None:
+        """Keep those of another search too."""
+        for information in other._seen:
+            self.add(information)
 
     def bound(self, design: PointInformation, previous: PointInformation | None) -> Bound | None:
         """What bounds designs of as many points, beside the previous ones; None where no candidates determine all parameters.
@@ -50,13 +57,34 @@ class SeenCandidates:
         the equivalence theorem bounds the maximum (Kiefer and Wolfowitz 1960). Candidates that no design may have, as plants of the
         prior cannot run them, are left out where they would have a weight.
         """
+        best = self._best_weights(design, previous)
+        if best is None:
+            return None
+        everything, candidates, found = best
+        sign, log_det = np.linalg.slogdet(candidates.information(found.chosen, found.weights))
+        if not sign > 0 or not found.efficiency > 0:
+            return None
+        p, count = candidates.rows.shape[2], len(design)
+        total = count + (0 if previous is None else len(previous))
+        return Bound(float(log_det + p * np.log(2 * count / total) - p * np.log(found.efficiency)), len(everything) - count)
+
+    def best(self, design: PointInformation, previous: PointInformation | None, most: int) -> PointInformation | None:
+        """Those with the largest sensitivity under the best weights; None where they do not determine all parameters."""
+        best = self._best_weights(design, previous)
+        if best is None:
+            return None
+        order = np.argsort(-best.candidates.along(best.found.half), kind="stable")
+        return best.everything[np.sort(order[:most])]
+
+    def _best_weights(self, design: PointInformation, previous: PointInformation | None) -> _Best | None:
+        """The best weights of these candidates and the design's points, beside the previous ones."""
         everything = PointInformation.join([design, *self._seen])
         noise = criterion(self._problem, everything, self._threads, "noise")
         rows = whitened_rows(noise, everything)
-        p, count, total, known = rows.shape[2], len(design), len(design), None
+        p, count, known = rows.shape[2], len(design), None
         if previous is not None:
             flat = whitened_rows(noise, previous).reshape(-1, p)
-            known, total = flat.T @ flat / count, count + len(previous)
+            known = flat.T @ flat / count
         candidates = CandidateRows(rows, known)
         space = estimable(candidates.triangle())
         if space.rank < p:
@@ -77,7 +105,4 @@ class SeenCandidates:
             first=np.arange(count),
             allowed=runs_everywhere,
         )
-        sign, log_det = np.linalg.slogdet(candidates.information(found.chosen, found.weights))
-        if not sign > 0 or not found.efficiency > 0:
-            return None
-        return Bound(float(log_det + p * np.log(2 * count / total) - p * np.log(found.efficiency)), len(rows) - count)
+        return _Best(everything, candidates, found)

@@ -1,0 +1,74 @@
+"""Designs of several sizes, each searched for from the last one and among the candidates of all searches so far."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...information.point_information import PointInformation
+from ...information.problem import DesignProblem
+from ..settings import ExchangeSettings, searched_by
+from .auto_search import LEAST_GAIN, AutoSearch
+from .exchange_search import ExchangeSearch
+from .point_search import PointSearch
+from .seen_candidates import SeenCandidates
+
+GOOD = 3000
+"""Candidates of former searches over which points are exchanged: those with the largest sensitivity."""
+
+ROUNDS = 3
+"""Between two ascents."""
+
+
+@dataclass
+class FollowingSearch(AutoSearch):
+    """From a design that is given, over candidates that other searches have evaluated."""
+
+    start: PointInformation | None = None
+    candidates: PointInformation | None = None
+
+    def _first(self) -> PointInformation:
+        assert self.start is not None
+        return self.start
+
+    def _all_rounds(self) -> Iterator[None]:
+        assert self.candidates is not None
+        pool, design, gain = self._pool(self.candidates), self.best.information, np.inf
+        while gain > LEAST_GAIN * len(self._known):
+            before = self._value(design)
+            design = self._kept(self._ascended(self._kept(self._exchanged(design, pool))))
+            for _ in range(ROUNDS):
+                yield
+                design = self._round(design)
+            gain = self._value(design) - before
+
+
+def sized_searches(
+    problem: DesignProblem,
+    settings: ExchangeSettings,
+    sizes: list[int],
+    threads: int,
+    previous: PointInformation | None,
+    seen: SeenCandidates,
+) -> Iterator[PointSearch]:
+    """Searches of ascending sizes, each to be run before the next is asked for; `seen` then has the candidates of those before."""
+    last = candidates = None
+    search: PointSearch
+    for size in sizes:
+        own = replace(settings, n_experiments=size)
+        if searched_by(settings.method, problem) == "paper":
+            search = ExchangeSearch(problem, own, threads, previous)
+        elif last is None:
+            search = AutoSearch(problem, own, threads, previous)
+        else:
+            design = last.best.information
+            if candidates is None:
+                candidates = seen.best(design, previous, GOOD)
+            known = [design] if candidates is None else [candidates, design]
+            more = np.arange(size) % len(design)  # repeated points give way to others where these tell more
+            search = FollowingSearch(problem, own, threads, previous, start=design[more], candidates=PointInformation.join(known))
+        yield search
+        seen.include(search.seen)
+        last = search

@@ -1,0 +1,189 @@
+"""`fp.sweep`: what designs of several sizes are worth, and what they cost."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from ..basics.checks import check_positive_int, check_type
+from ..basics.extras import needed_for
+from ..basics.kept import Codec, Kept
+from ..information.codec import evaluation_from_json, evaluation_to_json, problem_from_json, problem_to_json
+from ..information.evaluation import Evaluation
+from ..information.previous import Previous, previous_information
+from ..information.problem import DesignProblem
+from ..points.codec import points_from_json, points_to_json
+from ..points.experiments import Experiments
+from ..points.settings import resolve_threads
+from ..show.section import Report
+from ..show.shown import Shown
+from .cost import Cost
+from .points.point_search import Progress
+from .points.seen_candidates import SeenCandidates
+from .points.size_search import sized_searches
+from .settings import MOST, ExchangeSettings
+from .sweep_report import sweep_report
+from .swept import SizedDesign, SweptDesigns
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+MOST_SIZES = 1000
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sweep(SweptDesigns, Shown, Kept):
+    """Designs of several sizes, as `sweep` found them; `SweptDesigns` has its attributes."""
+
+    _INSIDE = (SizedDesign, Cost)
+    _CODEC: ClassVar[Codec] = {
+        DesignProblem: (problem_to_json, problem_from_json),
+        Experiments: (points_to_json, points_from_json),
+        Evaluation: (evaluation_to_json, lambda data: evaluation_from_json(data, data["n_points"])),
+    }
+
+    def report(self) -> Report:
+        """The designs by size: what they tell, what is proven of them, and what they cost."""
+        return sweep_report(self)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """One row per size: information, at_least, duration, cost, and the standard errors of all parameters, SI units."""
+        with needed_for("to_pandas"):
+            import pandas as pd
+
+        rows = []
+        for of in self.designs:
+            row: dict[str, Any] = {"n_experiments": len(of.points), "information": of.information, "at_least": of.at_least}
+            row |= {"duration": float(of.points.dt.sum()), "cost": of.cost}
+            rows.append(row | {name: (of.evaluation.standard_errors or {}).get(name) for name in self.problem.estimated})
+        return pd.DataFrame(rows).set_index("n_experiments").astype(float)
+
+    def plot(self, *, path: str | Path | None = None) -> Figure:
+        """Draw the standard errors and the D-efficiency over the size, with the knee; needs matplotlib.
+
+        Parameters
+        ----------
+        path : path, optional
+            Where the picture is also written; the ending says the format, PNG where there is none.
+        """
+        with needed_for("plot"):
+            from ..show.style import drawn
+            from .sweep_picture import plot_sweep
+
+        return drawn(plot_sweep(self), path)
+
+
+def sweep(
+    problem: DesignProblem,
+    n_experiments: Iterable[int],
+    *,
+    cost: Cost | None = None,
+    n_candidates: int = 50,
+    max_iterations: int = 200,
+    seed: int = 0,
+    threads: int | None = None,
+    time_limit: float | None = None,
+    method: str = "auto",
+    progress: Callable[[int, Progress], None] | None = None,
+    previous: Previous | None = None,
+) -> Sweep:
+    """Find designs of several sizes, each from the last one and the candidates of all before.
+
+    Parameters
+    ----------
+    problem : DesignProblem
+        With a region and the sensor noise.
+    n_experiments : iterable of int
+        The sizes, such as ``range(9, 31)``.
+    cost : Cost, optional
+        What the designs are charged with. It does not change the designs: each is the best that was found of its size.
+    n_candidates, max_iterations, seed, threads, method, previous
+        As for :func:`fisherpoint.exchange`, for each size.
+    time_limit : float, optional
+        Stop after so many seconds, with the sizes that are done then.
+    progress : callable, optional
+        Called with the size and a `Progress` once per iteration.
+
+    Returns
+    -------
+    Sweep
+        Ctrl-C returns the sizes that are done; before the first is done it is a KeyboardInterrupt.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For misuse, and as `exchange`.
+    """
+    started = time.perf_counter()
+    check_type(problem, DesignProblem, "problem")
+    if problem.noise_std is None:
+        raise ValueError("noise_std: expected the sensor noise, by which sizes are compared, given None")
+    if cost is not None:
+        check_type(cost, Cost, "cost")
+        cost.check(problem.model)
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
+    sizes, threads = _sizes(n_experiments), resolve_threads(threads)
+    settings = ExchangeSettings(
+        n_experiments=sizes[0],
+        n_candidates=n_candidates,
+        max_iterations=max_iterations,
+        seed=seed,
+        patience=None,
+        time_limit=time_limit,
+        max_redraws=1,
+        references=True,
+        screen=True,
+        local=0.5,
+        method=method,
+    )
+    known, _ = previous_information(problem, previous, threads)
+    seen = SeenCandidates(problem, threads)
+    found: list[tuple[Any, Evaluation]] = []
+    stop_reason = "done"
+    try:
+        for search in sized_searches(problem, settings, sizes, threads, known, seen):
+            size = search.settings.n_experiments
+            if search.run(None if progress is None else partial(progress, size)) == "interrupted":
+                raise KeyboardInterrupt
+            evaluation = search.under_noise()
+            assert evaluation is not None
+            found.append((search.best.information, evaluation))
+            if time_limit is not None and time.perf_counter() - started > time_limit and size != sizes[-1]:
+                stop_reason = "time_limit"
+                break
+    except KeyboardInterrupt:
+        if not found:
+            raise
+        stop_reason = "interrupted"
+    designs, bound = [], None
+    for information, evaluation in found:
+        if bound is None or known is not None:  # beside previous points it depends on the size
+            bound = seen.bound(information, known)
+        points = information.experiments
+        at_most = None if bound is None else max(bound.log_det, evaluation.log_det)
+        designs.append(SizedDesign(points, evaluation, None if cost is None else cost.of(points, problem.model), at_most))
+    return Sweep(
+        problem=problem,
+        designs=tuple(designs),
+        cost=cost,
+        n_previous=0 if known is None else len(known),
+        n_candidates=0 if bound is None else bound.n_candidates,
+        stop_reason=stop_reason,
+        seconds=time.perf_counter() - started,
+    )
+
+
+def _sizes(given: Iterable[int]) -> list[int]:
+    try:
+        sizes = sorted({check_positive_int(size, "n_experiments", most=MOST["n_experiments"]) for size in given})
+    except TypeError:
+        raise TypeError(f"n_experiments: expected whole numbers, such as range(9, 31), given {type(given).__name__}") from None
+    if not sizes or len(sizes) > MOST_SIZES:
+        raise ValueError(f"n_experiments: expected between 1 and {MOST_SIZES} sizes, given {len(sizes)}")
+    return sizes

@@ -1,0 +1,51 @@
+"""Designs of several sizes as tables."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..show.numbers import computed, counted, number, percent
+from ..show.section import Report, Section
+from .swept import SweptDesigns
+
+_LARGEST = 3
+"""Parameters that are named for each size: those with the largest standard errors next to the prior's."""
+
+
+def sweep_report(sweep: SweptDesigns) -> Report:
+    """The designs by size."""
+    prior = sweep.problem.prior.std
+    rows, marked = [], []
+    for k, (size, of) in enumerate(zip(sweep.sizes, sweep.designs, strict=True)):
+        errors = of.evaluation.standard_errors
+        told = np.isfinite(of.information)
+        if errors is None:
+            worst, mean = "F is singular", "-"
+        else:
+            share = {name: errors[name] / prior[name] for name in sweep.problem.estimated}
+            largest = sorted(share, key=lambda name: -share[name])[:_LARGEST]
+            worst = ", ".join(f"{name} {percent(share[name])}" for name in largest)
+            mean = percent(of.mean_error)
+        if size == sweep.knee:
+            marked.append(k)
+        at_least = "-" if of.at_least is None else percent(of.at_least)
+        cost = [] if sweep.cost is None else [number(of.cost or 0.0)]
+        information = computed(of.information, 5) if told else "-inf"
+        rows.append((str(size), information, mean, worst, at_least, number(float(of.points.dt.sum())), *cost))
+    columns = ["points", "log det F, sum", "mean error", "largest errors, of prior std", "efficiency at least", "duration [s]"]
+    notes = [
+        "mean error: det(F)^(-1/2p), the geometric mean over the directions of the parameters, in prior std.",
+        f"efficiency at least: proven among designs of the {sweep.n_candidates} candidates that the searches have evaluated, by the"
+        " best weights of these; it says nothing of points between them.",
+    ]
+    if sweep.knee is not None:
+        notes.append(f"From {sweep.knee} points on, which are marked, more help little next to the first ones.")
+    table = Section("Designs by size", [*columns, *([] if sweep.cost is None else ["cost"])], rows, marked, notes)
+    warnings = []
+    if sweep.stop_reason != "done":
+        why = "Interrupted" if sweep.stop_reason == "interrupted" else "The time limit is over"
+        warnings.append(f"{why}: larger sizes are missing.")
+    beside = f" beside {sweep.n_previous} previous ones" if sweep.n_previous else ""
+    sizes = sweep.sizes
+    title = f"{counted(len(sizes), 'design')} of {sizes[0]} to {sizes[-1]} points{beside} for {sweep.problem.model.name}"
+    return Report(title, [table], warnings)

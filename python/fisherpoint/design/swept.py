@@ -1,0 +1,136 @@
+"""Designs of several sizes: what each is worth, and which to take."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..basics.checks import as_positive, by_name
+from ..basics.messages import shown
+from ..information.evaluation import Evaluation
+from ..information.problem import DesignProblem
+from ..points.experiments import Experiments
+from .cost import Cost
+from .efficiency import d_efficiency
+
+
+@dataclass(frozen=True, eq=False)
+class SizedDesign:
+    """A design of one size.
+
+    Attributes
+    ----------
+    points : Experiments
+    evaluation : Evaluation
+        Under the sensor noise, with the previous points.
+    cost : float or None
+        None where no costs were given.
+    at_most : float or None
+        Proven: no design of as many of the candidates that all searches together have evaluated has a larger log det F, (7).
+    """
+
+    points: Experiments
+    evaluation: Evaluation
+    cost: float | None
+    at_most: float | None
+
+    @property
+    def at_least(self) -> float | None:
+        """The D-efficiency against `at_most`: a lower bound among designs of these candidates."""
+        return d_efficiency(self.evaluation.log_det, self.at_most, len(self.evaluation.parameters))
+
+    @property
+    def information(self) -> float:
+        """log det F in its sum form, the sum over the measurements, standardised: it rises with each."""
+        return float(self.evaluation.log_det + len(self.evaluation.parameters) * np.log(self.evaluation.n_points / 2))
+
+    @property
+    def mean_error(self) -> float:
+        """det(F)^(-1/2p): the geometric mean of the standard errors over the principal directions, in prior std."""
+        return float(np.exp(-self.information / (2 * len(self.evaluation.parameters))))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SweptDesigns:
+    """Designs of several sizes.
+
+    Attributes
+    ----------
+    problem : DesignProblem
+    designs : tuple of SizedDesign
+        With ascending numbers of points; ``sweep[12]`` is that of 12.
+    cost : Cost or None
+    n_previous, n_candidates : int
+        Points that are added to every design; candidates that the searches have evaluated.
+    stop_reason : {"done", "interrupted", "time_limit"}
+        Where it is not "done", larger sizes are missing.
+    seconds : float
+    """
+
+    problem: DesignProblem
+    designs: tuple[SizedDesign, ...]
+    cost: Cost | None
+    n_previous: int
+    n_candidates: int
+    stop_reason: str
+    seconds: float
+
+    def __getitem__(self, n_experiments: int) -> SizedDesign:
+        if n_experiments not in self.sizes:
+            sizes = ", ".join(map(str, self.sizes))
+            raise KeyError(f"n_experiments: expected one of {sizes}; given {shown(n_experiments)}")
+        return self.designs[self.sizes.index(n_experiments)]
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """The numbers of points."""
+        return tuple(len(of.points) for of in self.designs)
+
+    @property
+    def knee(self) -> int | None:
+        """The size from which on more experiments help little; None where fewer than three designs determine all parameters.
+
+        The mean standard error, det(F)^(-1/2p), falls with the size; the knee is where its curve lies furthest below the straight
+        line from the first to the last of the sizes (Satopaa et al. 2011). It depends on these two, and is no optimum.
+        """
+        able = [of for of in self.designs if np.isfinite(of.information)]
+        if len(able) < 3:
+            return None
+        sizes = [len(of.points) for of in able]
+        errors = np.array([of.mean_error for of in able])
+        x = (np.array(sizes) - sizes[0]) / (sizes[-1] - sizes[0])
+        y = (errors - errors[-1]) / max(errors[0] - errors[-1], np.finfo(float).tiny)
+        return sizes[int(np.argmin(x + y))]
+
+    def within(self, budget: float) -> int | None:
+        """The size of the design that tells most of those that cost no more than a budget; None where all cost more.
+
+        Raises
+        ------
+        ValueError
+            Where no costs were given.
+        """
+        budget = as_positive(budget, "budget")
+        if self.cost is None:
+            raise ValueError("budget: expected a sweep with costs, given one without: sweep(..., cost=fp.Cost(...))")
+        able = [of for of in self.designs if of.cost is not None and of.cost <= budget]
+        return len(max(able, key=lambda of: of.information).points) if able else None
+
+    def reaching(self, standard_errors: Mapping[str, float]) -> int | None:
+        """The smallest size whose standard errors are no larger than given ones, SI units; None where none of the sizes does.
+
+        Parameters
+        ----------
+        standard_errors : mapping of parameter name to float
+            Of some or all estimated parameters.
+        """
+        limits = by_name(standard_errors, self.problem.estimated, "standard_errors", as_positive)
+        if not limits:
+            raise ValueError("standard_errors: expected at least one parameter, given none")
+        for of in self.designs:
+            errors = of.evaluation.standard_errors
+            if errors is not None and all(errors[name] <= limit for name, limit in limits.items()):
+                return len(of.points)
+        return None
