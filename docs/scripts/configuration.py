@@ -195,6 +195,17 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             ' `["p_A < 19e6", "abs(v) < 0.4"]`. [What they do](../how_to/limits.md).',
         },
     ),
+    "cost": (
+        "What experiments cost, in any unit; `fisherpoint sweep` adds it up for designs of every size.",
+        "[cost]\nfixed = 120\nper_experiment = 5\nper_second = 0.1\nper_change = { u = 2 }\n",
+        {
+            "fixed": "Of any design.",
+            "per_experiment": "Of each experiment.",
+            "per_second": "Of each second that an experiment lasts.",
+            "per_change": "Of each change of a state's start or an input from one experiment to the next, by name; the experiments"
+            " are sorted so that there are few.",
+        },
+    ),
     "campaign": (
         "Settings of `fisherpoint campaign`; the search is that of `[design]`, and of `[runs]` where that is given.",
         "[campaign]\nbatch = 6\ntargets = { c_L = 0.02, m_q = 0.01 }\n",
@@ -209,6 +220,10 @@ SAID: dict[str, str] = {
     "design.output_covariance": '`"noise"` with `[noise_std]`, else `"region"`',
     "design.parameters": "all",
     "rule.kind": '`"sparse_gauss_hermite"`',
+    "cost.fixed": "0",
+    "cost.per_experiment": "0",
+    "cost.per_second": "0",
+    "cost.per_change": "none",
     "campaign.batch": "`6` points, or `1` run",
     "campaign.targets": "none",
     "model.states.scale": "1",

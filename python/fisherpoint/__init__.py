@@ -7,6 +7,7 @@ from .basics.quantity import Quantity
 from .campaign.campaign import Campaign
 from .data import Measurements, Pieces, Record, RecordTrajectory, VirtualRig, pieces, simulate_record
 from .design.compare import ComparedDesign, DesignComparison, compare
+from .design.cost import Cost
 from .design.efficiency import Efficiency
 from .design.exchange import exchange
 from .design.found import TraceRecord
@@ -22,6 +23,8 @@ from .design.runs.design_runs import design_runs
 from .design.runs.run_design import RunDesign
 from .design.runs.run_search import RunProgress
 from .design.settings import ExchangeSettings, RunSettings
+from .design.sweep import Sweep, sweep
+from .design.swept import SizedDesign
 from .engine.levels import available_isas, isa
 from .estimation.estimate import estimate
 from .estimation.fit import Fit
@@ -67,6 +70,7 @@ __all__ = [
     "Campaign",
     "ComparedDesign",
     "Constraint",
+    "Cost",
     "Criterion",
     "Design",
     "DesignComparison",
@@ -105,9 +109,11 @@ __all__ = [
     "RunTrajectories",
     "Runs",
     "Sensitivities",
+    "SizedDesign",
     "Sobol",
     "SparseGaussHermite",
     "Status",
+    "Sweep",
     "SymbolicModel",
     "TensorGrid",
     "TraceRecord",
@@ -139,6 +145,7 @@ __all__ = [
     "sensitivities",
     "simulate",
     "simulate_record",
+    "sweep",
     "validate",
 ]
 

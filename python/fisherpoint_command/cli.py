@@ -42,6 +42,7 @@ try:
     from .compare import compare
     from .estimate import estimate
     from .runs import design_of_runs, evaluate_runs, read_points, read_told, simulate_runs
+    from .sweep import sweep
     from .terminal import (
         INTERRUPTED,
         MISUSE,
@@ -215,6 +216,7 @@ def simulate(
     return 0
 
 
+app.command(epilog="Example: fisherpoint sweep examples/cylinder.toml -L 9:30 -o sizes/")(sweep)
 app.command(epilog="Example: fisherpoint compare examples/cylinder.toml run/design.csv other/design.csv")(compare)
 app.command(epilog="Example: fisherpoint estimate examples/cylinder.toml measured.csv -o fit/")(estimate)
 app.command(epilog="Example: fisherpoint validate examples/cylinder.toml run/design.csv -o validated/")(validate)

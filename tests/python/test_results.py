@@ -40,11 +40,12 @@ def results() -> dict[str, Any]:
         "ApproximateDesign": fp.approximate(PROBLEM, n_candidates=200, starts=50),
         "PieceDesign": fp.best_pieces(PROBLEM, fp.pieces(RECORD, MODEL, length=5), 4),
         "DesignComparison": fp.compare(PROBLEM, {"four": design, "two": design.points[:2]}, draws=50),
+        "Sweep": fp.sweep(PROBLEM, range(2, 5), n_candidates=5, max_iterations=8, cost=fp.Cost(per_experiment=1.0)),
         "RuleComparison": fp.compare_rules(PROBLEM, design.points, [fp.Linearized(), fp.SparseGaussHermite(2)]),
     }
 
 
-MORE = ("ApproximateDesign", "PieceDesign", "DesignComparison", "RuleComparison")
+MORE = ("ApproximateDesign", "PieceDesign", "DesignComparison", "Sweep", "RuleComparison")
 KINDS = ("Design", "Evaluation", "Fit", "Validation", "Campaign", "Identifiability", *MORE)
 TABLES = ("Design", "Evaluation", "Fit", "Validation", "Campaign", *MORE)
 
@@ -82,7 +83,7 @@ def test_a_result_comes_back_from_its_file(kind: str, results: dict[str, Any], t
 
 
 @pytest.mark.parametrize(
-    "kind", ["Evaluation", "Validation", "Identifiability", "PieceDesign", "DesignComparison", "RuleComparison"]
+    "kind", ["Evaluation", "Validation", "Identifiability", "PieceDesign", "DesignComparison", "Sweep", "RuleComparison"]
 )
 def test_a_file_of_a_result_is_as_it_was_written_or_refused(kind: str, results: dict[str, Any], tmp_path: Path) -> None:
     result, path = results[kind], tmp_path / "kept.json"
@@ -106,7 +107,11 @@ def test_a_file_of_a_result_is_as_it_was_written_or_refused(kind: str, results: 
 @pytest.mark.parametrize("kind", TABLES)
 def test_a_result_is_a_table(kind: str, results: dict[str, Any]) -> None:
     frame = results[kind].to_pandas()
-    assert isinstance(frame, pd.DataFrame) and len(frame) >= 2 and frame.index.names[-1] in ("parameter", "point", "rule", "window")
+    assert (
+        isinstance(frame, pd.DataFrame)
+        and len(frame) >= 2
+        and frame.index.names[-1] in ("parameter", "point", "rule", "window", "n_experiments")
+    )
     assert frame.select_dtypes("number").notna().all(axis=None)
 
 
@@ -117,6 +122,7 @@ PICTURES = {
     "Validation": (),
     "Campaign": (),
     "DesignComparison": (),
+    "Sweep": (),
 }
 
 

@@ -27,6 +27,7 @@ from .configuration_tables import (
     Bounds,
     CampaignTable,
     Correlation,
+    CostTable,
     DesignTable,
     PriorEntry,
     RegionTable,
@@ -34,6 +35,7 @@ from .configuration_tables import (
     RunsTable,
     Std,
 )
+from .cost import Cost
 
 __all__ = ["Config", "ConfigError", "load_config", "load_problem"]
 
@@ -52,6 +54,7 @@ class Config(ModelFile):
     runs: RunsTable | None = None
     rule: RuleTable = RuleTable()
     design: DesignTable = DesignTable()
+    cost: CostTable | None = None
     campaign: CampaignTable = CampaignTable()
 
     @model_validator(mode="after")
@@ -178,6 +181,15 @@ class Config(ModelFile):
         search = {} if self.runs is None else self.runs.search()
         return search | self.design.model_dump(include={"n_candidates", "seed", "time_limit"}, exclude_none=True)
 
+    def build_cost(self) -> Cost | None:
+        """What experiments cost, where the file says it."""
+        if self.cost is None:
+            return None
+        with self._names_key("cost"):
+            cost = self.cost.build()
+            cost.check(self.build_model())
+            return cost
+
     def error(self, key: str, text: str) -> ConfigError:
         """A :class:`ConfigError` about `key` of this file."""
         return ConfigError(f"{self._source}: {key}: {text}")
@@ -243,6 +255,7 @@ def _keys_of(place: tuple[str, ...]) -> list[str]:
         "runs": RunsTable,
         "rule": RuleTable,
         "design": DesignTable,
+        "cost": CostTable,
         "campaign": CampaignTable,
     }
     return list(tables["".join(place)].model_fields)

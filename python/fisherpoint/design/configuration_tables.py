@@ -10,8 +10,9 @@ from pydantic_core import PydanticCustomError
 
 from ..basics.messages import listed
 from ..basics.toml_messages import fail, toml
-from ..basics.toml_tables import Abbreviated, Constant, Count, Number, Positive, Table
+from ..basics.toml_tables import Abbreviated, Constant, Count, NotNegative, Number, Positive, Table
 from ..prior.rules import DEFAULT_RULE, RULES, Rule
+from .cost import Cost
 from .settings import MOST
 
 Correlation = Annotated[float, Field(gt=-1, lt=1)]
@@ -147,6 +148,19 @@ class DesignTable(Table):
     jumps: Literal["cross", "exclude"] | None = None
     assumed_covariance: Literal["tangents", "predictive"] | None = None
     along: list[str] | None = None
+
+
+class CostTable(Table):
+    """What experiments cost, in whatever unit."""
+
+    fixed: NotNegative | None = None
+    per_experiment: NotNegative | None = None
+    per_second: NotNegative | None = None
+    per_change: dict[str, NotNegative] | None = None
+
+    def build(self) -> Cost:
+        """The costs."""
+        return Cost(**self.model_dump(exclude_none=True))
 
 
 class CampaignTable(Table):

@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..basics.checks import as_float, by_name
+from ..basics.checks import as_float, by_name, check_type
 from ..basics.quantity import names_of
 from ..basics.values import Array, FrozenMapping
 from ..models import Model
 from ..points.experiments import Experiments
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Cost:
     """A linear model of costs, in whatever unit.
 
@@ -41,11 +41,13 @@ class Cost:
 
     def check(self, model: Model) -> None:
         """Raise where a setting is none of the model's states and inputs."""
+        check_type(model, Model, "model")
         by_name(self.per_change, [name for name in names_of(model.axes) if name != "dt"], "per_change", _at_least_0)
 
     def of(self, points: Experiments, model: Model) -> float:
         """The cost of a design."""
         self.check(model)
+        check_type(points, Experiments, "points")
         changes = 0.0
         if self.per_change and len(points):
             names = sorted(self.per_change, key=lambda name: -self.per_change[name])

@@ -15,7 +15,7 @@ _LARGEST = 3
 def sweep_report(sweep: SweptDesigns) -> Report:
     """The designs by size."""
     prior = sweep.problem.prior.std
-    rows, marked = [], []
+    rows, marked, timed = [], [], bool(sweep.problem.model.states)
     for k, (size, of) in enumerate(zip(sweep.sizes, sweep.designs, strict=True)):
         errors = of.evaluation.standard_errors
         told = np.isfinite(of.information)
@@ -31,8 +31,10 @@ def sweep_report(sweep: SweptDesigns) -> Report:
         at_least = "-" if of.at_least is None else percent(of.at_least)
         cost = [] if sweep.cost is None else [number(of.cost or 0.0)]
         information = computed(of.information, 5) if told else "-inf"
-        rows.append((str(size), information, mean, worst, at_least, number(float(of.points.dt.sum())), *cost))
-    columns = ["points", "log det F, sum", "mean error", "largest errors, of prior std", "efficiency at least", "duration [s]"]
+        lasting = [number(float(of.points.dt.sum()))] if timed else []
+        rows.append((str(size), information, mean, worst, at_least, *lasting, *cost))
+    lasting = ["duration [s]"] if timed else []
+    columns = ["points", "log det F, sum", "mean error", "largest errors, of prior std", "efficiency at least", *lasting]
     notes = [
         "mean error: det(F)^(-1/2p), the geometric mean over the directions of the parameters, in prior std.",
         f"efficiency at least: proven among designs of the {sweep.n_candidates} candidates that the searches have evaluated, by the"

@@ -1,0 +1,108 @@
+"""``fisherpoint sweep``: designs of several sizes, to choose how many experiments to run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+import fisherpoint as fp
+from fisherpoint.basics.extras import needed_for
+from fisherpoint.basics.files import write_together
+from fisherpoint.design.configuration import ConfigError, load_config
+from fisherpoint.points.experiments import points_csv
+
+from .runs import read_told
+from .terminal import INTERRUPTED, NoPlots, Output, Quiet, Threads, as_file, make_directory, read_data, say, show
+
+PICTURE = "sweep.png"
+SETTINGS = ("n_candidates", "max_iterations", "seed", "time_limit", "method")
+"""Keys of [design] that hold for every size."""
+
+
+def sweep(
+    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Model, prior, sensor noise, region, and costs.")],
+    output: Output,
+    sizes: Annotated[str, typer.Option("-L", "--sizes", metavar="SIZES", help="Points of the designs, as 9:30 or 6,9,12.")],
+    budget: Annotated[
+        float | None, typer.Option(metavar="COST", help="What a design may cost, by the file's table of costs.")
+    ] = None,
+    previous: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="DATA.csv", help="What is already measured, or planned besides: adds to what every design tells."),
+    ] = None,
+    seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Overrides the value in the file.")] = None,
+    threads: Threads = None,
+    no_plots: NoPlots = False,
+    quiet: Quiet = False,
+) -> int:
+    """Find designs of several sizes, and tell what more experiments add, and cost.
+
+    Writes sweep.csv, sweep.json, report.txt, design_<size>.csv and sweep.png. Ctrl-C keeps the sizes that are done.
+    """
+    config = load_config(file)
+    if config.region is None or config.runs is not None:
+        raise config.error("region", "expected bounds of every state, every input and dt, without a table [runs]")
+    problem, cost = config.problem(), config.build_cost()
+    if problem.noise_std is None:
+        raise config.error("noise_std", "missing; expected the noise of every output, by which sizes are compared")
+    if budget is not None and cost is None:
+        raise config.error("cost", "missing; expected a table [cost] with --budget")
+    settings = {name: value for name, value in config.exchange_settings().items() if name in SETTINGS}
+    if seed is not None:
+        settings["seed"] = seed
+    counts = _sizes(sizes)
+    told = [read_data(path, "points or measurements", read_told, problem.model) for path in previous or []]
+    if not no_plots:
+        with needed_for("pictures"):
+            from fisherpoint.design import sweep_picture  # noqa: F401  what can fail for a trivial reason fails before the work
+    make_directory(output)
+
+    console = Console(stderr=True)
+    columns = (TextColumn("sizes"), MofNCompleteColumn(), BarColumn(bar_width=20), TextColumn("{task.fields[state]}"))
+    bar = Progress(*columns, TimeElapsedColumn(), console=console, transient=True, disable=quiet or not console.is_terminal)
+    with bar:
+        task = bar.add_task("sweep", total=len(counts), state="drawing the first points")
+
+        def progress(size: int, now: fp.Progress) -> None:
+            bar.update(task, completed=counts.index(size), state=f"{size} points, log det {now.log_det:.3f}")
+
+        found = fp.sweep(problem, counts, cost=cost, threads=threads, progress=progress, previous=told or None, **settings)
+
+    report = found.report()
+    tables = {f"design_{len(of.points)}.csv": points_csv(of.points, problem.model) for of in found.designs}
+    contents = {"sweep.csv": found.to_pandas().to_csv(), **tables, "report.txt": as_file(report)}
+    stale = [path.name for path in output.glob("design_*.csv") if path.name not in tables]
+    write_together(output, contents, stale=[PICTURE, "sweep.json", *stale])
+    found.save(output / "sweep.json")
+    written = ["sweep.csv", "sweep.json", "report.txt", f"design_<size>.csv of {len(tables)} sizes"]
+    interrupted = found.stop_reason == "interrupted"
+    if not no_plots and not interrupted:
+        found.plot(path=output / PICTURE)
+        written.append(PICTURE)
+    if not quiet:
+        show(report)
+        print()
+        if budget is not None:
+            size = found.within(budget)
+            enough = f"the design of {size} points tells most" if size else "none of these sizes is enough"
+            say(f"Within a budget of {budget:g}: {enough}.")
+        say(f"Written to {output}: {', '.join(written)}")
+    return INTERRUPTED if interrupted else 0
+
+
+def _sizes(text: str) -> list[int]:
+    try:
+        if ":" in text:
+            first, last = map(int, text.split(":"))
+            sizes = list(range(first, last + 1))
+        else:
+            sizes = sorted({int(size) for size in text.split(",")})
+    except ValueError:
+        sizes = []
+    if not sizes or sizes[0] < 1:
+        raise ConfigError(f"--sizes: expected whole numbers, as 9:30 or 6,9,12; given {text}")
+    return sizes

@@ -1,0 +1,179 @@
+"""Designs of several sizes, and what they cost."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fisherpoint as fp
+from defaults import problem as cylinder
+from defaults import valid_points
+from fisherpoint_command import cli
+
+QUADRATIC = fp.SymbolicModel(
+    [], ["a + b*x + c*x**2"], states={}, inputs={"x": "1"}, outputs={"y": "1"}, parameters={"a": "1", "b": "1", "c": "1"}
+)
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+
+def quadratic() -> fp.DesignProblem:
+    prior = fp.GaussianPrior({"a": 1.0, "b": 1.0, "c": 1.0}, std={"a": 2.0, "b": 2.0, "c": 2.0})
+    return fp.DesignProblem(QUADRATIC, prior, fp.ExperimentRegion({"x": (-1.0, 1.0)}), noise_std={"y": 0.5})
+
+
+@pytest.fixture(scope="module")
+def found() -> fp.Sweep:
+    return fp.sweep(quadratic(), range(2, 13), n_candidates=10, max_iterations=30, cost=fp.Cost(fixed=5, per_experiment=2))
+
+
+def test_every_size_has_the_best_design(found: fp.Sweep) -> None:
+    """A third of the points at -1, 0 and 1 (Kiefer 1959); what is left over goes to any of these."""
+    for size in range(3, 13):
+        points = found[size].points
+        assert len(points) == size
+        places, counts = np.unique(points.u.round(6) + 0.0, return_counts=True)
+        np.testing.assert_allclose(places, [-1, 0, 1], atol=2e-3)
+        assert counts.max() - counts.min() <= 1
+        at_least = found[size].at_least
+        assert at_least is not None and at_least == pytest.approx(1.0, abs=0.06 if size % 3 else 2e-3)
+
+
+def test_figures_are_those_of_the_designs_alone(found: fp.Sweep) -> None:
+    for of in found.designs:
+        alone = fp.evaluate_design(quadratic(), of.points)
+        if len(of.points) == 2:
+            assert of.evaluation.standard_errors is None and of.information == -np.inf and not of.at_least
+            continue
+        assert of.information == pytest.approx(np.linalg.slogdet(alone.information)[1], abs=1e-9)
+        assert of.mean_error == pytest.approx(np.exp(-of.information / 6))
+        assert of.evaluation.standard_errors == pytest.approx(alone.standard_errors, rel=1e-9)
+    information = [of.information for of in found.designs]
+    assert (np.diff(information[1:]) > 0).all()
+    frame = found.to_pandas()
+    assert list(frame.index) == list(range(2, 13)) and np.isnan(frame.loc[2, "a"])
+
+
+def test_which_to_take(found: fp.Sweep) -> None:
+    errors = found[6].evaluation.standard_errors
+    assert errors is not None
+    assert found.reaching({"b": errors["b"]}) == 6 and found.reaching({"b": errors["b"] * 1.001, "c": 10.0}) == 6
+    assert found.reaching({"b": 1e-9}) is None
+    assert found.within(17.0) == 6 and found.within(18.9) == 6 and found.within(3.0) is None
+    assert found[6].cost == 17.0
+    assert found.knee is not None and 4 <= found.knee <= 8
+    text = " ".join(str(found).split())
+    assert "F is singular" in text and f"From {found.knee} points on" in text
+
+
+def test_previous_points_count() -> None:
+    given, known = cylinder(parameters=("E_oil", "p_t", "B_v")), valid_points(5, seed=3, jumps="exclude")
+    found = fp.sweep(given, (1, 3), n_candidates=5, max_iterations=6, previous=known)
+    assert found.n_previous == 5 and found.sizes == (1, 3)
+    for of in found.designs:
+        alone = fp.evaluate_design(given, of.points, previous=known)
+        assert of.evaluation.log_det == pytest.approx(alone.log_det, rel=1e-9)
+        assert of.at_least is not None and 0 < of.at_least <= 1
+
+
+def test_designs_get_better_along_the_sizes() -> None:
+    """What a search of one size finds alone is hardly better."""
+    given = cylinder()
+    found = fp.sweep(given, (9, 10, 12), n_candidates=10, max_iterations=40)
+    alone = fp.exchange(given, 12, n_candidates=10, max_iterations=40, references=False)
+    assert found[12].evaluation.log_det > alone.evaluation.log_det - 9 * 0.1
+    assert found[9].information < found[10].information < found[12].information
+
+
+def test_the_method_of_the_paper_has_sizes_too() -> None:
+    given = cylinder(output_covariance="pooled")
+    found = fp.sweep(given, (9, 11), n_candidates=4, max_iterations=3)
+    assert found.sizes == (9, 11) and all(of.evaluation.output_covariance_kind == "noise" for of in found.designs)
+
+
+def test_an_interrupt_keeps_what_is_done() -> None:
+    def stop(size: int, now: fp.Progress) -> None:
+        if size == 5:
+            raise KeyboardInterrupt
+
+    found = fp.sweep(quadratic(), range(3, 8), n_candidates=5, max_iterations=8, progress=stop)
+    assert found.sizes == (3, 4) and found.stop_reason == "interrupted"
+    assert "Interrupted: larger sizes are missing" in str(found)
+    limited = fp.sweep(quadratic(), range(3, 8), n_candidates=5, max_iterations=8, time_limit=1e-6)
+    assert limited.sizes == (3,) and limited.stop_reason == "time_limit"
+
+
+# --- costs --------------------------------------------------------------------------------------------------------------
+
+
+def test_costs_add_up() -> None:
+    model = fp.SymbolicModel(["-k*x + u + w"], ["x"], {"x": "m"}, {"u": "V", "w": "V"}, {"k": "1/s"}, {"y": "m"})
+    u = [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [0.0, 0.0], [0.0, 1.0]]
+    points = fp.Experiments(np.zeros((5, 1)), u, [1.0, 2.0, 3.0, 4.0, 5.0])
+    assert fp.Cost(fixed=10, per_experiment=2, per_second=0.5).of(points, model) == 10 + 10 + 7.5
+    # Sorted by u, then by w: (0, 0), (0, 1), (0, 1), (1, 0), (1, 1): u changes once, w three times.
+    assert fp.Cost(per_change={"u": 100, "w": 1}).of(points, model) == 103
+    # Sorted by w, then by u: (0, 0), (1, 0), (0, 1), (0, 1), (1, 1): w changes once, u three times.
+    assert fp.Cost(per_change={"u": 1, "w": 100}).of(points, model) == 103
+    assert fp.Cost(per_change={"x": 7}).of(points, model) == 0
+    with pytest.raises(ValueError, match="per_change: expected"):
+        fp.Cost(per_change={"z": 1}).of(points, model)
+    with pytest.raises(ValueError, match="per_second: expected a cost of 0 or more, given -1"):
+        fp.Cost(per_second=-1)
+
+
+def test_misuse_is_told(found: fp.Sweep) -> None:
+    with pytest.raises(ValueError, match="n_experiments: expected between 1 and 1000 sizes, given 0"):
+        fp.sweep(quadratic(), [])
+    with pytest.raises(TypeError, match="n_experiments: expected whole numbers, such as range"):
+        fp.sweep(quadratic(), 3)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="noise_std: expected the sensor noise"):
+        fp.sweep(cylinder(noise_std=None, output_covariance="pooled"), [9])
+    with pytest.raises(KeyError, match="n_experiments: expected one of 2, 3"):
+        found[99]
+    with pytest.raises(ValueError, match="budget: expected a sweep with costs"):
+        fp.sweep(quadratic(), [3], n_candidates=5, max_iterations=1).within(3.0)
+    with pytest.raises(ValueError, match="standard_errors: expected at least one parameter"):
+        found.reaching({})
+
+
+# --- the command --------------------------------------------------------------------------------------------------------
+
+
+def test_the_command_writes_every_size(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("matplotlib")
+    file, out = tmp_path / "problem.toml", tmp_path / "sizes"
+    text = (EXAMPLES / "michaelis_menten.toml").read_text().replace("max_iterations = 200", "max_iterations = 4\nn_candidates = 5")
+    file.write_text(text + "\n[cost]\nper_experiment = 3\n")
+    out.mkdir()
+    for name in ("design_77.csv", "report.txt"):
+        (out / name).write_text("of another run")
+    with pytest.raises(SystemExit) as left:
+        cli.main(["sweep", str(file), "-L", "2:4", "-o", str(out), "--budget", "10"])
+    printed = capsys.readouterr()
+    assert left.value.code == 0, printed.err
+    names = {path.name for path in out.iterdir()}
+    assert names == {"sweep.csv", "sweep.json", "report.txt", "sweep.png", "design_2.csv", "design_3.csv", "design_4.csv"}
+    assert "Within a budget of 10: the design of 3 points tells most." in printed.out
+    again = fp.Sweep.load(out / "sweep.json")
+    assert again.sizes == (2, 3, 4) and again[3].cost == 9.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("-L", "4:2"), "--sizes: expected whole numbers, as 9:30 or 6,9,12; given 4:2"),
+        (("-L", "a"), "--sizes: expected whole numbers"),
+        (("-L", "0,3"), "--sizes: expected whole numbers"),
+        (("-L", "2:3", "--budget", "3"), "cost: missing; expected a table [cost] with --budget"),
+    ],
+)
+def test_mistakes_get_one_line(
+    arguments: tuple[str, ...], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as left:
+        cli.main(["sweep", str(EXAMPLES / "michaelis_menten.toml"), "-o", str(tmp_path / "out"), *arguments])
+    error = capsys.readouterr().err
+    assert left.value.code == 2 and message in error and error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
