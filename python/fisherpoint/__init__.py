@@ -6,12 +6,12 @@ from .basics.extras import needed_for
 from .basics.quantity import Quantity
 from .campaign.campaign import Campaign
 from .data import Measurements, Pieces, Record, RecordTrajectory, VirtualRig, pieces, simulate_record
+from .design.approximate import approximate
 from .design.compare import ComparedDesign, DesignComparison, compare
 from .design.cost import Cost
 from .design.efficiency import Efficiency
 from .design.exchange import exchange
 from .design.found import TraceRecord
-from .design.optimality.approximate import approximate
 from .design.optimality.approximate_design import ApproximateDesign
 from .design.optimality.asked import criterion
 from .design.optimality.criteria import Criterion

@@ -216,3 +216,10 @@ def test_a_proof_that_falls_short_says_why() -> None:
     assert "at least 80 % only: the search ended while ascents still came to places" in " ".join(str(short).split())
     assert "at least 80 % only: double precision has no more here" in " ".join(str(replace(short, starts=0)).split())
     assert "only:" not in str(design)
+
+
+def test_a_design_that_refutes_the_bound_is_warned_of() -> None:
+    inner = fp.approximate(QUADRATIC, inputs(GRID / 2))
+    with pytest.warns(UserWarning, match="points: expected a design that the bound holds for, given a better one"):
+        assert inner.efficiency_of(inputs(GRID)) == 1.0
+    assert inner.efficiency_of(inputs(GRID / 2)) < 1.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -33,6 +34,10 @@ from .rounding import efficient_rounding
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+
+
+BEYOND = 1e-4
+"""What log phi of a design may exceed its bound by: rounding, and the tolerance of trajectories."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -134,7 +139,7 @@ class ApproximateDesign(Shown, Kept):
         """Lower bound of the efficiency of an exact design of L points, each measured once, against the best L measurements.
 
         The best weights are at least as good as the best L points, and what they can reach is bounded. The bound holds for
-        designs of points among what was searched.
+        designs of points among what was searched; a better design, which shows that the search has missed something, is warned of.
 
         Raises
         ------
@@ -160,6 +165,12 @@ class ApproximateDesign(Shown, Kept):
         into = self.estimable.into
         inner = self.criterion.within(self.estimable)
         ratio = inner.log_phi(into.T @ information @ into) - inner.log_phi(into.T @ self.information @ into)
+        if ratio + np.log(self.efficiency) > BEYOND:
+            warnings.warn(
+                "points: expected a design that the bound holds for, given a better one: it has points that were not found when "
+                "the region was searched; approximate again with another seed, or with candidates among which they are",
+                stacklevel=3,
+            )
         return float(np.exp(min(ratio + np.log(self.efficiency), 0.0)))
 
     def rounded(self, n: int) -> Experiments:

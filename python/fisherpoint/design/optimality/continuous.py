@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from ...points.experiments import Experiments
 from ...points.region import ExperimentRegion
 from .ascents import ascend, newton
 from .candidate_rows import CandidateRows, Places
-from .criteria import Criterion
+from .criteria import Criterion, Determinant
 from .estimable import Estimable
 from .point_rows import PointRows
 from .weights import REGULAR, Weights, optimal_weights
@@ -21,7 +22,7 @@ from .weights import REGULAR, Weights, optimal_weights
 ABOVE = 1e-3
 """By which share of its level the sensitivity function may be exceeded by what the ascents from many starts find."""
 
-MOST_ROUNDS, MOST_SEARCHES = 15, 4
+MOST_ROUNDS, MOST_SEARCHES = 15, 6
 
 CLOSE = 1e-6
 """The rounds end where no maximum near the support exceeds the level by more than this share."""
@@ -41,8 +42,14 @@ POLISHING = 6
 WORTH_POLISHING = 0.05
 """Most that log phi may lose by merging before the points are moved."""
 
+LATEST = 64
+"""Candidates that came last, from which new weights begin."""
+
 NEAR = 40
 """Candidates with a large sensitivity from which ascents start in each round."""
+
+OTHERS = 100
+"""Starts from what another search finds."""
 
 SHORT, LONG = 25, 60
 """Iterations of an ascent in the rounds, and of those that search at the end."""
@@ -121,7 +128,10 @@ class _Refining:
         return z, value
 
     def solve(self, tolerance: float) -> None:
-        new = optimal_weights(self.pool, self.asked, tolerance=tolerance, space=self.space)
+        first = None
+        if isinstance(self.asked, Determinant) and self.asked.whole:  # optima of others may be singular, which is no start
+            first = np.union1d(self.weights.chosen, np.arange(max(0, len(self.pool) - LATEST), len(self.pool)))
+        new = optimal_weights(self.pool, self.asked, tolerance=tolerance, space=self.space, first=first)
         if new.log_phi >= self.weights.log_phi - tolerance:  # what was found before is among the candidates still
             self.weights = new
 
@@ -225,8 +235,11 @@ def refined(
     starts: int,
     tolerance: float,
     rng: np.random.Generator,
+    others: Callable[[int], Experiments | None],
 ) -> Refinement:
     """Move the support in the region until ascents from so many starts meet nothing above the level.
+
+    Some of the starts are those of `others`, what another search finds for each round.
 
     The bound of the efficiency is by the largest sensitivity among all candidates and wherever an ascent has ended.
     """
@@ -241,7 +254,7 @@ def refined(
         work.weights, _ = work.bounding(final)
         slope = work.weights.log_bound - float(np.log(work.weights.largest))
         along = work.pool.along(work.weights.half)
-        first = _starts(work, support, along, starts, rng)
+        first = np.concatenate([_starts(work, support, along, starts, rng), _best_of(work, others(search))])
         z, value = work.peaks(first, LONG)
         largest = max(float(along.max()), float(value[np.isfinite(value)].max(initial=0.0)))
         if largest <= 1.0 + ABOVE or search == MOST_SEARCHES - 1:
@@ -257,6 +270,14 @@ def refined(
     bounds = final.log_phi, log_bound, final.estimable, deleted, final.rounds
     proven = Weights(np.arange(count), final.weights, half, largest, efficiency, *bounds)
     return Refinement(support, rows, proven, len(work.pool), len(first))
+
+
+def _best_of(work: _Refining, points: Experiments | None) -> Array:
+    """The places of those with the largest sensitivity."""
+    if points is None or not len(points):
+        return np.empty((0, len(work.box.free)))
+    z = work.box.places(points)
+    return z[np.argsort(-work.psi(z), kind="stable")[:OTHERS]]
 
 
 def _starts(work: _Refining, support: Experiments, along: Array, count: int, rng: np.random.Generator) -> Array:

@@ -25,6 +25,10 @@ TOLERANCE = 5e-4
 """By which share the sensitivity function may exceed its level over the candidates."""
 
 
+LOOKS = 6
+"""How often as many of the best candidates as are wanted are tried on the nodes, at most."""
+
+
 class _Best(NamedTuple):
     everything: PointInformation
     candidates: CandidateRows
@@ -69,12 +73,23 @@ class SeenCandidates:
         return Bound(float(log_det + p * np.log(2 * count / total) - p * np.log(found.efficiency)), len(everything) - count)
 
     def best(self, design: PointInformation, previous: PointInformation | None, most: int) -> PointInformation | None:
-        """Those with the largest sensitivity under the best weights; None where they do not determine all parameters."""
+        """Those with the largest sensitivity under the best weights; None where they do not determine all parameters.
+
+        All are valid on the nodes of the rule; most of the largest are not, so that there may be fewer than `most`.
+        """
         best = self._best_weights(design, previous)
         if best is None:
             return None
         order = np.argsort(-best.candidates.along(best.found.half), kind="stable")
-        return best.everything[np.sort(order[:most])]
+        taken, have = [], 0
+        for first in range(0, min(len(order), LOOKS * most), most):
+            some = order[first : first + most]
+            _, status = with_covariance(self._problem, best.everything[some], self._threads)
+            taken.append(some[status == Status.ok])
+            have += len(taken[-1])
+            if have >= most:
+                break
+        return best.everything[np.sort(np.concatenate(taken)[:most])]
 
     def _best_weights(self, design: PointInformation, previous: PointInformation | None) -> _Best | None:
         """The best weights of these candidates and the design's points, beside the previous ones."""

@@ -7,25 +7,31 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ...basics.checks import as_positive, check_flag, check_positive_int, check_type
-from ...basics.quantity import names_of
-from ...basics.values import FrozenMapping
-from ...information.combinations import combination
-from ...information.evaluation import null_direction
-from ...information.problem import DesignProblem
-from ...points.experiments import Experiments
-from ...points.region import ExperimentRegion
-from ...points.settings import resolve_threads
-from .approximate_design import ApproximateDesign
-from .approximate_design import prior_information as information_of_prior
-from .asked import criterion as criterion_of
-from .candidate_rows import CandidateRows
-from .continuous import Refinement, refined
-from .estimable import estimable
-from .point_rows import PointRows, check_additive
-from .weights import optimal_weights
+from ..basics.checks import as_positive, check_flag, check_positive_int, check_type
+from ..basics.quantity import names_of
+from ..basics.values import FrozenMapping
+from ..engine.levels import kernels
+from ..information.combinations import combination
+from ..information.evaluation import null_direction
+from ..information.problem import DesignProblem
+from ..points.experiments import Experiments
+from ..points.region import ExperimentRegion
+from ..points.settings import resolve_threads
+from .optimality.approximate_design import ApproximateDesign
+from .optimality.approximate_design import prior_information as information_of_prior
+from .optimality.asked import criterion as criterion_of
+from .optimality.candidate_rows import CandidateRows
+from .optimality.continuous import Refinement, refined
+from .optimality.estimable import estimable
+from .optimality.point_rows import PointRows, check_additive
+from .optimality.weights import optimal_weights
+from .points.auto_search import AutoSearch
+from .settings import ExchangeSettings
 
 MOST_CANDIDATES = 10**6
+
+MORE_POINTS, SEARCH, SEARCHED = 3, 120, 2000
+"""Points beyond the parameters of a design that is searched for first, its iterations, and how many of its candidates are taken."""
 
 SAMPLE = 2000
 """Candidates that a design keeps for its pictures."""
@@ -107,7 +113,13 @@ def approximate(
 
     source = PointRows(problem, threads)
     rng = np.random.default_rng(seed)
-    given = _drawn(problem, n_candidates, rng) if candidates is None else candidates
+    given = candidates
+    if given is None:
+        _check_region(problem)
+        searches = criterion != "c" and problem.model.kernels is kernels
+        searched = _searched(problem, seed, threads) if searches else None
+        given = _drawn(problem, n_candidates, rng)
+        given = given if searched is None else Experiments.join([given, searched])
     rows, places = source.valid(given)
     if not len(rows):
         told = ", ".join(f"{reason} {count}" for reason, count in source.rejected.items())
@@ -123,7 +135,11 @@ def approximate(
     weights = optimal_weights(pool, asked, tolerance=tolerance, seed=seed, space=space)
     found = Refinement(points[weights.chosen], rows[weights.chosen], weights, len(rows), 0)
     if candidates is None:
-        found = refined(source, points, pool, asked, weights, starts, tolerance, rng)
+
+        def others(k: int) -> Experiments | None:
+            return _searched(problem, seed + 1 + k, threads) if searches else None
+
+        found = refined(source, points, pool, asked, weights, starts, tolerance, rng, others)
     weights = found.weights
     information = CandidateRows(found.rows, constant).information(np.arange(len(found.rows)), weights.weights)
     inside = space.span.T @ information @ space.span if len(space.null) else information
@@ -164,12 +180,39 @@ def _experiments(added: bool, n_experiments: int | None) -> int | None:
     return check_positive_int(n_experiments, "n_experiments")
 
 
-def _drawn(problem: DesignProblem, count: int, rng: np.random.Generator) -> Experiments:
-    """Points of the region, of every second some coordinates on its bounds, where optima often lie."""
-    region, model = problem.region, problem.model
+def _check_region(problem: DesignProblem) -> None:
+    region = problem.region
     if not isinstance(region, ExperimentRegion):
         given = "None" if region is None else "one of runs"
         raise ValueError(f"region: expected an ExperimentRegion where no candidates are given, given {given}")
+
+
+def _searched(problem: DesignProblem, seed: int, threads: int) -> Experiments | None:
+    """The best candidates of a search for an exact design: it looks on every scale near good points, where peaks may be narrow.
+
+    For "c", whose optima are often singular, they say little; many close ones only hold up its weights.
+    """
+    settings = ExchangeSettings(
+        n_experiments=len(problem.estimated) + MORE_POINTS,
+        n_candidates=50,
+        max_iterations=SEARCH,
+        seed=seed,
+        patience=None,
+        time_limit=None,
+        max_redraws=0,
+        references=True,
+    )
+    search = AutoSearch(problem, settings, threads)
+    if search.run(None) == "interrupted":
+        raise KeyboardInterrupt
+    found = search.seen.best(search.best.information, None, SEARCHED)
+    return None if found is None else found.experiments
+
+
+def _drawn(problem: DesignProblem, count: int, rng: np.random.Generator) -> Experiments:
+    """Points of the region, of every second some coordinates on its bounds, where optima often lie."""
+    region, model = problem.region, problem.model
+    assert isinstance(region, ExperimentRegion)
     table = region.draw(model, count, seed=rng, decades=True).table[:, : len(model.axes)].copy()
     lower, upper = np.array([region.bounds[name] for name in names_of(model.axes)]).T
     on_bounds = rng.random(table.shape) < 0.5
