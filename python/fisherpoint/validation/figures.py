@@ -82,7 +82,8 @@ class ParameterFigures:
     without_interval : int
         Virtual experiments without an interval that has ends.
     limited_ratio : Figure
-        Achieved over promised, where errors count as four promised standard errors at most. It is never more than `ratio`, and its
+        Achieved over promised, where errors count as four promised standard errors from their median at most. It is never more than
+        `ratio`, and its
         Monte Carlo error stays small where a few diverging fits make that of `ratio` large.
     """
 
@@ -135,15 +136,16 @@ def parameter_figures(parameter: str, prior_std: float, promised: float, fits: O
     errors = off[fine]
     if len(errors) < FEWEST:
         return told
-    away = errors - errors.mean()
+    middle, reach = float(np.median(errors)), MOST_OFF * promised
+    limited = np.clip(errors, middle - reach, middle + reach)  # which can only make them scatter less
     return replace(
         told,
         bias=mean(errors),
-        achieved=standard_deviation(away, 1),
+        achieved=standard_deviation(errors - errors.mean(), 1),
         typical=typical_size(errors),
         rmse=standard_deviation(errors, 0).over(prior_std),
         claimed=mean(fits.standard_error[has_ends]),
-        limited_ratio=standard_deviation(np.clip(away, -MOST_OFF * promised, MOST_OFF * promised), 1).over(promised),
+        limited_ratio=standard_deviation(limited - limited.mean(), 1).over(promised),
     )
 
 

@@ -48,15 +48,15 @@ class ParameterVerdict:
 
     @property
     def said(self) -> str:
-        """What is wrong, such as "promise 18 % too small for a"."""
+        """What is wrong, such as "errors of a are 18 % larger than promised"."""
         parts = []
         if self.ratio:
             value = self.figures.ratio.value
             if value >= 2:
-                parts.append(f"achieved errors of {self.parameter} {value:.3g} times the promised ones")
+                size = f"{value:.3g} times as large as promised"
             else:
-                size = f"{100 * abs(value - 1):.0f} %"
-                parts.append(f"promise {size} too {'small' if self.ratio == 'high' else 'large'} for {self.parameter}")
+                size = f"{100 * abs(value - 1):.0f} % {'larger' if self.ratio == 'high' else 'smaller'} than promised"
+            parts.append(f"errors of {self.parameter} are {size}")
         if self.coverage:
             of = self.figures
             missed = f"estimates {100 * of.too_low.value:.0f} % too low, {100 * of.too_high.value:.0f} % too high"
