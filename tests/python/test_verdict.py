@@ -118,7 +118,7 @@ def test_the_coverage_is_that_of_all_runs() -> None:
     assert of.coverage.value + of.too_low.value + of.too_high.value == pytest.approx(1.0)
     assert of.without_interval >= design.failed > 150
     line = str(found).splitlines()[0]
-    assert line.startswith("the promise does not hold: ") and "intervals of b contain the truth in 7" in line
+    assert line.startswith("the promise does not hold: ") and "intervals of a, b contain the truth in 7" in line
     assert f"{design.failed} of 2000 without a fit" in line and "use_prior" in line
 
 

@@ -83,8 +83,7 @@ class ParameterFigures:
         Virtual experiments without an interval that has ends.
     limited_ratio : Figure
         Achieved over promised, where errors count as four promised standard errors from their median at most. It is never more than
-        `ratio`, and its
-        Monte Carlo error stays small where a few diverging fits make that of `ratio` large.
+        `ratio`, and its Monte Carlo error stays small where a few diverging fits make that of `ratio` large.
     """
 
     parameter: str

@@ -12,7 +12,7 @@ from ..show.numbers import computed, counted, with_error
 from ..show.section import Report, Section
 from .design_validation import DesignValidation
 from .figures import FEWEST
-from .verdict import BROKEN, COVERAGE_TOLERANCE, HOLDS, OPEN, RATIO_TOLERANCE, ParameterVerdict, needed_runs, verdicts_of
+from .verdict import BROKEN, COVERAGE_TOLERANCE, HOLDS, OPEN, RATIO_TOLERANCE, ParameterVerdict, in_words, needed_runs, verdicts_of
 
 TOLERANCES = f"{100 * RATIO_TOLERANCE:.0f} % of standard errors and {100 * COVERAGE_TOLERANCE:.0f} points of coverage"
 
@@ -91,13 +91,14 @@ def _verdict(validation: Validated, design: DesignValidation, verdicts: Mapping[
     beside = f"; {undetermined} of {len(design.parameters)} parameters are not determined" if undetermined else ""
     if design.failed:
         beside += f"; {design.failed} of {validation.runs} without a fit"
+        beside += f", {design.without_data} of them without data" if design.without_data else ""
         beside += f", {counted(design.wrong_minima, 'wrong minimum', 'wrong minima')} among them" if design.wrong_minima else ""
     some = {kind: [one for one in verdicts.values() if one.outcome == kind] for kind in (HOLDS, BROKEN, OPEN)}
     if some[BROKEN]:
         advice = " ".join(f"{one[0].upper()}{one[1:]}." for one in _advice(validation, design, verdicts)[:2])
         rest = f"; it holds for {_names(some[HOLDS])}" if some[HOLDS] else ""
         rest += f"; not told for {_names(some[OPEN])}" if some[OPEN] else ""
-        return f"the promise does not hold: {'; '.join(one.said for one in some[BROKEN])}{rest}{beside}. {advice}".rstrip()
+        return f"the promise does not hold: {in_words(some[BROKEN])}{rest}{beside}. {advice}".rstrip()
     if some[OPEN]:
         rest = f"it holds for {_names(some[HOLDS])}; " if some[HOLDS] else ""
         needed = needed_runs(verdicts, validation.runs)
@@ -127,7 +128,7 @@ def _all_advice(validation: Validated, design: DesignValidation, verdicts: Mappi
         return
     lost = design.failed - design.without_data - design.wrong_minima
     if design.without_data > COVERAGE_TOLERANCE * validation.runs:
-        yield f"{design.without_data} of the plants have no trajectory at all points: move these inwards, or shorten them"
+        yield f"{design.without_data} of the plants cannot run the whole design: points further inside, or shorter ones"
     if lost > COVERAGE_TOLERANCE * validation.runs and not validation.use_prior:
         yield f"{lost} fits found no minimum: with the prior in the fits (use_prior, --use-prior), estimates cannot run off"
     if design.wrong_minima > COVERAGE_TOLERANCE * validation.runs:

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from ..basics.values import Array
 from ..estimation.least_squares import CONVERGED, LIMIT, NOT_EVALUABLE, Minima, minimise
-from ..estimation.search import FIRST_EVALUATIONS, SAME_MINIMUM
-from ..estimation.unknown_noise import correlations_can_be_told, likelihood_deviance, minimise_log_det
+from ..estimation.search import FIRST_EVALUATIONS, SAME_MINIMUM, SETTLED_TO_COMPARE
+from ..estimation.unknown_noise import SETTLED, correlations_can_be_told, likelihood_deviance, minimise_log_det
 from ..estimation.weighting import WeightedResiduals
 
 LAST_EVALUATIONS = 200
@@ -65,7 +65,7 @@ class Searches:
         All are searched from the prior mean first, and from the other starts where that ended in no minimum, or in a wrong one.
         """
         everything = np.arange(len(truth))
-        lowest = self._searched(self._inside(truth), everything, FIRST_EVALUATIONS).minima
+        lowest = self._searched(self._inside(truth), everything, FIRST_EVALUATIONS, SETTLED_TO_COMPARE).minima
         found = self._searched(np.tile(self.starts[0], (len(truth), 1)), everything, FIRST_EVALUATIONS)
         same = self._same(lowest.cost)
         for rank in range(len(self.starts) - 1):
@@ -118,7 +118,7 @@ class Searches:
         better = np.where(near, (new.end == CONVERGED) & (mine.end != CONVERGED), new.cost < mine.cost)
         found.put(rows[better], other.some(better))
 
-    def _searched(self, z0: Array, rows: NDArray[np.intp], evaluations: int) -> Searched:
+    def _searched(self, z0: Array, rows: NDArray[np.intp], evaluations: int, settled: float = SETTLED) -> Searched:
         """Minima of the experiments `rows` from z0 (b, P), with costs that can be compared, infinite where there is none."""
         residuals, unknowns = replace(self.residuals, y=self.residuals.y[rows]), self.residuals.unknowns
         n_y = residuals.y.shape[-1]
@@ -127,7 +127,7 @@ class Searches:
             cost, noise = minima.cost, np.zeros((len(rows), n_y, n_y))
         else:
             full = correlations_can_be_told(residuals.measured, len(unknowns))
-            minima, noise = minimise_log_det(replace(residuals, covariance=np.eye(n_y)), z0, full, evaluations)
+            minima, noise = minimise_log_det(replace(residuals, covariance=np.eye(n_y)), z0, full, evaluations, settled)
             with np.errstate(divide="ignore", invalid="ignore"):
                 cost = (likelihood_deviance(noise, residuals.measured, full) + residuals.prior_square(minima.z)) / 2
         evaluable = (minima.end != NOT_EVALUABLE) & np.isfinite(cost)

@@ -7,11 +7,12 @@ correction is needed there, as all parts have to be shown. Between the two the r
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..show.numbers import computed
 from .design_validation import DesignValidation
 from .figures import LEVEL, Figure, ParameterFigures
 
@@ -45,23 +46,6 @@ class ParameterVerdict:
     ratio: str
     coverage: str
     figures: ParameterFigures
-
-    @property
-    def said(self) -> str:
-        """What is wrong, such as "errors of a are 18 % larger than promised"."""
-        parts = []
-        if self.ratio:
-            value = self.figures.ratio.value
-            if value >= 2:
-                size = f"{value:.3g} times as large as promised"
-            else:
-                size = f"{100 * abs(value - 1):.0f} % {'larger' if self.ratio == 'high' else 'smaller'} than promised"
-            parts.append(f"errors of {self.parameter} are {size}")
-        if self.coverage:
-            of = self.figures
-            missed = f"estimates {100 * of.too_low.value:.0f} % too low, {100 * of.too_high.value:.0f} % too high"
-            parts.append(f"intervals of {self.parameter} contain the truth in {100 * of.coverage.value:.0f} % ({missed})")
-        return ", ".join(parts)
 
 
 def verdicts_of(designs: Mapping[str, DesignValidation]) -> dict[str, dict[str, ParameterVerdict]]:
@@ -115,3 +99,28 @@ def needed_runs(verdicts: Mapping[str, ParameterVerdict], runs: int) -> int:
                 most = max(most, runs * (quantile * figure.error / room) ** 2)
     digits = 10 ** int(np.floor(np.log10(most)))
     return int(np.ceil(most / digits) * digits)
+
+
+def in_words(broken: Sequence[ParameterVerdict]) -> str:
+    """What is wrong: "errors of a are 18 % larger than promised; intervals of a, b contain the truth in 79 to 88 % (...)"."""
+    parts = [f"errors of {one.parameter} are {_size(one)} promised" for one in broken if one.ratio]
+    for direction in ("low", "high"):
+        some = [one for one in broken if one.coverage == direction]
+        if some:
+            shares = (_range(getattr(one.figures, label).value for one in some) for label in ("coverage", "too_low", "too_high"))
+            covered, low, high = shares
+            names = ", ".join(one.parameter for one in some)
+            parts.append(f"intervals of {names} contain the truth in {covered} (estimates {low} too low, {high} too high)")
+    return "; ".join(parts)
+
+
+def _size(verdict: ParameterVerdict) -> str:
+    value = verdict.figures.ratio.value
+    if value >= 2:
+        return f"{computed(value)} times as large as"
+    return f"{100 * abs(value - 1):.0f} % {'larger' if verdict.ratio == 'high' else 'smaller'} than"
+
+
+def _range(shares: Iterable[float]) -> str:
+    rounded = sorted(round(100 * share) for share in shares)
+    return f"{rounded[0]} %" if rounded[0] == rounded[-1] else f"{rounded[0]} to {rounded[-1]} %"
