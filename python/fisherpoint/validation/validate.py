@@ -21,8 +21,11 @@ from .fits import Estimator, VirtualExperiments, VirtualFits, together
 from .result import Validation
 from .truths import Rig, Streams, truths_of
 
-FIRST_PART, SECONDS = 25, 5.0
-"""Runs of the first part, and how long a part may take before the next one becomes smaller."""
+FIRST_PART, LEAST_PART = 25, 10
+"""Runs of the first part, and of the smallest one: together, fits take less."""
+
+SECONDS = 5.0
+"""That a part should take. The next one is twice as large where it took less than half of that, half as large where twice that."""
 
 MOST_RUNS = 10**6
 """Virtual experiments with each design, past which they count as a slip."""
@@ -190,7 +193,7 @@ def _parts(
             if progress is not None:
                 progress(ValidationProgress(made, len(thetas), failed, perf_counter() - begin))
             seconds = perf_counter() - start
-            size = 2 * size if seconds < SECONDS / 2 else size if seconds < SECONDS else max(1, size // 2)
+            size = 2 * size if seconds < SECONDS / 2 else size if seconds < 2 * SECONDS else max(LEAST_PART, size // 2)
     except KeyboardInterrupt:
         least = min(map(len, done.values()))
         if not least:
