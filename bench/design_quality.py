@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 import fisherpoint as fp
 from fisherpoint.basics.values import IntArray
 from fisherpoint.data.record_trajectory import record_trajectories
-from fisherpoint.estimation.least_squares import CONVERGED, Minima, minimise
+from fisherpoint.estimation.least_squares import CONVERGED, minimise
 from fisherpoint.estimation.observed import Observed
 from fisherpoint.estimation.precision import Precision, covariances
 from fisherpoint.estimation.small_samples import output_degrees_of_freedom
@@ -32,6 +32,7 @@ from fisherpoint.estimation.weighting import WeightedResiduals, noise_covariance
 from fisherpoint.information.draws import drawn_from_prior
 from fisherpoint.points.settings import resolve_threads
 from fisherpoint.validation.fits import Estimator
+from fisherpoint.validation.searches import Searched
 from fisherpoint.validation.truths import TRUTH_RTOL, Rig, Streams
 
 from .quality_designs import MODEL, PRIOR, SMOOTH, SOURCES, Candidate, problem
@@ -56,16 +57,17 @@ BATCH = 100
 class Fits(Estimator):
     """Fits from the prior mean; of points, those that get stuck begin once more at a node of the prior."""
 
-    def _minimised(self, residuals: WeightedResiduals, start: Array) -> Minima:
+    def searched(self, residuals: WeightedResiduals, truth: Array) -> Searched:
         bounds = self.unknowns.lower, self.unknowns.upper
-        minima = minimise(residuals, start, *bounds, ITERATIONS)
+        minima = minimise(residuals, np.tile(self.start, (len(truth), 1)), *bounds, ITERATIONS)
         stuck = np.flatnonzero(minima.end != CONVERGED)
-        if len(stuck) and len(self.further_starts):
-            again = np.tile(self.further_starts[0], (len(stuck), 1))
+        if len(stuck) and len(self.starts) > 1:
+            again = np.tile(self.starts[1], (len(stuck), 1))
             found = minimise(replace(residuals, y=residuals.y[stuck]), again, *bounds, ITERATIONS)
             better = found.end == CONVERGED
             minima.z[stuck[better]], minima.end[stuck[better]] = found.z[better], CONVERGED
-        return minima
+        n_y = residuals.y.shape[-1]
+        return Searched(minima, np.zeros((len(truth), n_y, n_y)), np.zeros(len(truth), dtype=bool))
 
 
 @dataclass(frozen=True)
@@ -141,7 +143,7 @@ def estimator(candidate: Candidate, case: Case, noise: float) -> Estimator:
     )
     starts = spread_starts(unknowns, mean, None, 1)
     _, jacobian, _ = residuals(starts[:1], np.zeros(1, dtype=np.intp))
-    return Fits(residuals, starts[0], starts[:0], True, Precision.of(jacobian[0]))
+    return Fits(residuals, starts, True, Precision.of(jacobian[0]))
 
 
 def study(candidate: Candidate, case: Case, noise: float, n: int) -> dict[str, Any]:

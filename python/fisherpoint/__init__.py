@@ -51,7 +51,7 @@ from .prior.gaussian import GaussianPrior
 from .prior.rules import GaussHermite, Linearized, Rule, Sobol, SparseGaussHermite, TensorGrid, Unscented
 from .validation.design_validation import DesignValidation
 from .validation.result import Validation
-from .validation.validate import validate
+from .validation.validate import ValidationProgress, validate
 
 if TYPE_CHECKING:
     from .design.configuration import load_problem
@@ -120,6 +120,7 @@ __all__ = [
     "Trajectories",
     "Unscented",
     "Validation",
+    "ValidationProgress",
     "VirtualRig",
     "approximate",
     "assumed_covariance",

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 import fisherpoint as fp
 from fisherpoint.basics.extras import needed_for
@@ -14,7 +16,20 @@ from fisherpoint.basics.files import write_together
 from fisherpoint.design.configuration import load_config
 
 from .runs import read_points
-from .terminal import Noise, NoPlots, Output, Quiet, Threads, as_file, make_directory, named_files, read_data, say, show
+from .terminal import (
+    INTERRUPTED,
+    Noise,
+    NoPlots,
+    Output,
+    Quiet,
+    Threads,
+    as_file,
+    make_directory,
+    named_files,
+    read_data,
+    say,
+    show,
+)
 
 
 class Truth(StrEnum):
@@ -37,9 +52,9 @@ def validate(
     no_plots: NoPlots = False,
     quiet: Quiet = False,
 ) -> int:
-    """Measure designs virtually many times, fit each time, and compare with what the designs promise.
+    """Measure designs virtually many times, fit each time, and tell whether the designs keep their promises.
 
-    Writes validation.csv, report.txt and validation.png.
+    Writes validation.csv, report.txt and validation.png. Ctrl-C stops early and keeps what was found by then.
     """
     config = load_config(file)
     problem = config.problem()
@@ -50,16 +65,40 @@ def validate(
         with needed_for("pictures"):
             from fisherpoint.validation import pictures as plots_validation  # noqa: F401  what can fail for a trivial reason fails before the work
     make_directory(output)
-    found = fp.validate(
-        problem, points, runs=runs, theta=theta.value, seed=seed, noise=noise.value, use_prior=use_prior, threads=threads
-    )
+    settings = {"runs": runs, "theta": theta.value, "seed": seed, "noise": noise.value, "use_prior": use_prior, "threads": threads}
+    found = _validate(problem, points, settings, show=not quiet)
     contents = {"validation.csv": found.to_pandas().to_csv(), "report.txt": as_file(found.report())}
     written = [path.name for path in write_together(output, contents, stale=["validation.png"])]
-    if not no_plots:
+    if not no_plots and not found.interrupted:  # who interrupts wants an end
         found.plot(path=output / "validation.png")
         written.append("validation.png")
     if not quiet:
         show(found.report())
         print()
         say(f"Written to {output}: {', '.join(written)}")
-    return 0
+    return INTERRUPTED if found.interrupted else 0
+
+
+def _validate(
+    problem: fp.DesignProblem, points: dict[str, fp.Experiments | fp.Runs], settings: dict[str, Any], show: bool
+) -> fp.Validation:
+    """Run the virtual experiments under a progress bar on standard error, which fits into 80 columns."""
+    console = Console(stderr=True)
+    bar = Progress(
+        TextColumn("virtual experiments"),
+        MofNCompleteColumn(),
+        BarColumn(bar_width=12),
+        TextColumn("{task.fields[state]}"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not (show and console.is_terminal),
+    )
+    with bar:
+        task = bar.add_task("validate", total=settings["runs"], state="")
+
+        def progress(now: fp.ValidationProgress) -> None:
+            bar.update(task, completed=now.runs, state=f"{now.failed} failed" if now.failed else "")
+
+        return fp.validate(problem, points, progress=progress, **settings)

@@ -17,7 +17,7 @@ from fisherpoint.estimation.least_squares import CONVERGED, minimise
 from fisherpoint.estimation.precision import covariances
 from fisherpoint.estimation.small_samples import inflated
 from fisherpoint.validation import fits
-from fisherpoint.validation.figures import mean, parameter_figures, share, standard_deviation, typical_size
+from fisherpoint.validation.figures import OneParameter, mean, parameter_figures, share, standard_deviation, typical_size
 from fisherpoint.validation.fits import Estimator
 from fisherpoint.validation.truths import Rig, Streams, truths_of
 from fisherpoint_command.cli import main
@@ -167,7 +167,7 @@ def test_too_few_points_are_told_and_not_fitted() -> None:
 
 
 def test_too_few_fits_for_figures_are_told() -> None:
-    assert "no figures: expected at least 10 fits" in str(fp.validate(line(), {"d": SPREAD}, runs=9))
+    assert "no figures of errors: expected at least 10 fits" in str(fp.validate(line(), {"d": SPREAD}, runs=9))
     assert "no figures" not in str(fp.validate(line(), {"d": SPREAD}, runs=10))
 
 
@@ -220,7 +220,8 @@ def test_fits_do_not_depend_on_chunks_threads_or_neighbours(
     whole = fp.validate(given, {"d": points}, runs=30, threads=2).to_pandas()
     monkeypatch.setattr(fits, "MOST_NUMBERS", 7 * 14 * 4 * 9)
     parts = fp.validate(given, {"other": points[:9], "d": points}, runs=30, threads=1).to_pandas()
-    np.testing.assert_allclose(parts.loc["d"], whole.loc["d"], rtol=1e-6)
+    assert parts.loc["d", "verdict"].equals(whole.loc["d", "verdict"])
+    np.testing.assert_allclose(*(of.loc["d"].drop(columns="verdict").astype(float) for of in (parts, whole)), rtol=1e-6)
 
 
 def test_the_fits_are_those_of_least_squares(cylinder: tuple[fp.DesignProblem, fp.Experiments]) -> None:
@@ -273,7 +274,9 @@ def test_truths_whose_trajectories_fail_are_counted_by_status() -> None:
     found = fp.validate(fp.DesignProblem(tank, prior, None, noise_std={"h_m": 0.01}), {"d": points}, runs=200).designs["d"]
     assert found.failures["the true trajectory: left_domain"] > 5
     assert found.fits + sum(found.failures.values()) == 200
-    assert abs(found.parameters["k"].coverage.value - 0.95) < 0.05
+    of, lost = found.parameters["k"], found.without_data / 200  # who gave no data has no interval
+    assert abs(of.coverage.value / (1 - lost) - 0.95) < 0.05
+    assert of.coverage.value + of.too_low.value + of.too_high.value + lost == pytest.approx(1.0)
 
 
 def test_figures() -> None:
@@ -343,6 +346,6 @@ def test_a_fit_at_a_bound_has_the_precision_of_the_others_alone(known: bool) -> 
     variance = np.full(200, 0.01) if known else np.square(residuals).sum(axis=1) / 4  # five values less one free unknown
     np.testing.assert_allclose(runs.standard_error[held, 0], np.sqrt(variance / 5)[held], rtol=1e-6)
     assert np.isinf(runs.standard_error[held, 1]).all() and np.isfinite(runs.standard_error[~held]).all()
-    figures = parameter_figures("b", 0.2, 0.04, runs.estimate[:, 1] - 1, *(part[:, 1] for part in runs[2:5]))
-    assert figures.at_bound == held.sum()
-    assert figures.coverage.value == pytest.approx(runs.covered[~held, 1].mean())
+    figures = parameter_figures("b", 0.2, 0.04, OneParameter(*(part[:, 1] for part in runs[:5]), runs.failure == ""))
+    assert figures.at_bound == figures.without_interval == held.sum()
+    assert figures.coverage.value == pytest.approx(runs.covered[~held, 1].sum() / 200)

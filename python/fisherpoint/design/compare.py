@@ -148,7 +148,7 @@ class DesignComparison(Shown, Kept):
 
 
 def compare(
-    problem: DesignProblem, designs: Mapping[str, Any], *, draws: int = 1000, seed: int = 0, threads: int | None = None
+    problem: DesignProblem, designs: Any, *, draws: int = 1000, seed: int = 0, threads: int | None = None
 ) -> DesignComparison:
     """Compare designs by what they tell under the sensor noise, and by how many plants can run them.
 
@@ -156,8 +156,8 @@ def compare(
     ----------
     problem : DesignProblem
         With the sensor noise; its region may be None.
-    designs : mapping of name to Experiments, Runs, or a design
-        At least one; points and runs beside each other.
+    designs : Experiments, Runs or a design, or a sequence, or a mapping of name to these
+        At least one; points and runs beside each other. Without names they are called "design 1" and so on.
     draws, seed : int
         Of the plants on which they are tried (`feasibility`); the same for all designs.
     threads : int, optional
@@ -198,17 +198,27 @@ def compare(
 
 
 def named_designs(given: Any) -> dict[str, Experiments | Runs]:
-    """The points or runs of designs by their names."""
-    check_mapping(given, "designs", "Experiments or Runs")
+    """The points or runs of designs by their names; one alone is called "design", and those of a sequence "design 1" and so on."""
+    if _points_of(given) is not None:
+        given = {"design": given}
+    elif isinstance(given, list | tuple):
+        given = {f"design {k + 1}": design for k, design in enumerate(given)} if len(given) != 1 else {"design": given[0]}
+    check_mapping(given, "designs", "Experiments, Runs or a design")
     if not given:
         raise ValueError("designs: expected at least one, given none")
     named = {}
     for name, design in given.items():
         check_name(name, "designs")
-        points = design if isinstance(design, Experiments | Runs) else getattr(design, "points", design)
-        if not isinstance(points, Experiments | Runs):
-            raise TypeError(f"designs[{name!r}]: expected Experiments, Runs or a Design, given {type(points).__name__}")
+        points = _points_of(design)
+        if points is None:
+            raise TypeError(f"designs[{name!r}]: expected Experiments, Runs or a Design, given {type(design).__name__}")
         if not len(points):
             raise ValueError(f"designs[{name!r}]: expected at least one point, given none")
         named[name] = points
     return named
+
+
+def _points_of(design: Any) -> Experiments | Runs | None:
+    """The points or runs of a design; None where it is none, or has weights in the place of whole numbers of points."""
+    points = design if isinstance(design, Experiments | Runs) else getattr(design, "points", None)
+    return points if isinstance(points, Experiments | Runs) and not hasattr(design, "weights") else None

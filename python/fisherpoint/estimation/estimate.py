@@ -129,7 +129,7 @@ def estimate(
     for name, log in zip(observed.names, unknowns.log, strict=True):
         if log and not begin[name] > 0:
             raise ValueError(f"start[{name!r}]: expected a positive number, as its prior is log-normal; given {begin[name]:g}")
-    z0 = _starts(observed, unknowns, begin, spread, check_positive_int(starts, "starts", most=MOST_STARTS))
+    z0 = evaluable_starts(observed, unknowns, begin, spread, check_positive_int(starts, "starts", most=MOST_STARTS))
     factor = None if prior is None else prior_factor(prior, unknowns)
     residuals = WeightedResiduals(observed, unknowns, observed.y[None], np.eye(observed.y.shape[1]), factor)
 
@@ -206,7 +206,9 @@ def _start_guess(model: Model, state: str, record: Record) -> float:
     return next(q.scale for q in model.states if q.name == state) or 1.0
 
 
-def _starts(observed: Observed, unknowns: Unknowns, begin: Mapping[str, float], spread: GaussianPrior | None, count: int) -> Array:
+def evaluable_starts(
+    observed: Observed, unknowns: Unknowns, begin: Mapping[str, float], spread: GaussianPrior | None, count: int
+) -> Array:
     """Coordinates (B, P) of the starts: as given, and nodes of the prior; further nodes in the place of those that are not ok."""
     z = spread_starts(unknowns, begin, spread, MOST_DRAWN * count if count > 1 else 1)
     if len(z) == 1:

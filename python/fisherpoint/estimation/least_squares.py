@@ -39,14 +39,18 @@ FLAT = 1e-13
 FIRST_DAMPING = 1e-2
 """In units of the squared lengths of the columns. From 0.01 to 1, NIST's problems do not tell a difference."""
 
-STRIDE = 10.0
-"""Longest step of a coordinate, in units of max(1, |z|): past it, where the model is another one, trajectories cost most."""
+STRIDE, FIRST_STRIDE = 10.0, 0.5
+"""Longest step of a coordinate, in units of max(1, |z|), and of the first one: past it, where the model is another one,
+trajectories cost most. Every step that is taken doubles what the next one may be."""
 
 CURVED_FROM = 20
 """Iterations after which steps are bent along the residuals' curvature, at the price of an evaluation each."""
 
 REACH, BEND = 0.1, 0.75
 """Share of a step at which the curvature is taken; and how much longer than the step, twice the bend may be."""
+
+RETREAT = 0.25
+"""Share of a step to which the next one is limited where it led to what cannot be evaluated: such trajectories cost most of all."""
 
 LARGEST = 1e150
 """Of residuals and their derivatives, of which the squares have to be numbers."""
@@ -147,6 +151,7 @@ class _Search:
         self.last = np.full(count, np.inf)  # length before the latest undamped step
         self.rounding = np.broadcast_to(accuracy.rounding, count)
         self.damping, self.growth = np.full(count, FIRST_DAMPING), np.full(count, 2.0)
+        self.stride = np.full(count, FIRST_STRIDE)
         self.refused, self.failed = np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.int32)
         self.evaluations = np.ones(count, dtype=np.int32)
         self.end = np.where(ok, LIMIT, NOT_EVALUABLE).astype(np.int32)
@@ -180,7 +185,9 @@ class _Search:
         units = np.where(self.units[some] > 0, self.units[some], tangent.size)
         damped = tangent.damped(self.free[some], units, damping)
         step = damped.step(tangent.along)
-        step /= np.max(np.abs(step) / (STRIDE * np.maximum(1.0, np.abs(z))), axis=1, initial=1.0)[:, None]
+        stride = self.stride[some]
+        share = np.max(np.abs(step) / np.maximum(1.0, np.abs(z)), axis=1, initial=0.0)  # of what the coordinates are
+        step *= np.minimum(1.0, stride / np.maximum(share, 1e-300))[:, None]
         taken = np.clip(z + step, self.lower, self.upper) - z
         trial, strong = z + taken, np.zeros(len(some), dtype=bool)
         if bent:
@@ -209,6 +216,8 @@ class _Search:
         self.damping[rows] *= np.where(flat, 0.1, shrink)[better]
         self.damping[rows], self.growth[rows], self.refused[rows] = np.maximum(self.damping[rows], 1e-40), 2.0, 0
         self.failed[some[~ok]] += 1
+        self.stride[some[~ok]] = RETREAT * np.minimum(share, stride)[~ok]
+        self.stride[rows] = np.minimum(STRIDE, 2 * self.stride[rows])
         self._refuse(some[~better], flat[~better])
 
     def _end_what_is_solved(self) -> None:

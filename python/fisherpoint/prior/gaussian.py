@@ -73,6 +73,8 @@ class GaussianPrior:
                 stds = by_name(std, means, "std", as_std, complete=True)
             else:
                 shares = by_name(relative_std, means, "relative_std", as_float, complete=True)
+                for name in (name for name in shares if means[name] == 0):
+                    raise ValueError(f"relative_std[{name!r}]: expected std in its place, as the mean is 0; given {shares[name]:g}")
                 stds = FrozenMapping(
                     {
                         name: as_std(share * abs(means[name]), f"relative_std[{name!r}] of the mean {means[name]:g}")

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..basics.values import Array, FrozenMapping
 from ..points.experiments import Experiments
 from ..points.runs import Runs
 from ..show.numbers import counted
-from .figures import ParameterFigures
-from .fits import VirtualFits
+from .figures import OneParameter, ParameterFigures, parameter_figures
+from .fits import NO_DATA, WRONG, VirtualFits
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +25,7 @@ class DesignValidation:
     points : Experiments or Runs
     parameters : mapping of parameter name to ParameterFigures
     fits : int
-        That did not fail: all figures are of these.
+        That did not fail: figures of errors are of these.
     failures : mapping of reason to int
     null_directions : tuple of str
         Changes of the parameters that the points do not notice at the prior mean.
@@ -39,14 +41,56 @@ class DesignValidation:
     null_directions: tuple[str, ...]
     per_run: VirtualFits | None
 
+    @classmethod
+    def of(
+        cls,
+        points: Experiments | Runs,
+        promised: Mapping[str, float],
+        prior_std: Mapping[str, float],
+        null_directions: tuple[str, ...],
+        fits: VirtualFits | None,
+    ) -> DesignValidation:
+        """Figures of the fits (n, P), whose parameters are in the order of `promised`."""
+        given = fits if fits is not None else VirtualFits.none(len(promised))
+        fine = given.failure == ""
+        figures = {}
+        for j, (name, error) in enumerate(promised.items()):
+            truth, estimate, standard_error = given.truth[:, j], given.estimate[:, j], given.standard_error[:, j]
+            one = OneParameter(truth, estimate, standard_error, given.covered[:, j], given.at_bound[:, j], fine)
+            figures[name] = parameter_figures(name, prior_std[name], error, one)
+        failures = Counter(given.failure[~fine].tolist())
+        return cls(points, FrozenMapping(figures), int(fine.sum()), FrozenMapping(dict(failures)), null_directions, fits)
+
+    def again(self) -> DesignValidation:
+        """The same, with the figures taken anew of what each virtual experiment gave: files may be of an earlier version."""
+        promised = {name: of.promised for name, of in self.parameters.items()}
+        prior_std = {name: of.prior_std for name, of in self.parameters.items()}
+        return DesignValidation.of(self.points, promised, prior_std, self.null_directions, self.per_run)
+
     @property
     def size(self) -> str:
         """How many points there are, or runs and samples."""
         if isinstance(self.points, Runs):
             return f"{counted(len(self.points), 'run')} of {counted(int(self.points.measured.sum()), 'sample')}"
-        return f"{len(self.points)} points"
+        return counted(len(self.points), "point")
+
+    @property
+    def failed(self) -> int:
+        """Virtual experiments without a fit: no data, no minimum, or a wrong one."""
+        return sum(self.failures.values())
+
+    @property
+    def wrong_minima(self) -> int:
+        """Fits that ended in a wrong minimum from all starts: from the true parameters the search ends clearly lower."""
+        return self.failures.get(WRONG, 0)
+
+    @property
+    def without_data(self) -> int:
+        """Virtual experiments whose true trajectories do not exist."""
+        return sum(count for reason, count in self.failures.items() if reason.startswith(NO_DATA))
 
     @property
     def rmse(self) -> float:
         """Geometric mean over the parameters of the root mean square error over the prior std; NaN where one has none."""
-        return float(np.exp(np.mean(np.log([figures.rmse.value for figures in self.parameters.values()]))))
+        sizes: Array = np.array([figures.rmse.value for figures in self.parameters.values()])
+        return float(np.exp(np.mean(np.log(sizes))))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,9 @@ FEWEST = 10
 
 LEVEL = 0.95
 """Of the intervals of which the coverage is counted."""
+
+MOST_OFF = 4.0
+"""Promised standard errors that an error counts as at most in `limited_ratio`: a normal one hardly ever is as large."""
 
 NORMAL_MEDIAN = 0.6744897501960817
 """Median of the absolute value of a standard normal variable."""
@@ -31,6 +35,18 @@ class Figure:
 
 
 NOTHING = Figure(np.nan, np.nan)
+
+
+class OneParameter(NamedTuple):
+    """Of one parameter in all virtual experiments (n,): truth, estimate, standard error, whether the interval contains the truth,
+    whether the fit ended at a bound, and whether it did not fail."""
+
+    truth: Array
+    estimate: Array
+    standard_error: Array
+    covered: NDArray[np.bool_]
+    at_bound: NDArray[np.bool_]
+    fine: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -56,9 +72,18 @@ class ParameterFigures:
     claimed : Figure
         Mean of the standard errors that the fits themselves tell.
     coverage : Figure
-        Share of the fits' own 95 % intervals that contain the truth.
+        Share of all virtual experiments in which the fit's own 95 % interval contains the truth. Those without an interval that has
+        ends do not: fits that failed or do not determine the parameter, and experiments without data.
     at_bound : int
         Fits that ended at a bound of the parameter: they have neither a standard error of it nor an interval.
+    too_low, too_high : Figure
+        Shares of all virtual experiments in which the truth is not in an interval, and the estimate, or where the search ended, is
+        below or above it. What is left beside these and `coverage` gave no data.
+    without_interval : int
+        Virtual experiments without an interval that has ends.
+    limited_ratio : Figure
+        Achieved over promised, where errors count as four promised standard errors from their median at most. It is never more than
+        `ratio`, and its Monte Carlo error stays small where a few diverging fits make that of `ratio` large.
     """
 
     parameter: str
@@ -71,6 +96,10 @@ class ParameterFigures:
     claimed: Figure
     coverage: Figure
     at_bound: int
+    too_low: Figure = NOTHING
+    too_high: Figure = NOTHING
+    without_interval: int = 0
+    limited_ratio: Figure = NOTHING
 
     @property
     def ratio(self) -> Figure:
@@ -88,30 +117,34 @@ class ParameterFigures:
         return self.promised < 0.5 * self.prior_std
 
 
-def parameter_figures(
-    parameter: str,
-    prior_std: float,
-    promised: float,
-    errors: Array,
-    standard_errors: Array,
-    covered: NDArray[np.bool_],
-    at_bound: NDArray[np.bool_],
-) -> ParameterFigures:
-    """Figures from the fits (n,) that did not fail."""
-    if len(errors) < FEWEST or np.isnan(promised):
-        none = NOTHING
-        return ParameterFigures(parameter, prior_std, promised, none, none, none, none, none, none, int(at_bound.sum()))
-    return ParameterFigures(
-        parameter,
-        prior_std,
-        promised,
-        mean(errors),
-        standard_deviation(errors - errors.mean(), 1),
-        typical_size(errors),
-        standard_deviation(errors, 0).over(prior_std),
-        mean(standard_errors[np.isfinite(standard_errors)]),
-        share(covered[~at_bound]),
-        int(at_bound.sum()),
+def parameter_figures(parameter: str, prior_std: float, promised: float, fits: OneParameter) -> ParameterFigures:
+    """Figures from all virtual experiments; what is said of errors is of the fits that did not fail."""
+    fine, at_bound = fits.fine, int((fits.at_bound & fits.fine).sum())
+    nothing = ParameterFigures(parameter, prior_std, promised, *(NOTHING,) * 6, at_bound)
+    if np.isnan(promised):
+        return nothing
+    has_ends = fine & ~fits.at_bound & np.isfinite(fits.standard_error)
+    covered, off = fits.covered & has_ends, fits.estimate - fits.truth
+    told = replace(
+        nothing,
+        coverage=share(covered),
+        too_low=share(~covered & (off < 0)),
+        too_high=share(~covered & (off > 0)),
+        without_interval=int((~has_ends).sum()),
+    )
+    errors = off[fine]
+    if len(errors) < FEWEST:
+        return told
+    middle, reach = float(np.median(errors)), MOST_OFF * promised
+    limited = np.clip(errors, middle - reach, middle + reach)  # which can only make them scatter less
+    return replace(
+        told,
+        bias=mean(errors),
+        achieved=standard_deviation(errors - errors.mean(), 1),
+        typical=typical_size(errors),
+        rmse=standard_deviation(errors, 0).over(prior_std),
+        claimed=mean(fits.standard_error[has_ends]),
+        limited_ratio=standard_deviation(limited - limited.mean(), 1).over(promised),
     )
 
 

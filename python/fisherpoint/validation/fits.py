@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -11,13 +12,14 @@ from numpy.typing import NDArray
 from ..basics.quantity import names_of
 from ..basics.values import Array
 from ..data.measurements import Measurements
-from ..estimation.least_squares import CONVERGED, ENDS, Minima, minimise
+from ..estimation.estimate import evaluable_starts
+from ..estimation.least_squares import CONVERGED, ENDS
 from ..estimation.observed import Observed
 from ..estimation.precision import Precision, covariances, in_words, quantile
 from ..estimation.run_error import RunError, run_errors
 from ..estimation.small_samples import inflated, output_degrees_of_freedom, unbiased
-from ..estimation.unknown_noise import check_noise_can_be_told, correlations_can_be_told, minimise_log_det
-from ..estimation.unknowns import Unknowns, checked_bounds, prior_factor, spread_starts, unknowns_of
+from ..estimation.unknown_noise import check_noise_can_be_told, correlations_can_be_told
+from ..estimation.unknowns import Unknowns, checked_bounds, prior_factor, unknowns_of
 from ..estimation.weighting import WeightedResiduals, noise_covariance
 from ..information.point_information import point_information
 from ..information.problem import DesignProblem
@@ -26,6 +28,7 @@ from ..points.experiments import Experiments
 from ..points.runs import Runs
 from ..points.status import Status
 from .figures import LEVEL
+from .searches import Searched, Searches
 from .truths import Rig, Streams
 
 MOST_NUMBERS = 4_000_000
@@ -34,12 +37,19 @@ MOST_NUMBERS = 4_000_000
 STARTS = 8
 """Starts of a search at most, as `estimate` has by default."""
 
+NO_DATA = "the true trajectory"
+"""Beginning of the reason of a virtual experiment that gave no data."""
+
+WRONG = "a wrong minimum: from the true parameters, the search ends lower"
+"""Why a fit that ended at a minimum counts as failed."""
+
 
 class VirtualFits(NamedTuple):
     """n virtual experiments and their fits; P estimated parameters.
 
-    estimate and standard_error (n, P) in SI units, covered (n, P) by the interval, at_bound (n, P), and why a fit failed (n,), an
-    empty string for one that did not. The numbers of one that did mean nothing.
+    estimate and standard_error (n, P) in SI units, covered (n, P) by an interval that has ends, at_bound (n, P), and why a fit
+    failed (n,), an empty string for one that did not. The estimate of one that did is where its search ended, NaN where there were
+    no data; its other numbers mean nothing.
     """
 
     truth: Array
@@ -48,6 +58,12 @@ class VirtualFits(NamedTuple):
     covered: NDArray[np.bool_]
     at_bound: NDArray[np.bool_]
     failure: NDArray[np.str_]
+
+    @classmethod
+    def none(cls, n_parameters: int) -> VirtualFits:
+        """Of no experiments at all."""
+        nothing = np.empty((0, n_parameters))
+        return cls(nothing, nothing, nothing, nothing > 0, nothing > 0, np.empty(0, dtype=np.str_))
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,18 +74,15 @@ class Estimator:
     ----------
     residuals : WeightedResiduals
         Of which the data are replaced; the covariance is that of the known noise.
-    start : ndarray, (P,)
-        The prior mean in coordinates.
-    further_starts : ndarray, (k, P)
-        Nodes spread over the prior, for searches that get stuck.
+    starts : ndarray, (k, P)
+        In coordinates; first the prior mean, then nodes spread over the prior, for searches that get stuck or end wrong.
     noise_known : bool
     promise : Precision
         What the noise and the points promise at the prior mean.
     """
 
     residuals: WeightedResiduals
-    start: Array
-    further_starts: Array
+    starts: Array
     noise_known: bool
     promise: Precision
 
@@ -106,9 +119,9 @@ class Estimator:
         unknowns = unknowns_of(mean, problem.prior, {}, checked_bounds(model, None, names))
         factor = prior_factor(problem.prior, unknowns) if use_prior else None
         residuals = WeightedResiduals(observed, unknowns, blank[None], covariance, factor, common)
-        starts = spread_starts(unknowns, mean, problem.prior, STARTS)
+        starts = evaluable_starts(observed, unknowns, mean, problem.prior, STARTS)
         _, jacobian, _ = residuals(starts[:1], np.zeros(1, dtype=np.intp))
-        return cls(residuals, starts[0], starts[1:], noise_known, Precision.of(jacobian[0]))
+        return cls(residuals, starts, noise_known, Precision.of(jacobian[0]))
 
     @property
     def unknowns(self) -> Unknowns:
@@ -117,32 +130,39 @@ class Estimator:
     @property
     def promised_errors(self) -> Array:
         """Standard errors (P,) in SI units at the prior mean; NaN for what the points do not determine."""
-        slopes = self.unknowns.slopes(self.unknowns.values(self.start[None]))[0]
+        slopes = self.unknowns.slopes(self.unknowns.values(self.starts[:1]))[0]
         errors: Array = np.sqrt(np.diag(self.promise.covariance)) * slopes
         return np.where(self.promise.determined, errors, np.nan)
 
     @property
     def null_directions(self) -> tuple[str, ...]:
         """What the points leave open at the prior mean, in words."""
-        values = self.unknowns.values(self.start[None])
+        values = self.unknowns.values(self.starts[:1])
         return in_words(self.promise.null, self.unknowns.slopes(values)[0], values[0], self.unknowns.names)
 
     @property
     def at_once(self) -> int:
-        """How many problems are advanced together."""
+        """How many problems may be advanced together."""
         return max(1, MOST_NUMBERS // (int(self.residuals.y[0].size) * len(self.unknowns)))
+
+    @property
+    def start(self) -> Array:
+        """The prior mean in coordinates, (P,)."""
+        start: Array = self.starts[0]
+        return start
+
+    def searched(self, residuals: WeightedResiduals, truth: Array) -> Searched:
+        """The minima of experiments whose truth is (B, P) in coordinates."""
+        return Searches(residuals, self.noise_known, self.starts).searched(truth)
 
     def fit(self, y: Array, truth: Array) -> VirtualFits:
         """Fit data (B, N, n_y) of true unknowns (B, P)."""
-        unknowns, count = self.unknowns, len(y)
-        start, residuals = np.tile(self.start, (count, 1)), replace(self.residuals, y=y)
-        if self.noise_known:
-            minima = self._minimised(residuals, start)
-        else:
-            full = correlations_can_be_told(residuals.measured, len(unknowns))
-            minima, noise = minimise_log_det(replace(residuals, covariance=np.eye(y.shape[-1])), start, full)
-            residuals = replace(residuals, covariance=noise[:, None])
-        everything = np.arange(count)
+        unknowns, residuals = self.unknowns, replace(self.residuals, y=y)
+        true = unknowns.coordinates(truth)
+        found = self.searched(residuals, true)
+        minima, everything = found.minima, np.arange(len(y))
+        if not self.noise_known:
+            residuals = replace(residuals, covariance=found.noise[:, None])
         _, jacobian, _ = residuals(minima.z, everything)
         held = unknowns.held(minima.z)
         covariance, determined = covariances(jacobian, held)
@@ -150,39 +170,23 @@ class Estimator:
         if not self.noise_known:
             counts = residuals.measured.sum(axis=0)
             degrees = output_degrees_of_freedom(self._of_data(jacobian), covariance, counts)
-            residuals = replace(residuals, covariance=unbiased(noise, degrees, counts)[:, None])
+            residuals = replace(residuals, covariance=unbiased(found.noise, degrees, counts)[:, None])
             _, jacobian, _ = residuals(minima.z, everything)
             covariance, determined = covariances(jacobian, held)
+            full = correlations_can_be_told(residuals.measured, len(unknowns))
             covariance, degrees_of_freedom = inflated(self._of_data(jacobian), covariance, counts, full)
         spread = np.where(determined, np.sqrt(np.einsum("bii->bi", covariance)), np.inf)
         estimate = unknowns.values(minima.z)
-        off = np.abs(minima.z - unknowns.coordinates(truth))
+        within = np.abs(minima.z - true) <= quantile(LEVEL, degrees_of_freedom) * spread
+        ends = [WRONG if wrong and end == CONVERGED else ENDS[int(end)] for end, wrong in zip(minima.end, found.wrong, strict=True)]
         return VirtualFits(
             truth,
             estimate,
             spread * unknowns.slopes(estimate),
-            off <= quantile(LEVEL, degrees_of_freedom) * spread,
+            within & determined,
             held,
-            np.array(["" if end == CONVERGED else ENDS[int(end)] for end in unknowns.ended(minima)], dtype=np.str_),
+            np.array(["" if end == ENDS[CONVERGED] else end for end in ends], dtype=np.str_),
         )
-
-    def _minimised(self, residuals: WeightedResiduals, start: Array) -> Minima:
-        """Minima from the start; of searches that got stuck, from further starts, as `estimate` has them."""
-        minima = self._from(residuals, start)
-        for further in self.further_starts:
-            stuck = np.flatnonzero(minima.end != CONVERGED)
-            if not len(stuck):
-                break
-            some = replace(residuals, y=residuals.y[stuck])
-            found = self._from(some, np.tile(further, (len(stuck), 1)))
-            better = found.end == CONVERGED
-            places = stuck[better]
-            minima.z[places], minima.cost[places], minima.end[places] = found.z[better], found.cost[better], CONVERGED
-            minima.evaluations[stuck] += found.evaluations
-        return minima
-
-    def _from(self, residuals: WeightedResiduals, start: Array) -> Minima:
-        return minimise(residuals, start, self.unknowns.lower, self.unknowns.upper, accuracy=residuals.accuracy)
 
     def _of_data(self, jacobian: Array) -> Array:
         """The rows of Jacobians (B, M, P) that belong to the data, (B, N, n_y, P)."""
@@ -196,19 +200,30 @@ def _blank(points: Experiments | Runs, of_sample: Array) -> Array:
     return np.where(there[..., None], of_sample, np.nan)
 
 
-def run(estimator: Estimator, rig: Rig, points: Experiments | Runs, theta: Array, seed: int, threads: int) -> VirtualFits:
-    """Measure the points at true parameters theta (n, p), and fit the data of each virtual experiment."""
-    columns = [names_of(rig.model.parameters).index(name) for name in estimator.unknowns.names]
-    parts, streams = [], Streams.of(seed)
-    for first in range(0, len(theta), estimator.at_once):
-        some = theta[first : first + estimator.at_once]
-        y, status = rig.measure(points, some, streams, threads)
-        failure = np.array([f"the true trajectory: {Status(int(code)).name}" for code in status], dtype="<U80")
+@dataclass(frozen=True, eq=False)
+class VirtualExperiments:
+    """Virtual experiments with one design, part after part: the random numbers go on from one to the next."""
+
+    estimator: Estimator
+    rig: Rig
+    points: Experiments | Runs
+    streams: Streams
+    threads: int
+
+    def run(self, theta: Array) -> VirtualFits:
+        """Measure the points at true parameters theta (n, p), and fit the data of each virtual experiment."""
+        columns = [names_of(self.rig.model.parameters).index(name) for name in self.estimator.unknowns.names]
+        y, status = self.rig.measure(self.points, theta, self.streams, self.threads)
+        failure = np.array([f"{NO_DATA}: {Status(int(code)).name}" for code in status], dtype="<U80")
         ok = status == Status.ok
-        blank = np.full((len(some), len(columns)), np.nan)
-        found = VirtualFits(some[:, columns], blank, blank.copy(), blank > 0, blank > 0, failure)
+        blank = np.full((len(theta), len(columns)), np.nan)
+        found = VirtualFits(theta[:, columns], blank, blank.copy(), blank > 0, blank > 0, failure)
         if ok.any():
-            for whole, part in zip(found[1:], estimator.fit(y[ok], some[ok][:, columns])[1:], strict=True):
+            for whole, part in zip(found[1:], self.estimator.fit(y[ok], theta[ok][:, columns])[1:], strict=True):
                 whole[ok] = part
-        parts.append(found)
+        return found
+
+
+def together(parts: Sequence[VirtualFits]) -> VirtualFits:
+    """The fits of all parts, one after the other."""
     return VirtualFits(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import matplotlib as mpl
 import numpy as np
@@ -11,9 +11,14 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, PercentFormatter
 
 from ..basics.values import Array
+from ..show.numbers import counted
 from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT
 from .design_validation import DesignValidation
 from .figures import LEVEL
+from .verdict import COVERAGE_TOLERANCE
+
+MOST = 0.95
+"""Quantile of the errors up to which the axis reaches."""
 
 BANDS = 2.0
 """Monte Carlo standard errors that an error bar reaches to either side."""
@@ -22,21 +27,22 @@ BANDS = 2.0
 def plot_validation(designs: Mapping[str, DesignValidation]) -> Figure:
     """One row of two panels per design: standard errors over the prior std, and the coverage of the fits' 95 % intervals."""
     count, rows = len(designs), max(len(design.parameters) for design in designs.values())
+    limits = _limits(designs.values())
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(8.6, 1.3 + count * (0.85 + 0.27 * rows)), layout="constrained")
         panels = figure.subplots(count, 2, squeeze=False, sharex="col", width_ratios=(2.6, 1))
         for (name, design), (errors, coverage) in zip(designs.items(), panels, strict=True):
-            _errors(errors, design)
+            _errors(errors, design, limits)
             _coverage(coverage, design)
-            failed = sum(design.failures.values())
             fits = (
-                f"{design.fits} fits, {failed} failed"
+                f"{design.fits} fits, {design.failed} failed"
                 if design.per_run is not None
                 else "no parameter is determined, nothing was fitted"
             )
             errors.set_title(f"{name}: {design.size}, {fits}")
         left, right = panels[-1]
         left.set_xscale("log")
+        left.set_xlim(limits)
         left.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=None))
         left.xaxis.set_minor_formatter(NullFormatter())
         left.set_xlabel("standard error, share of the prior std")
@@ -54,21 +60,43 @@ def plot_validation(designs: Mapping[str, DesignValidation]) -> Figure:
     return figure
 
 
-def _errors(axes: Axes, design: DesignValidation) -> None:
+def _limits(designs: Iterable[DesignValidation]) -> tuple[float, float]:
+    """What the axis of standard errors shows: the prior, what is promised and typical, and the size of most errors.
+
+    A few fits that ran off make the achieved standard error as large as it likes; then that lies outside, and is marked.
+    """
+    shown = [1.0]
+    for design in designs:
+        for j, of in enumerate(design.parameters.values()):
+            sizes = [of.promised, of.typical.value]
+            if design.per_run is not None and np.isfinite(of.achieved.value):
+                fine = design.per_run.failure == ""
+                errors = np.abs(design.per_run.estimate - design.per_run.truth)[fine, j]
+                sizes.append(min(of.achieved.value, float(np.quantile(errors, MOST))))
+            shown += [size / of.prior_std for size in sizes if np.isfinite(size) and size > 0]
+    return min(shown) / 1.6, max(shown) * 1.6
+
+
+def _errors(axes: Axes, design: DesignValidation, limits: tuple[float, float]) -> None:
     """Promised, achieved and typical standard errors of each parameter."""
     figures = list(design.parameters.values())
     rows, prior = np.arange(len(figures)), np.array([of.prior_std for of in figures])
     promised = np.array([of.promised for of in figures]) / prior
     achieved, achieved_error = _values([(of.achieved.value, of.achieved.error) for of in figures], prior)
     typical, _ = _values([(of.typical.value, of.typical.error) for of in figures], prior)
+    outside = np.flatnonzero(achieved > limits[1])
+    achieved, achieved_error = np.delete(achieved, outside), np.delete(achieved_error, outside)
+    inside = np.delete(rows, outside)
     axes.axvline(1.0, color=PRIOR, linewidth=1.5, label="prior")
-    axes.hlines(rows, np.fmin(promised, achieved), np.fmax(promised, achieved), color=CRITERION, alpha=0.35, linewidth=3)
+    reached = np.full(len(rows), limits[1])
+    reached[inside] = achieved
+    axes.hlines(rows, np.fmin(promised, reached), np.fmax(promised, reached), color=CRITERION, alpha=0.35, linewidth=3)
     axes.plot(promised, rows, "|", color=NOISE, markersize=13, markeredgewidth=2.2, label="promised")
     axes.plot(typical, rows, "o", color=CRITERION, markerfacecolor="none", markersize=8, label="achieved, typical (median)")
     reach = np.array([np.fmin(BANDS * achieved_error, 0.9 * achieved), BANDS * achieved_error])
     axes.errorbar(
         achieved,
-        rows,
+        inside,
         xerr=reach,
         fmt="o",
         color=CRITERION,
@@ -76,6 +104,8 @@ def _errors(axes: Axes, design: DesignValidation) -> None:
         linewidth=1.2,
         label=f"achieved, {BANDS:g} Monte Carlo std",
     )
+    for row in outside:
+        _mark_outside(axes, design, int(row), limits[1])
     for row, of in zip(rows, figures, strict=True):
         ratio = "not determined" if np.isnan(of.promised) else "-" if np.isnan(of.ratio.value) else f"{of.ratio.value:.2f}"
         axes.annotate(
@@ -93,11 +123,28 @@ def _errors(axes: Axes, design: DesignValidation) -> None:
     _parameters(axes, [of.parameter for of in figures])
 
 
+def _mark_outside(axes: Axes, design: DesignValidation, row: int, limit: float) -> None:
+    """An arrow at the edge, and how many of the fits have errors beyond it."""
+    assert design.per_run is not None
+    of, fine = list(design.parameters.values())[row], design.per_run.failure == ""
+    errors = np.abs(design.per_run.estimate - design.per_run.truth)[fine, row] / of.prior_std
+    axes.plot([limit], [row], ">", color=CRITERION, markersize=8, clip_on=False)
+    axes.annotate(
+        f"{counted(int((errors > limit).sum()), 'fit')} outside",
+        (limit, row),
+        xytext=(-8, 5),
+        textcoords="offset points",
+        ha="right",
+        fontsize=7,
+        color=TEXT,
+    )
+
+
 def _coverage(axes: Axes, design: DesignValidation) -> None:
     figures = list(design.parameters.values())
     rows, ones = np.arange(len(figures)), np.ones(len(figures))
     coverage, error = _values([(of.coverage.value, of.coverage.error) for of in figures], ones)
-    axes.axvspan(LEVEL - 0.02, LEVEL + 0.02, color=PRIOR, alpha=0.15, linewidth=0)
+    axes.axvspan(LEVEL - COVERAGE_TOLERANCE, LEVEL + COVERAGE_TOLERANCE, color=PRIOR, alpha=0.15, linewidth=0)
     axes.axvline(LEVEL, color=PRIOR, linewidth=1.5)
     axes.errorbar(coverage, rows, xerr=BANDS * error, fmt="o", color=CRITERION, markersize=4, linewidth=1.2)
     low = float(np.nanmin(coverage - BANDS * error, initial=0.9))

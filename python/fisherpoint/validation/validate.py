@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from time import perf_counter
-
-import numpy as np
+from typing import Any, NamedTuple
 
 from ..basics.checks import as_std, by_name, check_choice, check_flag, check_positive_int, check_type
 from ..basics.messages import listed
 from ..basics.quantity import names_of
-from ..basics.values import FrozenMapping
+from ..basics.values import Array, FrozenMapping
 from ..design.compare import named_designs
 from ..information.problem import DesignProblem
 from ..models import Model
@@ -19,18 +17,32 @@ from ..points.experiments import Experiments
 from ..points.runs import Runs
 from ..points.settings import check_rtol, resolve_threads
 from .design_validation import DesignValidation
-from .figures import parameter_figures
-from .fits import Estimator, VirtualFits, run
+from .fits import Estimator, VirtualExperiments, VirtualFits, together
 from .result import Validation
-from .truths import Rig, truths_of
+from .truths import Rig, Streams, truths_of
+
+FIRST_PART, LEAST_PART = 25, 10
+"""Runs of the first part, and of the smallest one: together, fits take less."""
+
+SECONDS = 5.0
+"""That a part should take. The next one is twice as large where it took less than half of that, half as large where twice that."""
 
 MOST_RUNS = 10**6
 """Virtual experiments with each design, past which they count as a slip."""
 
 
+class ValidationProgress(NamedTuple):
+    """What `validate` has done: virtual experiments with each design of all, those without a fit, of all designs, and seconds."""
+
+    runs: int
+    n_runs: int
+    failed: int
+    seconds: float
+
+
 def validate(
     problem: DesignProblem,
-    designs: Mapping[str, Experiments | Runs],
+    designs: Any,
     *,
     noise_std: Mapping[str, float] | None = None,
     runs: int = 1000,
@@ -41,19 +53,21 @@ def validate(
     use_prior: bool = False,
     rtol: float = 1e-9,
     threads: int | None = None,
+    progress: Callable[[ValidationProgress], None] | None = None,
 ) -> Validation:
     """Measure designs virtually many times, estimate the parameters each time, and compare with what the designs promise.
 
     Every virtual experiment has true parameters, data y(theta) + v with v normal of standard deviations `noise_std`, and a fit
-    that starts from the prior mean. All fits of a design advance together.
+    that starts from the prior mean, and goes on from other starts, as `estimate` does, where that ends in no minimum or in a wrong
+    one: a search from the true parameters tells which are wrong.
 
     Parameters
     ----------
     problem : DesignProblem
         With `uncertain`, the constants deviate, once in every virtual experiment, and with `initial_state_std` the start of every
         point, or run; the fits take the covariance that this adds to the outputs at the prior mean.
-    designs : mapping of name to Experiments, Runs or Design
-        They share the true parameters and the random numbers.
+    designs : Experiments, Runs or a design, or a sequence, or a mapping of name to these
+        They share the true parameters and the random numbers. Without names they are called "design", or "design 1" and so on.
     noise_std : mapping of output name to float, optional
         Standard deviations of the sensor noise, SI units. Outputs that are left out are not measured. Default: the problem's.
     runs : int
@@ -73,10 +87,13 @@ def validate(
     rtol : float
         Tolerance of the fits' trajectories.
     threads : int, optional
+    progress : callable, optional
+        Called with a `ValidationProgress` after each part of the runs.
 
     Returns
     -------
     Validation
+        Ctrl-C returns what there is by then, with fewer `runs` than were `asked` for.
 
     Raises
     ------
@@ -95,45 +112,94 @@ def validate(
     if truth is not None:
         _check_truth(truth, problem.model)
     std = _noise_std(problem, noise_std)
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
+    begin = perf_counter()
     thetas, redrawn = truths_of(problem, theta, count, seed)
-    rig, begin, validations = Rig.of(problem, truth, std), perf_counter(), {}
-    for name, points in named.items():
-        try:
-            estimator = Estimator.of(problem, points, std, noise == "known", use_prior, rtol, threads)
-        except ValueError as error:
-            raise ValueError(f"designs[{name!r}]: {error}") from error
-        per_run = None
-        if estimator.promise.determined.any():
-            per_run = run(estimator, rig, points, thetas, seed, threads)
-        validations[name] = _validation(problem, points, estimator, per_run)
-    described = theta if isinstance(theta, str) else FrozenMapping({key: float(value) for key, value in theta.items()})
-    seconds = perf_counter() - begin
-    return Validation(
-        problem, FrozenMapping(validations), FrozenMapping(std), count, described, seed, redrawn, truth, noise, use_prior, seconds
-    )
-
-
-def _validation(
-    problem: DesignProblem, points: Experiments | Runs, estimator: Estimator, fits: VirtualFits | None
-) -> DesignValidation:
-    """Figures of one design, of the fits that did not fail."""
-    names, promised = estimator.unknowns.names, estimator.promised_errors
-    nothing = np.empty((0, len(names)))
-    errors, claimed, covered, at_bound, failures = nothing, nothing, nothing > 0, nothing > 0, Counter[str]()
-    if fits is not None:
-        fine = fits.failure == ""
-        errors, claimed = (fits.estimate - fits.truth)[fine], fits.standard_error[fine]
-        covered, at_bound = fits.covered[fine], fits.at_bound[fine]
-        failures.update(fits.failure[~fine].tolist())
-    figures = {
-        name: parameter_figures(
-            name, problem.prior.std[name], float(promised[j]), errors[:, j], claimed[:, j], covered[:, j], at_bound[:, j]
-        )
-        for j, name in enumerate(names)
+    rig = Rig.of(problem, truth, std)
+    estimators = {name: _estimator(name, problem, points, std, noise, use_prior, rtol, threads) for name, points in named.items()}
+    experiments = {
+        name: VirtualExperiments(estimator, rig, named[name], Streams.of(seed), threads)
+        for name, estimator in estimators.items()
+        if estimator.promise.determined.any()
     }
-    return DesignValidation(
-        points, FrozenMapping(figures), len(errors), FrozenMapping(dict(failures)), estimator.null_directions, fits
+    parts = _parts(experiments, thetas, begin, progress)
+    made = count if not experiments else len(next(iter(parts.values())).truth)
+    validations = {
+        name: DesignValidation.of(
+            points,
+            dict(zip(estimators[name].unknowns.names, estimators[name].promised_errors.tolist(), strict=True)),
+            problem.prior.std,
+            estimators[name].null_directions,
+            parts.get(name),
+        )
+        for name, points in named.items()
+    }
+    described = theta if isinstance(theta, str) else FrozenMapping({key: float(value) for key, value in theta.items()})
+    return Validation(
+        problem,
+        FrozenMapping(validations),
+        FrozenMapping(std),
+        made,
+        described,
+        seed,
+        redrawn,
+        truth,
+        noise,
+        use_prior,
+        perf_counter() - begin,
+        count,
     )
+
+
+def _estimator(
+    name: str,
+    problem: DesignProblem,
+    points: Experiments | Runs,
+    std: dict[str, float],
+    noise: str,
+    use_prior: bool,
+    rtol: float,
+    threads: int,
+) -> Estimator:
+    try:
+        return Estimator.of(problem, points, std, noise == "known", use_prior, rtol, threads)
+    except ValueError as error:
+        raise ValueError(f"designs[{name!r}]: {error}") from error
+
+
+def _parts(
+    experiments: Mapping[str, VirtualExperiments],
+    thetas: Array,
+    begin: float,
+    progress: Callable[[ValidationProgress], None] | None,
+) -> dict[str, VirtualFits]:
+    """The fits of every design; of all the same runs, also where Ctrl-C ends them early.
+
+    Parts of the runs are made with one design after the other. They become larger while that takes little time: together, fits take
+    less, and what is told is told now and then. Which runs are made together does not change them.
+    """
+    done: dict[str, list[VirtualFits]] = {name: [] for name in experiments}
+    made, size, failed = 0, FIRST_PART, 0
+    most = min((one.estimator.at_once for one in experiments.values()), default=1)
+    try:
+        while experiments and made < len(thetas):
+            size, start = min(size, most), perf_counter()
+            part = {name: one.run(thetas[made : made + size]) for name, one in experiments.items()}
+            for name, fits in part.items():
+                done[name].append(fits)
+            made = min(made + size, len(thetas))
+            failed += sum(int((fits.failure != "").sum()) for fits in part.values())
+            if progress is not None:
+                progress(ValidationProgress(made, len(thetas), failed, perf_counter() - begin))
+            seconds = perf_counter() - start
+            size = 2 * size if seconds < SECONDS / 2 else size if seconds < 2 * SECONDS else max(LEAST_PART, size // 2)
+    except KeyboardInterrupt:
+        least = min(map(len, done.values()))
+        if not least:
+            raise
+        done = {name: fits[:least] for name, fits in done.items()}
+    return {name: together(fits) for name, fits in done.items()}
 
 
 def _check_truth(truth: Model, model: Model) -> None:

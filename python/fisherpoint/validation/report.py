@@ -1,0 +1,202 @@
+"""The report of a validation: whether the promises hold, what to do where they do not, and one table per design."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Protocol
+
+from ..information.problem import DesignProblem
+from ..models import Model
+from ..points.runs import Runs
+from ..show.numbers import computed, counted, with_error
+from ..show.section import Report, Section
+from .design_validation import DesignValidation
+from .figures import FEWEST
+from .verdict import BROKEN, COVERAGE_TOLERANCE, HOLDS, OPEN, RATIO_TOLERANCE, ParameterVerdict, in_words, needed_runs, verdicts_of
+
+TOLERANCES = f"{100 * RATIO_TOLERANCE:.0f} % of standard errors and {100 * COVERAGE_TOLERANCE:.0f} points of coverage"
+
+LEGEND = (
+    f"The promise of a parameter holds where achieved / promised is 1 and coverage 95 %, to within {TOLERANCES}, beyond "
+    "chance; it is broken where one of them is further off beyond chance, at 5 % over all parameters together; open is what so few "
+    "runs do not tell.",
+    "promised: standard error under the noise that the fits reckon with, at the prior mean; claimed: mean of the fits' own ones; "
+    "achieved: standard deviation of the estimates' errors, and its ratio to promised; typical ratio: the same of their median "
+    "size, which a few diverging fits do not move; rmse: root mean square error. All these are of the fits that did not fail.",
+    "coverage: share of all virtual experiments in which the fit's own 95 % interval contains the truth; low, high: in which it "
+    "does not, and the estimate, or where the search ended, is too low or too high. A failed fit has no interval that counts. What "
+    "is left to 100 % gave no data.",
+    "promised, claimed, achieved, bias and rmse in shares of the prior std; 0.987(22) is 0.987 +- 0.022, a Monte Carlo standard "
+    "error.",
+)
+
+
+class Validated(Protocol):
+    """What a report is made of: a `Validation`."""
+
+    @property
+    def problem(self) -> DesignProblem: ...
+
+    @property
+    def designs(self) -> Mapping[str, DesignValidation]: ...
+
+    @property
+    def runs(self) -> int: ...
+
+    @property
+    def asked(self) -> int: ...
+
+    @property
+    def theta(self) -> str | Mapping[str, float]: ...
+
+    @property
+    def seed(self) -> int: ...
+
+    @property
+    def redrawn(self) -> int: ...
+
+    @property
+    def truth(self) -> Model | None: ...
+
+    @property
+    def noise(self) -> str: ...
+
+    @property
+    def use_prior(self) -> bool: ...
+
+
+def validation_report(validation: Validated) -> Report:
+    """The verdict first; what was done; a table per design."""
+    verdicts = verdicts_of(validation.designs)
+    sections = [
+        _section(name, design, verdicts[name], validation.runs, _advice(validation, design, verdicts[name]))
+        for name, design in validation.designs.items()
+    ]
+    return Report(headline(validation, verdicts), [Section("", notes=[done(validation)]), *sections, Section("", notes=LEGEND)])
+
+
+def headline(validation: Validated, verdicts: Mapping[str, Mapping[str, ParameterVerdict]]) -> str:
+    """Whether the promises hold, in a line."""
+    said = {name: _verdict(validation, design, verdicts[name]) for name, design in validation.designs.items()}
+    line = next(iter(said.values())) if len(said) == 1 else "; ".join(f"{name}: {one}" for name, one in said.items())
+    if validation.runs < validation.asked:
+        return f"interrupted after {validation.runs} of {validation.asked} virtual experiments; {line}"
+    return line
+
+
+def _verdict(validation: Validated, design: DesignValidation, verdicts: Mapping[str, ParameterVerdict]) -> str:
+    if design.per_run is None or not verdicts:
+        return "nothing is promised: the points determine no parameter"
+    undetermined = len(design.parameters) - len(verdicts)
+    beside = f"; {undetermined} of {len(design.parameters)} parameters are not determined" if undetermined else ""
+    if design.failed:
+        beside += f"; {design.failed} of {validation.runs} without a fit"
+        beside += f", {design.without_data} of them without data" if design.without_data else ""
+        beside += f", {counted(design.wrong_minima, 'wrong minimum', 'wrong minima')} among them" if design.wrong_minima else ""
+    some = {kind: [one for one in verdicts.values() if one.outcome == kind] for kind in (HOLDS, BROKEN, OPEN)}
+    if some[BROKEN]:
+        advice = " ".join(f"{one[0].upper()}{one[1:]}." for one in _advice(validation, design, verdicts)[:2])
+        rest = f"; it holds for {_names(some[HOLDS])}" if some[HOLDS] else ""
+        rest += f"; not told for {_names(some[OPEN])}" if some[OPEN] else ""
+        return f"the promise does not hold: {in_words(some[BROKEN])}{rest}{beside}. {advice}".rstrip()
+    if some[OPEN]:
+        rest = f"it holds for {_names(some[HOLDS])}; " if some[HOLDS] else ""
+        needed = needed_runs(verdicts, validation.runs)
+        more = f", about {needed} would tell" if needed > validation.runs else ""
+        few = f"{counted(validation.runs, 'virtual experiment')} do not tell whether the promise holds for {_names(some[OPEN])}"
+        return f"{rest}{few} (to {TOLERANCES}){more}{beside}"
+    which = _names(some[HOLDS]) if undetermined or len(verdicts) == 1 else f"all {len(verdicts)} parameters"
+    return f"the promise holds for {which}, to within {TOLERANCES}{beside}"
+
+
+def _names(verdicts: list[ParameterVerdict]) -> str:
+    return ", ".join(one.parameter for one in verdicts)
+
+
+def _advice(validation: Validated, design: DesignValidation, verdicts: Mapping[str, ParameterVerdict]) -> list[str]:
+    """What to do, of what surely helps against what was seen; the most urgent first."""
+    return list(_all_advice(validation, design, verdicts))
+
+
+def _all_advice(validation: Validated, design: DesignValidation, verdicts: Mapping[str, ParameterVerdict]) -> Iterator[str]:
+    broken = [one for one in verdicts.values() if one.outcome == BROKEN]
+    if not broken:
+        return
+    short = [one.parameter for one in broken if one.ratio == "high" or one.coverage == "low"]
+    if validation.truth is not None:
+        yield "the data are another model's, and more points do not remove the error of a model: see the bias"
+        return
+    lost = design.failed - design.without_data - design.wrong_minima
+    if design.without_data > COVERAGE_TOLERANCE * validation.runs:
+        yield f"{design.without_data} of the plants cannot run the whole design: points further inside, or shorter ones"
+    if lost > COVERAGE_TOLERANCE * validation.runs and not validation.use_prior:
+        yield f"{lost} fits found no minimum: with the prior in the fits (use_prior, --use-prior), estimates cannot run off"
+    if design.wrong_minima > COVERAGE_TOLERANCE * validation.runs:
+        yield "estimate with more starts, or start nearer, where other minima are as deep as these"
+    weak = [one.parameter for one in broken if one.parameter in short and not one.figures.well_determined]
+    if weak and not validation.use_prior and not lost > COVERAGE_TOLERANCE * validation.runs:
+        yield f"{', '.join(weak)} known hardly better than before: plan with more points, or take the prior into the fits"
+    if any(one.ratio == "high" for one in broken):
+        yield "reckon with the achieved errors, not with the promised ones, or plan with more points"
+        if all(not one.coverage for one in broken):
+            yield "the fits' own intervals hold: trust these"
+        if validation.theta == "prior":
+            yield "the promise is for the prior mean, and plants differ from it: theta='mean' (--theta mean) shows what is left"
+    if validation.noise == "estimated" and short:
+        yield "the noise was estimated: known noise, or more samples, make the errors smaller"
+    if not short:
+        yield "errors are smaller, or intervals wider, than promised: the plan is on the safe side"
+
+
+def done(validation: Validated) -> str:
+    """What was done, in a sentence."""
+    theta = validation.theta
+    truth = {"prior": "true parameters from the prior", "mean": "true parameters at the prior mean"}
+    said = truth[theta] if isinstance(theta, str) else "true parameters as given"
+    kind = "maximum a posteriori" if validation.use_prior else "weighted least squares"
+    parts = [f"{validation.runs} virtual experiments each, {said}, noise {validation.noise}, {kind}, seed {validation.seed}"]
+    if validation.truth is not None:
+        parts.append(f"data made by another model ({validation.truth.name})")
+    if validation.problem.uncertain and validation.truth is None:
+        parts.append(f"{', '.join(validation.problem.uncertain)} off by an error that all points of an experiment share")
+    if validation.problem.initial_state_std:
+        runs = [isinstance(design.points, Runs) for design in validation.designs.values()]
+        kinds = [kind for kind, there in (("point", not all(runs)), ("run", any(runs))) if there]
+        parts.append(f"starts off by an error of each {' and '.join(kinds)}")
+    if validation.redrawn:
+        parts.append(f"{validation.redrawn} draws from the prior left out, which make no sense to the model")
+    return "; ".join(parts)
+
+
+def _section(name: str, design: DesignValidation, verdicts: Mapping[str, ParameterVerdict], n: int, advice: list[str]) -> Section:
+    notes = [f"{count} of {n}: {reason}" for reason, count in design.failures.items()]
+    notes += [f"not determined: {direction}" for direction in design.null_directions]
+    title = f"{name}: {design.size}, {counted(design.fits, 'fit')}, {design.failed} failed"
+    if design.per_run is None:
+        return Section(title, notes=[*notes, "nothing was fitted: the points determine no parameter"])
+    if design.fits < FEWEST:
+        notes.append(f"no figures of errors: expected at least {FEWEST} fits that did not fail")
+    columns = (
+        *("parameter", "promised", "claimed", "achieved", "ratio", "typical ratio", "bias", "rmse"),
+        *("coverage", "low", "high", "promise"),
+    )
+    rows = []
+    for parameter, of in design.parameters.items():
+        prior = of.prior_std
+        told = (computed(value / prior) for value in (of.promised, of.claimed.value))
+        figures = (of.achieved.over(prior), of.ratio, of.typical_ratio, of.bias.over(prior), of.rmse)
+        shares = (with_error(100 * one.value, 100 * one.error, " %") for one in (of.coverage, of.too_low, of.too_high))
+        outcome = verdicts[parameter].outcome if parameter in verdicts else "-"
+        rows.append((parameter, *told, *(with_error(one.value, one.error) for one in figures), *shares, outcome))
+    marked = [place for place, parameter in enumerate(design.parameters) if _is_broken(verdicts.get(parameter))]
+    notes += [
+        f"{parameter} has no interval with ends in {of.without_interval} of {n}"
+        for parameter, of in design.parameters.items()
+        if of.without_interval > design.failed
+    ]
+    notes += [f"{of.at_bound} fits have {parameter} at a bound" for parameter, of in design.parameters.items() if of.at_bound]
+    return Section(title, columns, rows, marked, [*notes, *(f"to do: {one}" for one in advice)])
+
+
+def _is_broken(verdict: ParameterVerdict | None) -> bool:
+    return verdict is not None and verdict.outcome == BROKEN

@@ -1,0 +1,135 @@
+"""The minima of many virtual experiments, searched as `estimate` does, and which of them are wrong.
+
+Whether a minimum is the right one is told by a second search from the true parameters, which a simulation knows: where that ends
+clearly lower, the first one is wrong. Unlike a test of the chi-square, this needs no level, tells minima apart that are nearly as
+low, and holds for noise that is not known, with a prior and with a model error too. Its result is never taken as an estimate:
+nobody who measures could start there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..basics.values import Array
+from ..estimation.least_squares import CONVERGED, LIMIT, NOT_EVALUABLE, Minima, minimise
+from ..estimation.search import FIRST_EVALUATIONS, SAME_MINIMUM, SETTLED_TO_COMPARE
+from ..estimation.unknown_noise import SETTLED, correlations_can_be_told, likelihood_deviance, minimise_log_det
+from ..estimation.weighting import WeightedResiduals
+
+LAST_EVALUATIONS = 200
+"""Of the search that goes on from the lowest of several that came to no end."""
+
+
+@dataclass(frozen=True, eq=False)
+class Searched:
+    """Where B searches ended: minima, the noise (B, n_y, n_y) where it was estimated, and which minima are wrong (B,)."""
+
+    minima: Minima
+    noise: Array
+    wrong: NDArray[np.bool_]
+
+    def put(self, rows: NDArray[np.intp], other: Searched) -> None:
+        """Take where other searches ended for these experiments."""
+        mine, new = self.minima, other.minima
+        mine.z[rows], mine.cost[rows], mine.end[rows], self.noise[rows] = new.z, new.cost, new.end, other.noise
+
+    def some(self, chosen: NDArray[Any]) -> Searched:
+        z, cost, end, evaluations = self.minima
+        return Searched(Minima(z[chosen], cost[chosen], end[chosen], evaluations[chosen]), self.noise[chosen], self.wrong[chosen])
+
+
+@dataclass(frozen=True, eq=False)
+class Searches:
+    """Searches for B experiments that share points and unknowns.
+
+    Attributes
+    ----------
+    residuals : WeightedResiduals
+        With data y (B, N, n_y).
+    noise_known : bool
+    starts : ndarray, (k, P)
+        In coordinates; first the prior mean, then nodes spread over the prior.
+    """
+
+    residuals: WeightedResiduals
+    noise_known: bool
+    starts: Array
+
+    def searched(self, truth: Array) -> Searched:
+        """The lowest minima that are found from the starts; `truth` (B, P), in coordinates, tells which are wrong.
+
+        All are searched from the prior mean first, and from the other starts where that ended in no minimum, or in a wrong one.
+        """
+        everything = np.arange(len(truth))
+        lowest = self._searched(self._inside(truth), everything, FIRST_EVALUATIONS, SETTLED_TO_COMPARE).minima
+        found = self._searched(np.tile(self.starts[0], (len(truth), 1)), everything, FIRST_EVALUATIONS)
+        same = self._same(lowest.cost)
+        for rank in range(len(self.starts) - 1):
+            rows = np.flatnonzero(self._to_go_on(found.minima, lowest, same))
+            if not len(rows):
+                break
+            if rank == 0:
+                order = np.zeros((len(truth), len(self.starts) - 1), dtype=np.intp)
+                order[rows] = self._promising(rows)
+            self._take_lower(found, rows, self._searched(self.starts[1:][order[rows, rank]], rows, FIRST_EVALUATIONS), same)
+        rows = np.flatnonzero(found.minima.end == LIMIT)
+        if len(rows):
+            self._take_lower(found, rows, self._searched(found.minima.z[rows], rows, LAST_EVALUATIONS), same)
+        return replace(found, wrong=found.minima.cost > lowest.cost + same)
+
+    def _inside(self, z: Array) -> Array:
+        return np.clip(z, self.residuals.unknowns.lower, self.residuals.unknowns.upper)
+
+    def _same(self, cost: Array) -> Array:
+        """Difference of costs (B,) that rounding, or the trajectories' tolerance, explains."""
+        if not self.noise_known:
+            return np.full(len(cost), SAME_MINIMUM)
+        rounding = np.broadcast_to(self.residuals.accuracy.rounding, len(cost))
+        size = np.sqrt(2 * np.where(np.isfinite(cost), cost, 0.0))
+        return np.asarray(np.maximum(SAME_MINIMUM, 10 * rounding * (size + rounding)))
+
+    @staticmethod
+    def _to_go_on(minima: Minima, lowest: Minima, same: Array) -> NDArray[np.bool_]:
+        return np.asarray((minima.end != CONVERGED) | (minima.cost > lowest.cost + same))
+
+    def _promising(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
+        """The order (b, k) of the further starts for these experiments, from the lowest residuals on."""
+        unknowns, several = self.residuals.unknowns, self.starts[1:]
+        response = self.residuals.observed.respond(unknowns.values(several))
+        outputs, failed = response.y, response.status != 0
+        cost = np.empty((len(rows), len(several)))
+        for place, row in enumerate(rows):
+            away = np.nan_to_num(outputs - self.residuals.y[row])
+            variances = np.broadcast_to(self.residuals.variances, (1, *away.shape[1:]))
+            cost[place] = np.square(away / np.sqrt(variances)).sum(axis=(1, 2)) + self.residuals.prior_square(several)
+        cost[:, failed] = np.inf
+        return np.argsort(cost, axis=1, kind="stable")
+
+    @staticmethod
+    def _take_lower(found: Searched, rows: NDArray[np.intp], other: Searched, same: Array) -> None:
+        """Where another search ended lower, or as low and at a minimum, take it."""
+        mine, new = found.some(rows).minima, other.minima
+        found.minima.evaluations[rows] += new.evaluations
+        near = np.abs(new.cost - mine.cost) <= same[rows]
+        better = np.where(near, (new.end == CONVERGED) & (mine.end != CONVERGED), new.cost < mine.cost)
+        found.put(rows[better], other.some(better))
+
+    def _searched(self, z0: Array, rows: NDArray[np.intp], evaluations: int, settled: float = SETTLED) -> Searched:
+        """Minima of the experiments `rows` from z0 (b, P), with costs that can be compared, infinite where there is none."""
+        residuals, unknowns = replace(self.residuals, y=self.residuals.y[rows]), self.residuals.unknowns
+        n_y = residuals.y.shape[-1]
+        if self.noise_known:
+            minima = minimise(residuals, z0, unknowns.lower, unknowns.upper, evaluations, accuracy=residuals.accuracy)
+            cost, noise = minima.cost, np.zeros((len(rows), n_y, n_y))
+        else:
+            full = correlations_can_be_told(residuals.measured, len(unknowns))
+            minima, noise = minimise_log_det(replace(residuals, covariance=np.eye(n_y)), z0, full, evaluations, settled)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                cost = (likelihood_deviance(noise, residuals.measured, full) + residuals.prior_square(minima.z)) / 2
+        evaluable = (minima.end != NOT_EVALUABLE) & np.isfinite(cost)
+        minima = minima._replace(cost=np.where(evaluable, cost, np.inf), end=unknowns.ended(minima))
+        return Searched(minima, noise, np.zeros(len(rows), dtype=bool))
