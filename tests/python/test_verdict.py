@@ -118,7 +118,7 @@ def test_the_coverage_is_that_of_all_runs() -> None:
     assert of.coverage.value + of.too_low.value + of.too_high.value == pytest.approx(1.0)
     assert of.without_interval >= design.failed > 150
     line = str(found).splitlines()[0]
-    assert line.startswith("the promise does not hold: ") and "intervals of a, b contain the truth in 7" in line
+    assert line.startswith("The promise does not hold: ") and "intervals of a, b contain the truth in 7" in line
     assert f"{design.failed} of 2000 without a fit" in line and "use_prior" in line
 
 
@@ -224,9 +224,9 @@ def test_a_few_fits_that_run_off_do_not_hide_what_the_others_show() -> None:
 def test_the_first_line_says_it() -> None:
     linear = fp.validate(line(), at([-1.0, -0.3, 0.4, 1.0, 2.0]), runs=3000)
     assert str(linear).splitlines()[0] == (
-        "the promise holds for all 2 parameters, to within 10 % of standard errors and 3 points of coverage"
+        "The promise holds for all 2 parameters, to within 10 % of standard errors and 3 points of coverage"
     )
-    assert " ok" not in str(linear) and repr(linear).startswith("<Validation: the promise holds")
+    assert " ok" not in str(linear) and repr(linear).startswith("<Validation: The promise holds")
     few = str(fp.validate(line(), at([-1.0, 0.4, 2.0]), runs=30)).splitlines()[0]
     assert few.startswith("30 virtual experiments do not tell whether the promise holds for a, b") and "would tell" in few
     both = str(fp.validate(line(), {"one": at([0.0, 1.0]), "same": at([1.0, 1.0])}, runs=30)).splitlines()[0]
@@ -258,7 +258,7 @@ def test_results_so_far_survive_an_interrupt() -> None:
     found = fp.validate(line(), [points, points[:2]], runs=500, progress=interrupt)
     assert found.interrupted and found.asked == 500 and found.runs == told[1].runs < 500
     assert [now.n_runs for now in told] == [500, 500] and told[0].runs < told[1].runs
-    assert str(found).startswith(f"interrupted after {found.runs} of 500 virtual experiments; ")
+    assert str(found).startswith(f"Interrupted after {found.runs} of 500 virtual experiments; ")
     for design in found.designs.values():
         assert design.per_run is not None and len(design.per_run.truth) == found.runs
     whole = fp.validate(line(), points, runs=found.runs)
@@ -341,5 +341,5 @@ def test_an_interrupted_command_keeps_what_it_has(
     with pytest.raises(SystemExit) as end:
         main([*files_of(tmp_path), "-n", "400"])
     assert end.value.code == 130
-    assert capsys.readouterr().out.startswith("interrupted after ")
-    assert (tmp_path / "out" / "report.txt").read_text().startswith("interrupted after ")
+    assert capsys.readouterr().out.startswith("Interrupted after ")
+    assert (tmp_path / "out" / "report.txt").read_text().startswith("Interrupted after ")

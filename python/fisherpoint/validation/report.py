@@ -78,10 +78,13 @@ def validation_report(validation: Validated) -> Report:
 def headline(validation: Validated, verdicts: Mapping[str, Mapping[str, ParameterVerdict]]) -> str:
     """Whether the promises hold, in a line."""
     said = {name: _verdict(validation, design, verdicts[name]) for name, design in validation.designs.items()}
-    line = next(iter(said.values())) if len(said) == 1 else "; ".join(f"{name}: {one}" for name, one in said.items())
+    if len(said) == 1:
+        (line,) = said.values()
+    else:
+        line = "; ".join(f"{name}: {one}" for name, one in said.items())
     if validation.runs < validation.asked:
-        return f"interrupted after {validation.runs} of {validation.asked} virtual experiments; {line}"
-    return line
+        return f"Interrupted after {validation.runs} of {validation.asked} virtual experiments; {line}"
+    return f"{line[0].upper()}{line[1:]}" if len(said) == 1 else line
 
 
 def _verdict(validation: Validated, design: DesignValidation, verdicts: Mapping[str, ParameterVerdict]) -> str:
@@ -100,10 +103,11 @@ def _verdict(validation: Validated, design: DesignValidation, verdicts: Mapping[
         rest += f"; not told for {_names(some[OPEN])}" if some[OPEN] else ""
         return f"the promise does not hold: {in_words(some[BROKEN])}{rest}{beside}. {advice}".rstrip()
     if some[OPEN]:
-        rest = f"it holds for {_names(some[HOLDS])}; " if some[HOLDS] else ""
+        rest = f"the promise holds for {_names(some[HOLDS])}; " if some[HOLDS] else ""
+        whether = "it does" if some[HOLDS] else "the promise holds"
         needed = needed_runs(verdicts, validation.runs)
         more = f", about {needed} would tell" if needed > validation.runs else ""
-        few = f"{counted(validation.runs, 'virtual experiment')} do not tell whether the promise holds for {_names(some[OPEN])}"
+        few = f"{counted(validation.runs, 'virtual experiment')} do not tell whether {whether} for {_names(some[OPEN])}"
         return f"{rest}{few} (to {TOLERANCES}){more}{beside}"
     which = _names(some[HOLDS]) if undetermined or len(verdicts) == 1 else f"all {len(verdicts)} parameters"
     return f"the promise holds for {which}, to within {TOLERANCES}{beside}"
