@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import fisherpoint as fp
 from fisherpoint.basics.extras import needed_for
-from fisherpoint.basics.files import write_whole
 from fisherpoint.basics.messages import printable
-from fisherpoint.design.configuration import Config, ConfigError, load_config
-from fisherpoint.information.codec import problem_to_json
 
-from .terminal import INTERRUPTED, NoPlots, Output, Quiet, Threads, as_file, make_directory, read_data
+from .exits import INTERRUPTED
+from .importing import importing
+from .options import NoPlots, Output, Quiet, Threads
+
+if TYPE_CHECKING:
+    from fisherpoint.design.configuration import Config
 
 
 def campaign(
@@ -37,9 +39,14 @@ def campaign(
     Starts a campaign or goes on with the one in DIR, takes the measured batch, and writes the next batch to measure. Everything is
     saved at once: after a kill the same command goes on.
     """
+    with importing():
+        from fisherpoint.basics.files import write_whole
+        from fisherpoint.design.configuration import ConfigError, load_config
+
+        from .terminal import as_file, make_directory
     config = load_config(file)
     if not no_plots:
-        with needed_for("pictures"):
+        with importing(), needed_for("pictures"):
             from fisherpoint.campaign import pictures as plots_campaign  # noqa: F401  what can fail for a trivial reason fails before the work
     make_directory(output)
     try:
@@ -66,6 +73,8 @@ def campaign(
 
 def _opened(config: Config, directory: Path, threads: int | None) -> fp.Campaign:
     """The campaign in the directory, which must be the file's but for the targets; or a new one."""
+    from fisherpoint.information.codec import problem_to_json
+
     if config.region is None:
         raise config.error("region", "missing; expected a table with bounds of every state, every input and dt")
     settings, table = config.exchange_settings() if config.runs is None else config.run_settings(), config.campaign
@@ -93,6 +102,8 @@ def _opened(config: Config, directory: Path, threads: int | None) -> fp.Campaign
 
 def _taken(run: fp.Campaign, path: Path) -> list[str]:
     """Take the measured batch, but not twice: a command that was killed is given again."""
+    from .terminal import read_data
+
     data = read_data(path, "measurements", fp.Measurements.from_csv, run.problem.model)
     before = run.told(data)
     if before is not None:

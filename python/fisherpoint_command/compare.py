@@ -9,11 +9,9 @@ import typer
 
 import fisherpoint as fp
 from fisherpoint.basics.extras import needed_for
-from fisherpoint.basics.files import write_together
-from fisherpoint.design.configuration import load_config
 
-from .runs import read_points
-from .terminal import NoPlots, Threads, as_file, make_directory, named_files, read_data, say, show
+from .importing import importing
+from .options import NoPlots, Threads
 
 
 def compare(
@@ -32,6 +30,12 @@ def compare(
 
     With -o, writes comparison.csv, report.txt and comparison.png.
     """
+    with importing():
+        from fisherpoint.basics.files import write_together
+        from fisherpoint.design.configuration import load_config
+
+        from .runs import read_points
+        from .terminal import as_file, make_directory, named_files, read_data, say, show
     config = load_config(file)
     problem = config.problem()
     if problem.noise_std is None:
@@ -39,7 +43,7 @@ def compare(
     points = {name: read_data(path, "points", read_points, problem.model) for name, path in named_files(designs).items()}
     if output is not None:
         if not no_plots:
-            with needed_for("pictures"):
+            with importing(), needed_for("pictures"):
                 from fisherpoint.design import compare_picture  # noqa: F401  what can fail for a trivial reason fails before the work
         make_directory(output)
     found = fp.compare(problem, points, seed=seed, threads=threads)

@@ -6,16 +6,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 
 import fisherpoint as fp
-from fisherpoint.basics.csv_table import CsvTable
 from fisherpoint.basics.extras import needed_for
-from fisherpoint.basics.files import write_whole
-from fisherpoint.design.configuration import ConfigError, load_config
 
-from .terminal import Noise, NoPlots, Output, Quiet, Threads, as_file, make_directory, read_data, say, show
+from .importing import importing
+from .options import Noise, NoPlots, Output, Quiet, Threads
 
 
 def estimate(
@@ -47,6 +44,11 @@ def estimate(
 
     Writes estimate.csv, residuals.csv, fit.json, report.txt and pictures.
     """
+    with importing():
+        from fisherpoint.basics.files import write_whole
+        from fisherpoint.design.configuration import ConfigError, load_config
+
+        from .terminal import as_file, make_directory, read_data, say, show
     config = load_config(file)
     problem = config.problem()
     if noise is Noise.known and problem.noise_std is None:
@@ -56,7 +58,7 @@ def estimate(
         raise ConfigError(f"DATA.csv: expected each file once, given {path} twice")
     parts = [read_data(path, "measurements", _read, problem.model) for path in data]
     if not no_plots:
-        with needed_for("pictures"):
+        with importing(), needed_for("pictures"):
             from fisherpoint.estimation.pictures import save_all  # what can fail for a trivial reason fails before the work
     make_directory(output)
     fit = fp.estimate(
@@ -88,6 +90,8 @@ def estimate(
 
 def _read(path: Path, model: fp.Model) -> fp.Measurements | fp.Record:
     """Measurements of points or runs, or a record where the file has a column t that is not the model's."""
+    from fisherpoint.basics.csv_table import CsvTable
+
     axes = {quantity.name for quantity in (*model.axes, *model.outputs)}
     if "t" in CsvTable(path).names and "t" not in axes:
         return fp.Record.from_csv(path, model)
@@ -96,6 +100,8 @@ def _read(path: Path, model: fp.Model) -> fp.Measurements | fp.Record:
 
 def _measured_noise(problem: fp.DesignProblem, parts: Sequence[Any]) -> Mapping[str, float]:
     """The noise of the outputs that were measured."""
+    import numpy as np
+
     measured = np.any([np.isfinite(part.samples).any(axis=0) for part in parts], axis=0)
     names = [quantity.name for quantity in problem.model.outputs]
     return {name: (problem.noise_std or {})[name] for name, told in zip(names, measured, strict=True) if told}

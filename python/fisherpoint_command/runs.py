@@ -16,7 +16,8 @@ from fisherpoint.basics.values import Array
 from fisherpoint.design.configuration import Config
 from fisherpoint.points.run_files import RUN, SEGMENT
 
-from .terminal import INTERRUPTED, as_file, make_directory, say, show
+from .exits import INTERRUPTED
+from .terminal import as_file, make_directory, say, show
 
 PICTURES = ("runs", "information", "standard_errors", "correlation")
 

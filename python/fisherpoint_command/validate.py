@@ -10,11 +10,9 @@ import typer
 
 import fisherpoint as fp
 from fisherpoint.basics.extras import needed_for
-from fisherpoint.basics.files import write_together
-from fisherpoint.design.configuration import load_config
 
-from .runs import read_points
-from .terminal import Noise, NoPlots, Output, Quiet, Threads, as_file, make_directory, named_files, read_data, say, show
+from .importing import importing
+from .options import Noise, NoPlots, Output, Quiet, Threads
 
 
 class Truth(StrEnum):
@@ -41,13 +39,19 @@ def validate(
 
     Writes validation.csv, report.txt and validation.png.
     """
+    with importing():
+        from fisherpoint.basics.files import write_together
+        from fisherpoint.design.configuration import load_config
+
+        from .runs import read_points
+        from .terminal import as_file, make_directory, named_files, read_data, say, show
     config = load_config(file)
     problem = config.problem()
     if problem.noise_std is None:
         raise config.error("noise_std", "missing; expected the noise of every output, from which the promise is computed")
     points = {name: read_data(path, "points", read_points, problem.model) for name, path in named_files(designs).items()}
     if not no_plots:
-        with needed_for("pictures"):
+        with importing(), needed_for("pictures"):
             from fisherpoint.validation import pictures as plots_validation  # noqa: F401  what can fail for a trivial reason fails before the work
     make_directory(output)
     found = fp.validate(

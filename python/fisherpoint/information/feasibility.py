@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import betaincinv
 
 from ..basics.checks import as_probability, check_positive_int, check_type
 from ..basics.extras import needed_for
@@ -133,6 +132,8 @@ class Feasibility(Shown, Kept):
 
 def clopper_pearson(able: int, of: int) -> tuple[float, float]:
     """The exact interval of confidence 95 % for a share that is counted."""
+    from scipy.special import betaincinv
+
     out = (1 - CONFIDENCE) / 2
     low = float(betaincinv(able, of - able + 1, out)) if able else 0.0
     high = float(betaincinv(able + 1, of - able, 1 - out)) if able < of else 1.0
