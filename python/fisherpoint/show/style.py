@@ -17,6 +17,7 @@ from ..basics.messages import shown
 from ..basics.quantity import Quantity
 
 PRIOR, CRITERION, NOISE, TEXT = "#8c8c8c", "#d55e00", "#0072b2", "#333333"
+DPI = 150
 STYLE: dict[Any, Any] = {
     "font.size": 9.0,
     "axes.titlesize": 10.0,
@@ -74,6 +75,23 @@ def save_figure(figure: Figure, path: str | Path) -> None:
     kind, known = path.suffix[1:].lower(), figure.canvas.get_supported_filetypes()
     if kind not in known:
         raise ValueError(f"path: expected the ending of a picture, one of {', '.join(sorted(known))}; given {shown(path.suffix)}")
-    picture = BytesIO()
-    figure.savefig(picture, format=kind, dpi=150)
-    write_whole(path, picture.getvalue())
+    write_whole(path, encoded(figure, kind))
+
+
+def encoded(figure: Figure, kind: str) -> bytes:
+    """A picture in a format."""
+    engine, dpi, picture = figure.get_layout_engine(), figure.dpi, BytesIO()
+    figure.dpi = DPI
+    settle(figure)  # else it would be drawn twice, the first time for its layout alone
+    figure.savefig(picture, format=kind, dpi=DPI)
+    figure.dpi = dpi
+    figure.set_layout_engine(engine)
+    return picture.getvalue()
+
+
+def settle(figure: Figure) -> None:
+    """Let the layout decide where all is, and no more after that."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")
