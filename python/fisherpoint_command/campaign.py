@@ -44,6 +44,7 @@ def campaign(
         from fisherpoint.design.configuration import ConfigError, load_config
 
         from .terminal import as_file, make_directory
+        from .written import write_shown
     config = load_config(file)
     if not no_plots:
         with importing(), needed_for("pictures"):
@@ -62,8 +63,9 @@ def campaign(
     if run.history:
         write_whole(output / "report.txt", as_file(run.report()))
         lines += ["", str(run)]
-        if not no_plots:
-            run.plot(path=output / "campaign.png")
+    written = ["report.txt"] if run.history else []
+    written += write_shown(run, output, {} if no_plots else run._plots(), file)
+    lines += ["", f"Written to {output}: {', '.join(written)}"]
     if run.planned is not None:
         lines += ["", *_to_do(run, file, output)]
     if not quiet:

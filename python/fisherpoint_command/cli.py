@@ -1,4 +1,4 @@
-"""The command line: ``fisherpoint design | evaluate | compare | simulate | estimate | validate | campaign | info``."""
+"""The command line: ``fisherpoint design | evaluate | compare | simulate | estimate | validate | campaign | open | info``."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ from typing import Annotated
 
 import fisherpoint as fp
 
+from .asked import ARGUMENTS
 from .exits import INTERRUPTED, MISUSE, READER_LEFT, complain, why_not_imported
 
 try:
     import typer
 
+    from .browse import browse
     from .campaign import campaign
     from .compare import compare
     from .design import design
@@ -55,6 +57,7 @@ app.command(epilog="Example: fisherpoint simulate examples/cylinder.toml run/des
 app.command(epilog="Example: fisherpoint estimate examples/cylinder.toml measured.csv -o fit/")(estimate)
 app.command(epilog="Example: fisherpoint validate examples/cylinder.toml run/design.csv -o validated/")(validate)
 app.command(epilog="Example: fisherpoint campaign examples/cylinder.toml -o run/ --data measured.csv")(campaign)
+app.command("open", epilog="Example: fisherpoint open run/")(browse)
 
 
 @app.command(epilog="Example: fisherpoint info")
@@ -82,6 +85,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal that cannot show a line of a table shows a mark
+    ARGUMENTS.set(arguments)
     code = _run(arguments or ["--help"])
     for stream in (sys.stdout, sys.stderr):
         try:

@@ -28,7 +28,7 @@ def compare(
 ) -> int:
     """Tell what designs take and what they are worth, beside each other.
 
-    With -o, writes comparison.csv, report.txt and comparison.png.
+    With -o, writes comparison.csv, report.txt, comparison.png, and report.html, which shows all of it in a browser.
     """
     with importing():
         from fisherpoint.basics.files import write_together
@@ -36,6 +36,7 @@ def compare(
 
         from .runs import read_points
         from .terminal import as_file, make_directory, named_files, read_data, say, show
+        from .written import PAGE, write_shown
     config = load_config(file)
     problem = config.problem()
     if problem.noise_std is None:
@@ -50,10 +51,8 @@ def compare(
     show(found.report())
     if output is not None:
         contents = {"comparison.csv": found.to_pandas().to_csv(), "report.txt": as_file(found.report())}
-        written = [path.name for path in write_together(output, contents, stale=["comparison.png"])]
-        if not no_plots:
-            found.plot(path=output / "comparison.png")
-            written.append("comparison.png")
+        written = [path.name for path in write_together(output, contents, stale=["comparison.png", PAGE])]
+        written += write_shown(found, output, {} if no_plots else found._plots(), file)
         print()
         say(f"Written to {output}: {', '.join(written)}")
     return 0

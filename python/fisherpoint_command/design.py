@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from enum import StrEnum
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -15,9 +13,6 @@ from fisherpoint.basics.extras import needed_for
 from .exits import INTERRUPTED, complain
 from .importing import importing
 from .options import File, NoPlots, Output, Quiet, Threads
-
-if TYPE_CHECKING:
-    from fisherpoint.design.evaluated import Evaluated
 
 
 class Method(StrEnum):
@@ -39,7 +34,8 @@ def design(
 ) -> int:
     """Find the experiment points, or with a table of runs in the file the runs, that determine the parameters best.
 
-    Writes design.csv, design.json, report.txt and pictures. Ctrl-C stops early and keeps the best design so far.
+    Writes design.csv, design.json, report.txt, pictures, and report.html, which shows all of it in a browser. Ctrl-C stops
+    early and keeps the best design so far.
     """
     with importing():
         import scipy.special  # noqa: F401  not where it is needed, in the middle of the search, which Ctrl-C is to end in order
@@ -49,18 +45,21 @@ def design(
 
         from .runs import design_of_runs
         from .terminal import as_file, make_directory, say, show
+        from .written import write_shown
     config = load_config(file)
     if config.region is None:
         raise config.error("region", "missing; expected a table with bounds of every state, every input and dt")
     if config.runs is not None:
-        return design_of_runs(config, output, seed, threads, no_plots, quiet)
+        return design_of_runs(config, file, output, seed, threads, no_plots, quiet)
     problem, settings = config.problem(), config.exchange_settings()
     chosen = None if method is None else method.value
     for name, value in (("seed", seed), ("max_iterations", max_iterations), ("method", chosen)):
         if value is not None:
             settings[name] = value
     # What can fail for a trivial reason fails before the work, not after it.
-    save_pictures = None if no_plots else _picture_writer(output)
+    if not no_plots:
+        with importing(), needed_for("pictures"):
+            from fisherpoint.design.pictures import plots_of
     make_directory(output)
 
     try:
@@ -73,24 +72,15 @@ def design(
     write_whole(output / "report.txt", as_file(report))
     if not quiet:
         show(report)
-    written = ["design.csv", "design.json", "report.txt"]
     interrupted = found.stop_reason == "interrupted"
-    if save_pictures is not None and not interrupted:  # who interrupts wants an end
-        written += [path.name for path in save_pictures(found)]
+    plots = {} if no_plots or interrupted else plots_of(found)  # who interrupts wants an end
+    written = ["design.csv", "design.json", "report.txt", *write_shown(found, output, plots, file)]
     if not quiet:
         print()
         say(f"Written to {output}: {', '.join(written)}")
         if interrupted:
             say(f"For pictures: fisherpoint evaluate {file} {output / 'design.csv'} -o {output}")
     return INTERRUPTED if interrupted else 0
-
-
-def _picture_writer(directory: Path) -> Callable[[Evaluated], list[Path]]:
-    """The function that draws all pictures."""
-    with importing(), needed_for("pictures"):
-        from fisherpoint.design.pictures import save_all
-
-    return lambda evaluated: save_all(evaluated, directory)
 
 
 def _exchange(problem: fp.DesignProblem, settings: dict[str, Any], threads: int | None, show: bool) -> fp.Design:

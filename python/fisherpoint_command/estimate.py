@@ -42,13 +42,14 @@ def estimate(
 ) -> int:
     """Estimate the parameters from measured data, and tell how good the fit is.
 
-    Writes estimate.csv, residuals.csv, fit.json, report.txt and pictures.
+    Writes estimate.csv, residuals.csv, fit.json, report.txt, pictures, and report.html, which shows all of it in a browser.
     """
     with importing():
         from fisherpoint.basics.files import write_whole
         from fisherpoint.design.configuration import ConfigError, load_config
 
         from .terminal import as_file, make_directory, read_data, say, show
+        from .written import write_shown
     config = load_config(file)
     problem = config.problem()
     if noise is Noise.known and problem.noise_std is None:
@@ -59,7 +60,7 @@ def estimate(
     parts = [read_data(path, "measurements", _read, problem.model) for path in data]
     if not no_plots:
         with importing(), needed_for("pictures"):
-            from fisherpoint.estimation.pictures import save_all  # what can fail for a trivial reason fails before the work
+            from fisherpoint.estimation.pictures import plots_of  # what can fail for a trivial reason fails before the work
     make_directory(output)
     fit = fp.estimate(
         problem.model,
@@ -79,8 +80,8 @@ def estimate(
     written = [path.name for path in fit.save(output)]
     write_whole(output / "report.txt", as_file(report))
     written.append("report.txt")
-    if not no_plots:
-        written += [path.name for path in save_all(fit, output, found)]
+    plots = {} if no_plots else plots_of(fit, found)
+    written += write_shown(fit, output, plots, file, report)
     if not quiet:
         show(report)
         print()

@@ -28,27 +28,29 @@ def evaluate(
         from fisherpoint.design.evaluated import evaluate_points
         from fisherpoint.design.files import PICTURES
         from fisherpoint.design.report import evaluation_report
+        from fisherpoint.information.problem_report import problem_sections
 
         from .runs import evaluate_runs, read_points
         from .terminal import as_file, make_directory, read_data, show
+        from .written import PAGE, write_page
     config = load_config(file)
     problem = config.problem()
     if output:
         with importing(), needed_for("tables and pictures"):
             from fisherpoint.design.frames import parameter_frame
-            from fisherpoint.design.pictures import save_all
+            from fisherpoint.design.pictures import plots_of
     experiments = read_data(points, "points", read_points, config.build_model())
     if output:
         make_directory(output)
     if isinstance(experiments, fp.Runs):
-        return evaluate_runs(problem, experiments, output)
+        return evaluate_runs(problem, experiments, file, output)
     evaluated = evaluate_points(problem, experiments)
     report = evaluation_report(evaluated)
     show(report)
     if output:
         table = parameter_frame(problem, evaluated.under_noise).to_csv()
-        write_together(output, {"parameters.csv": table, "report.txt": as_file(report)}, stale=PICTURES[1:])
-        save_all(evaluated, output)
+        write_together(output, {"parameters.csv": table, "report.txt": as_file(report)}, stale=[PAGE, *PICTURES[1:]])
+        write_page(report, problem_sections(problem), output, plots_of(evaluated), file)
     return 0
 
 

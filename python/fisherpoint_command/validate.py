@@ -37,7 +37,7 @@ def validate(
 ) -> int:
     """Measure designs virtually many times, fit each time, and compare with what the designs promise.
 
-    Writes validation.csv, report.txt and validation.png.
+    Writes validation.csv, report.txt, validation.png, and report.html, which shows all of it in a browser.
     """
     with importing():
         from fisherpoint.basics.files import write_together
@@ -45,6 +45,7 @@ def validate(
 
         from .runs import read_points
         from .terminal import as_file, make_directory, named_files, read_data, say, show
+        from .written import PAGE, write_shown
     config = load_config(file)
     problem = config.problem()
     if problem.noise_std is None:
@@ -58,10 +59,8 @@ def validate(
         problem, points, runs=runs, theta=theta.value, seed=seed, noise=noise.value, use_prior=use_prior, threads=threads
     )
     contents = {"validation.csv": found.to_pandas().to_csv(), "report.txt": as_file(found.report())}
-    written = [path.name for path in write_together(output, contents, stale=["validation.png"])]
-    if not no_plots:
-        found.plot(path=output / "validation.png")
-        written.append("validation.png")
+    written = [path.name for path in write_together(output, contents, stale=["validation.png", PAGE])]
+    written += write_shown(found, output, {} if no_plots else found._plots(), file)
     if not quiet:
         show(found.report())
         print()

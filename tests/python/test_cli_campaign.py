@@ -63,7 +63,8 @@ def test_a_campaign_from_the_first_batch_to_its_targets(run: Any, file: Path, tm
     directory = tmp_path / "run"
     code, out, err = run("campaign", file, "-o", directory)
     assert (code, err) == (0, "")
-    assert names(directory) == ["batch_1.csv", "campaign.json"]
+    assert names(directory) == ["batch_1.csv", "campaign.json", "report.html"]
+    assert "Next batch" in (directory / "report.html").read_text()
     assert f"Measure the points of {directory / 'batch_1.csv'}" in out
     assert "y_q, y_p_A, y_p_B, y_x_v" in out and f"fisherpoint campaign {file} -o {directory} --data MEASURED.csv" in out
     points = (directory / "batch_1.csv").read_bytes()
@@ -74,7 +75,7 @@ def test_a_campaign_from_the_first_batch_to_its_targets(run: Any, file: Path, tm
     code, out, err = run("campaign", file, "-o", directory, "--data", data)
     assert (code, err) == (0, "")
     assert f"{data}: taken as batch 1" in out and "Campaign on hydraulic_cylinder: 1 batch, 6 points measured" in out
-    assert names(directory) == ["batch_1.csv", "campaign.json", "campaign.png", "data_1.csv", "report.txt"]
+    assert names(directory) == ["batch_1.csv", "campaign.json", "campaign.png", "data_1.csv", "report.html", "report.txt"]
     assert "All targets are met" in out and "Measure the points" not in out
     assert (directory / "report.txt").read_text().strip() in out
 
@@ -223,7 +224,7 @@ def test_a_campaign_of_runs_from_the_first_batch_to_its_targets(run: Any, runs_f
     directory = tmp_path / "run"
     code, out, err = run("campaign", runs_file, "-o", directory)
     assert (code, err) == (0, "")
-    assert names(directory) == ["batch_1.csv", "campaign.json", "plan_1.csv"]
+    assert names(directory) == ["batch_1.csv", "campaign.json", "plan_1.csv", "report.html"]
     assert f"Measure the runs of {directory / 'batch_1.csv'}" in out and "y_A, y_B, y_C" in out
     assert f"The time table of the next batch is {directory / 'plan_1.csv'}." in out
     campaign = fp.Campaign.load(directory)
@@ -238,7 +239,15 @@ def test_a_campaign_of_runs_from_the_first_batch_to_its_targets(run: Any, runs_f
     assert (code, err) == (0, "")
     assert f"{data}: taken as batch 1" in out and "Campaign on reactor: 1 batch, 1 run measured" in out
     assert "All targets are met" in out and "Measure the runs" not in out
-    assert names(directory) == ["batch_1.csv", "campaign.json", "campaign.png", "data_1.csv", "plan_1.csv", "report.txt"]
+    assert names(directory) == [
+        "batch_1.csv",
+        "campaign.json",
+        "campaign.png",
+        "data_1.csv",
+        "plan_1.csv",
+        "report.html",
+        "report.txt",
+    ]
     code, out, _ = run("campaign", runs_file, "-o", directory, "--data", data, "--no-plots")
     assert code == 0 and "these are the data of batch 1, which were taken before" in out
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import shutil
 import tempfile
 import warnings
@@ -18,6 +19,7 @@ from matplotlib.figure import Figure
 
 import fisherpoint as fp
 from fisherpoint.basics.files import write_together, write_whole
+from fisherpoint.design import evaluated
 from fisherpoint.design import pictures as plots
 from fisherpoint.design.files import PICTURES
 from fisherpoint.estimation import pictures as plots_fit
@@ -71,7 +73,7 @@ def never(*_: Any, **__: Any) -> None:
 def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("exchange", "estimate", "validate", "simulate", "Campaign"):
         monkeypatch.setattr(fp, name, never)
-    monkeypatch.setattr(cli, "evaluate_points", never)
+    monkeypatch.setattr(evaluated, "evaluate_points", never)
 
 
 def places(directory: Path) -> Iterator[tuple[Path, str]]:
@@ -168,8 +170,9 @@ def killed_at(step: int) -> Iterator[list[str]]:
 
 
 def files(directory: Path) -> dict[str, bytes]:
-    """What is in the directory, without the parts of files that a killed process leaves."""
-    return {path.name: path.read_bytes() for path in directory.iterdir() if path.suffix != ".part"}
+    """What is in the directory, without the parts that a killed process leaves, and a page without its command, which names it."""
+    found = {path.name: path.read_bytes() for path in directory.iterdir() if path.suffix != ".part"}
+    return {name: re.sub(rb"<pre>fisherpoint .*?</pre>", b"", content) for name, content in found.items()}
 
 
 class Runs:
@@ -188,8 +191,9 @@ class Runs:
         return once
 
     def __call__(self, which: int, output: Path) -> None:
-        def savefig(figure: Figure, target: Any, **_: Any) -> None:
-            target.write(b"picture of run %d" % which)
+        def savefig(figure: Figure, target: Any, *, format: str, **_: Any) -> None:
+            vector = format == "svg"
+            target.write(b'<svg xmlns="http://www.w3.org/2000/svg">%d</svg>' % which if vector else b"picture of run %d" % which)
 
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(Figure, "savefig", savefig)

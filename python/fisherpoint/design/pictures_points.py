@@ -23,7 +23,8 @@ from ..models import Model
 from ..points.experiments import Experiments
 from ..points.status import Status
 from ..points.trajectories import simulate
-from ..show.style import NOISE, PRIOR, STYLE, TEXT, scale, settle
+from ..show.numbers import number
+from ..show.style import NOISE, PRIOR, STYLE, TEXT, scale, settle, telling
 from .evaluated import Evaluated
 from .pictures_responses import free_axis, plot_responses
 
@@ -105,11 +106,13 @@ def plot_trajectories(design: Evaluated, max_points: int = 24, plants: int = 200
         figure = Figure(figsize=(width, 1.25 * len(points) + 1.0))
         grid = figure.subplots(len(points), len(model.outputs), squeeze=False)
         for j, output in enumerate(model.outputs):
-            factor, _ = scale(output, nominal[:, :, j])
+            factor, unit = scale(output, nominal[:, :, j])
             for k, axes in enumerate(grid[:, j]):
                 time = per_second * points.dt[k] * fractions
                 band = axes.fill_between(time, factor * low[k, :, j], factor * high[k, :, j], color=NOISE, alpha=0.3, linewidth=0)
                 (line,) = axes.plot(time, factor * nominal[k, :, j], color=NOISE, linewidth=1.3)
+                told = _told(k, output.name, unit, factor * nominal[k, [0, -1], j], points.dt[k])
+                telling((band, line), told, f"{k}-{j}")
                 handles = [line, band]
                 labels = ["at the prior mean", "5 to 95 % over the prior"]
                 if noise_std is not None:
@@ -131,6 +134,12 @@ def plot_trajectories(design: Evaluated, max_points: int = 24, plants: int = 200
         for axes in grid[-1]:
             axes.set_xlabel(f"t [{time_unit}]")
     return figure
+
+
+def _told(k: int, name: str, unit: str, ends: Floats, dt: float) -> str:
+    """What the curve of a point says of itself."""
+    start, end = (number(value) for value in ends)
+    return f"point {k + 1}: {name} from {start} to {end} {unit} in {number(dt)} s, at the prior mean"
 
 
 def _place(figure: Figure, grid: NDArray[Any], titles: Sequence[str], above: float) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
@@ -35,6 +37,17 @@ STYLE: dict[Any, Any] = {
     "axes.axisbelow": True,
     "legend.frameon": False,
 }
+
+
+TELLS = "tells-"
+"""What the ids of curves start with whose labels a page shows where the mouse is."""
+
+
+def telling(curves: Iterable[Artist], label: str, name: str) -> None:
+    """Have curves and areas tell a text where the mouse is on them, in a page; the name is theirs in the picture."""
+    for k, curve in enumerate(curves):
+        curve.set_gid(f"{TELLS}{name}-{k}")
+        curve.set_label(label)
 
 
 def scale(quantity: Quantity, values: ArrayLike) -> tuple[float, str]:
@@ -78,15 +91,25 @@ def save_figure(figure: Figure, path: str | Path) -> None:
     write_whole(path, encoded(figure, kind))
 
 
-def encoded(figure: Figure, kind: str) -> bytes:
+def encoded(figure: Figure, kind: str, dpi: int = DPI) -> bytes:
     """A picture in a format."""
-    engine, dpi, picture = figure.get_layout_engine(), figure.dpi, BytesIO()
-    figure.dpi = DPI
-    settle(figure)  # else it would be drawn twice, the first time for its layout alone
-    figure.savefig(picture, format=kind, dpi=DPI)
-    figure.dpi = dpi
-    figure.set_layout_engine(engine)
+    picture = BytesIO()
+    with settled(figure):
+        figure.savefig(picture, format=kind, dpi=dpi)
     return picture.getvalue()
+
+
+@contextmanager
+def settled(figure: Figure) -> Iterator[None]:
+    """Have the layout decided once: else a picture is drawn twice for each file, the first time for its layout alone."""
+    engine, dpi = figure.get_layout_engine(), figure.dpi
+    figure.dpi = DPI
+    try:
+        settle(figure)
+        yield
+    finally:
+        figure.dpi = dpi
+        figure.set_layout_engine(engine)
 
 
 def settle(figure: Figure) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -11,6 +11,7 @@ from ..basics.extras import needed_for
 from ..basics.kept import Codec, Kept
 from ..information.codec import problem_from_json, problem_to_json
 from ..information.problem import DesignProblem
+from ..information.problem_report import problem_sections
 from ..models import Model
 from ..models.codec import model_from_json, model_to_json
 from ..points.codec import points_from_json, points_to_json, runs_from_json, runs_to_json
@@ -18,7 +19,7 @@ from ..points.experiments import Experiments
 from ..points.runs import Runs
 from ..show.numbers import computed, with_error
 from ..show.section import Report, Section
-from ..show.shown import Shown
+from ..show.shown import Plots, Shown
 from .design_validation import DesignValidation
 from .figures import FEWEST, Figure, ParameterFigures
 from .fits import VirtualFits
@@ -114,6 +115,12 @@ class Validation(Shown, Kept):
             from .pictures import plot_validation
 
         return drawn(plot_validation(self.designs), path)
+
+    def _asked(self) -> Sequence[Section]:
+        return problem_sections(self.problem)
+
+    def _plots(self) -> Plots:
+        return {"validation": self.plot}
 
     def report(self) -> Report:
         """One table per design, headed by what was done."""
