@@ -12,6 +12,7 @@ import fisherpoint as fp
 from fisherpoint.basics.extras import needed_for
 from fisherpoint.basics.messages import printable
 
+from .asked import shell_line
 from .exits import INTERRUPTED
 from .importing import importing
 from .options import NoPlots, Output, Quiet, Threads
@@ -121,5 +122,5 @@ def _to_do(run: fp.Campaign, file: Path, output: Path) -> list[str]:
     return [
         *([f"The time table of the next batch is {output / f'plan_{k}.csv'}."] if of_runs else []),
         f"Measure the {what} of {table}, in a file with these columns and {outputs}, then:",
-        f"  fisherpoint campaign {file} -o {output} --data MEASURED.csv",
+        f"  {shell_line('fisherpoint', 'campaign', file, '-o', output, '--data', 'MEASURED.csv')}",
     ]

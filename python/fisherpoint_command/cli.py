@@ -5,7 +5,8 @@ from __future__ import annotations
 import io
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from inspect import getdoc
 from typing import Annotated
 
 import fisherpoint as fp
@@ -33,6 +34,7 @@ app = typer.Typer(
     help="Which short experiments to run so that the parameters of a nonlinear state space model come out precise.",
     epilog="Example: fisherpoint design examples/cylinder.toml -o run/",
     add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
 )
 
@@ -50,17 +52,6 @@ def _main(
     """Which short experiments to run so that the parameters of a nonlinear state space model come out precise."""
 
 
-app.command(epilog="Example: fisherpoint design examples/cylinder.toml -o run/")(design)
-app.command(epilog="Example: fisherpoint evaluate examples/cylinder.toml run/design.csv")(evaluate)
-app.command(epilog="Example: fisherpoint compare examples/cylinder.toml run/design.csv other/design.csv")(compare)
-app.command(epilog="Example: fisherpoint simulate examples/cylinder.toml run/design.csv -o outputs.csv")(simulate)
-app.command(epilog="Example: fisherpoint estimate examples/cylinder.toml measured.csv -o fit/")(estimate)
-app.command(epilog="Example: fisherpoint validate examples/cylinder.toml run/design.csv -o validated/")(validate)
-app.command(epilog="Example: fisherpoint campaign examples/cylinder.toml -o run/ --data measured.csv")(campaign)
-app.command("open", epilog="Example: fisherpoint open run/")(browse)
-
-
-@app.command(epilog="Example: fisherpoint info")
 def info() -> int:
     """Show versions and the instruction set in use."""
     import platform
@@ -77,6 +68,29 @@ def info() -> int:
         except PackageNotFoundError:
             print(f"{package:<15}  not installed")
     return 0
+
+
+COMMANDS: tuple[tuple[str, Callable[..., int], str], ...] = (
+    ("design", design, "examples/cylinder.toml -o run/"),
+    ("evaluate", evaluate, "examples/cylinder.toml run/design.csv"),
+    ("compare", compare, "examples/cylinder.toml run/design.csv other/design.csv"),
+    ("simulate", simulate, "examples/cylinder.toml run/design.csv -o outputs.csv"),
+    ("estimate", estimate, "examples/cylinder.toml measured.csv -o fit/"),
+    ("validate", validate, "examples/cylinder.toml run/design.csv -o validated/"),
+    ("campaign", campaign, "examples/cylinder.toml -o run/ --data measured.csv"),
+    ("open", browse, "run/"),
+    ("info", info, ""),
+)
+"""Names, functions and the arguments of examples."""
+
+for _name, _function, _example in COMMANDS:
+    _paragraphs = (getdoc(_function) or "").split("\n\n")
+    app.command(
+        _name,
+        # A line of a docstring is no line of the terminal, and what is in brackets is no markup.
+        help="\n\n".join(" ".join(paragraph.split()).replace("[", "\\[") for paragraph in _paragraphs),
+        epilog=f"Example: fisherpoint {_name} {_example}".rstrip(),
+    )(_function)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -10,6 +10,7 @@ import typer
 import fisherpoint as fp
 from fisherpoint.basics.extras import needed_for
 
+from .asked import shell_line
 from .exits import INTERRUPTED, complain
 from .importing import importing
 from .options import File, NoPlots, Output, Quiet, Threads
@@ -79,7 +80,8 @@ def design(
         print()
         say(f"Written to {output}: {', '.join(written)}")
         if interrupted:
-            say(f"For pictures: fisherpoint evaluate {file} {output / 'design.csv'} -o {output}")
+            again = shell_line("fisherpoint", "evaluate", file, output / "design.csv", "-o", output / "evaluated")
+            say(f"For pictures: {again}")
     return INTERRUPTED if interrupted else 0
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 import pandas as pd
@@ -68,6 +69,20 @@ def test_help_has_an_example(run: Any, command: str) -> None:
     result = run(command, "--help")
     assert result.code == 0
     assert f"Example: fisherpoint {command}" in result.out
+
+
+@pytest.mark.parametrize("name", [name for name, _, _ in cli.COMMANDS])
+def test_help_shows_every_word(name: str, run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Words in brackets too, which markup would take for its own."""
+    monkeypatch.setenv("COLUMNS", "400")
+    shown = " ".join(run(name, "-h").out.split())
+    assert shown == " ".join(run(name, "--help").out.split())
+    function = dict((name, function) for name, function, _ in cli.COMMANDS)[name]
+    assert " ".join((function.__doc__ or "").split()) in shown
+    for hint in get_type_hints(function, include_extras=True).values():
+        for option in getattr(hint, "__metadata__", ()):
+            assert option.help.replace("\\[", "[") in shown
+            assert not re.search(r"(?<!\\)\[", option.help)
 
 
 def test_help_without_a_command_version_and_info(run: Any) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import shutil
 from pathlib import Path
 from typing import Any
@@ -88,6 +89,13 @@ def test_a_campaign_from_the_first_batch_to_its_targets(run: Any, file: Path, tm
     assert code == 0 and f"Measure the points of {directory / 'batch_2.csv'}" in out and "above target: c_L" in out
     assert fp.Campaign.load(directory).targets == {"m_q": 0.5, "c_L": 1e-3}
     assert run("campaign", finer, "-o", directory, "--quiet", "--no-plots")[:2] == (0, "")
+
+
+def test_the_next_command_can_be_typed_where_names_have_spaces(run: Any, file: Path, tmp_path: Path) -> None:
+    directory = tmp_path / "a campaign"
+    out = run("campaign", file, "-o", directory, "--no-plots")[1]
+    (line,) = (line for line in out.splitlines() if line.startswith("  fisherpoint campaign"))
+    assert shlex.split(line)[1:] == ["campaign", str(file), "-o", str(directory), "--data", "MEASURED.csv"]
 
 
 def test_a_file_that_was_changed_needs_another_directory(run: Any, file: Path, tmp_path: Path) -> None:

@@ -175,6 +175,11 @@ def test_tables_without_their_package(points: Path, tmp_path: Path) -> None:
     assert run(*simulate, program=MISSING.format(package="pandas")).returncode == 0
 
 
+def test_it_runs_as_a_module_too() -> None:
+    done = subprocess.run([sys.executable, "-m", "fisherpoint", "--version"], env=environment(), capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, f"fisherpoint {fp.__version__}\n")
+
+
 @pytest.mark.parametrize("arguments", ["--version", "--help", "design --help", "campaign --help"])
 def test_who_asks_for_help_waits_for_no_work(arguments: str) -> None:
     done = run(*arguments.split(), program=f"import atexit, sys; atexit.register(lambda: print(*sys.modules)); {PROGRAM}")
