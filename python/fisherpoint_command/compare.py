@@ -11,7 +11,7 @@ import fisherpoint as fp
 from fisherpoint.basics.extras import needed_for
 
 from .importing import importing
-from .options import NoPlots, Threads
+from .options import Force, NoPlots, Threads
 
 
 def compare(
@@ -25,6 +25,7 @@ def compare(
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="Of the plants on which the designs are tried.")] = 0,
     threads: Threads = None,
     no_plots: NoPlots = False,
+    force: Force = False,
 ) -> int:
     """Tell what designs take and what they are worth, beside each other.
 
@@ -34,8 +35,9 @@ def compare(
         from fisherpoint.basics.files import write_together
         from fisherpoint.design.configuration import load_config
 
+        from .results import make_free_directory, remove_old
         from .runs import read_points
-        from .terminal import as_file, make_directory, named_files, read_data, say, show
+        from .terminal import as_file, named_files, read_data, say, show
         from .written import PAGE, write_shown
     config = load_config(file)
     problem = config.problem()
@@ -46,7 +48,7 @@ def compare(
         if not no_plots:
             with importing(), needed_for("pictures"):
                 from fisherpoint.design import compare_picture  # noqa: F401  what can fail for a trivial reason fails before the work
-        make_directory(output)
+        old = make_free_directory(output, force)
     found = fp.compare(problem, points, seed=seed, threads=threads)
     show(found.report())
     if output is not None:
@@ -55,4 +57,5 @@ def compare(
         written += write_shown(found, output, {} if no_plots else found._plots(), file)
         print()
         say(f"Written to {output}: {', '.join(written)}")
+        remove_old(output, old, written)
     return 0

@@ -13,7 +13,7 @@ from fisherpoint.basics.extras import needed_for
 from .asked import shell_line
 from .exits import INTERRUPTED, complain
 from .importing import importing
-from .options import File, NoPlots, Output, Quiet, Threads
+from .options import File, Force, NoPlots, Output, Quiet, Threads
 
 
 class Method(StrEnum):
@@ -31,6 +31,7 @@ def design(
     max_iterations: Annotated[int | None, typer.Option(min=1, metavar="N", help="Overrides the value in the file.")] = None,
     method: Annotated[Method | None, typer.Option(help="Overrides the value in the file.")] = None,
     no_plots: NoPlots = False,
+    force: Force = False,
     quiet: Quiet = False,
 ) -> int:
     """Find the experiment points, or with a table of runs in the file the runs, that determine the parameters best.
@@ -44,14 +45,15 @@ def design(
         from fisherpoint.basics.files import write_whole
         from fisherpoint.design.configuration import load_config
 
+        from .results import make_free_directory, remove_old
         from .runs import design_of_runs
-        from .terminal import as_file, make_directory, say, show
+        from .terminal import as_file, say, show
         from .written import write_shown
     config = load_config(file)
     if config.region is None:
         raise config.error("region", "missing; expected a table with bounds of every state, every input and dt")
     if config.runs is not None:
-        return design_of_runs(config, file, output, seed, threads, no_plots, quiet)
+        return design_of_runs(config, file, output, seed, threads, no_plots, force, quiet)
     problem, settings = config.problem(), config.exchange_settings()
     chosen = None if method is None else method.value
     for name, value in (("seed", seed), ("max_iterations", max_iterations), ("method", chosen)):
@@ -61,7 +63,7 @@ def design(
     if not no_plots:
         with importing(), needed_for("pictures"):
             from fisherpoint.design.pictures import plots_of
-    make_directory(output)
+    old = make_free_directory(output, force)
 
     try:
         found = _exchange(problem, settings, threads, show=not quiet)
@@ -82,6 +84,7 @@ def design(
         if interrupted:
             again = shell_line("fisherpoint", "evaluate", file, output / "design.csv", "-o", output / "evaluated")
             say(f"For pictures: {again}")
+    remove_old(output, old, written, quiet)
     return INTERRUPTED if interrupted else 0
 
 

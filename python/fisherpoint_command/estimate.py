@@ -12,7 +12,7 @@ import fisherpoint as fp
 from fisherpoint.basics.extras import needed_for
 
 from .importing import importing
-from .options import Noise, NoPlots, Output, Quiet, Threads
+from .options import Force, Noise, NoPlots, Output, Quiet, Threads
 
 
 def estimate(
@@ -38,6 +38,7 @@ def estimate(
     profiles: Annotated[bool, typer.Option("--profiles", help="Also compute confidence intervals by profile likelihood.")] = False,
     threads: Threads = None,
     no_plots: NoPlots = False,
+    force: Force = False,
     quiet: Quiet = False,
 ) -> int:
     """Estimate the parameters from measured data, and tell how good the fit is.
@@ -48,7 +49,8 @@ def estimate(
         from fisherpoint.basics.files import write_whole
         from fisherpoint.design.configuration import ConfigError, load_config
 
-        from .terminal import as_file, make_directory, read_data, say, show
+        from .results import make_free_directory, remove_old
+        from .terminal import as_file, read_data, say, show
         from .written import write_shown
     config = load_config(file)
     problem = config.problem()
@@ -61,7 +63,7 @@ def estimate(
     if not no_plots:
         with importing(), needed_for("pictures"):
             from fisherpoint.estimation.pictures import plots_of  # what can fail for a trivial reason fails before the work
-    make_directory(output)
+    old = make_free_directory(output, force)
     fit = fp.estimate(
         problem.model,
         parts,
@@ -86,6 +88,7 @@ def estimate(
         show(report)
         print()
         say(f"Written to {output}: {', '.join(written)}")
+    remove_old(output, old, written, quiet)
     return 0
 
 

@@ -11,6 +11,7 @@ import typer
 Output = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Directory for what is written; made where needed.")]
 Threads = Annotated[int | None, typer.Option(min=1, metavar="N", help="Number of threads; does not change the result.")]
 NoPlots = Annotated[bool, typer.Option("--no-plots", help="Draw no pictures.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace a result that is in the directory.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print no progress bar and no report.")]
 
 File = Annotated[Path, typer.Argument(metavar="FILE.toml", help="Model, prior, sensor noise and region.")]

@@ -11,7 +11,7 @@ import fisherpoint as fp
 from fisherpoint.basics.extras import needed_for
 
 from .importing import importing
-from .options import File, Points
+from .options import File, Force, Points
 
 
 def evaluate(
@@ -20,6 +20,7 @@ def evaluate(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="DIR", help="Directory for report, table and pictures.")
     ] = None,
+    force: Force = False,
 ) -> int:
     """Tell what given experiment points are worth: standard errors, correlation, what they do not determine."""
     with importing():
@@ -30,8 +31,9 @@ def evaluate(
         from fisherpoint.design.report import evaluation_report
         from fisherpoint.information.problem_report import problem_sections
 
+        from .results import make_free_directory, remove_old
         from .runs import evaluate_runs, read_points
-        from .terminal import as_file, make_directory, read_data, show
+        from .terminal import as_file, read_data, show
         from .written import PAGE, write_page
     config = load_config(file)
     problem = config.problem()
@@ -40,17 +42,19 @@ def evaluate(
             from fisherpoint.design.frames import parameter_frame
             from fisherpoint.design.pictures import plots_of
     experiments = read_data(points, "points", read_points, config.build_model())
+    old: list[str] = []
     if output:
-        make_directory(output)
+        old = make_free_directory(output, force)
     if isinstance(experiments, fp.Runs):
-        return evaluate_runs(problem, experiments, file, output)
+        return evaluate_runs(problem, experiments, file, output, old)
     evaluated = evaluate_points(problem, experiments)
     report = evaluation_report(evaluated)
     show(report)
     if output:
         table = parameter_frame(problem, evaluated.under_noise).to_csv()
         write_together(output, {"parameters.csv": table, "report.txt": as_file(report)}, stale=[PAGE, *PICTURES[1:]])
-        write_page(report, problem_sections(problem), output, plots_of(evaluated), file)
+        written = write_page(report, problem_sections(problem), output, plots_of(evaluated), file)
+        remove_old(output, old, ["report.txt", *written])
     return 0
 
 

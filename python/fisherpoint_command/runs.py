@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +19,13 @@ from fisherpoint.information.problem_report import problem_sections
 from fisherpoint.points.run_files import RUN, SEGMENT
 
 from .exits import INTERRUPTED
-from .terminal import as_file, make_directory, say, show
+from .results import make_free_directory, remove_old
+from .terminal import as_file, say, show
 from .written import PAGE, write_page, write_shown
 
 
 def design_of_runs(
-    config: Config, file: Path, output: Path, seed: int | None, threads: int | None, no_plots: bool, quiet: bool
+    config: Config, file: Path, output: Path, seed: int | None, threads: int | None, no_plots: bool, force: bool, quiet: bool
 ) -> int:
     """Search for runs; write design.csv, plan.csv, design.json, report.txt, pictures and report.html."""
     problem, settings = config.problem(), config.run_settings()
@@ -34,7 +36,7 @@ def design_of_runs(
     if not no_plots:
         with needed_for("pictures"):
             from fisherpoint.design.runs.run_pictures import plots_of  # what can fail for a trivial reason fails before the work
-    make_directory(output)
+    old = make_free_directory(output, force)
 
     console = Console(stderr=True)
 
@@ -55,17 +57,19 @@ def design_of_runs(
         show(report)
         print()
         say(f"Written to {output}: {', '.join(written)}")
+    remove_old(output, old, written, quiet)
     return INTERRUPTED if interrupted else 0
 
 
-def evaluate_runs(problem: fp.DesignProblem, runs: fp.Runs, file: Path, output: Path | None) -> int:
+def evaluate_runs(problem: fp.DesignProblem, runs: fp.Runs, file: Path, output: Path | None, old: Collection[str]) -> int:
     """Tell what given runs are worth; write report.txt, parameters.csv and report.html."""
     evaluation = fp.evaluate_design(problem, runs)
     report = evaluation.report()
     show(report)
     if output:
         write_together(output, {"parameters.csv": evaluation.to_pandas().to_csv(), "report.txt": as_file(report)}, stale=[PAGE])
-        write_page(report, problem_sections(problem), output, {}, file)
+        written = write_page(report, problem_sections(problem), output, {}, file)
+        remove_old(output, old, ["report.txt", *written])
     return 0
 
 

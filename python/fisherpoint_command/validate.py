@@ -12,7 +12,7 @@ import fisherpoint as fp
 from fisherpoint.basics.extras import needed_for
 
 from .importing import importing
-from .options import Noise, NoPlots, Output, Quiet, Threads
+from .options import Force, Noise, NoPlots, Output, Quiet, Threads
 
 
 class Truth(StrEnum):
@@ -33,6 +33,7 @@ def validate(
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="The same seed gives the same figures.")] = 0,
     threads: Threads = None,
     no_plots: NoPlots = False,
+    force: Force = False,
     quiet: Quiet = False,
 ) -> int:
     """Measure designs virtually many times, fit each time, and compare with what the designs promise.
@@ -43,8 +44,9 @@ def validate(
         from fisherpoint.basics.files import write_together
         from fisherpoint.design.configuration import load_config
 
+        from .results import make_free_directory, remove_old
         from .runs import read_points
-        from .terminal import as_file, make_directory, named_files, read_data, say, show
+        from .terminal import as_file, named_files, read_data, say, show
         from .written import PAGE, write_shown
     config = load_config(file)
     problem = config.problem()
@@ -54,7 +56,7 @@ def validate(
     if not no_plots:
         with importing(), needed_for("pictures"):
             from fisherpoint.validation import pictures as plots_validation  # noqa: F401  what can fail for a trivial reason fails before the work
-    make_directory(output)
+    old = make_free_directory(output, force)
     found = fp.validate(
         problem, points, runs=runs, theta=theta.value, seed=seed, noise=noise.value, use_prior=use_prior, threads=threads
     )
@@ -65,4 +67,5 @@ def validate(
         show(found.report())
         print()
         say(f"Written to {output}: {', '.join(written)}")
+    remove_old(output, old, written, quiet)
     return 0

@@ -144,7 +144,7 @@ def test_the_page_shows_what_was_asked_and_how_to_repeat_it(run: Any, file: Path
     assert f"<summary>{file}</summary>" in page and "n_candidates = 5" in page and "What was asked" in page
     assert page.count("<figure>") == len(PICTURES) and page.count("<svg") == 1 and ">point 12: " in page
 
-    run("design", file, "-o", directory, "--no-plots", "--quiet")  # takes the place of the first one
+    run("design", file, "-o", directory, "--no-plots", "--quiet", "--force")
     assert names(directory) == {"design.csv", "design.json", "report.txt", "report.html"}
     page = (directory / "report.html").read_text(encoding="utf-8")
     assert "<figure>" not in page and "<svg" not in page and "<img" not in page and "--no-plots" in page
