@@ -154,6 +154,14 @@ def test_a_page_says_what_was_asked_and_with_which_versions(results: dict[str, A
     assert f"numpy {np.__version__}" in page.within("footer")
 
 
+def test_misuse_is_told(results: dict[str, Any], tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match="path: expected"):
+        results["Feasibility"].to_html(3)
+    with pytest.raises(TypeError, match="pictures: expected"):
+        results["Feasibility"].to_html(tmp_path / "report.html", pictures="none")
+    assert not list(tmp_path.iterdir())
+
+
 def test_the_page_of_a_campaign_has_the_next_batch(results: dict[str, Any], tmp_path: Path) -> None:
     results["Campaign"].to_html(tmp_path / "report.html", pictures=False)
     page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))

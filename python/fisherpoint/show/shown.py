@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..basics.checks import as_path
+from ..basics.checks import as_path, check_flag
 from ..basics.extras import needed_for
 from ..basics.files import write_whole
 from .page import to_page
@@ -55,7 +55,7 @@ class Shown(ABC):
             Whether the result's pictures are in it; they need matplotlib.
         """
         path, drawn = as_path(path, "path"), []
-        if pictures and (plots := self._plots()):
+        if check_flag(pictures, "pictures") and (plots := self._plots()):
             with needed_for("pictures"):
                 from .page_pictures import for_page
 
