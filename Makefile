@@ -16,7 +16,7 @@ SOURCES := CMakeLists.txt pyproject.toml $(shell find cpp python -name '*.[ch]pp
 .DELETE_ON_ERROR:
 
 design: $(VENV)/.installed
-	$(BIN)/fisherpoint design examples/paper.toml -o run/paper
+	$(BIN)/fisherpoint design examples/paper.toml -o run/paper --force
 
 test: test-cpp test-python test-levels
 

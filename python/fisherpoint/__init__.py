@@ -1,66 +1,66 @@
 """Short experiments that determine the parameters of a nonlinear state space model as precisely as possible."""
 
-from typing import TYPE_CHECKING, Any
+from __future__ import annotations
 
-from .basics.extras import needed_for
-from .basics.quantity import Quantity
-from .campaign.campaign import Campaign
-from .data import Measurements, Pieces, Record, RecordTrajectory, VirtualRig, pieces, simulate_record
-from .design.approximate import approximate
-from .design.compare import ComparedDesign, DesignComparison, compare
-from .design.cost import Cost
-from .design.efficiency import Efficiency
-from .design.exchange import exchange
-from .design.found import TraceRecord
-from .design.optimality.approximate_design import ApproximateDesign
-from .design.optimality.asked import criterion
-from .design.optimality.criteria import Criterion
-from .design.pieces.best_pieces import best_pieces
-from .design.pieces.piece_design import PieceDesign
-from .design.points.point_search import Progress
-from .design.result import Design
-from .design.runs.design_runs import design_runs
-from .design.runs.run_design import RunDesign
-from .design.runs.run_search import RunProgress
-from .design.settings import ExchangeSettings, RunSettings
-from .design.sweep import Sweep, sweep
-from .design.swept import SizedDesign
-from .engine.levels import available_isas, isa
-from .estimation.estimate import estimate
-from .estimation.fit import Fit
-from .information.assumed import assumed_covariance
-from .information.comparison import RuleComparison, compare_rules
-from .information.evaluation import Evaluation, evaluate_design, evaluate_under_noise
-from .information.feasibility import Feasibility, feasibility
-from .information.identifiability import Identifiability, identifiability
-from .information.nearby import Nearby
-from .information.problem import DesignProblem
-from .models import HydraulicCylinder, Model
-from .points.broken_limits import broken_limits
-from .points.constraints import Constraint
-from .points.experiments import Experiments
-from .points.predictive import PredictiveCovariance, predictive_covariance
-from .points.region import ExperimentRegion
-from .points.rest import Rest
-from .points.run_region import RunRegion
-from .points.run_trajectories import RunSensitivities, RunTrajectories
-from .points.runs import Runs
-from .points.status import Status
-from .points.trajectories import Sensitivities, Trajectories, sensitivities, simulate
-from .prior.gaussian import GaussianPrior
-from .prior.rules import GaussHermite, Linearized, Rule, Sobol, SparseGaussHermite, TensorGrid, Unscented
-from .validation.design_validation import DesignValidation
-from .validation.result import Validation
-from .validation.validate import ValidationProgress, validate
-
-if TYPE_CHECKING:
+TYPE_CHECKING = False  # `typing` takes a while to import
+if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
+    from .basics.quantity import Quantity
+    from .campaign.campaign import Campaign
+    from .data import Measurements, Record, RecordTrajectory, VirtualRig, simulate_record
+    from .data.pieces import Pieces, pieces
+    from .design.approximate import approximate
+    from .design.compare import ComparedDesign, DesignComparison, compare
     from .design.configuration import load_problem
+    from .design.cost import Cost
+    from .design.efficiency import Efficiency
+    from .design.exchange import exchange
+    from .design.found import TraceRecord
+    from .design.optimality.approximate_design import ApproximateDesign
+    from .design.optimality.asked import criterion
+    from .design.optimality.criteria import Criterion
+    from .design.pieces.best_pieces import best_pieces
+    from .design.pieces.piece_design import PieceDesign
+    from .design.points.point_search import Progress
+    from .design.result import Design
+    from .design.runs.design_runs import design_runs
+    from .design.runs.run_design import RunDesign
+    from .design.runs.run_search import RunProgress
+    from .design.settings import ExchangeSettings, RunSettings
+    from .design.sweep import Sweep, sweep
+    from .design.swept import SizedDesign
+    from .engine.levels import available_isas, isa
+    from .estimation.estimate import estimate
+    from .estimation.fit import Fit
+    from .information.assumed import assumed_covariance
+    from .information.comparison import RuleComparison, compare_rules
+    from .information.evaluation import Evaluation, evaluate_design, evaluate_under_noise
+    from .information.feasibility import Feasibility, feasibility
+    from .information.identifiability import Identifiability, identifiability
+    from .information.nearby import Nearby
+    from .information.problem import DesignProblem
+    from .models import HydraulicCylinder, Model
     from .models import math as math
     from .models.callable.model import CallableModel
     from .models.decorator import model
     from .models.math import *  # noqa: F403  as __getattr__ has them
     from .models.symbolic import SymbolicModel
     from .models.toml import load_model
+    from .points.broken_limits import broken_limits
+    from .points.constraints import Constraint
+    from .points.experiments import Experiments
+    from .points.predictive import PredictiveCovariance, predictive_covariance
+    from .points.region import ExperimentRegion
+    from .points.rest import Rest
+    from .points.run_region import RunRegion
+    from .points.run_trajectories import RunSensitivities, RunTrajectories
+    from .points.runs import Runs
+    from .points.status import Status
+    from .points.trajectories import Sensitivities, Trajectories, sensitivities, simulate
+    from .prior.gaussian import GaussianPrior
+    from .prior.rules import GaussHermite, Linearized, Rule, Sobol, SparseGaussHermite, TensorGrid, Unscented
+    from .validation.design_validation import DesignValidation
+    from .validation.result import Validation
+    from .validation.validate import ValidationProgress, validate
 
 __version__ = "0.1.0"
 
@@ -150,14 +150,64 @@ __all__ = [
     "validate",
 ]
 
-_LAZY = {
-    "CallableModel": ".models.callable.model",
-    "SymbolicModel": ".models.symbolic",
-    "load_model": ".models.toml",
-    "load_problem": ".design.configuration",
-    "model": ".models.decorator",
+_PLACES = {
+    ".basics.quantity": ("Quantity",),
+    ".campaign.campaign": ("Campaign",),
+    ".data": ("Measurements", "Record", "RecordTrajectory", "VirtualRig", "simulate_record"),
+    ".data.pieces": ("Pieces", "pieces"),
+    ".design.approximate": ("approximate",),
+    ".design.compare": ("ComparedDesign", "DesignComparison", "compare"),
+    ".design.configuration": ("load_problem",),
+    ".design.cost": ("Cost",),
+    ".design.efficiency": ("Efficiency",),
+    ".design.exchange": ("exchange",),
+    ".design.found": ("TraceRecord",),
+    ".design.optimality.approximate_design": ("ApproximateDesign",),
+    ".design.optimality.asked": ("criterion",),
+    ".design.optimality.criteria": ("Criterion",),
+    ".design.pieces.best_pieces": ("best_pieces",),
+    ".design.pieces.piece_design": ("PieceDesign",),
+    ".design.points.point_search": ("Progress",),
+    ".design.result": ("Design",),
+    ".design.runs.design_runs": ("design_runs",),
+    ".design.runs.run_design": ("RunDesign",),
+    ".design.runs.run_search": ("RunProgress",),
+    ".design.settings": ("ExchangeSettings", "RunSettings"),
+    ".design.sweep": ("Sweep", "sweep"),
+    ".design.swept": ("SizedDesign",),
+    ".engine.levels": ("available_isas", "isa"),
+    ".estimation.estimate": ("estimate",),
+    ".estimation.fit": ("Fit",),
+    ".information.assumed": ("assumed_covariance",),
+    ".information.comparison": ("RuleComparison", "compare_rules"),
+    ".information.evaluation": ("Evaluation", "evaluate_design", "evaluate_under_noise"),
+    ".information.feasibility": ("Feasibility", "feasibility"),
+    ".information.identifiability": ("Identifiability", "identifiability"),
+    ".information.nearby": ("Nearby",),
+    ".information.problem": ("DesignProblem",),
+    ".models": ("HydraulicCylinder", "Model"),
+    ".models.callable.model": ("CallableModel",),
+    ".models.decorator": ("model",),
+    ".models.symbolic": ("SymbolicModel",),
+    ".models.toml": ("load_model",),
+    ".points.broken_limits": ("broken_limits",),
+    ".points.constraints": ("Constraint",),
+    ".points.experiments": ("Experiments",),
+    ".points.predictive": ("PredictiveCovariance", "predictive_covariance"),
+    ".points.region": ("ExperimentRegion",),
+    ".points.rest": ("Rest",),
+    ".points.run_region": ("RunRegion",),
+    ".points.run_trajectories": ("RunSensitivities", "RunTrajectories"),
+    ".points.runs": ("Runs",),
+    ".points.status": ("Status",),
+    ".points.trajectories": ("Sensitivities", "Trajectories", "sensitivities", "simulate"),
+    ".prior.gaussian": ("GaussianPrior",),
+    ".prior.rules": ("GaussHermite", "Linearized", "Rule", "Sobol", "SparseGaussHermite", "TensorGrid", "Unscented"),
+    ".validation.design_validation": ("DesignValidation",),
+    ".validation.result": ("Validation",),
+    ".validation.validate": ("ValidationProgress", "validate"),
 }
-"""What needs SymPy or pydantic, which are slow to import, and the modules that have it."""
+"""The modules that have these names. Each is imported when its name is asked for: what is not needed costs no time."""
 
 _FUNCTIONS = (
     "abs", "acos", "asin", "atan", "atan2", "cos", "cosh", "exp", "heaviside", "log", "max", "min", "sign", "sin", "sinh", "sqrt",
@@ -165,18 +215,23 @@ _FUNCTIONS = (
 )  # fmt: skip
 """The names of `fisherpoint.math`. They and `math` are not in `__all__`: Python has a `max` and a `math` of its own."""
 
-
 if not TYPE_CHECKING:  # for which every name would exist
 
-    def __getattr__(name: str) -> Any:
-        """Import what is lazy when it is asked for."""
+    def __getattr__(name: str) -> object:
+        """Import what has the name."""
         from importlib import import_module
 
-        if name == "math" or name in _LAZY or name in _FUNCTIONS:
-            with needed_for(name):
-                module = import_module(_LAZY.get(name, ".models.math"), __name__)
-            return module if name == "math" else getattr(module, name)
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        from .basics.extras import needed_for
+
+        places = [place for place, names in _PLACES.items() if name in names]
+        if name == "math" or name in _FUNCTIONS:
+            places = [".models.math"]
+        if not places:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        with needed_for(name):
+            module = import_module(places[0], __name__)
+        value = globals()[name] = module if name == "math" else getattr(module, name)
+        return value
 
 
 def __dir__() -> list[str]:

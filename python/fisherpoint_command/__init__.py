@@ -9,11 +9,7 @@ import os
 import signal
 import sys
 
-TYPE_CHECKING = False  # `typing` takes a while to import
-if TYPE_CHECKING:
-    from typing import NoReturn
-
-MISUSE, INTERRUPTED = 2, 130
+from .exits import MISUSE, leave, why_not_imported
 
 
 def main() -> None:
@@ -21,32 +17,20 @@ def main() -> None:
     heard = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # else it is ignored, as in the background
     try:
         if heard:
-            signal.signal(signal.SIGINT, _leave)  # nothing is to be saved yet, and not every import stands an exception
+            signal.signal(signal.SIGINT, leave)
         _open_streams()
         try:
             from .cli import main as run
         except ImportError as error:
-            _fail(error)
+            print(f"fisherpoint: {why_not_imported(error)}", file=sys.stderr)
+            sys.exit(MISUSE)
         if heard:
             signal.signal(signal.SIGINT, signal.default_int_handler)
         run()
     except KeyboardInterrupt:  # between two of these lines, or once more while the first one is told
-        _leave()
+        leave()
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done
-
-
-def _leave(*_: object) -> NoReturn:
-    os.write(2, b"fisherpoint: interrupted\n")
-    os._exit(INTERRUPTED)
-
-
-def _fail(error: ImportError) -> NoReturn:
-    message = " ".join(str(error).split())
-    if ": expected " not in message:
-        message = f"expected an installation that can be imported, given: {message}; reinstall fisherpoint"
-    print(f"fisherpoint: {message}", file=sys.stderr)
-    sys.exit(MISUSE)
 
 
 def _open_streams() -> None:

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import fisherpoint as fp
 from fisherpoint.basics.extras import needed_for
-from fisherpoint.basics.files import write_whole
 from fisherpoint.basics.messages import printable
-from fisherpoint.design.configuration import Config, ConfigError, load_config
-from fisherpoint.information.codec import problem_to_json
 
-from .terminal import INTERRUPTED, NoPlots, Output, Quiet, Threads, as_file, make_directory, read_data
+from .asked import shell_line
+from .exits import INTERRUPTED
+from .importing import importing
+from .options import NoPlots, Output, Quiet, Threads
+
+if TYPE_CHECKING:
+    from fisherpoint.design.configuration import Config
 
 
 def campaign(
@@ -37,9 +40,15 @@ def campaign(
     Starts a campaign or goes on with the one in DIR, takes the measured batch, and writes the next batch to measure. Everything is
     saved at once: after a kill the same command goes on.
     """
+    with importing():
+        from fisherpoint.basics.files import write_whole
+        from fisherpoint.design.configuration import ConfigError, load_config
+
+        from .terminal import as_file, make_directory
+        from .written import write_shown
     config = load_config(file)
     if not no_plots:
-        with needed_for("pictures"):
+        with importing(), needed_for("pictures"):
             from fisherpoint.campaign import pictures as plots_campaign  # noqa: F401  what can fail for a trivial reason fails before the work
     make_directory(output)
     try:
@@ -55,8 +64,9 @@ def campaign(
     if run.history:
         write_whole(output / "report.txt", as_file(run.report()))
         lines += ["", str(run)]
-        if not no_plots:
-            run.plot(path=output / "campaign.png")
+    written = ["report.txt"] if run.history else []
+    written += write_shown(run, output, {} if no_plots else run._plots(), file)
+    lines += ["", f"Written to {output}: {', '.join(written)}"]
     if run.planned is not None:
         lines += ["", *_to_do(run, file, output)]
     if not quiet:
@@ -66,6 +76,8 @@ def campaign(
 
 def _opened(config: Config, directory: Path, threads: int | None) -> fp.Campaign:
     """The campaign in the directory, which must be the file's but for the targets; or a new one."""
+    from fisherpoint.information.codec import problem_to_json
+
     if config.region is None:
         raise config.error("region", "missing; expected a table with bounds of every state, every input and dt")
     settings, table = config.exchange_settings() if config.runs is None else config.run_settings(), config.campaign
@@ -93,6 +105,8 @@ def _opened(config: Config, directory: Path, threads: int | None) -> fp.Campaign
 
 def _taken(run: fp.Campaign, path: Path) -> list[str]:
     """Take the measured batch, but not twice: a command that was killed is given again."""
+    from .terminal import read_data
+
     data = read_data(path, "measurements", fp.Measurements.from_csv, run.problem.model)
     before = run.told(data)
     if before is not None:
@@ -108,5 +122,5 @@ def _to_do(run: fp.Campaign, file: Path, output: Path) -> list[str]:
     return [
         *([f"The time table of the next batch is {output / f'plan_{k}.csv'}."] if of_runs else []),
         f"Measure the {what} of {table}, in a file with these columns and {outputs}, then:",
-        f"  fisherpoint campaign {file} -o {output} --data MEASURED.csv",
+        f"  {shell_line('fisherpoint', 'campaign', file, '-o', output, '--data', 'MEASURED.csv')}",
     ]

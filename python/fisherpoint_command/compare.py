@@ -9,11 +9,9 @@ import typer
 
 import fisherpoint as fp
 from fisherpoint.basics.extras import needed_for
-from fisherpoint.basics.files import write_together
-from fisherpoint.design.configuration import load_config
 
-from .runs import read_points
-from .terminal import NoPlots, Threads, as_file, make_directory, named_files, read_data, say, show
+from .importing import importing
+from .options import Force, NoPlots, Threads
 
 
 def compare(
@@ -27,11 +25,20 @@ def compare(
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="Of the plants on which the designs are tried.")] = 0,
     threads: Threads = None,
     no_plots: NoPlots = False,
+    force: Force = False,
 ) -> int:
     """Tell what designs take and what they are worth, beside each other.
 
-    With -o, writes comparison.csv, report.txt and comparison.png.
+    With -o, writes comparison.csv, report.txt, comparison.png, and report.html, which shows all of it in a browser.
     """
+    with importing():
+        from fisherpoint.basics.files import write_together
+        from fisherpoint.design.configuration import load_config
+
+        from .results import make_free_directory, remove_old
+        from .runs import read_points
+        from .terminal import as_file, named_files, read_data, say, show
+        from .written import PAGE, write_shown
     config = load_config(file)
     problem = config.problem()
     if problem.noise_std is None:
@@ -39,17 +46,16 @@ def compare(
     points = {name: read_data(path, "points", read_points, problem.model) for name, path in named_files(designs).items()}
     if output is not None:
         if not no_plots:
-            with needed_for("pictures"):
+            with importing(), needed_for("pictures"):
                 from fisherpoint.design import compare_picture  # noqa: F401  what can fail for a trivial reason fails before the work
-        make_directory(output)
+        old = make_free_directory(output, force)
     found = fp.compare(problem, points, seed=seed, threads=threads)
     show(found.report())
     if output is not None:
         contents = {"comparison.csv": found.to_pandas().to_csv(), "report.txt": as_file(found.report())}
-        written = [path.name for path in write_together(output, contents, stale=["comparison.png"])]
-        if not no_plots:
-            found.plot(path=output / "comparison.png")
-            written.append("comparison.png")
+        written = [path.name for path in write_together(output, contents, stale=["comparison.png", PAGE])]
+        written += write_shown(found, output, {} if no_plots else found._plots(), file)
         print()
         say(f"Written to {output}: {', '.join(written)}")
+        remove_old(output, old, written)
     return 0

@@ -6,16 +6,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 
 import fisherpoint as fp
-from fisherpoint.basics.csv_table import CsvTable
 from fisherpoint.basics.extras import needed_for
-from fisherpoint.basics.files import write_whole
-from fisherpoint.design.configuration import ConfigError, load_config
 
-from .terminal import Noise, NoPlots, Output, Quiet, Threads, as_file, make_directory, read_data, say, show
+from .importing import importing
+from .options import Force, Noise, NoPlots, Output, Quiet, Threads
 
 
 def estimate(
@@ -41,12 +38,20 @@ def estimate(
     profiles: Annotated[bool, typer.Option("--profiles", help="Also compute confidence intervals by profile likelihood.")] = False,
     threads: Threads = None,
     no_plots: NoPlots = False,
+    force: Force = False,
     quiet: Quiet = False,
 ) -> int:
     """Estimate the parameters from measured data, and tell how good the fit is.
 
-    Writes estimate.csv, residuals.csv, fit.json, report.txt and pictures.
+    Writes estimate.csv, residuals.csv, fit.json, report.txt, pictures, and report.html, which shows all of it in a browser.
     """
+    with importing():
+        from fisherpoint.basics.files import write_whole
+        from fisherpoint.design.configuration import ConfigError, load_config
+
+        from .results import make_free_directory, remove_old
+        from .terminal import as_file, read_data, say, show
+        from .written import write_shown
     config = load_config(file)
     problem = config.problem()
     if noise is Noise.known and problem.noise_std is None:
@@ -56,9 +61,9 @@ def estimate(
         raise ConfigError(f"DATA.csv: expected each file once, given {path} twice")
     parts = [read_data(path, "measurements", _read, problem.model) for path in data]
     if not no_plots:
-        with needed_for("pictures"):
-            from fisherpoint.estimation.pictures import save_all  # what can fail for a trivial reason fails before the work
-    make_directory(output)
+        with importing(), needed_for("pictures"):
+            from fisherpoint.estimation.pictures import plots_of  # what can fail for a trivial reason fails before the work
+    old = make_free_directory(output, force)
     fit = fp.estimate(
         problem.model,
         parts,
@@ -77,17 +82,20 @@ def estimate(
     written = [path.name for path in fit.save(output)]
     write_whole(output / "report.txt", as_file(report))
     written.append("report.txt")
-    if not no_plots:
-        written += [path.name for path in save_all(fit, output, found)]
+    plots = {} if no_plots else plots_of(fit, found)
+    written += write_shown(fit, output, plots, file, report)
     if not quiet:
         show(report)
         print()
         say(f"Written to {output}: {', '.join(written)}")
+    remove_old(output, old, written, quiet)
     return 0
 
 
 def _read(path: Path, model: fp.Model) -> fp.Measurements | fp.Record:
     """Measurements of points or runs, or a record where the file has a column t that is not the model's."""
+    from fisherpoint.basics.csv_table import CsvTable
+
     axes = {quantity.name for quantity in (*model.axes, *model.outputs)}
     if "t" in CsvTable(path).names and "t" not in axes:
         return fp.Record.from_csv(path, model)
@@ -96,6 +104,8 @@ def _read(path: Path, model: fp.Model) -> fp.Measurements | fp.Record:
 
 def _measured_noise(problem: fp.DesignProblem, parts: Sequence[Any]) -> Mapping[str, float]:
     """The noise of the outputs that were measured."""
+    import numpy as np
+
     measured = np.any([np.isfinite(part.samples).any(axis=0) for part in parts], axis=0)
     names = [quantity.name for quantity in problem.model.outputs]
     return {name: (problem.noise_std or {})[name] for name, told in zip(names, measured, strict=True) if told}

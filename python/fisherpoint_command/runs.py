@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +15,19 @@ from fisherpoint.basics.extras import needed_for
 from fisherpoint.basics.files import write_together, write_whole
 from fisherpoint.basics.values import Array
 from fisherpoint.design.configuration import Config
+from fisherpoint.information.problem_report import problem_sections
 from fisherpoint.points.run_files import RUN, SEGMENT
 
-from .terminal import INTERRUPTED, as_file, make_directory, say, show
+from .exits import INTERRUPTED
+from .results import make_free_directory, remove_old
+from .terminal import as_file, say, show
+from .written import PAGE, write_page, write_shown
 
-PICTURES = ("runs", "information", "standard_errors", "correlation")
 
-
-def design_of_runs(config: Config, output: Path, seed: int | None, threads: int | None, no_plots: bool, quiet: bool) -> int:
-    """Search for runs; write design.csv, plan.csv, design.json, report.txt and pictures."""
+def design_of_runs(
+    config: Config, file: Path, output: Path, seed: int | None, threads: int | None, no_plots: bool, force: bool, quiet: bool
+) -> int:
+    """Search for runs; write design.csv, plan.csv, design.json, report.txt, pictures and report.html."""
     problem, settings = config.problem(), config.run_settings()
     if problem.noise_std is None:
         raise config.error("noise_std", "missing; expected the noise of every output, which runs are designed for")
@@ -30,8 +35,8 @@ def design_of_runs(config: Config, output: Path, seed: int | None, threads: int 
         settings["seed"] = seed
     if not no_plots:
         with needed_for("pictures"):
-            import fisherpoint.design.runs.run_pictures  # noqa: F401  what can fail for a trivial reason fails before the work
-    make_directory(output)
+            from fisherpoint.design.runs.run_pictures import plots_of  # what can fail for a trivial reason fails before the work
+    old = make_free_directory(output, force)
 
     console = Console(stderr=True)
 
@@ -44,26 +49,27 @@ def design_of_runs(config: Config, output: Path, seed: int | None, threads: int 
     found.save(output)
     report = found.report()
     write_whole(output / "report.txt", as_file(report))
-    written = ["design.csv", "plan.csv", "design.json", "report.txt"]
     interrupted = found.stop_reason == "interrupted"
-    if not no_plots and not interrupted:
-        for kind in PICTURES:
-            found.plot(kind, path=output / f"{kind}.png")
-            written.append(f"{kind}.png")
+    plots = {} if no_plots or interrupted else plots_of(found)
+    shown = write_shown(found, output, plots, file)
+    written = ["design.csv", "plan.csv", "design.json", "report.txt", *shown]
     if not quiet:
         show(report)
         print()
         say(f"Written to {output}: {', '.join(written)}")
+    remove_old(output, old, written, quiet)
     return INTERRUPTED if interrupted else 0
 
 
-def evaluate_runs(problem: fp.DesignProblem, runs: fp.Runs, output: Path | None) -> int:
-    """Tell what given runs are worth; write report.txt and parameters.csv."""
+def evaluate_runs(problem: fp.DesignProblem, runs: fp.Runs, file: Path, output: Path | None, old: Collection[str]) -> int:
+    """Tell what given runs are worth; write report.txt, parameters.csv and report.html."""
     evaluation = fp.evaluate_design(problem, runs)
     report = evaluation.report()
     show(report)
     if output:
-        write_together(output, {"parameters.csv": evaluation.to_pandas().to_csv(), "report.txt": as_file(report)})
+        write_together(output, {"parameters.csv": evaluation.to_pandas().to_csv(), "report.txt": as_file(report)}, stale=[PAGE])
+        written = write_page(report, problem_sections(problem), output, {}, file)
+        remove_old(output, old, ["report.txt", *written])
     return 0
 
 

@@ -6,19 +6,14 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 import fisherpoint as fp
 from fisherpoint.basics.extras import needed_for
-from fisherpoint.basics.files import write_together
-from fisherpoint.design.configuration import ConfigError, load_config
-from fisherpoint.points.experiments import points_csv
 
-from .runs import read_told
-from .terminal import INTERRUPTED, NoPlots, Output, Quiet, Threads, as_file, make_directory, read_data, say, show
+from .exits import INTERRUPTED, complain
+from .importing import importing
+from .options import Force, NoPlots, Output, Previous, Quiet, Threads
 
-PICTURE = "sweep.png"
 SETTINGS = ("n_candidates", "max_iterations", "seed", "time_limit", "method")
 """Keys of [design] that hold for every size."""
 
@@ -30,19 +25,30 @@ def sweep(
     budget: Annotated[
         float | None, typer.Option(metavar="COST", help="What a design may cost, by the file's table of costs.")
     ] = None,
-    previous: Annotated[
-        list[Path] | None,
-        typer.Option(metavar="DATA.csv", help="What is already measured, or planned besides: adds to what every design tells."),
-    ] = None,
+    previous: Previous = None,
     seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Overrides the value in the file.")] = None,
     threads: Threads = None,
     no_plots: NoPlots = False,
+    force: Force = False,
     quiet: Quiet = False,
 ) -> int:
     """Find designs of several sizes, and tell what more experiments add, and cost.
 
     Writes sweep.csv, sweep.json, report.txt, design_<size>.csv and sweep.png. Ctrl-C keeps the sizes that are done.
     """
+    with importing():
+        import scipy.special  # noqa: F401  not where it is needed, in the middle of the search, which Ctrl-C is to end in order
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+        from fisherpoint.basics.files import write_together
+        from fisherpoint.design.configuration import ConfigError, load_config
+        from fisherpoint.points.experiments import points_csv
+
+        from .results import make_free_directory, remove_old
+        from .runs import read_told
+        from .terminal import as_file, read_data, say, show
+        from .written import PAGE, write_shown
     config = load_config(file)
     if config.region is None or config.runs is not None:
         raise config.error("region", "expected bounds of every state, every input and dt, without a table [runs]")
@@ -55,11 +61,13 @@ def sweep(
     if seed is not None:
         settings["seed"] = seed
     counts = _sizes(sizes)
+    if counts is None:
+        raise ConfigError(f"--sizes: expected whole numbers, as 9:30 or 6,9,12; given {sizes}")
     told = [read_data(path, "points or measurements", read_told, problem.model) for path in previous or []]
     if not no_plots:
-        with needed_for("pictures"):
+        with importing(), needed_for("pictures"):
             from fisherpoint.design import sweep_picture  # noqa: F401  what can fail for a trivial reason fails before the work
-    make_directory(output)
+    old = make_free_directory(output, force)
 
     console = Console(stderr=True)
     columns = (TextColumn("sizes"), MofNCompleteColumn(), BarColumn(bar_width=20), TextColumn("{task.fields[state]}"))
@@ -70,19 +78,22 @@ def sweep(
         def progress(size: int, now: fp.Progress) -> None:
             bar.update(task, completed=counts.index(size), state=f"{size} points, log det {now.log_det:.3f}")
 
-        found = fp.sweep(problem, counts, cost=cost, threads=threads, progress=progress, previous=told or None, **settings)
+        try:
+            found = fp.sweep(problem, counts, cost=cost, threads=threads, progress=progress, previous=told or None, **settings)
+        except KeyboardInterrupt:
+            complain("interrupted before the first size was done; nothing was saved")
+            return INTERRUPTED
 
     report = found.report()
     tables = {f"design_{len(of.points)}.csv": points_csv(of.points, problem.model) for of in found.designs}
     contents = {"sweep.csv": found.to_pandas().to_csv(), **tables, "report.txt": as_file(report)}
     stale = [path.name for path in output.glob("design_*.csv") if path.name not in tables]
-    write_together(output, contents, stale=[PICTURE, "sweep.json", *stale])
+    write_together(output, contents, stale=["sweep.png", PAGE, "sweep.json", *stale])
     found.save(output / "sweep.json")
-    written = ["sweep.csv", "sweep.json", "report.txt", f"design_<size>.csv of {len(tables)} sizes"]
     interrupted = found.stop_reason == "interrupted"
-    if not no_plots and not interrupted:
-        found.plot(path=output / PICTURE)
-        written.append(PICTURE)
+    plots = {} if no_plots or interrupted else found._plots()  # who interrupts wants an end
+    tell = f"design_<size>.csv of {len(tables)} sizes"
+    written = ["sweep.csv", "sweep.json", "report.txt", *write_shown(found, output, plots, file)]
     if not quiet:
         show(report)
         print()
@@ -90,11 +101,12 @@ def sweep(
             size = found.within(budget)
             enough = f"the design of {size} points tells most" if size else "none of these sizes is enough"
             say(f"Within a budget of {budget:g}: {enough}.")
-        say(f"Written to {output}: {', '.join(written)}")
+        say(f"Written to {output}: {', '.join([*written, tell])}")
+    remove_old(output, old, written, quiet)
     return INTERRUPTED if interrupted else 0
 
 
-def _sizes(text: str) -> list[int]:
+def _sizes(text: str) -> list[int] | None:
     try:
         if ":" in text:
             first, last = map(int, text.split(":"))
@@ -102,7 +114,5 @@ def _sizes(text: str) -> list[int]:
         else:
             sizes = sorted({int(size) for size in text.split(",")})
     except ValueError:
-        sizes = []
-    if not sizes or sizes[0] < 1:
-        raise ConfigError(f"--sizes: expected whole numbers, as 9:30 or 6,9,12; given {text}")
-    return sizes
+        return None
+    return sizes if sizes and sizes[0] >= 1 else None

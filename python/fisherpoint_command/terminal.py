@@ -5,11 +5,9 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import TypeVar
 
-import typer
 from rich.console import Console
 
 import fisherpoint as fp
@@ -20,23 +18,7 @@ from fisherpoint.show.console import to_rich
 from fisherpoint.show.section import Report
 from fisherpoint.show.text import to_text
 
-READER_LEFT, MISUSE, INTERRUPTED = 1, 2, 130
-"""Exit codes; `__init__` has its own, as it cannot wait for these."""
-
 Read = TypeVar("Read")
-
-Output = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Directory for what is written; made where needed.")]
-Threads = Annotated[int | None, typer.Option(min=1, metavar="N", help="Number of threads; does not change the result.")]
-NoPlots = Annotated[bool, typer.Option("--no-plots", help="Draw no pictures.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="Print no progress bar and no report.")]
-
-
-class Noise(StrEnum):
-    """Whether the file's [noise_std] counts, or the residuals tell the noise."""
-
-    known = "known"
-    estimated = "estimated"
-
 
 WIDTH = 100
 """Characters of a line of ``report.txt`` and of a report that is piped."""

@@ -7,29 +7,13 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 import fisherpoint as fp
 from fisherpoint.basics.extras import needed_for
-from fisherpoint.basics.files import write_together
-from fisherpoint.design.configuration import load_config
 
-from .runs import read_points
-from .terminal import (
-    INTERRUPTED,
-    Noise,
-    NoPlots,
-    Output,
-    Quiet,
-    Threads,
-    as_file,
-    make_directory,
-    named_files,
-    read_data,
-    say,
-    show,
-)
+from .exits import INTERRUPTED
+from .importing import importing
+from .options import Force, Noise, NoPlots, Output, Quiet, Threads
 
 
 class Truth(StrEnum):
@@ -50,32 +34,42 @@ def validate(
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="The same seed gives the same figures.")] = 0,
     threads: Threads = None,
     no_plots: NoPlots = False,
+    force: Force = False,
     quiet: Quiet = False,
 ) -> int:
     """Measure designs virtually many times, fit each time, and tell whether the designs keep their promises.
 
-    Writes validation.csv, report.txt and validation.png. Ctrl-C stops early and keeps what was found by then.
+    Writes validation.csv, report.txt, validation.png, and report.html, which shows all of it in a browser. Ctrl-C stops early
+    and keeps what was found by then.
     """
+    with importing():
+        from fisherpoint.basics.files import write_together
+        from fisherpoint.design.configuration import load_config
+
+        from .results import make_free_directory, remove_old
+        from .runs import read_points
+        from .terminal import as_file, named_files, read_data, say, show
+        from .written import PAGE, write_shown
     config = load_config(file)
     problem = config.problem()
     if problem.noise_std is None:
         raise config.error("noise_std", "missing; expected the noise of every output, from which the promise is computed")
     points = {name: read_data(path, "points", read_points, problem.model) for name, path in named_files(designs).items()}
     if not no_plots:
-        with needed_for("pictures"):
+        with importing(), needed_for("pictures"):
             from fisherpoint.validation import pictures as plots_validation  # noqa: F401  what can fail for a trivial reason fails before the work
-    make_directory(output)
+    old = make_free_directory(output, force)
     settings = {"runs": runs, "theta": theta.value, "seed": seed, "noise": noise.value, "use_prior": use_prior, "threads": threads}
     found = _validate(problem, points, settings, show=not quiet)
     contents = {"validation.csv": found.to_pandas().to_csv(), "report.txt": as_file(found.report())}
-    written = [path.name for path in write_together(output, contents, stale=["validation.png"])]
-    if not no_plots and not found.interrupted:  # who interrupts wants an end
-        found.plot(path=output / "validation.png")
-        written.append("validation.png")
+    written = [path.name for path in write_together(output, contents, stale=["validation.png", PAGE])]
+    plots = {} if no_plots or found.interrupted else found._plots()  # who interrupts wants an end
+    written += write_shown(found, output, plots, file)
     if not quiet:
         show(found.report())
         print()
         say(f"Written to {output}: {', '.join(written)}")
+    remove_old(output, old, written, quiet)
     return INTERRUPTED if found.interrupted else 0
 
 
@@ -83,6 +77,10 @@ def _validate(
     problem: fp.DesignProblem, points: dict[str, fp.Experiments | fp.Runs], settings: dict[str, Any], show: bool
 ) -> fp.Validation:
     """Run the virtual experiments under a progress bar on standard error, which fits into 80 columns."""
+    with importing():
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
     console = Console(stderr=True)
     bar = Progress(
         TextColumn("virtual experiments"),

@@ -16,12 +16,16 @@ import traceback
 from pathlib import Path
 
 import scipy.optimize  # whatever is imported before the fork need not be after it
+import scipy.special
 import scipy.stats  # noqa: F401
 
 import fisherpoint as fp
 from fisherpoint.design.configuration import load_config
 
 BATCHES = 2
+
+for name in fp.__all__:
+    getattr(fp, name)
 
 
 def main() -> None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 import pandas as pd
@@ -61,11 +62,27 @@ def names(directory: Path) -> set[str]:
     return {path.name for path in directory.iterdir()}
 
 
-@pytest.mark.parametrize("command", ["design", "evaluate", "simulate", "info"])
+@pytest.mark.parametrize(
+    "command", ["design", "evaluate", "compare", "simulate", "estimate", "validate", "campaign", "open", "info"]
+)
 def test_help_has_an_example(run: Any, command: str) -> None:
     result = run(command, "--help")
     assert result.code == 0
     assert f"Example: fisherpoint {command}" in result.out
+
+
+@pytest.mark.parametrize("name", [name for name, _, _ in cli.COMMANDS])
+def test_help_shows_every_word(name: str, run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Words in brackets too, which markup would take for its own."""
+    monkeypatch.setenv("COLUMNS", "400")
+    shown = " ".join(run(name, "-h").out.split())
+    assert shown == " ".join(run(name, "--help").out.split())
+    function = dict((name, function) for name, function, _ in cli.COMMANDS)[name]
+    assert " ".join((function.__doc__ or "").split()) in shown
+    for hint in get_type_hints(function, include_extras=True).values():
+        for option in getattr(hint, "__metadata__", ()):
+            assert option.help.replace("\\[", "[") in shown
+            assert not re.search(r"(?<!\\)\[", option.help)
 
 
 def test_help_without_a_command_version_and_info(run: Any) -> None:
@@ -80,7 +97,7 @@ def test_help_without_a_command_version_and_info(run: Any) -> None:
 def test_design_prints_and_writes_its_result(run: Any, file: Path, tmp_path: Path) -> None:
     result = run("design", file, "-o", tmp_path / "run")
     assert (result.code, result.err) == (0, "")
-    assert names(tmp_path / "run") == {"design.csv", "design.json", "report.txt"} | PICTURES
+    assert names(tmp_path / "run") == {"design.csv", "design.json", "report.txt", "report.html"} | PICTURES
     report = (tmp_path / "run" / "report.txt").read_text(encoding="utf-8")
     assert result.out.startswith(report)
     assert "\x1b" not in result.out
@@ -93,7 +110,7 @@ def test_options_override_the_file(run: Any, file: Path, tmp_path: Path) -> None
     for threads in (1, 2):
         result = run("design", file, "-o", tmp_path / str(threads), "--threads", threads, *options)
         assert (result.code, result.out, result.err) == (0, "", "")
-        assert names(tmp_path / str(threads)) == {"design.csv", "design.json", "report.txt"}
+        assert names(tmp_path / str(threads)) == {"design.csv", "design.json", "report.txt", "report.html"}
     assert (tmp_path / "1" / "design.csv").read_bytes() == (tmp_path / "2" / "design.csv").read_bytes()
     settings = fp.Design.load(tmp_path / "1").settings
     assert (settings.seed, settings.max_iterations, settings.method) == (3, 2, "auto")
@@ -114,8 +131,46 @@ def test_an_interrupted_design_is_saved_and_reported(run: Any, file: Path, tmp_p
     result = run("design", file, "-o", tmp_path / "run")
     assert (result.code, result.err) == (130, "")
     assert "interrupted" in result.out
-    assert names(tmp_path / "run") == {"design.csv", "design.json", "report.txt"}
+    assert names(tmp_path / "run") == {"design.csv", "design.json", "report.txt", "report.html"}
     assert fp.Design.load(tmp_path / "run").stop_reason == "interrupted"
+
+
+def test_the_page_shows_what_was_asked_and_how_to_repeat_it(run: Any, file: Path, tmp_path: Path) -> None:
+    directory = tmp_path / "a run"
+    result = run("design", file, "-o", directory)
+    assert result.out.rstrip().endswith(", report.html")
+    page = (directory / "report.html").read_text(encoding="utf-8")
+    assert f"<pre>fisherpoint design {file} -o &#x27;{directory}&#x27;</pre>" in page
+    assert f"<summary>{file}</summary>" in page and "n_candidates = 5" in page and "What was asked" in page
+    assert page.count("<figure>") == len(PICTURES) and page.count("<svg") == 1 and ">point 12: " in page
+
+    run("design", file, "-o", directory, "--no-plots", "--quiet", "--force")
+    assert names(directory) == {"design.csv", "design.json", "report.txt", "report.html"}
+    page = (directory / "report.html").read_text(encoding="utf-8")
+    assert "<figure>" not in page and "<svg" not in page and "<img" not in page and "--no-plots" in page
+
+
+def test_a_page_is_opened_in_the_browser(run: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[str] = []
+    answer = [True]
+
+    def browser(address: str) -> bool:
+        opened.append(address)
+        return answer[0]
+
+    monkeypatch.setattr("webbrowser.open", browser)
+    result = run("open", tmp_path)
+    assert result.code == 2 and opened == []
+    assert (
+        result.err == f"fisherpoint: DIR: expected a directory with a report.html, as commands write it with -o; given {tmp_path}\n"
+    )
+    page = tmp_path / "report.html"
+    page.write_text("<p>")
+    for given in (tmp_path, page):
+        assert (run("open", given).code, opened.pop()) == (0, page.as_uri())
+    answer[0] = False
+    result = run("open", tmp_path)
+    assert (result.code, result.err) == (2, f"fisherpoint: open: expected a browser, found none; the page is {page}\n")
 
 
 def test_interrupted_before_there_is_a_design(run: Any, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -134,7 +189,7 @@ def test_evaluate(run: Any, file: Path, tmp_path: Path) -> None:
     result = run("evaluate", file, points, "-o", tmp_path / "evaluated")
     assert (result.code, result.err) == (0, "")
     assert "under the sensor noise" in result.out
-    assert names(tmp_path / "evaluated") == {"report.txt", "parameters.csv"} | PICTURES - {"criterion.png"}
+    assert names(tmp_path / "evaluated") == {"report.txt", "report.html", "parameters.csv"} | PICTURES - {"criterion.png"}
     table = pd.read_csv(tmp_path / "evaluated" / "parameters.csv", index_col="parameter")
     under_noise = fp.Design.load(tmp_path / "run").under_noise
     assert table.standard_error.to_dict() == pytest.approx(dict(under_noise.standard_errors), rel=1e-9)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import shutil
 from pathlib import Path
 from typing import Any
@@ -63,7 +64,8 @@ def test_a_campaign_from_the_first_batch_to_its_targets(run: Any, file: Path, tm
     directory = tmp_path / "run"
     code, out, err = run("campaign", file, "-o", directory)
     assert (code, err) == (0, "")
-    assert names(directory) == ["batch_1.csv", "campaign.json"]
+    assert names(directory) == ["batch_1.csv", "campaign.json", "report.html"]
+    assert "Next batch" in (directory / "report.html").read_text()
     assert f"Measure the points of {directory / 'batch_1.csv'}" in out
     assert "y_q, y_p_A, y_p_B, y_x_v" in out and f"fisherpoint campaign {file} -o {directory} --data MEASURED.csv" in out
     points = (directory / "batch_1.csv").read_bytes()
@@ -74,7 +76,7 @@ def test_a_campaign_from_the_first_batch_to_its_targets(run: Any, file: Path, tm
     code, out, err = run("campaign", file, "-o", directory, "--data", data)
     assert (code, err) == (0, "")
     assert f"{data}: taken as batch 1" in out and "Campaign on hydraulic_cylinder: 1 batch, 6 points measured" in out
-    assert names(directory) == ["batch_1.csv", "campaign.json", "campaign.png", "data_1.csv", "report.txt"]
+    assert names(directory) == ["batch_1.csv", "campaign.json", "campaign.png", "data_1.csv", "report.html", "report.txt"]
     assert "All targets are met" in out and "Measure the points" not in out
     assert (directory / "report.txt").read_text().strip() in out
 
@@ -87,6 +89,13 @@ def test_a_campaign_from_the_first_batch_to_its_targets(run: Any, file: Path, tm
     assert code == 0 and f"Measure the points of {directory / 'batch_2.csv'}" in out and "above target: c_L" in out
     assert fp.Campaign.load(directory).targets == {"m_q": 0.5, "c_L": 1e-3}
     assert run("campaign", finer, "-o", directory, "--quiet", "--no-plots")[:2] == (0, "")
+
+
+def test_the_next_command_can_be_typed_where_names_have_spaces(run: Any, file: Path, tmp_path: Path) -> None:
+    directory = tmp_path / "a campaign"
+    out = run("campaign", file, "-o", directory, "--no-plots")[1]
+    (line,) = (line for line in out.splitlines() if line.startswith("  fisherpoint campaign"))
+    assert shlex.split(line)[1:] == ["campaign", str(file), "-o", str(directory), "--data", "MEASURED.csv"]
 
 
 def test_a_file_that_was_changed_needs_another_directory(run: Any, file: Path, tmp_path: Path) -> None:
@@ -223,7 +232,7 @@ def test_a_campaign_of_runs_from_the_first_batch_to_its_targets(run: Any, runs_f
     directory = tmp_path / "run"
     code, out, err = run("campaign", runs_file, "-o", directory)
     assert (code, err) == (0, "")
-    assert names(directory) == ["batch_1.csv", "campaign.json", "plan_1.csv"]
+    assert names(directory) == ["batch_1.csv", "campaign.json", "plan_1.csv", "report.html"]
     assert f"Measure the runs of {directory / 'batch_1.csv'}" in out and "y_A, y_B, y_C" in out
     assert f"The time table of the next batch is {directory / 'plan_1.csv'}." in out
     campaign = fp.Campaign.load(directory)
@@ -238,7 +247,15 @@ def test_a_campaign_of_runs_from_the_first_batch_to_its_targets(run: Any, runs_f
     assert (code, err) == (0, "")
     assert f"{data}: taken as batch 1" in out and "Campaign on reactor: 1 batch, 1 run measured" in out
     assert "All targets are met" in out and "Measure the runs" not in out
-    assert names(directory) == ["batch_1.csv", "campaign.json", "campaign.png", "data_1.csv", "plan_1.csv", "report.txt"]
+    assert names(directory) == [
+        "batch_1.csv",
+        "campaign.json",
+        "campaign.png",
+        "data_1.csv",
+        "plan_1.csv",
+        "report.html",
+        "report.txt",
+    ]
     code, out, _ = run("campaign", runs_file, "-o", directory, "--data", data, "--no-plots")
     assert code == 0 and "these are the data of batch 1, which were taken before" in out
 

@@ -37,7 +37,7 @@ def test_it_writes_the_fit_and_prints_the_report(tmp_path: Path, measured: Path,
     out = tmp_path / "fit"
     assert run(DECAY, measured, "-o", out, "--profiles") == 0
     printed = capsys.readouterr().out
-    names = {"estimate.csv", "residuals.csv", "fit.json", "report.txt"}
+    names = {"estimate.csv", "residuals.csv", "fit.json", "report.txt", "report.html"}
     pictures = {f"{name}.png" for name in ("parity", "residuals", "correlation", "ellipses", "profiles")}
     assert {path.name for path in out.iterdir()} == names | pictures
     assert "Profile likelihood" in printed

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -32,7 +33,9 @@ def reactor(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_design_writes_what_it_says(reactor: Path) -> None:
     found = {path.name for path in (reactor / "run").iterdir()}
     pictures = {"runs.png", "information.png", "standard_errors.png", "correlation.png"}
-    assert found == {"design.csv", "plan.csv", "design.json", "report.txt"} | pictures
+    assert found == {"design.csv", "plan.csv", "design.json", "report.txt", "report.html"} | pictures
+    page = (reactor / "run" / "report.html").read_text()
+    assert "Segments of the runs" in page and page.count("<figure>") == 4 and "lead_in = 1" in page
     design = fp.RunDesign.load(reactor / "run")
     assert design.runs.measured[0].tolist() == [False] + [True] * 7 and design.settings.n_starts == 2
     report = (reactor / "run" / "report.txt").read_text()
@@ -44,6 +47,7 @@ def test_other_commands_take_runs(reactor: Path, capsys: pytest.CaptureFixture[s
     assert run("evaluate", file, table, "-o", reactor / "evaluated") == 0
     assert "Information about 4 parameters" in capsys.readouterr().out
     assert (reactor / "evaluated" / "parameters.csv").read_text().count("\n") == 5
+    assert "Information about 4 parameters" in (reactor / "evaluated" / "report.html").read_text()
     assert run("simulate", file, table, "-o", reactor / "outputs.csv") == 0
     rows = (reactor / "outputs.csv").read_text().splitlines()
     assert rows[0] == "run,segment,t,y_A,y_B,y_C,status" and len(rows) == 9 and rows[8].startswith("1,8,1.0,")
@@ -55,6 +59,12 @@ def test_other_commands_take_runs(reactor: Path, capsys: pytest.CaptureFixture[s
     assert "A_1" in (reactor / "fit" / "estimate.csv").read_text()
 
 
+def test_a_design_of_runs_takes_the_pictures_of_another_with_it(reactor: Path, tmp_path: Path) -> None:
+    shutil.copytree(reactor / "run", tmp_path / "run")
+    fp.RunDesign.load(reactor / "run").save(tmp_path / "run")
+    assert {path.name for path in (tmp_path / "run").iterdir()} == {"design.csv", "plan.csv", "design.json"}
+
+
 def test_designs_are_compared(reactor: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file, table, other = reactor / "reactor.toml", reactor / "run" / "design.csv", reactor / "other" / "design.csv"
     other.parent.mkdir()
@@ -62,7 +72,12 @@ def test_designs_are_compared(reactor: Path, capsys: pytest.CaptureFixture[str])
     assert run("compare", file, table, other, "-o", reactor / "compared") == 0
     shown = capsys.readouterr().out
     assert "run/design" in shown and "other/design" in shown and "D-efficiency" in shown and "Written to" in shown
-    assert {path.name for path in (reactor / "compared").iterdir()} == {"comparison.csv", "comparison.png", "report.txt"}
+    assert {path.name for path in (reactor / "compared").iterdir()} == {
+        "comparison.csv",
+        "comparison.png",
+        "report.txt",
+        "report.html",
+    }
     assert (reactor / "compared" / "comparison.csv").read_text().count("\n") == 9
     assert run("compare", file, table, "--no-plots") == 0 and "Written" not in capsys.readouterr().out
     assert run("compare", file, table, table) == 2

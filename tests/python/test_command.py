@@ -152,18 +152,55 @@ def test_an_instruction_set_that_the_machine_lacks_is_one_line() -> None:
 
 
 @pytest.mark.parametrize("package", ["numpy", "scipy.special", "fisherpoint.engine._core"])
-def test_an_installation_that_is_not_whole_is_one_line(package: str) -> None:
-    done = run("info", program=MISSING.format(package=package))
+def test_an_installation_that_is_not_whole_is_one_line(package: str, points: Path, tmp_path: Path) -> None:
+    arguments = ["design", EXAMPLES / "paper.toml", "-o", tmp_path / "run", "--no-plots"]
+    done = run(*arguments, program=MISSING.format(package=package))
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("fisherpoint: expected an installation that can be imported, given: ")
     assert package.rpartition(".")[2] in done.stderr and done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("package", ["typer", "rich", "pandas", "pydantic"])
-def test_a_missing_extra_is_named(package: str) -> None:
-    done = run("info", program=MISSING.format(package=package))
+@pytest.mark.parametrize("package", ["typer", "rich", "pydantic"])
+def test_a_missing_extra_is_named(package: str, points: Path) -> None:
+    done = run("simulate", EXAMPLES / "paper.toml", points, program=MISSING.format(package=package))
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == f"fisherpoint: the command line needs {package}: pip install 'fisherpoint[all]'\n"
+
+
+def test_tables_without_their_package(points: Path, tmp_path: Path) -> None:
+    simulate = ["simulate", EXAMPLES / "paper.toml", points]
+    done = run(*simulate, "-o", tmp_path / "outputs.csv", program=MISSING.format(package="pandas"))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "fisherpoint: tables: expected the package pandas, given none: pip install 'fisherpoint[all]'\n"
+    assert run(*simulate, program=MISSING.format(package="pandas")).returncode == 0
+
+
+def test_it_runs_as_a_module_too() -> None:
+    done = subprocess.run([sys.executable, "-m", "fisherpoint", "--version"], env=environment(), capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, f"fisherpoint {fp.__version__}\n")
+
+
+@pytest.mark.parametrize("arguments", ["--version", "--help", "design --help", "campaign --help"])
+def test_who_asks_for_help_waits_for_no_work(arguments: str) -> None:
+    done = run(*arguments.split(), program=f"import atexit, sys; atexit.register(lambda: print(*sys.modules)); {PROGRAM}")
+    imported = {name.partition(".")[0] for name in done.stdout.splitlines()[-1].split()}
+    assert done.returncode == 0 and {"fisherpoint", "fisherpoint_command"} <= imported
+    assert not {"numpy", "scipy", "pandas", "matplotlib", "sympy"} & imported
+
+
+def test_the_import_and_a_problem_need_no_slow_package() -> None:
+    code = """
+import sys, fisherpoint
+assert "numpy" not in sys.modules
+model = fisherpoint.HydraulicCylinder()
+prior = fisherpoint.GaussianPrior(mean=model.nominal, relative_std=dict.fromkeys(model.nominal, 0.2))
+fisherpoint.exchange, fisherpoint.design_runs, fisherpoint.estimate, fisherpoint.validate, fisherpoint.Campaign
+print(*sys.modules)
+"""
+    done = run(program=code)
+    imported = {name.partition(".")[0] for name in done.stdout.split()}
+    assert done.returncode == 0 and "numpy" in imported, done.stderr
+    assert not {"scipy", "pandas", "matplotlib", "sympy", "pydantic", "rich", "typer"} & imported
 
 
 def test_pictures_without_their_package(tmp_path: Path) -> None:

@@ -175,7 +175,7 @@ MISTAKES = {
         "[design]",
         "[desing]",
         "unknown key desing; expected one of model, prior, prior_correlation, noise_std, uncertain, initial_state_std, "
-        "region, runs, rule, design, campaign "
+        "region, runs, rule, design, cost, campaign "
         '(did you mean "design"?)',
     ),
 }

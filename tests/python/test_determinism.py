@@ -204,7 +204,7 @@ def test_every_instruction_set_gives_the_same_numbers(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("wrong", ["v9", "", "V3", "generic,v2"])
 def test_an_unknown_instruction_set_is_one_clear_import_error(wrong: str) -> None:
-    done = run("import fisherpoint", isa=wrong)
+    done = run("import fisherpoint; fisherpoint.HydraulicCylinder", isa=wrong)
     assert done.returncode == 1
     last = done.stderr.strip().splitlines()[-1]
     assert last == f"ImportError: FISHERPOINT_ISA: expected one of {', '.join(fp.available_isas())}, given {wrong!r}"

@@ -225,7 +225,7 @@ def test_names_of_files_do_not_reach_the_terminal_raw(
     told("simulate", model_file, run / "design.csv", "-o", run / f"y{ESCAPE}.csv")
     assert shown_name in told("estimate", model_file, run / f"y{ESCAPE}.csv", "-o", run / ESCAPE, "--no-plots")
     (run / f"{ESCAPE}.csv").write_bytes((run / "design.csv").read_bytes())
-    options = ("--runs", 20, "--no-plots")
+    options = ("--runs", 20, "--no-plots", "--force")
     assert told("validate", model_file, run / f"{ESCAPE}.csv", "-o", run / ESCAPE, *options).count(shown_name) >= 2
     assert shown_name in told("campaign", model_file, "-o", run / ESCAPE, "--no-plots")
     assert shown_name in told("design", run / f"none{ESCAPE}.toml", "-o", run, code=2)

@@ -100,7 +100,9 @@ def test_every_function_of_equations_is_in_the_reference() -> None:
     assert set(fp.math.__all__) <= set(listed) and all(callable(getattr(fp, name)) for name in fp.math.__all__)
 
 
-@pytest.mark.parametrize("command", ["design", "evaluate", "compare", "simulate", "estimate", "validate", "campaign", "info"])
+@pytest.mark.parametrize(
+    "command", ["design", "evaluate", "compare", "simulate", "estimate", "validate", "campaign", "open", "info"]
+)
 def test_the_options_of_a_command_are_those_it_takes(
     command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import fisherpoint as fp
+from fisherpoint.design import pictures_points
 from fisherpoint.design.pictures import plot_points, plot_trajectories
 from fisherpoint.design.pictures_responses import free_axis, plot_responses
 from fisherpoint.show.style import scale
@@ -89,3 +91,19 @@ def test_the_legend_of_a_single_output_fits_its_picture() -> None:
 )
 def test_times_have_units_that_are_easy_to_read(largest: float, factor: float, unit: str) -> None:
     assert scale(fp.Quantity("dt", "s"), [0.0, largest]) == (pytest.approx(factor), unit)
+
+
+def test_trajectories_without_some_values_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As of a sample at which the right-hand side jumps."""
+    swing = fp.SymbolicModel(["v", "-k*x"], ["x"], {"x": "m", "v": "m/s"}, {}, {"k": "1/s2"}, {"y": "m"})
+    found = design(swing, {"x": (0.0, 1.0), "v": (0.0, 1.0), "dt": (0.1, 1.0)}, n=2)
+
+    def cut(*arguments: Any) -> Any:
+        states, outputs = trajectories(*arguments)
+        states[0, :, -6], outputs[0, :, -6] = np.nan, np.nan
+        states[1], outputs[1] = np.nan, np.nan
+        return states, outputs
+
+    trajectories = pictures_points._trajectories
+    monkeypatch.setattr(pictures_points, "_trajectories", cut)
+    plot_points(found).savefig(tmp_path / "points.png")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
 import subprocess
 import sys
@@ -60,6 +61,16 @@ def test_every_public_name_is_there_and_shown() -> None:
     assert {*fp.__all__, *ALIASES, "math"} <= set(dir(fp))
     with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
         _ = fp.nothing  # type: ignore[attr-defined]
+
+
+def test_what_tools_read_is_what_python_imports() -> None:
+    """The imports of `fisherpoint` for types, and where it finds its names."""
+    tree = ast.parse(Path(fp.__file__).read_text())
+    block = next(node for node in tree.body if isinstance(node, ast.If))
+    imports = [(f".{node.module}", one.name) for node in block.body if isinstance(node, ast.ImportFrom) for one in node.names]
+    places = [(place, name) for place, names in fp._PLACES.items() for name in names]
+    assert sorted(imports) == sorted([*places, (".models", "math"), (".models.math", "*")])
+    assert sorted(name for _, name in places) == fp.__all__
 
 
 def test_functions_of_equations_have_short_names_that_hide_nothing() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import shutil
 import tempfile
 import warnings
@@ -18,6 +19,7 @@ from matplotlib.figure import Figure
 
 import fisherpoint as fp
 from fisherpoint.basics.files import write_together, write_whole
+from fisherpoint.design import evaluated
 from fisherpoint.design import pictures as plots
 from fisherpoint.design.files import PICTURES
 from fisherpoint.estimation import pictures as plots_fit
@@ -51,7 +53,8 @@ def arguments(command: str, table: Path, output: Path) -> list[str]:
         "validate": [table.with_name(f"points_{table.name}"), "-n", 3],
     }[command]
     quiet = [] if command == "evaluate" else ["--quiet"]
-    return [command, *map(str, [DECAY, *given, "-o", output, *quiet])]
+    force = [] if command == "campaign" else ["--force"]
+    return [command, *map(str, [DECAY, *given, "-o", output, *quiet, *force])]
 
 
 def run(*given: object) -> int:
@@ -71,7 +74,7 @@ def never(*_: Any, **__: Any) -> None:
 def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("exchange", "estimate", "validate", "simulate", "Campaign"):
         monkeypatch.setattr(fp, name, never)
-    monkeypatch.setattr(cli, "evaluate_points", never)
+    monkeypatch.setattr(evaluated, "evaluate_points", never)
 
 
 def places(directory: Path) -> Iterator[tuple[Path, str]]:
@@ -168,8 +171,9 @@ def killed_at(step: int) -> Iterator[list[str]]:
 
 
 def files(directory: Path) -> dict[str, bytes]:
-    """What is in the directory, without the parts of files that a killed process leaves."""
-    return {path.name: path.read_bytes() for path in directory.iterdir() if path.suffix != ".part"}
+    """What is in the directory, without the parts that a killed process leaves, and a page without its command, which names it."""
+    found = {path.name: path.read_bytes() for path in directory.iterdir() if path.suffix != ".part"}
+    return {name: re.sub(rb"<pre>fisherpoint .*?</pre>", b"", content) for name, content in found.items()}
 
 
 class Runs:
@@ -188,8 +192,9 @@ class Runs:
         return once
 
     def __call__(self, which: int, output: Path) -> None:
-        def savefig(figure: Figure, target: Any, **_: Any) -> None:
-            target.write(b"picture of run %d" % which)
+        def savefig(figure: Figure, target: Any, *, format: str, **_: Any) -> None:
+            vector = format == "svg"
+            target.write(b'<svg xmlns="http://www.w3.org/2000/svg">%d</svg>' % which if vector else b"picture of run %d" % which)
 
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(Figure, "savefig", savefig)
@@ -253,6 +258,31 @@ def test_a_run_without_pictures_leaves_none_of_another(
         (tmp_path / command / "mine.png").write_text("stays")
         assert run(*arguments(command, tables[1], tmp_path / command), "--no-plots") == 0
         assert [path.name for path in (tmp_path / command).glob("*.png")] == ["mine.png"]
+
+
+@pytest.mark.parametrize("command", LAST)
+def test_no_result_is_replaced_unless_it_is_asked_for(
+    command: str,
+    tables: tuple[Path, Path],
+    decay_designs: tuple[fp.Design, fp.Design],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    directory, runs = tmp_path / "run", Runs("design", tables, decay_designs)
+    runs(0, directory)
+    before = files(directory)
+    capsys.readouterr()
+    *given, force = arguments(command, tables[1], directory)
+    assert force == "--force" and run(*given) == 2
+    expected = f"--output: expected a directory without a result, given {directory}, which has design.json, report.txt"
+    assert capsys.readouterr().err == f"fisherpoint: {expected}; --force replaces it\n" and files(directory) == before
+
+    assert run(*(word for word in [*given, force] if word != "--quiet")) == 0
+    after, out = files(directory), capsys.readouterr().out
+    gone = [name for name in before if name not in after]
+    assert all(name in out.split("of the result before: ")[1] for name in gone) if gone else "result before" not in out
+    assert {"validate": "points.png", "estimate": "points.png", "evaluate": "criterion.png"}.get(command, "") in ["", *gone]
+    assert all(after[name] != before[name] for name in after if name in before and name not in ("design.csv", "design.json"))
 
 
 def test_files_that_only_have_the_names_of_pictures_stay(decay_designs: tuple[fp.Design, fp.Design], tmp_path: Path) -> None:

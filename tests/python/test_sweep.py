@@ -150,11 +150,20 @@ def test_the_command_writes_every_size(tmp_path: Path, capsys: pytest.CaptureFix
     for name in ("design_77.csv", "report.txt"):
         (out / name).write_text("of another run")
     with pytest.raises(SystemExit) as left:
-        cli.main(["sweep", str(file), "-L", "2:4", "-o", str(out), "--budget", "10"])
+        cli.main(["sweep", str(file), "-L", "2:4", "-o", str(out), "--budget", "10", "--force"])
     printed = capsys.readouterr()
     assert left.value.code == 0, printed.err
     names = {path.name for path in out.iterdir()}
-    assert names == {"sweep.csv", "sweep.json", "report.txt", "sweep.png", "design_2.csv", "design_3.csv", "design_4.csv"}
+    assert names == {
+        "sweep.csv",
+        "sweep.json",
+        "report.txt",
+        "report.html",
+        "sweep.png",
+        "design_2.csv",
+        "design_3.csv",
+        "design_4.csv",
+    }
     assert "Within a budget of 10: the design of 3 points tells most." in printed.out
     again = fp.Sweep.load(out / "sweep.json")
     assert again.sizes == (2, 3, 4) and again[3].cost == 9.0

@@ -320,7 +320,7 @@ def test_the_command_writes_table_report_and_picture(tmp_path: Path, capsys: pyt
     with pytest.raises(SystemExit) as end:
         main(command)
     assert end.value.code == 0
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"validation.csv", "report.txt", "validation.png"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"validation.csv", "report.txt", "validation.png", "report.html"}
     said = capsys.readouterr().out
     assert "20 virtual experiments each, true parameters at the prior mean" in said and "seed 3" in said
     with pytest.raises(SystemExit) as end:

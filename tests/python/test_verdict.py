@@ -16,7 +16,6 @@ from rich.console import Console
 from scipy.optimize import least_squares
 
 import fisherpoint as fp
-import fisherpoint_command.validate as command
 from defaults import valid_points
 from fisherpoint.basics.files import sealed_json
 from fisherpoint.basics.values import Array
@@ -316,7 +315,7 @@ def files_of(tmp_path: Path) -> list[str]:
 
 def test_the_bar_fits_into_80_columns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     written = StringIO()
-    monkeypatch.setattr(command, "Console", lambda **_: Console(file=written, force_terminal=True, width=80))
+    monkeypatch.setattr("rich.console.Console", lambda **_: Console(file=written, force_terminal=True, width=80))
     with pytest.raises(SystemExit) as end:
         main([*files_of(tmp_path), "-n", "1000"])
     assert end.value.code == 0

@@ -33,11 +33,14 @@ class Kept:
 
     def save(self, path: str | Path) -> None:
         """Write a JSON file with a checksum, whole or not at all."""
-        path = as_path(path, "path")
-        head = {"format": _format(type(self)), "format_version": self.FORMAT_VERSION}
-        text = sealed_json(head | {"content": _encoded(self, self._CODEC)})
+        path, text = as_path(path, "path"), self._file()
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, text)
+
+    def _file(self) -> str:
+        """The text of the file."""
+        head = {"format": _format(type(self)), "format_version": self.FORMAT_VERSION}
+        return sealed_json(head | {"content": _encoded(self, self._CODEC)})
 
     @classmethod
     def load(cls, path: str | Path) -> Self:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,15 +14,19 @@ from ..basics.extras import needed_for
 from ..basics.values import FrozenMapping
 from ..data import Measurements
 from ..design.points.point_search import Progress
+from ..design.report import points_section
+from ..design.runs.run_report import segments_table
 from ..design.runs.run_search import RunProgress
 from ..estimation.estimate import estimate
 from ..estimation.fit import Fit
 from ..estimation.precision import quantile
 from ..information.codec import problem_from_json, problem_to_json
 from ..information.problem import DesignProblem
+from ..information.problem_report import problem_sections, settings_section
+from ..points.runs import Runs
 from ..points.settings import resolve_threads
-from ..show.section import Report
-from ..show.shown import Shown
+from ..show.section import Report, Section
+from ..show.shown import Plots, Shown
 from .batches import Points, Settings, kind_of
 from .files import CampaignFiles
 from .repeated import check_new
@@ -300,6 +304,20 @@ class Campaign(Shown):
     def report(self) -> Report:
         """Relative standard errors over the batches, targets and what is met."""
         return campaign_report(self._state, self.met, self.done)
+
+    def _page_report(self) -> Report:
+        report, model, planned = self.report(), self.problem.model, self.planned
+        if planned is None:
+            return report
+        title = "Next batch"
+        table = segments_table(model, planned, title) if isinstance(planned, Runs) else points_section(title, model, planned)
+        return replace(report, sections=[*report.sections, table])
+
+    def _asked(self) -> Sequence[Section]:
+        return [*problem_sections(self.problem), settings_section(asdict(self.settings))]
+
+    def _plots(self) -> Plots:
+        return {"campaign": self.plot} if self.history else {}
 
     def plot(self, *, path: str | Path | None = None) -> Figure:
         """Draw the relative standard errors over the batches, with the targets as lines; needs matplotlib.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -17,12 +17,13 @@ from ..information.codec import problem_from_json, problem_to_json
 from ..information.evaluation import evaluate_under_noise
 from ..information.feasibility import Feasibility, feasibility
 from ..information.problem import DesignProblem
+from ..information.problem_report import problem_sections
 from ..points.experiments import Experiments
 from ..points.runs import Runs
 from ..points.settings import resolve_threads
 from ..show.numbers import computed, counted, number, percent
 from ..show.section import Report, Section
-from ..show.shown import Shown
+from ..show.shown import Plots, Shown
 from .efficiency import d_efficiency
 
 if TYPE_CHECKING:
@@ -121,6 +122,12 @@ class DesignComparison(Shown, Kept):
         errors = {name: of.standard_errors for name, of in self.designs.items()}
         prior_std = {name: self.problem.prior.std[name] for name in self.problem.estimated}
         return drawn(plot_comparison(errors, prior_std), path)
+
+    def _asked(self) -> Sequence[Section]:
+        return problem_sections(self.problem)
+
+    def _plots(self) -> Plots:
+        return {"comparison": self.plot}
 
     def report(self) -> Report:
         """What each design takes and tells, and the standard errors beside each other."""

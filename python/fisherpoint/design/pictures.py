@@ -15,6 +15,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ..basics.checks import check_choice
 from ..show import style
+from ..show.shown import Plots
 from ..show.standard_errors import standard_error_figure
 from ..show.style import CRITERION, NOISE, PRIOR, STYLE
 from .evaluated import Evaluated
@@ -102,6 +103,11 @@ def save_all(design: Evaluated, directory: str | Path) -> list[Path]:
     list of Path
         The files.
     """
+    return style.save_all(plots_of(design), directory)
+
+
+def plots_of(design: Evaluated) -> Plots:
+    """The pictures that have something to show."""
     plots = dict(PLOTS)
     if not isinstance(design, FoundDesign):
         del plots["criterion"]
@@ -109,7 +115,7 @@ def save_all(design: Evaluated, directory: str | Path) -> list[Path]:
         del plots["standard_errors"]
     if not design.problem.model.states:
         del plots["trajectories"]  # nothing moves
-    return style.save_all({name: partial(plot, design) for name, plot in plots.items()}, directory)
+    return {name: partial(plot, design) for name, plot in plots.items()}
 
 
 def _reference(axes: Axes, value: float | None, label: str, style: str) -> None:

@@ -17,13 +17,14 @@ from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from numpy.typing import NDArray
 
 from ..basics.quantity import Quantity
+from ..information.draws import drawn_from_prior
 from ..information.problem import DesignProblem
 from ..models import Model
 from ..points.experiments import Experiments
 from ..points.status import Status
 from ..points.trajectories import simulate
-from ..prior.rules import Sobol
-from ..show.style import NOISE, PRIOR, STYLE, TEXT, scale
+from ..show.numbers import number
+from ..show.style import NOISE, PRIOR, STYLE, TEXT, scale, settle, telling
 from .evaluated import Evaluated
 from .pictures_responses import free_axis, plot_responses
 
@@ -70,13 +71,13 @@ def plot_points(design: Evaluated) -> Figure:
         dashed = "" if design.problem.region is None else "; dashed: the region"
         shown = "start (numbered) to end (arrow)" if model.states else "numbered"
         figure.suptitle(f"Experiment points: {shown}{dashed}", x=0.01, ha="left")
-        figure.draw_without_rendering()  # the layout decides where labels have room
+        settle(figure)  # the layout decides where labels have room
         for axes, (horizontal, vertical) in zip(grid, panels, strict=False):
             _number_points(axes, *_coordinates(design, horizontal, vertical, values))
     return figure
 
 
-def plot_trajectories(design: Evaluated, max_points: int = 24, max_nodes: int = 200, seed: int = 0) -> Figure:
+def plot_trajectories(design: Evaluated, max_points: int = 24, plants: int = 200, seed: int = 0) -> Figure:
     """Every point's outputs over time with their spread over the prior: a row per point, a column per output.
 
     Parameters
@@ -85,28 +86,24 @@ def plot_trajectories(design: Evaluated, max_points: int = 24, max_nodes: int = 
         A design or evaluated points.
     max_points
         So many points are shown, from the first on.
-    max_nodes
-        So many nodes of the rule are drawn by their weight, or of `Sobol` where weights are negative; the
-        shade is their 5 to 95 % range.
+    plants
+        So many are drawn from the prior; the shade is their 5 to 95 % range.
     seed
         Of that draw.
     """
     model, points = design.problem.model, design.points[:max_points]
     title = "Trajectories" if len(points) == len(design.points) else f"Trajectories of the first {len(points)} points"
-    # Weights of either sign are no probabilities.
-    rule = Sobol(256) if design.problem.rule.signed else design.problem.rule
-    theta, weights = rule.nodes(design.problem.prior)
-    draw = np.random.default_rng(seed).choice(len(theta), size=max_nodes, p=weights / weights.sum())
+    theta, _ = drawn_from_prior(design.problem, plants, np.random.default_rng(seed))
     fractions = np.linspace(0.0, 1.0, 21)
     nominal = _trajectories(design.problem, points, fractions, _mean(design)[None])[1][:, 0]
-    spread = _trajectories(design.problem, points, fractions, np.asarray(theta)[draw])[1]
+    spread = _trajectories(design.problem, points, fractions, theta)[1]
     low, high = np.nanpercentile(spread, [5.0, 95.0], axis=1)
     noise_std = design.problem.noise_std
     per_second, time_unit = scale(Quantity("t", "s"), points.dt)
 
     with mpl.rc_context({**STYLE, "font.size": 8.0}):
         width = max(2.5 * len(model.outputs) + 0.6, 5.6)  # the legend needs that
-        figure = Figure(figsize=(width, 1.25 * len(points) + 1.0), layout="constrained")
+        figure = Figure(figsize=(width, 1.25 * len(points) + 1.0))
         grid = figure.subplots(len(points), len(model.outputs), squeeze=False)
         for j, output in enumerate(model.outputs):
             factor, unit = scale(output, nominal[:, :, j])
@@ -114,6 +111,8 @@ def plot_trajectories(design: Evaluated, max_points: int = 24, max_nodes: int = 
                 time = per_second * points.dt[k] * fractions
                 band = axes.fill_between(time, factor * low[k, :, j], factor * high[k, :, j], color=NOISE, alpha=0.3, linewidth=0)
                 (line,) = axes.plot(time, factor * nominal[k, :, j], color=NOISE, linewidth=1.3)
+                told = _told(k, output.name, unit, factor * nominal[k, [0, -1], j], points.dt[k])
+                telling((band, line), told, f"{k}-{j}")
                 handles = [line, band]
                 labels = ["at the prior mean", "5 to 95 % over the prior"]
                 if noise_std is not None:
@@ -124,16 +123,51 @@ def plot_trajectories(design: Evaluated, max_points: int = 24, max_nodes: int = 
                     handles.append(bar)
                     labels.append("sample, with one std of the noise")
                 _few_ticks(axes)
-                if k == 0:
-                    axes.set_title(f"{output.name} [{unit}]", loc="center")
-                if k == len(points) - 1:
-                    axes.set_xlabel(f"t [{time_unit}]")
-                if j == 0:
-                    axes.set_ylabel(f"{k + 1}", rotation=0, ha="right", va="center", fontsize=11, fontweight="bold")
-        figure.align_ylabels()
         ncols = 3 if width > 6.5 else 2
-        figure.legend(handles, labels, loc="outside upper left", ncols=ncols, title=title, alignment="left")
+        figure.legend(handles, labels, loc="upper left", ncols=ncols, title=title, alignment="left", borderaxespad=0.2)
+        above = 0.46 + 0.16 * -(-len(handles) // ncols)
+        titles = [f"{output.name} [{scale(output, nominal[:, :, j])[1]}]" for j, output in enumerate(model.outputs)]
+        _place(figure, grid, titles, above)
+        for k, axes in enumerate(grid[:, 0]):
+            place = (0.06 / width, axes.get_position().y0 + axes.get_position().height / 2)
+            figure.text(*place, f"{k + 1}", ha="left", va="center", fontsize=11, fontweight="bold")
+        for axes in grid[-1]:
+            axes.set_xlabel(f"t [{time_unit}]")
     return figure
+
+
+def _told(k: int, name: str, unit: str, ends: Floats, dt: float) -> str:
+    """What the curve of a point says of itself."""
+    start, end = (number(value) for value in ends)
+    return f"point {k + 1}: {name} from {start} to {end} {unit} in {number(dt)} s, at the prior mean"
+
+
+def _place(figure: Figure, grid: NDArray[Any], titles: Sequence[str], above: float) -> None:
+    """Give many small panels the room that their labels need, told by the number of characters.
+
+    A layout engine would measure each label several times, which takes longer than all else that a command does with the design.
+    Lengths are in inches.
+    """
+    digit = 0.65 * 8 / 72
+    width, height = figure.get_size_inches()
+    room = [max(_label_length(axes) for axes in column) * digit + 0.16 for column in grid.T]
+    room[0] += 0.28  # the number of the point
+    panel = max((width - sum(room) - 0.18) / len(room), 0.5)
+    below, between = 0.4, 0.3  # for labels
+    row = (height - above - below + between) / len(grid)
+    for j, title in enumerate(titles):
+        left = sum(room[: j + 1]) + panel * j
+        for k, axes in enumerate(grid[:, j]):
+            bottom = below + (len(grid) - 1 - k) * row
+            axes.set_position((left / width, bottom / height, panel / width, (row - between) / height))
+        grid[0, j].set_title(title, loc="center")
+
+
+def _label_length(axes: Axes) -> int:
+    """Characters of the longest number at the vertical axis."""
+    low, high = sorted(axes.get_ylim())
+    places = [place for place in axes.yaxis.get_majorticklocs() if low <= place <= high]
+    return max(map(len, axes.yaxis.get_major_formatter().format_ticks(places)), default=1)
 
 
 def _panels(model: Model) -> list[tuple[Quantity, Quantity]]:
@@ -175,7 +209,10 @@ def _point_panel(
         if x.shape[1] > 1:
             axes.plot(x[k], y[k], color=TEXT, linewidth=1.0, alpha=0.7, zorder=2)
             arrow = {"arrowstyle": "-|>", "color": TEXT, "linewidth": 0, "mutation_scale": 9}
-            axes.annotate("", (x[k, -1], y[k, -1]), (x[k, -6], y[k, -6]), arrowprops=arrow, zorder=2)
+            there = np.flatnonzero(np.isfinite(x[k]) & np.isfinite(y[k]))
+            if len(there) > 1:  # a sample at a jump may have no value
+                first, last = there[[max(0, len(there) - 6), -1]]
+                axes.annotate("", (x[k, last], y[k, last]), (x[k, first], y[k, first]), arrowprops=arrow, zorder=2)
     axes.scatter(x[:, 0], y[:, 0], c=colors, s=42, edgecolors=TEXT, linewidths=0.7, zorder=3)
     axes.margins(0.08)
     axes.set_xlabel(f"{horizontal.name} [{unit_x}]")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 from numpy.typing import NDArray
@@ -23,16 +24,16 @@ from .evaluated import Evaluated
 from .found import FoundDesign
 from .settings import searched_by
 
-_ROWS = 40  # points shown of a longer list
+ROWS, ROWS_OF_PAGES = 40, 1000  # points shown of a longer list
 _WORST = 3  # parameters named in a warning
 
 USUAL = 0.99
 """Share of the plants that should be able to run a design."""
 
 
-def design_report(design: FoundDesign) -> Report:
-    """The report of a design: points, parameters, criterion, efficiency, search, warnings."""
-    sections = [_points_table(design), _parameter_table(design), _criterion(design), *_efficiency(design)]
+def design_report(design: FoundDesign, most: int = ROWS) -> Report:
+    """The report of a design: at most so many points, parameters, criterion, efficiency, search, warnings."""
+    sections = [_points_table(design, most), _parameter_table(design), _criterion(design), *_efficiency(design)]
     if design.feasibility is not None:
         sections += plants_sections(design.feasibility)
     sections.append(_search(design))
@@ -68,8 +69,8 @@ def simulation_report(model: Model, points: Experiments, y: NDArray[Any], status
     duration = [quantity for quantity in model.axes if quantity.name == "dt"]
     names = [Status(int(code)).name for code in status]
     cells = [*(column(points.dt) for _ in duration), *(column(values) for values in y.T), names]
-    rows = [(str(k + 1), *row) for k, row in enumerate(zip(*(cell[:_ROWS] for cell in cells), strict=True))]
-    marked = [k for k, name in enumerate(names[:_ROWS]) if name != "ok"]
+    rows = [(str(k + 1), *row) for k, row in enumerate(zip(*(cell[:ROWS] for cell in cells), strict=True))]
+    marked = [k for k, name in enumerate(names[:ROWS]) if name != "ok"]
     columns = ["#", *map(_header, [*duration, *model.outputs]), "status"]
     table = Section("", columns, rows, marked, _more(len(points)))
     after = " after dt" if duration else ""
@@ -91,23 +92,29 @@ def _headline(evaluated: Evaluated) -> str:
     )
 
 
-def _points_table(evaluated: Evaluated) -> Section:
-    model, points = evaluated.problem.model, evaluated.points
+def _points_table(evaluated: Evaluated, most: int = ROWS) -> Section:
+    table = points_section("Points", evaluated.problem.model, evaluated.points, most)
+    return replace(table, notes=[*table.notes, *_kept(evaluated)])
+
+
+def points_section(title: str, model: Model, points: Experiments, most: int = ROWS) -> Section:
+    """At most so many points, and how one is carried out."""
     start, held = "start in this state, " if model.states else "", "hold the inputs, " if model.inputs else ""
-    title = f"Points: {start}{held}sample the outputs{' after dt' if model.states else ''}"
-    columns = [column(values[:_ROWS]) for values in points.table.T[: len(model.axes)]]
+    title = f"{title}: {start}{held}sample the outputs{' after dt' if model.states else ''}"
+    columns = [column(values[:most]) for values in points.table.T[: len(model.axes)]]
     rows = [(str(k + 1), *row) for k, row in enumerate(zip(*columns, strict=True))]
-    return Section(title, ["#", *map(_header, model.axes)], rows, notes=[*_more(len(points)), *_kept(evaluated)])
+    return Section(title, ["#", *map(_header, model.axes)], rows, notes=_more(len(points), most))
 
 
-def _kept(evaluated: Evaluated) -> Iterator[str]:
+def _kept(evaluated: Evaluated) -> list[str]:
     n_kept = getattr(evaluated, "n_kept", 0)
-    if n_kept:
-        yield f"{'Point 1 was' if n_kept == 1 else f'Points 1 to {n_kept} were'} given, and kept; the others were searched for."
+    if not n_kept:
+        return []
+    return [f"{'Point 1 was' if n_kept == 1 else f'Points 1 to {n_kept} were'} given, and kept; the others were searched for."]
 
 
-def _more(total: int) -> list[str]:
-    return [f"... and {total - _ROWS} more"] if total > _ROWS else []
+def _more(total: int, most: int = ROWS) -> list[str]:
+    return [f"... and {total - most} more"] if total > most else []
 
 
 def _parameter_table(evaluated: Evaluated) -> Section:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,12 +12,13 @@ from ..basics.checks import as_path
 from ..basics.extras import needed_for
 from ..basics.files import built_from, parse_json, read_bytes, sealed_json, write_together
 from ..basics.messages import printable
+from ..information.problem_report import problem_sections, settings_section
 from ..points.experiments import points_csv
-from ..show.section import Report
-from ..show.shown import Shown
+from ..show.section import Report, Section
+from ..show.shown import Plots, Shown
 from .files import FORMAT, FORMAT_VERSION, PICTURES, design_from_json, design_to_json, has_points_of
 from .found import FoundDesign
-from .report import design_report
+from .report import ROWS_OF_PAGES, design_report
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,6 +32,18 @@ class Design(FoundDesign, Shown):
     def report(self) -> Report:
         """Points, parameters, criterion, efficiency and search as tables."""
         return design_report(self)
+
+    def _page_report(self) -> Report:
+        return design_report(self, ROWS_OF_PAGES)
+
+    def _asked(self) -> Sequence[Section]:
+        return [*problem_sections(self.problem), settings_section(asdict(self.settings))]
+
+    def _plots(self) -> Plots:
+        with needed_for("pictures"):
+            from .pictures import plots_of
+
+        return plots_of(self)
 
     def plot(self, kind: str = "points", *, path: str | Path | None = None) -> Figure:
         """Draw the points, how they were found, or what they are worth; needs matplotlib.
@@ -74,7 +88,7 @@ class Design(FoundDesign, Shown):
         directory = as_path(directory, "directory")
         contents = {"design.csv": points_csv(self.points, self.problem.model), "design.json": sealed_json(design_to_json(self))}
         directory.mkdir(parents=True, exist_ok=True)
-        write_together(directory, contents, stale=("report.txt", *PICTURES))
+        write_together(directory, contents, stale=("report.txt", "report.html", *PICTURES))
 
     @classmethod
     def load(cls, directory: str | Path) -> Design:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -16,11 +16,12 @@ from ..information.codec import evaluation_from_json, evaluation_to_json, proble
 from ..information.evaluation import Evaluation
 from ..information.previous import Previous, previous_information
 from ..information.problem import DesignProblem
+from ..information.problem_report import problem_sections
 from ..points.codec import points_from_json, points_to_json
 from ..points.experiments import Experiments
 from ..points.settings import resolve_threads
-from ..show.section import Report
-from ..show.shown import Shown
+from ..show.section import Report, Section
+from ..show.shown import Plots, Shown
 from .cost import Cost
 from .points.point_search import Progress
 from .points.seen_candidates import SeenCandidates
@@ -46,6 +47,12 @@ class Sweep(SweptDesigns, Shown, Kept):
         Experiments: (points_to_json, points_from_json),
         Evaluation: (evaluation_to_json, lambda data: evaluation_from_json(data, data["n_points"])),
     }
+
+    def _asked(self) -> Sequence[Section]:
+        return problem_sections(self.problem)
+
+    def _plots(self) -> Plots:
+        return {"sweep": self.plot}
 
     def report(self) -> Report:
         """The designs by size: what they tell, what is proven of them, and what they cost."""

@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 from ..basics.checks import check_choice
 from ..basics.extras import needed_for
+from ..information.problem_report import prior_section
 from ..prior.gaussian import GaussianPrior
-from ..show.section import Report
-from ..show.shown import Shown
+from ..show.section import Report, Section
+from ..show.shown import Plots, Shown
 from .fit_files import fit_dict, load_fit, save_fit
 from .posterior import posterior_of
 from .profile import Profile, profile_of
 from .profile_curve import ProfileCurve
-from .report import fit_report
+from .report import asked_facts, fit_report
 from .statistics import FitStatistics
 
 if TYPE_CHECKING:
@@ -65,6 +66,16 @@ class Fit(FitStatistics, Shown):
     def report(self, *, profiles: Sequence[ProfileCurve] = ()) -> Report:
         """The fit as tables, with the profile likelihoods that were computed."""
         return fit_report(self, profiles)
+
+    def _asked(self) -> Sequence[Section]:
+        sections = [Section("Fit", (), asked_facts(self))]
+        return sections if self.prior is None else [*sections, prior_section(self.prior, self.model.parameters)]
+
+    def _plots(self) -> Plots:
+        with needed_for("pictures"):
+            from .pictures import plots_of
+
+        return plots_of(self)
 
     def __repr__(self) -> str:
         return f"Fit({', '.join(f'{name}={value:.6g}' for name, value in self.estimate.items())})"

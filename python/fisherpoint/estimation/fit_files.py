@@ -79,7 +79,7 @@ def save_fit(fit: FitStatistics, directory: str | Path) -> list[Path]:
         "fit.json": sealed_json(_whole(fit)),
     }
     directory.mkdir(parents=True, exist_ok=True)
-    return write_together(directory, contents, stale=("report.txt", *PICTURES))
+    return write_together(directory, contents, stale=("report.txt", "report.html", *PICTURES))
 
 
 def _whole(fit: FitStatistics) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from ..data import Record
 from ..points.runs import Runs
 from ..show import style
 from ..show.correlation import draw_correlation
+from ..show.shown import Plots
 from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, scale
 from .profile_curve import OPEN, ProfileCurve
 from .statistics import FitStatistics
@@ -228,6 +229,11 @@ PLOTS: dict[str, Callable[[FitStatistics], Figure]] = {
 
 def save_all(fit: FitStatistics, directory: str | Path, profiles: Sequence[ProfileCurve] = ()) -> list[Path]:
     """Write every picture that the fit has something to show in, as PNG, into an existing directory; return the files."""
+    return style.save_all(plots_of(fit, profiles), directory)
+
+
+def plots_of(fit: FitStatistics, profiles: Sequence[ProfileCurve] = ()) -> Plots:
+    """The pictures that have something to show."""
     plots: dict[str, Callable[[], Figure]] = {name: partial(plot, fit) for name, plot in PLOTS.items()}
     if not any(_series(fit)):
         del plots["time"]
@@ -235,7 +241,7 @@ def save_all(fit: FitStatistics, directory: str | Path, profiles: Sequence[Profi
         del plots["correlation"], plots["ellipses"]
     if profiles:
         plots["profiles"] = lambda: plot_profiles(profiles)
-    return style.save_all(plots, directory)
+    return plots
 
 
 def _grid(count: int, width: float, height: float) -> tuple[Figure, list[Axes]]:

@@ -47,6 +47,19 @@ def headline(fit: FitStatistics) -> str:
     return f"Fit of {fit.model.name}: {unknowns} from {counted(count, 'number')} in {counted(samples, 'sample')}, {kind}"
 
 
+def asked_facts(fit: FitStatistics) -> list[tuple[str, str]]:
+    """From what the fit was made."""
+    parts = [f"{counted(len(part.samples), 'sample')} of {type(part).__name__}" for part in fit.data]
+    noise = np.sqrt(np.diag(fit.noise_covariance))
+    given = ", ".join(f"{name} {number(noise[i])}" for i, name in enumerate(names_of(fit.model.outputs)) if name in fit.tests)
+    return [
+        ("model", fit.model.name),
+        ("data", ", ".join(parts)),
+        ("unknowns", ", ".join(fit.parameters)),
+        ("sensor noise, one std", given if fit.noise_known else "estimated from the residuals"),
+    ]
+
+
 def sections(fit: FitStatistics, level: float = 0.95) -> Iterator[Section]:
     """The tables: unknowns, outputs, and noise beside residuals."""
     yield _unknowns(fit, level)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,7 +21,7 @@ from ..points.experiments import Experiments
 from ..points.runs import Runs
 from ..show.numbers import computed, counted, number, percent
 from ..show.section import Report, Section
-from ..show.shown import Shown
+from ..show.shown import Plots, Shown
 from .combinations import combination
 from .nearby import Nearby, nearby_of
 from .null_space import column_scaled_svd, unscaled
@@ -140,6 +141,9 @@ class Evaluation(Shown, Kept):
         title = f"Correlation of the estimates under {where}"
         singular = f"F is singular: rank {self.rank} of {len(self.parameters)}"
         return drawn(correlation_figure(self.correlation, self.parameters, title, singular), path)
+
+    def _plots(self) -> Plots:
+        return {kind: partial(self.plot, kind) for kind in ("standard_errors", "correlation")}
 
     def to_pandas(self) -> pd.DataFrame:
         """One row per parameter, SI units: prior_std, standard_error, rse, of_prior; NaN where F is singular."""

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import betaincinv
 
 from ..basics.checks import as_probability, check_positive_int, check_type
 from ..basics.extras import needed_for
@@ -116,12 +115,12 @@ class Feasibility(Shown, Kept):
             facts.append(("drawn anew", f"{self.left_out}, as they make no sense to the model"))
         sections = [Section("Share", (), facts)]
         if self.reasons:
-            by_count = sorted(self.reasons.items(), key=lambda one: -one[1])
+            by_count = sorted(self.reasons.items(), key=lambda one: (-one[1], one[0]))
             rows = [(reason, str(count), percent(count / self.draws)) for reason, count in by_count]
             sections.append(Section("Why not", ("reason", "plants", "share"), rows))
             shares = self.shares
             worst = [k for k in np.argsort(shares, kind="stable").tolist() if shares[k] < 1]
-            told = [(f"{self.kind}s[{k}]", percent(shares[k]), self._reason_of(k)) for k in worst[:LISTED]]
+            told = [(str(k + 1), percent(shares[k]), self._reason_of(k)) for k in worst[:LISTED]]
             more = len(worst) - len(told)
             notes = [f"and {counted(more, f'other {self.kind}')} that some plants cannot run"] if more else []
             sections.append(Section("Where", (self.kind, "plants that can", "mostly because of"), told, notes=notes))
@@ -133,6 +132,8 @@ class Feasibility(Shown, Kept):
 
 def clopper_pearson(able: int, of: int) -> tuple[float, float]:
     """The exact interval of confidence 95 % for a share that is counted."""
+    from scipy.special import betaincinv
+
     out = (1 - CONFIDENCE) / 2
     low = float(betaincinv(able, of - able + 1, out)) if able else 0.0
     high = float(betaincinv(able + 1, of - able, 1 - out)) if able < of else 1.0

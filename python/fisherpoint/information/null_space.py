@@ -29,7 +29,7 @@ def unscaled(v: Array, length: Array) -> Array:
 
 def pivots(directions: Array) -> list[int]:
     """Columns, one for each of d independent rows (d, p), by which the space of these rows is best told."""
-    from scipy.linalg import qr  # slow to import, and seldom needed
+    from scipy.linalg import qr
 
     chosen: list[int] = qr(directions, mode="r", pivoting=True)[1][: len(directions)].tolist()
     return chosen

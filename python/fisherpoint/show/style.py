@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
@@ -17,6 +19,7 @@ from ..basics.messages import shown
 from ..basics.quantity import Quantity
 
 PRIOR, CRITERION, NOISE, TEXT = "#8c8c8c", "#d55e00", "#0072b2", "#333333"
+DPI = 150
 STYLE: dict[Any, Any] = {
     "font.size": 9.0,
     "axes.titlesize": 10.0,
@@ -34,6 +37,17 @@ STYLE: dict[Any, Any] = {
     "axes.axisbelow": True,
     "legend.frameon": False,
 }
+
+
+TELLS = "tells-"
+"""What the ids of curves start with whose labels a page shows where the mouse is."""
+
+
+def telling(curves: Iterable[Artist], label: str, name: str) -> None:
+    """Have curves and areas tell a text where the mouse is on them, in a page; the name is theirs in the picture."""
+    for k, curve in enumerate(curves):
+        curve.set_gid(f"{TELLS}{name}-{k}")
+        curve.set_label(label)
 
 
 def scale(quantity: Quantity, values: ArrayLike) -> tuple[float, str]:
@@ -74,6 +88,33 @@ def save_figure(figure: Figure, path: str | Path) -> None:
     kind, known = path.suffix[1:].lower(), figure.canvas.get_supported_filetypes()
     if kind not in known:
         raise ValueError(f"path: expected the ending of a picture, one of {', '.join(sorted(known))}; given {shown(path.suffix)}")
+    write_whole(path, encoded(figure, kind))
+
+
+def encoded(figure: Figure, kind: str, dpi: int = DPI) -> bytes:
+    """A picture in a format."""
     picture = BytesIO()
-    figure.savefig(picture, format=kind, dpi=150)
-    write_whole(path, picture.getvalue())
+    with settled(figure):
+        figure.savefig(picture, format=kind, dpi=dpi)
+    return picture.getvalue()
+
+
+@contextmanager
+def settled(figure: Figure) -> Iterator[None]:
+    """Have the layout decided once: else a picture is drawn twice for each file, the first time for its layout alone."""
+    engine, dpi = figure.get_layout_engine(), figure.dpi
+    figure.dpi = DPI
+    try:
+        settle(figure)
+        yield
+    finally:
+        figure.dpi = dpi
+        figure.set_layout_engine(engine)
+
+
+def settle(figure: Figure) -> None:
+    """Let the layout decide where all is, and no more after that."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")

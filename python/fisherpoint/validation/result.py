@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -12,13 +12,14 @@ from ..basics.kept import Codec, Kept
 from ..basics.values import FrozenMapping
 from ..information.codec import problem_from_json, problem_to_json
 from ..information.problem import DesignProblem
+from ..information.problem_report import problem_sections
 from ..models import Model
 from ..models.codec import model_from_json, model_to_json
 from ..points.codec import points_from_json, points_to_json, runs_from_json, runs_to_json
 from ..points.experiments import Experiments
 from ..points.runs import Runs
-from ..show.section import Report
-from ..show.shown import Shown
+from ..show.section import Report, Section
+from ..show.shown import Plots, Shown
 from .design_validation import DesignValidation
 from .figures import Figure, ParameterFigures
 from .fits import VirtualFits
@@ -141,6 +142,12 @@ class Validation(Shown, Kept):
             from .pictures import plot_validation
 
         return drawn(plot_validation(self.designs), path)
+
+    def _asked(self) -> Sequence[Section]:
+        return problem_sections(self.problem)
+
+    def _plots(self) -> Plots:
+        return {"validation": self.plot}
 
     def report(self) -> Report:
         """Whether the promise holds, and one table per design."""

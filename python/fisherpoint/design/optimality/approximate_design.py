@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,10 +19,11 @@ from ...basics.values import Array
 from ...information.codec import problem_from_json, problem_to_json
 from ...information.previous import HasPoints
 from ...information.problem import DesignProblem
+from ...information.problem_report import problem_sections
 from ...points.codec import points_from_json, points_to_json
 from ...points.experiments import Experiments
-from ...show.section import Report
-from ...show.shown import Shown
+from ...show.section import Report, Section
+from ...show.shown import Plots, Shown
 from .approximate_report import approximate_report
 from .asked import criterion
 from .candidate_rows import CandidateRows
@@ -217,6 +218,12 @@ class ApproximateDesign(Shown, Kept):
         index = pd.RangeIndex(len(self.points), name="point")
         frame = pd.DataFrame(self.points.table[:, : len(names)], index, pd.Index(names))
         return frame.assign(weight=self.weights)
+
+    def _asked(self) -> Sequence[Section]:
+        return problem_sections(self.problem)
+
+    def _plots(self) -> Plots:
+        return {"sensitivity": self.plot}
 
     def report(self) -> Report:
         """The support, the value, and what is proven about it."""

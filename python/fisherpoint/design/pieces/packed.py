@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from ...basics.values import Array
 
@@ -28,6 +27,8 @@ class Packed:
 
     def gradient(self, matrix: Array) -> Array:
         """Of log det at a packed positive definite matrix M: what, times a packed F, is tr(M^-1 F)."""
+        from scipy.linalg import cho_factor, cho_solve
+
         solved = cho_solve(cho_factor(self.whole(matrix), lower=True), np.eye(self.p))
         return np.asarray(self.of((solved + solved.T) / 2) * self._weights)
 
@@ -45,6 +46,8 @@ class Packed:
 
     def in_coordinates(self, packed: Array, factor: Array) -> None:
         """Make C^-T F C^-1 of every packed F (K, m), in place, with C upper triangular."""
+        from scipy.linalg import solve_triangular
+
         units = self.whole(np.eye(packed.shape[1]))
         half = np.stack([solve_triangular(factor, unit, trans="T") for unit in units])
         moved = np.stack([solve_triangular(factor, one.T, trans="T").T for one in half])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -15,9 +15,10 @@ from ...data.measurements import Measurements
 from ...information.codec import evaluation_from_json, evaluation_to_json, problem_from_json, problem_to_json
 from ...information.evaluation import Evaluation
 from ...information.problem import DesignProblem
+from ...information.problem_report import problem_sections
 from ...points.codec import runs_from_json, runs_to_json
 from ...points.runs import Runs
-from ...show.section import Report
+from ...show.section import Report, Section
 from ...show.shown import Shown
 from ..efficiency import d_efficiency
 from .disjoint import Places
@@ -119,6 +120,9 @@ class PieceDesign(Shown, Kept):
         may exceed 1, as the windows that are side by side begin elsewhere.
         """
         return d_efficiency(self.log_det, self.references[reference], len(self.evaluation.parameters))
+
+    def _asked(self) -> Sequence[Section]:
+        return problem_sections(self.problem)
 
     def report(self) -> Report:
         """Windows, parameters, how they compare with other choices, and the search as tables."""

@@ -2,31 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from ...basics.checks import as_path
 from ...basics.extras import needed_for
-from ...basics.files import write_whole
+from ...basics.files import write_together
 from ...basics.kept import Codec, Kept
 from ...basics.values import Array, FrozenMapping
 from ...information.codec import evaluation_from_json, evaluation_to_json, problem_from_json, problem_to_json
 from ...information.evaluation import Evaluation
 from ...information.feasibility import Feasibility
 from ...information.problem import DesignProblem
+from ...information.problem_report import problem_sections, settings_section
 from ...points.codec import runs_from_json, runs_to_json
 from ...points.run_files import plan_csv, runs_csv
 from ...points.runs import Runs
-from ...show.section import Report
-from ...show.shown import Shown
+from ...show.section import Report, Section
+from ...show.shown import Plots, Shown
 from ..settings import RunSettings
-from .run_report import run_report
+from .run_report import run_report, segments_table
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+
+
+PICTURES = ("runs.png", "information.png", "standard_errors.png", "correlation.png")
+"""What the command line draws."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -96,6 +101,19 @@ class RunDesign(Shown, Kept):
         """Runs, parameters, what plants can run them, and the search as tables."""
         return run_report(self)
 
+    def _page_report(self) -> Report:
+        report = self.report()
+        return replace(report, sections=[*report.sections, segments_table(self.problem.model, self.runs)])
+
+    def _asked(self) -> Sequence[Section]:
+        return [*problem_sections(self.problem), settings_section(asdict(self.settings))]
+
+    def _plots(self) -> Plots:
+        with needed_for("pictures"):
+            from .run_pictures import plots_of
+
+        return plots_of(self)
+
     def to_pandas(self) -> pd.DataFrame:
         """One row per parameter, as `Evaluation.to_pandas`."""
         return self.evaluation.to_pandas()
@@ -123,13 +141,14 @@ class RunDesign(Shown, Kept):
         return drawn(plot_of(self, kind), path)
 
     def save(self, directory: str | Path) -> None:
-        """Write design.csv, plan.csv and design.json into `directory`, which is made where needed; design.json last."""
-        directory = as_path(directory, "directory")
+        """Write design.csv, plan.csv and design.json into `directory`, which is made where needed; design.json last.
+
+        Of a design that was there before, the command line's report and pictures go.
+        """
+        directory, model = as_path(directory, "directory"), self.problem.model
+        tables = {"design.csv": runs_csv(self.runs, model), "plan.csv": plan_csv(self.runs, model)}
         directory.mkdir(parents=True, exist_ok=True)
-        model = self.problem.model
-        write_whole(directory / "design.csv", runs_csv(self.runs, model))
-        write_whole(directory / "plan.csv", plan_csv(self.runs, model))
-        super().save(directory / "design.json")
+        write_together(directory, tables | {"design.json": self._file()}, stale=("report.txt", "report.html", *PICTURES))
 
     @classmethod
     def load(cls, directory: str | Path) -> RunDesign:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 from typing import Any
 
 import matplotlib as mpl
@@ -16,7 +17,9 @@ from ...information.run_information import run_rows, run_settings
 from ...points.run_trajectories import checked_run_trajectories
 from ...points.runs import Runs
 from ...points.status import Status
-from ...show.style import NOISE, PRIOR, STYLE, TEXT, scale
+from ...show.numbers import counted
+from ...show.shown import Plots
+from ...show.style import NOISE, PRIOR, STYLE, TEXT, scale, telling
 from .run_plants import RunPlants
 from .run_report import HasRuns
 
@@ -35,12 +38,18 @@ MOST_SHOWN = 6
 
 
 def plot_of(design: HasRuns, kind: str) -> Figure:
-    check_choice(kind, ("runs", "information", "standard_errors", "correlation"), "kind")
-    if kind == "runs":
-        return plot_runs(design.problem, design.runs)
-    if kind == "information":
-        return plot_information(design.problem, design.runs)
-    return design.evaluation.plot(kind)
+    plots = plots_of(design)
+    return plots[check_choice(kind, tuple(plots), "kind")]()
+
+
+def plots_of(design: HasRuns) -> Plots:
+    """Every picture of a design of runs."""
+    return {
+        "runs": partial(plot_runs, design.problem, design.runs),
+        "information": partial(plot_information, design.problem, design.runs),
+        "standard_errors": partial(design.evaluation.plot, "standard_errors"),
+        "correlation": partial(design.evaluation.plot, "correlation"),
+    }
 
 
 def plot_runs(problem: DesignProblem, runs: Runs) -> Figure:
@@ -73,7 +82,9 @@ def plot_runs(problem: DesignProblem, runs: Runs) -> Figure:
                     axes.fill_between(factor_t * ends, factor * low, factor * high, color=PRIOR, alpha=0.35, linewidth=0)
                 for limit in limits.get(quantity.name, ()):
                     axes.axhline(factor * limit, color=TEXT, linewidth=0.8, linestyle="--")
-                axes.plot(factor_t * ends, factor * mean.y[k, : n * LOOKS, j], color=NOISE, linewidth=1.2)
+                (line,) = axes.plot(factor_t * ends, factor * mean.y[k, : n * LOOKS, j], color=NOISE, linewidth=1.2)
+                samples = counted(int(shown.measured[k, :n].sum()), "sample")
+                telling([line], f"run {k + 1}: {quantity.name} [{unit}] at the prior mean, {samples}", f"{k}-{j}")
                 at = np.flatnonzero(shown.measured[k, :n])
                 sampled = mean.y[k, at * LOOKS + LOOKS - 1, j]
                 axes.plot(factor_t * shown.t[k, at], factor * sampled, "o", color=NOISE, markersize=3.2)

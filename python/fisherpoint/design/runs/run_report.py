@@ -11,12 +11,13 @@ from ...basics.quantity import names_of
 from ...information.evaluation import Evaluation
 from ...information.feasibility import Feasibility
 from ...information.problem import DesignProblem
+from ...models import Model
 from ...points.run_region import RunRegion
 from ...points.runs import Runs
 from ...show.numbers import computed, counted, number, percent
 from ...show.section import Report, Section
 from ..efficiency import d_efficiency
-from ..report import plants_sections
+from ..report import ROWS_OF_PAGES, plants_sections
 
 _ROWS = 40  # runs shown of a longer list
 
@@ -96,6 +97,26 @@ def _runs_table(problem: DesignProblem, runs: Runs) -> Section:
         rows.append([str(k + 1), *start, *sizes, *told])
     notes = [f"... and {len(runs) - _ROWS} more"] if len(runs) > _ROWS else []
     return Section("Runs: start, hold the inputs of each segment, sample at the ends that are measured", columns, rows, notes=notes)
+
+
+def segments_table(model: Model, runs: Runs, title: str = "Segments of the runs") -> Section:
+    """Every segment of every run, up to a number of rows."""
+    columns = ["run", "segment", "from [s]", *(f"{q.name} [{q.unit}]" for q in model.inputs), "dt [s]", "sample at the end"]
+    run, segment = np.nonzero(runs.dt)
+    starts = runs.t - runs.dt
+    rows = [
+        (
+            str(k + 1),
+            str(n + 1),
+            number(float(starts[k, n]), 6),
+            *(number(value, 6) for value in runs.u[k, n].tolist()),
+            number(float(runs.dt[k, n]), 6),
+            "yes" if runs.measured[k, n] else "no",
+        )
+        for k, n in zip(run[:ROWS_OF_PAGES].tolist(), segment[:ROWS_OF_PAGES].tolist(), strict=True)
+    ]
+    notes = [f"... and {len(run) - ROWS_OF_PAGES} more"] if len(run) > ROWS_OF_PAGES else []
+    return Section(title, columns, rows, notes=notes)
 
 
 def _search(design: Reported) -> Section:

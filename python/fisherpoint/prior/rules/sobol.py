@@ -7,7 +7,6 @@ from dataclasses import KW_ONLY, dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import ndtri
 
 from ...basics.checks import check_positive_int, check_type
 from ...basics.values import Array
@@ -53,7 +52,8 @@ class Sobol(Rule):
 
 @lru_cache(maxsize=4)
 def _points(p: int, n: int, seed: int) -> Array:
-    from scipy.stats.qmc import Sobol as Points  # slow to import, and seldom needed
+    from scipy.special import ndtri
+    from scipy.stats.qmc import Sobol as Points
 
     bits = 30
     uniform = Points(p, scramble=True, bits=bits, seed=np.random.default_rng(seed)).random_base2(n.bit_length() - 1)

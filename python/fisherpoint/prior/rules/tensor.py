@@ -9,7 +9,6 @@ from math import prod
 from typing import ClassVar
 
 import numpy as np
-from scipy.special import roots_hermitenorm
 
 from ...basics.checks import as_floats, as_positive, by_name, check_names, check_positive_int, check_type
 from ...basics.messages import shown
@@ -154,6 +153,8 @@ class GaussHermite(Rule):
 @lru_cache
 def hermite(levels: int) -> tuple[Array, Array]:
     """Nodes and weights of the Gauss-Hermite rule for the standard normal distribution, symmetric to the last bit."""
+    from scipy.special import roots_hermitenorm
+
     z, weights = roots_hermitenorm(levels)
     z, weights = (z - z[::-1]) / 2, (weights + weights[::-1]) / 2
     return np.asarray(z), np.asarray(weights / weights.sum())

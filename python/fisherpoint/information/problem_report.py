@@ -1,0 +1,75 @@
+"""What a problem asks, as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+from ..basics.quantity import Quantity
+from ..points.region import ExperimentRegion
+from ..points.run_region import RunRegion
+from ..prior.gaussian import GaussianPrior
+from ..show.numbers import number
+from ..show.section import Section
+from .problem import DesignProblem
+
+
+def problem_sections(problem: DesignProblem) -> list[Section]:
+    """Model, noise and options; the prior; the region."""
+    model = problem.model
+    facts = [
+        ("model", model.name),
+        ("states", _listed(model.states)),
+        ("inputs", _listed(model.inputs)),
+        ("outputs", _listed(model.outputs)),
+        ("parameters to estimate", ", ".join(problem.estimated)),
+        ("sensor noise, one std", _numbers(problem.noise_std, model.outputs)),
+        ("uncertain constants, one std", _numbers(problem.uncertain)),
+        ("uncertain starts, one std", _numbers(problem.initial_state_std, model.states)),
+        ("output covariance", str(problem.output_covariance)),
+        ("rule over the prior", repr(problem.rule)),
+        ("kinks, jumps", f"{problem.kinks}, {problem.jumps}"),
+        ("limits along the way", "; ".join(problem.along or ())),
+        ("tolerance of trajectories", number(problem.rtol)),
+    ]
+    sections = [Section("Problem", (), [fact for fact in facts if fact[1]]), prior_section(problem.prior, model.parameters)]
+    return [*sections, *_region(problem)]
+
+
+def settings_section(settings: Mapping[str, object]) -> Section:
+    """The settings of a search, those that were not given left out."""
+    return Section("Settings", (), [(name, str(value)) for name, value in settings.items() if value is not None])
+
+
+def prior_section(prior: GaussianPrior, parameters: Iterable[Quantity]) -> Section:
+    """Means and standard deviations, and which parameters are log-normal."""
+    units = {quantity.name: quantity.unit for quantity in parameters}
+    rows = [
+        (name, units.get(name, ""), number(mean), number(prior.std[name]), "log-normal" if name in prior.log else "normal")
+        for name, mean in prior.mean.items()
+    ]
+    notes = ["Parameters are correlated."] if prior.correlated else []
+    return Section("Prior", ("parameter", "unit", "mean", "std", "distribution"), rows, notes=notes)
+
+
+def _region(problem: DesignProblem) -> Iterator[Section]:
+    region, model = problem.region, problem.model
+    if region is None:
+        return
+    units = {quantity.name: quantity.unit for quantity in model.axes}
+    rows = [(name, units.get(name, ""), number(low), number(high)) for name, (low, high) in region.bounds.items()]
+    yield Section("Region", ("quantity", "unit", "from", "to"), rows, notes=_limits(region))
+
+
+def _limits(region: ExperimentRegion | RunRegion) -> list[str]:
+    if isinstance(region, ExperimentRegion):
+        return [f"Constraint: {constraint}" for constraint in region.constraints]
+    return [repr(region)]
+
+
+def _listed(quantities: Iterable[Quantity]) -> str:
+    return ", ".join(f"{quantity.name} [{quantity.unit}]" for quantity in quantities)
+
+
+def _numbers(given: Mapping[str, float] | None, quantities: Iterable[Quantity] = ()) -> str:
+    units = {quantity.name: quantity.unit for quantity in quantities}
+    return ", ".join(f"{name} {number(value)} {units.get(name, '')}".rstrip() for name, value in (given or {}).items())

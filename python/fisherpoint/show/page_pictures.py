@@ -1,0 +1,74 @@
+"""Pictures for a page: in the smaller of two formats, or where curves tell their names, as elements of the page."""
+
+from __future__ import annotations
+
+import re
+from base64 import b64encode
+from html import escape
+from io import BytesIO
+from typing import Any
+from xml.etree import ElementTree
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from .page import PagePicture
+from .style import TELLS, encoded, settle
+
+SVG = "http://www.w3.org/2000/svg"
+MOST_BYTES, MOST_INLINE = 290_000, 500_000
+"""Of a picture in a page, and of one that is an element of it, so that pages stay below 2 MB."""
+SMALL_DPI = 72
+
+TITLES = {"criterion": "Search: the criterion over the iterations", "parity": "Measured against predicted outputs"}
+"""Of pictures whose names do not say enough."""
+
+
+def for_page(name: str, figure: Figure, png: bytes | None = None) -> PagePicture:
+    """A picture for a page; `png` is its file where there is one."""
+    settle(figure)
+    title = TITLES.get(name, name.replace("_", " ").capitalize())
+    png = png or encoded(figure, "png")
+    labels = {gid: str(artist.get_label()) for artist in figure.findobj() if (gid := artist.get_gid() or "").startswith(TELLS)}
+    width = float(figure.get_size_inches()[0])
+    svg = _svg(figure, title)
+    if labels and (inline := _inline(svg, labels, title)) and len(inline) <= MOST_INLINE:
+        return PagePicture(title, inline, width)
+    kind, data = min(("svg+xml", svg), ("png", png), key=lambda one: len(one[1]))
+    if len(data) * 4 / 3 > MOST_BYTES:
+        kind, data = "png", encoded(figure, "png", SMALL_DPI)
+    source = f"data:image/{kind};base64,{b64encode(data).decode()}"
+    return PagePicture(title, f'<img alt="{escape(title)}" src="{source}">', width)
+
+
+def _svg(figure: Figure, title: str) -> bytes:
+    told: dict[str, Any] = dict.fromkeys(("Creator", "Date", "Format", "Type"))  # that is, none
+    out = BytesIO()
+    # Texts stay texts, that can be searched and are small. Ids follow from the title, as a page must have each but once.
+    fonts = ["DejaVu Sans", "Verdana", "sans-serif"]
+    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": title, "font.sans-serif": fonts}):
+        figure.savefig(out, format="svg", metadata=told)
+    return out.getvalue()
+
+
+def _inline(svg: bytes, labels: dict[str, str], title: str) -> str:
+    """The picture as an element, in which the curves of these ids tell their labels."""
+    ElementTree.register_namespace("", SVG)
+    ElementTree.register_namespace("xlink", "http://www.w3.org/1999/xlink")
+    root = ElementTree.fromstring(svg)
+    used = {name for element in root.iter() for value in element.attrib.values() for name in re.findall(r"#([\w-]+)", value)}
+    for element in root.iter():
+        element.tail = element.tail and element.tail.strip()
+        for style in element.findall(f"{{{SVG}}}style"):
+            element.remove(style)  # it would hold for the whole page
+        name = element.get("id", "")
+        if name in labels:
+            element.set("class", "hover")
+            told = ElementTree.Element(f"{{{SVG}}}title")
+            told.text = labels[name]
+            element.insert(0, told)
+        if name and name not in used:
+            del element.attrib["id"]
+    root.set("role", "img")
+    root.set("aria-label", title)
+    return ElementTree.tostring(root, encoding="unicode")

@@ -1,0 +1,20 @@
+"""The arguments that the program was given, as a page says how to repeat what it shows."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from contextvars import ContextVar
+from pathlib import Path
+
+ARGUMENTS: ContextVar[Sequence[str]] = ContextVar("ARGUMENTS", default=())
+
+
+def repeated() -> str:
+    """The command, as it is typed into a shell."""
+    return shell_line("fisherpoint", *ARGUMENTS.get())
+
+
+def shell_line(*words: str | Path) -> str:
+    """Words of a command, those in quotes that a shell would take apart."""
+    return shlex.join(map(str, words))

@@ -1,0 +1,38 @@
+"""How the program ends: its exit codes, and the one line on standard error."""
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import suppress
+
+TYPE_CHECKING = False  # `typing` takes a while to import
+if TYPE_CHECKING:
+    from typing import NoReturn
+
+READER_LEFT, MISUSE, INTERRUPTED = 1, 2, 130
+"""Exit codes."""
+
+
+def leave(*_: object) -> NoReturn:
+    """End at once."""
+    os.write(2, b"fisherpoint: interrupted\n")
+    os._exit(INTERRUPTED)
+
+
+def why_not_imported(error: ImportError) -> str:
+    """What is missing, and what to do about it."""
+    message, package = " ".join(str(error).split()), (error.name or "").partition(".")[0]
+    if ": expected " in message:
+        return message
+    if package in ("pandas", "pydantic", "rich", "typer") and isinstance(error, ModuleNotFoundError):
+        return f"the command line needs {package}: pip install 'fisherpoint[all]'"
+    return f"expected an installation that can be imported, given: {message}; reinstall fisherpoint"
+
+
+def complain(message: str) -> None:
+    """Print a line on standard error."""
+    from fisherpoint.basics.messages import printable
+
+    with suppress(OSError):
+        print(f"fisherpoint: {printable(' '.join(message.split()))}", file=sys.stderr)

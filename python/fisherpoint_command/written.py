@@ -1,0 +1,43 @@
+"""What a command writes of a result for people: pictures, and a page with them and with how to repeat it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from fisherpoint.basics.files import read_bytes, write_whole
+from fisherpoint.show.page import PagePicture, to_page
+from fisherpoint.show.section import Report, Section
+from fisherpoint.show.shown import Plots, Shown
+
+from .asked import repeated
+
+PAGE = "report.html"
+
+
+def write_shown(result: Shown, directory: Path, plots: Plots, file: Path, report: Report | None = None) -> list[str]:
+    """Write pictures, as PNG, and after them the page of a result; return their names."""
+    return write_page(result._page_report() if report is None else report, result._asked(), directory, plots, file)
+
+
+def write_page(report: Report, asked: Sequence[Section], directory: Path, plots: Plots, file: Path) -> list[str]:
+    """Write pictures, as PNG, and after them a page with the text of the TOML file that was given; return their names."""
+    pictures = _drawn(plots, directory) if plots else {}
+    sources = {str(file): read_bytes(file).decode(errors="replace")}
+    page = to_page(report, asked=asked, pictures=pictures.values(), command=repeated(), sources=sources)
+    write_whole(directory / PAGE, page)
+    return [*pictures, PAGE]
+
+
+def _drawn(plots: Plots, directory: Path) -> Mapping[str, PagePicture]:
+    from fisherpoint.show.page_pictures import for_page
+    from fisherpoint.show.style import encoded, settle
+
+    pictures = {}
+    for name, plot in plots.items():
+        figure = plot()
+        settle(figure)
+        png = encoded(figure, "png")
+        write_whole(directory / f"{name}.png", png)
+        pictures[f"{name}.png"] = for_page(name, figure, png)
+    return pictures
