@@ -14,6 +14,7 @@ from .design.optimality.approximate import approximate
 from .design.optimality.approximate_design import ApproximateDesign
 from .design.optimality.asked import criterion
 from .design.optimality.criteria import Criterion
+from .design.over_prior import OverPrior
 from .design.pieces.best_pieces import best_pieces
 from .design.pieces.piece_design import PieceDesign
 from .design.points.point_search import Progress
@@ -21,6 +22,7 @@ from .design.result import Design
 from .design.runs.design_runs import design_runs
 from .design.runs.run_design import RunDesign
 from .design.runs.run_search import RunProgress
+from .design.scenario_values import ScenarioValues
 from .design.settings import ExchangeSettings, RunSettings
 from .engine.levels import available_isas, isa
 from .estimation.estimate import estimate
@@ -87,6 +89,7 @@ __all__ = [
     "Measurements",
     "Model",
     "Nearby",
+    "OverPrior",
     "PieceDesign",
     "Pieces",
     "PredictiveCovariance",
@@ -104,6 +107,7 @@ __all__ = [
     "RunSettings",
     "RunTrajectories",
     "Runs",
+    "ScenarioValues",
     "Sensitivities",
     "Sobol",
     "SparseGaussHermite",

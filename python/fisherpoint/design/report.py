@@ -21,6 +21,7 @@ from ..show.numbers import column, computed, counted, number, percent
 from ..show.section import Report, Section
 from .evaluated import Evaluated
 from .found import FoundDesign
+from .over_report import over_sections
 from .settings import searched_by
 
 _ROWS = 40  # points shown of a longer list
@@ -32,7 +33,7 @@ USUAL = 0.99
 
 def design_report(design: FoundDesign) -> Report:
     """The report of a design: points, parameters, criterion, efficiency, search, warnings."""
-    sections = [_points_table(design), _parameter_table(design), _criterion(design), *_efficiency(design)]
+    sections = [_points_table(design), _parameter_table(design), _criterion(design), *over_sections(design), *_efficiency(design)]
     if design.feasibility is not None:
         sections += plants_sections(design.feasibility)
     sections.append(_search(design))
