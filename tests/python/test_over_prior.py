@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize_scalar
+from scipy.optimize import minimize, minimize_scalar
 
 import fisherpoint as fp
 from defaults import MODEL, NOISE, problem, same_bits
 from fisherpoint.design.average import SOFTNESS, Average
+from fisherpoint.design.points.over_bound import over_bound
 from fisherpoint.design.points.pool_exchange import PoolExchange, greedy
 from fisherpoint.design.runs.linear_rows import LinearRows
 
@@ -144,7 +145,7 @@ def test_the_best_time_is_that_of_scalar_optimisation(model: fp.SymbolicModel, k
     grid = np.linspace(0.01, 5.99, 600)
     start = grid[np.argmax([value(t) for t in grid])]
     best = minimize_scalar(lambda t: -value(t), bounds=(start - 0.02, start + 0.02), method="bounded", options={"xatol": 1e-9})
-    over = fp.OverPrior(kind, [{"theta": theta} for theta in thetas], share=share)
+    over = fp.OverPrior(kind, scenarios=[{"theta": theta} for theta in thetas], share=share)
     design = fp.exchange(of_one(model), 1, n_candidates=20, max_iterations=60, references=False, over=over)
     found = float(design.points.u[0, 0])
     assert value(found) > -best.fun - 1e-4
@@ -157,13 +158,67 @@ def test_the_best_time_is_that_of_scalar_optimisation(model: fp.SymbolicModel, k
     assert design.scenarios.log_dets == pytest.approx([np.log(slopes_of(model, found, x) ** 2) + scale for x in thetas], abs=1e-9)
 
 
+# --- the bound of the candidates -------------------------------------------------------------------------------------------
+
+
+def everywhere(places: np.ndarray) -> np.ndarray:
+    return np.ones(len(places), dtype=bool)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_bound_is_the_best_that_weights_reach(kind: str) -> None:
+    """By a general optimiser over the weights of all candidates, from the end of the multiplicative one; designs are below."""
+    rng, p, count = np.random.default_rng(11), 2, 12
+    rows = rng.standard_normal((3, count, 1, p)) * np.array([1.0, 2.0, 0.5])[:, None, None, None]
+    average, known = average_of(kind, np.array([1.0, 2.0, 1.5])), 0.1 * np.broadcast_to(np.eye(p), (3, p, p))
+    bound = over_bound(rows, known, average, 3, everywhere)
+
+    def value(weights: np.ndarray) -> float:
+        return float(average.value(np.linalg.slogdet(np.einsum("k,sknp,sknq->spq", weights, rows, rows) + known)[1]))
+
+    def loss(z: np.ndarray) -> float:
+        return -value(z**2 / (z**2).sum())
+
+    best = max(-minimize(loss, rng.uniform(0.2, 1.0, count), method="Powell", options={"maxiter": 50}).fun for _ in range(4))
+    assert bound is not None and best - 1e-9 <= bound < best + SOFTNESS * np.log(10) + 2 * p * 0.01
+    for chosen in itertools.combinations_with_replacement(range(count), 4):
+        assert value(np.bincount(chosen, minlength=count) / 4) <= bound
+
+
+def test_the_bound_leaves_out_what_may_not_have_a_weight() -> None:
+    rows = np.array([1.0, 2.0, 5.0, 3.0])[None, :, None, None]
+    nothing, mean = np.zeros((1, 1, 1)), Average.of_all(1)
+    assert over_bound(rows, nothing, mean, 1, everywhere) == pytest.approx(np.log(25), abs=0.011)
+    assert over_bound(rows, nothing, mean, 1, lambda places: places != 2) == pytest.approx(np.log(9), abs=0.011)
+    assert over_bound(0 * rows, nothing, mean, 1, everywhere) is None
+
+
+def test_with_one_scenario_the_bound_is_that_of_the_mean() -> None:
+    settings: dict[str, Any] = QUICK | {"references": True, "max_iterations": 8}
+    plain, one = (fp.exchange(problem(), **settings, over=over) for over in (None, fp.OverPrior("log", scenarios=[{}])))
+    assert plain.efficiency is not None and one.efficiency is not None
+    assert plain.efficiency.n_candidates == one.efficiency.n_candidates
+    assert one.efficiency.at_most == pytest.approx(plain.efficiency.at_most, abs=9 * 0.011)
+    assert one.efficiency.at_least == pytest.approx(plain.efficiency.at_least, abs=0.012)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_bound_of_a_design_is_of_what_is_maximised(kind: str) -> None:
+    """The best design of the decay is one time, which is at the bound of all candidates."""
+    over = fp.OverPrior(kind, scenarios=[{"theta": 0.5}, {"theta": 2.0}])
+    design = fp.exchange(of_one(DECAY), 2, n_candidates=20, max_iterations=60, over=over)
+    assert design.efficiency is not None and design.scenarios is not None and design.efficiency.at_most is not None
+    assert design.scenarios.value <= design.efficiency.at_most + 1e-9
+    assert design.efficiency.at_least is not None and design.efficiency.at_least > (0.9 if kind == "log" else 0.95)
+
+
 # --- what every search promises -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_one_scenario_at_the_mean_is_the_search_without(kind: str) -> None:
     plain = fp.exchange(problem(), **QUICK)
-    one = fp.exchange(problem(), **QUICK, over=fp.OverPrior(kind, [{}]))
+    one = fp.exchange(problem(), **QUICK, over=fp.OverPrior(kind, scenarios=[{}]))
     assert same_bits(plain.points.table, one.points.table) and plain.rejected == one.rejected
     assert [record.log_det for record in plain.trace] == [record.log_det for record in one.trace]
     assert plain.scenarios is None and one.scenarios is not None
@@ -172,7 +227,7 @@ def test_one_scenario_at_the_mean_is_the_search_without(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_it_is_better_over_the_scenarios_than_the_design_for_the_mean(kind: str) -> None:
-    over = fp.OverPrior(kind, fp.Sobol(4))
+    over = fp.OverPrior(kind, scenarios=fp.Sobol(4))
     given = problem()
     plain, design = (fp.exchange(given, **QUICK | {"max_iterations": 60}, over=one) for one in (None, over))
     log_dets = [record.log_det for record in design.trace]
@@ -203,12 +258,12 @@ def test_points_are_valid_in_every_scenario() -> None:
     region = fp.ExperimentRegion({"x": (1.0, 1.0), "dt": (0.1, 0.95)})
     prior = fp.GaussianPrior({"p": 1.0}, std={"p": 0.01})
     given = fp.DesignProblem(model, prior, region, noise_std={"y": 0.1})
-    design = fp.exchange(given, 1, n_candidates=8, max_iterations=24, over=fp.OverPrior("log", [{}, {"p": 1.25}]))
+    design = fp.exchange(given, 1, n_candidates=8, max_iterations=24, over=fp.OverPrior("log", scenarios=[{}, {"p": 1.25}]))
     assert 0.6 < design.points.dt[0] < 0.8
 
 
 def test_the_same_bits_for_any_number_of_threads() -> None:
-    over = fp.OverPrior("cvar", fp.Sobol(4))
+    over = fp.OverPrior("cvar", scenarios=fp.Sobol(4))
     one, three = (fp.exchange(problem(), **QUICK, threads=n, over=over) for n in (1, 3))
     assert same_bits(one.points.table, three.points.table)
     assert [r.log_det for r in one.trace] == [r.log_det for r in three.trace] and one.rejected == three.rejected
@@ -217,7 +272,7 @@ def test_the_same_bits_for_any_number_of_threads() -> None:
 def test_previous_and_kept_points_count_in_every_scenario() -> None:
     """A previous time at which little is told leaves the best new one; a kept one is the design's first."""
     thetas = np.array([0.5, 2.0])
-    given, over = of_one(DECAY), fp.OverPrior("log", [{"theta": theta} for theta in thetas])
+    given, over = of_one(DECAY), fp.OverPrior("log", scenarios=[{"theta": theta} for theta in thetas])
     known = fp.Experiments(np.zeros((2, 0)), np.array([[0.2], [3.0]]))
     settings: dict[str, Any] = {"n_candidates": 20, "max_iterations": 60, "references": False, "over": over}
     beside = fp.exchange(given, 1, previous=known, **settings)
@@ -235,9 +290,18 @@ def test_previous_and_kept_points_count_in_every_scenario() -> None:
     assert same_bits(kept.points.u[:2], known.u) and beside.n_previous == 2
 
 
+def test_a_campaign_keeps_its_criterion(tmp_path: Path) -> None:
+    over = fp.OverPrior("log", scenarios=fp.Sobol(2))
+    campaign = fp.Campaign(problem(), batch=9, directory=tmp_path, n_candidates=8, max_iterations=2, references=False, over=over)
+    first = campaign.next()
+    again = fp.Campaign.load(tmp_path)
+    assert again.settings == campaign.settings and again.settings.over == over
+    assert same_bits(again.next().points.table, first.points.table)
+
+
 def test_scenarios_with_what_is_uncertain() -> None:
     given = problem(uncertain={"T_1": 2e-4}, initial_state_std={"v": 1e-3})
-    over = fp.OverPrior("log", [{}, {"c_L": 4e-9}])
+    over = fp.OverPrior("log", scenarios=[{}, {"c_L": 4e-9}])
     design = fp.exchange(given, **QUICK | {"max_iterations": 8}, over=over)
     moved = given.replace(prior=fp.GaussianPrior(dict(given.prior.mean) | {"c_L": 4e-9}, dict(given.prior.std)))
     expected = [fp.evaluate_design(one, design.points).log_det for one in (given, moved)]
@@ -249,7 +313,7 @@ def test_scenarios_with_what_is_uncertain() -> None:
 
 @pytest.mark.parametrize("scenarios", [fp.Sobol(4), [{}, {"c_L": 4e-9}]])
 def test_a_design_is_saved_and_read(tmp_path: Path, scenarios: Any) -> None:
-    over = fp.OverPrior("cvar", scenarios, share=0.5)
+    over = fp.OverPrior("cvar", scenarios=scenarios, share=0.5)
     design = fp.exchange(problem(), **QUICK | {"max_iterations": 3, "references": True}, over=over)
     design.save(tmp_path)
     read = fp.Design.load(tmp_path)
@@ -260,7 +324,7 @@ def test_a_design_is_saved_and_read(tmp_path: Path, scenarios: Any) -> None:
 
 
 def test_what_the_values_say() -> None:
-    over = fp.OverPrior("worst", [{"theta": 0.5}, {"theta": 2.0}])
+    over = fp.OverPrior("worst", scenarios=[{"theta": 0.5}, {"theta": 2.0}])
     values = fp.exchange(of_one(DECAY), 1, n_candidates=8, max_iterations=8, over=over).scenarios
     assert values is not None and values.parameters == ({"theta": 0.5}, {"theta": 2.0})
     errors = values.standard_errors["theta"]
@@ -273,21 +337,24 @@ def test_what_the_values_say() -> None:
     ("make", "message"),
     [
         (lambda: fp.OverPrior("best"), "kind: expected"),
-        (lambda: fp.OverPrior("log", fp.SparseGaussHermite(2)), "scenarios: expected a rule whose nodes have positive weights"),
-        (lambda: fp.OverPrior("log", fp.Linearized()), "scenarios: expected a rule whose nodes have positive weights"),
-        (lambda: fp.OverPrior("log", []), "scenarios: expected a rule, or at least one"),
-        (lambda: fp.OverPrior("log", 8), "scenarios: expected a sequence of mappings of parameters, or a rule, given 8"),
-        (lambda: fp.OverPrior("log", [1.0]), r"scenarios\[0\]: expected"),
+        (
+            lambda: fp.OverPrior("log", scenarios=fp.SparseGaussHermite(2)),
+            "scenarios: expected a rule whose nodes have positive weights",
+        ),
+        (lambda: fp.OverPrior("log", scenarios=fp.Linearized()), "scenarios: expected a rule whose nodes have positive weights"),
+        (lambda: fp.OverPrior("log", scenarios=[]), "scenarios: expected a rule, or at least one"),
+        (lambda: fp.OverPrior("log", scenarios=8), "scenarios: expected a sequence of mappings of parameters, or a rule, given 8"),
+        (lambda: fp.OverPrior("log", scenarios=[1.0]), r"scenarios\[0\]: expected"),
         (lambda: fp.OverPrior("cvar", share=0.0), "share: expected a share above 0"),
         (lambda: fp.exchange(problem(), over="log"), "over: expected an OverPrior or None, given str"),
-        (lambda: fp.exchange(problem(), over=fp.OverPrior(scenarios=[{"x": 1.0}])), "scenarios: expected names"),
+        (lambda: fp.exchange(problem(), over=fp.OverPrior("log", scenarios=[{"x": 1.0}])), "scenarios: expected names"),
         (
-            lambda: fp.exchange(problem(), over=fp.OverPrior(scenarios=fp.Sobol(2048))),
+            lambda: fp.exchange(problem(), over=fp.OverPrior("log", scenarios=fp.Sobol(2048))),
             "scenarios: expected at most 1024, given 2048",
         ),
-        (lambda: fp.exchange(problem(), over=fp.OverPrior(scenarios=[{"m_q": -1.0}])), "m_q"),
-        (lambda: fp.exchange(problem(), over=fp.OverPrior(), method="paper"), 'over: expected method = "auto"'),
-        (lambda: fp.exchange(problem(output_covariance="region"), over=fp.OverPrior()), 'over: expected method = "auto"'),
+        (lambda: fp.exchange(problem(), over=fp.OverPrior("log", scenarios=[{"m_q": -1.0}])), "m_q"),
+        (lambda: fp.exchange(problem(), over=fp.OverPrior("log"), method="paper"), 'over: expected method = "auto"'),
+        (lambda: fp.exchange(problem(output_covariance="region"), over=fp.OverPrior("log")), 'over: expected method = "auto"'),
     ],
 )
 def test_misuse_is_told(make: Any, message: str) -> None:
@@ -302,9 +369,9 @@ def test_kept_points_must_be_valid_in_every_scenario() -> None:
     given = fp.DesignProblem(model, prior, fp.ExperimentRegion({"x": (1.0, 1.0), "dt": (0.1, 0.95)}), noise_std={"y": 0.1})
     late = fp.Experiments(np.ones((1, 1)), np.zeros((1, 0)), np.array([0.9]))
     with pytest.raises(ValueError, match=r"keep: expected valid points, given points\[0\]"):
-        fp.exchange(given, 2, keep=late, over=fp.OverPrior("log", [{"p": 1.3}]))
+        fp.exchange(given, 2, keep=late, over=fp.OverPrior("log", scenarios=[{"p": 1.3}]))
 
 
 def test_nodes_are_those_of_the_rule() -> None:
-    theta, weights = fp.OverPrior("log", fp.GaussHermite(1)).nodes(problem())
+    theta, weights = fp.OverPrior("log", scenarios=fp.GaussHermite(1)).nodes(problem())
     assert theta == pytest.approx(np.array([list(MODEL.nominal.values())])) and weights == pytest.approx([1.0])

@@ -25,7 +25,7 @@ from ..basics.messages import printable
 from ..basics.values import FrozenMapping, finite_or_none
 from ..data import Measurements
 from ..data.measurement_files import measurements_csv
-from ..design.settings import settings_to_json
+from ..design.settings import settings_from_json, settings_to_json
 from ..engine.versions import versions
 from ..information.codec import problem_from_json
 from ..models import Model
@@ -154,7 +154,7 @@ def _state_from_json(data: dict[str, Any]) -> State:
     kind = kind_of(problem)
     return State(
         problem=problem,
-        settings=kind.settings(**data["settings"]),
+        settings=settings_from_json(kind.settings, data["settings"]),
         targets=FrozenMapping(data["targets"]),
         batches=tuple(_batch_from_json(batch, kind) for batch in data["batches"]),
         planned=_or_none(kind.from_json, data["planned"]),

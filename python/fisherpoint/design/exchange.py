@@ -216,12 +216,14 @@ def _references(search: PointSearch, under_noise: Evaluation | None) -> Efficien
         best_found = other.best.log_det
         seen.include(other.seen)
     random = random_designs(problem, search.count, settings.seed, search.threads, search.previous, settings.time_limit)
+    own, over = search.best.information, search.scenarios
     return efficiency_of(
         search.problem,
         search.criterion,
         search.best.log_det,
         under_noise.log_det,
-        None if search.scenarios is not None else seen.bound(search.best.information, search.previous),
+        seen.bound(own, search.previous) if over is None else seen.bound_over(own, search.previous, over),
         best_found,
         median_of(random),
+        of_criterion=over is not None,
     )

@@ -27,7 +27,7 @@ from ..points.codec import points_from_json, points_to_json
 from .efficiency import Efficiency
 from .found import STOP_REASONS, FoundDesign, TraceRecord
 from .scenario_values import scenario_values_from_json, scenario_values_to_json
-from .settings import ExchangeSettings, settings_to_json
+from .settings import ExchangeSettings, settings_from_json, settings_to_json
 
 FORMAT = "fisherpoint design"
 FORMAT_VERSION = 2  # 1 had no checksum
@@ -70,7 +70,7 @@ def design_from_json(data: dict[str, Any]) -> dict[str, Any]:
     evaluation = evaluation_from_json(data["evaluation"], n_points)
     if evaluation is None:
         raise KeyError("evaluation")
-    settings, rejected = ExchangeSettings(**data["settings"]), dict(data["rejected"])
+    settings, rejected = settings_from_json(ExchangeSettings, data["settings"]), dict(data["rejected"])
     if len(points["dt"]) != settings.n_experiments:
         raise ValueError(f"points: expected n_experiments = {settings.n_experiments} points, given {len(points['dt'])}")
     for name, count in {**rejected, "drawn": data["drawn"], "accepted": data["accepted"]}.items():

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Any
 
 import numpy as np
 
-from ..basics.checks import as_float, as_sequence, by_name, check_choice
+from ..basics.checks import as_float, as_sequence, by_name, check_choice, check_mapping
 from ..basics.quantity import names_of
 from ..basics.values import Array
 from ..information.point_information import PointInformation
@@ -38,7 +38,8 @@ class OverPrior:
         Of "cvar", between 0 and 1.
     """
 
-    kind: str = "log"
+    kind: str
+    _: KW_ONLY
     scenarios: Rule | Sequence[Mapping[str, float]] = field(default=Sobol(8))
     share: float = 0.25
 
@@ -54,7 +55,9 @@ class OverPrior:
             given = as_sequence(self.scenarios, "scenarios", "mappings of parameters, or a rule")
             if not given:
                 raise ValueError("scenarios: expected a rule, or at least one mapping of parameters, given none")
-            checked = (by_name(values, None, f"scenarios[{k}]", as_float) for k, values in enumerate(given))
+            labels = [f"scenarios[{k}]" for k in range(len(given))]
+            pairs = zip(given, labels, strict=True)
+            checked = (by_name(check_mapping(values, label), None, label, as_float) for values, label in pairs)
             set_field(self, "scenarios", tuple(checked))
         set_field(self, "share", as_float(self.share, "share"))
         if not 0 < self.share <= 1:

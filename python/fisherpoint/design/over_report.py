@@ -33,5 +33,5 @@ def over_sections(design: FoundDesign) -> Iterator[Section]:
         (name, units[name], *(computed(of.get(name, np.inf)) for of in (at_mean, expected, largest)))
         for name in design.evaluation.parameters
     ]
-    note = "Of estimates in each scenario, whose scatter goes with log det F there: the geometric mean is that of the scenarios."
+    note = "In each scenario they are those of the sensor noise there; the mean is that of their logarithms, by the weights."
     yield Section("Standard errors over the prior", columns, rows, notes=[note])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from ..basics.checks import LARGEST_INT, as_float, as_positive, as_probability, check_choice, check_flag, check_positive_int
 from ..engine.levels import kernels
@@ -12,6 +12,7 @@ from ..information.output_covariance import needs_covariances
 from ..information.problem import DesignProblem
 from .over_prior import OverPrior
 
+Kind = TypeVar("Kind")
 METHODS = ("paper", "auto")
 _LEAST = {"n_experiments": 1, "n_candidates": 1, "max_iterations": 0, "seed": 0, "patience": 1, "max_redraws": 0}
 MOST = {"n_experiments": 10**6, "n_candidates": 10**6, "max_iterations": 10**9, "patience": 10**9, "max_redraws": 10**6}
@@ -49,8 +50,6 @@ class ExchangeSettings:
         if not 0 <= self.local <= 1:
             raise ValueError(f"local: expected a share between 0 and 1, given {self.local:g}")
         check_choice(self.method, METHODS, "method")
-        if isinstance(self.over, Mapping):  # as files have it
-            set_field(self, "over", OverPrior.from_json(self.over))
         if self.over is not None and not isinstance(self.over, OverPrior):
             raise TypeError(f"over: expected an OverPrior or None, given {type(self.over).__name__}")
 
@@ -97,3 +96,9 @@ def settings_to_json(settings: ExchangeSettings | RunSettings) -> dict[str, Any]
     """The arguments of the class as JSON has them."""
     data, over = dict(vars(settings)), getattr(settings, "over", None)
     return data if over is None else data | {"over": over.to_json()}
+
+
+def settings_from_json(kind: type[Kind], data: Mapping[str, Any]) -> Kind:
+    """What `settings_to_json` wrote; files from before criteria over the prior have none."""
+    over = data.get("over")
+    return kind(**data if over is None else {**data, "over": OverPrior.from_json(over)})

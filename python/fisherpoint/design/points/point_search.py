@@ -67,7 +67,7 @@ class PointSearch:
         self.seen = SeenCandidates(self.problem, self.threads)
         over = self.scenarios
         self.over = Scenarios((self.problem,), Average.of_all(1), (self.previous,)) if over is None else over
-        keep = self.seen.add if self.settings.references and self.problem.noise_std is not None and over is None else None
+        keep = self.seen.add if self.settings.references and self.problem.noise_std is not None else None
         self.source = CandidateSource(
             self.problem, np.random.default_rng(self.settings.seed), self.threads, keep, () if over is None else over.problems
         )
