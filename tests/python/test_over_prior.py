@@ -296,7 +296,7 @@ def test_a_campaign_keeps_its_criterion(tmp_path: Path) -> None:
     first = campaign.next()
     again = fp.Campaign.load(tmp_path)
     assert again.settings == campaign.settings and again.settings.over == over
-    assert same_bits(again.next().points.table, first.points.table)
+    assert same_bits(again.next().table, first.table)
 
 
 def test_scenarios_with_what_is_uncertain() -> None:

@@ -186,7 +186,8 @@ def _efficiency(design: FoundDesign) -> Iterator[Section]:
     notes = []
     if efficiency.at_least is not None:
         of_all = f"of any design of the {efficiency.n_candidates} candidates"
-        facts.append((of_all, f"at least {percent(efficiency.at_least)} (log det at most {efficiency.at_most:.4f})"))
+        what = "log det" if design.settings.over is None else f"{design.settings.over.described} over the scenarios"
+        facts.append((of_all, f"at least {percent(efficiency.at_least)} ({what} at most {efficiency.at_most:.4f})"))
         notes = [
             "Proven by the weights that are best for these candidates; designs of whole points may all fall short of them. It says "
             "nothing of points between the candidates: fp.approximate searches the region."

@@ -67,7 +67,7 @@ def over_bound(
         added = np.zeros(0, dtype=np.intp)
         while True:  # what may not have a weight does not count
             order = np.argsort(-np.where(possible, along, -np.inf), kind="stable")[:ADDED]
-            new = np.setdiff1d(order[along[order] > p], working)
+            new = np.setdiff1d(order[possible[order] & (along[order] > p)], working)
             may = allowed(new)
             possible[new[~may]] = False
             added = np.union1d(added, new[may])

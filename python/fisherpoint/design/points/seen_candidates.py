@@ -20,8 +20,8 @@ from ..over_prior import Scenarios
 from .over_bound import over_bound
 from .point_ascent import scenario_rows, whitened_rows
 
-MOST_NUMBERS, MOST_OVER = 10_000_000, 20_000_000
-"""Numbers of sensitivities that are kept, of 8 bytes each, at the prior mean or in scenarios; candidates after these are not."""
+MOST_NUMBERS = 10_000_000
+"""Numbers of sensitivities that are kept, of 8 bytes each, of all scenarios; candidates after these are not."""
 
 TOLERANCE = 5e-4
 """By which share the sensitivity function may exceed its level over the candidates."""
@@ -43,8 +43,7 @@ class SeenCandidates:
 
     def add(self, information: PointInformation) -> None:
         """Keep these, as long as there is room."""
-        most = MOST_OVER if information.elsewhere else MOST_NUMBERS
-        if len(information) and self._numbers < most:
+        if len(information) and self._numbers < MOST_NUMBERS:
             self._seen.append(information)
             self._numbers += information.sensitivity.size * len(information.everywhere)
 
