@@ -184,6 +184,10 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "local": "Number of candidates close to points of the design, as a share of the random ones; 0 for none.",
             "method": 'The [search](../explanation/search.md): `"auto"`, or the faster `"paper"`, which is Algorithm 1 with moves'
             " of points and gets less close to the best design.",
+            "over": "What is maximised [over the prior](../how_to/over_prior.md), not at its mean alone: the mean of log det F over"
+            " scenarios, the smallest, or the mean of the worst `share` of them.",
+            "scenarios": "Number of these scenarios, a power of two; nodes of a Sobol rule.",
+            "share": 'Share of the scenarios of `"cvar"`.',
             "output_covariance": "The [form of D](../explanation/output_covariance.md).",
             "parameters": "The parameters to estimate; the others are taken as known.",
             "kinks": 'Whether trajectories may cross kinks; `"exclude"` leaves out points that do.',
@@ -217,6 +221,8 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
 }
 
 SAID: dict[str, str] = {
+    "design.scenarios": "`8`",
+    "design.share": "`0.25`",
     "design.output_covariance": '`"noise"` with `[noise_std]`, else `"region"`',
     "design.parameters": "all",
     "rule.kind": '`"sparse_gauss_hermite"`',

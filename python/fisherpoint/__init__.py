@@ -18,6 +18,7 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .design.optimality.approximate_design import ApproximateDesign
     from .design.optimality.asked import criterion
     from .design.optimality.criteria import Criterion
+    from .design.over_prior import OverPrior
     from .design.pieces.best_pieces import best_pieces
     from .design.pieces.piece_design import PieceDesign
     from .design.points.point_search import Progress
@@ -25,6 +26,7 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .design.runs.design_runs import design_runs
     from .design.runs.run_design import RunDesign
     from .design.runs.run_search import RunProgress
+    from .design.scenario_values import ScenarioValues
     from .design.settings import ExchangeSettings, RunSettings
     from .design.sweep import Sweep, sweep
     from .design.swept import SizedDesign
@@ -91,6 +93,7 @@ __all__ = [
     "Measurements",
     "Model",
     "Nearby",
+    "OverPrior",
     "PieceDesign",
     "Pieces",
     "PredictiveCovariance",
@@ -108,6 +111,7 @@ __all__ = [
     "RunSettings",
     "RunTrajectories",
     "Runs",
+    "ScenarioValues",
     "Sensitivities",
     "SizedDesign",
     "Sobol",
@@ -165,6 +169,7 @@ _PLACES = {
     ".design.optimality.approximate_design": ("ApproximateDesign",),
     ".design.optimality.asked": ("criterion",),
     ".design.optimality.criteria": ("Criterion",),
+    ".design.over_prior": ("OverPrior",),
     ".design.pieces.best_pieces": ("best_pieces",),
     ".design.pieces.piece_design": ("PieceDesign",),
     ".design.points.point_search": ("Progress",),
@@ -172,6 +177,7 @@ _PLACES = {
     ".design.runs.design_runs": ("design_runs",),
     ".design.runs.run_design": ("RunDesign",),
     ".design.runs.run_search": ("RunProgress",),
+    ".design.scenario_values": ("ScenarioValues",),
     ".design.settings": ("ExchangeSettings", "RunSettings"),
     ".design.sweep": ("Sweep", "sweep"),
     ".design.swept": ("SizedDesign",),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -24,6 +25,14 @@ class Method(StrEnum):
     auto = "auto"
 
 
+class Over(StrEnum):
+    """What `fisherpoint design` maximises over the prior, in the place of log det F at its mean."""
+
+    log = "log"
+    worst = "worst"
+    cvar = "cvar"
+
+
 def design(
     file: File,
     output: Output,
@@ -31,6 +40,9 @@ def design(
     seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Overrides the value in the file.")] = None,
     max_iterations: Annotated[int | None, typer.Option(min=1, metavar="N", help="Overrides the value in the file.")] = None,
     method: Annotated[Method | None, typer.Option(help="Overrides the value in the file.")] = None,
+    over: Annotated[
+        Over | None, typer.Option(help="A criterion over the prior, not at its mean alone; overrides the value in the file.")
+    ] = None,
     keep: Annotated[
         Path | None, typer.Option(metavar="POINTS.csv", help="Points that the design must have; they count as its first.")
     ] = None,
@@ -67,6 +79,9 @@ def design(
     for name, value in (("seed", seed), ("max_iterations", max_iterations), ("method", chosen)):
         if value is not None:
             settings[name] = value
+    if over is not None:
+        in_file = settings.get("over")
+        settings["over"] = fp.OverPrior(over.value) if in_file is None else replace(in_file, kind=over.value)
     if keep is not None:
         settings["keep"] = read_data(keep, "points", fp.Experiments.from_csv, problem.model)
     if previous:

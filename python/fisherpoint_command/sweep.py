@@ -57,6 +57,8 @@ def sweep(
         raise config.error("noise_std", "missing; expected the noise of every output, by which sizes are compared")
     if budget is not None and cost is None:
         raise config.error("cost", "missing; expected a table [cost] with --budget")
+    if config.design.over is not None:
+        raise config.error("design.over", "expected none with designs of several sizes, which are for the prior mean")
     settings = {name: value for name, value in config.exchange_settings().items() if name in SETTINGS}
     if seed is not None:
         settings["seed"] = seed

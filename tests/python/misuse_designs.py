@@ -190,7 +190,15 @@ def design_cases() -> dict[str, Case]:
             local=(0.5, NUMBER),
             method=("paper", TEXT),
             previous=(None, NONE, POINTS, ARRAY, NAMES),
+            over=(None, NONE),
         ),
+        "exchange over the prior": case(
+            lambda scenarios: fp.exchange(
+                problem(), 2, n_candidates=2, max_iterations=1, references=False, over=fp.OverPrior("log", scenarios=scenarios)
+            ),
+            scenarios=([{"k": 0.1}],),
+        ),
+        "OverPrior": case(fp.OverPrior, kind=("cvar",), scenarios=([{"k": 0.1}],), share=(0.5, NUMBER)),
         "Design.load": case(fp.Design.load, directory=(files() / "design", TEXT, PATH)),
         "Design.save": case(
             lambda directory: design().save(within(directory)),

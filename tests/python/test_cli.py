@@ -116,6 +116,16 @@ def test_options_override_the_file(run: Any, file: Path, tmp_path: Path) -> None
     assert (settings.seed, settings.max_iterations, settings.method) == (3, 2, "auto")
 
 
+def test_a_design_over_the_prior(run: Any, file: Path, tmp_path: Path) -> None:
+    options = ["--no-plots", "--max-iterations", 2, "--over", "worst"]
+    result = run("design", EXAMPLES / "michaelis_menten.toml", "-o", tmp_path / "run", *options)
+    assert (result.code, result.err) == (0, "") and "the smallest log det F over 8 scenarios" in result.out
+    design = fp.Design.load(tmp_path / "run")
+    assert design.settings.over == fp.OverPrior("worst") and design.scenarios is not None
+    refused = run("design", file, "-o", tmp_path / "none", "--over", "log")
+    assert refused.code == 2 and refused.err.count("\n") == 1 and "over: expected method" in refused.err
+
+
 def test_an_interrupted_design_is_saved_and_reported(run: Any, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     exchange = fp.exchange
 

@@ -40,6 +40,13 @@ MISTAKES = {
         "design.max_iterations: expected a number <= 1000000000, given 10000000000",
     ),
     "method": ("seed = 0 ", 'method = "best" ', 'design.method: expected "paper" or "auto", given "best"'),
+    "over": ("seed = 0 ", 'over = "best" ', 'design.over: expected "log", "worst" or "cvar", given "best"'),
+    "scenarios alone": ("seed = 0 ", "scenarios = 8 ", "design.scenarios: expected only with over, given 8"),
+    "share of the mean": (
+        "seed = 0 ",
+        'over = "log"\nshare = 0.5 ',
+        'design.share: expected only with over = "cvar", given 0.5',
+    ),
     "share": ("seed = 0 ", "local = 1.5 ", "design.local: expected a number <= 1, given 1.5"),
     "unit": ('unit = "N" }', 'unit = "kN" }', 'prior.a_tau.unit: expected "N", given "kN"'),
     "unit of a constant": ('unit = "m2" }', 'unit = "mm2" }', 'model.constants.A_A.unit: expected "m2", given "mm2"'),
@@ -219,6 +226,18 @@ def test_examples_describe_the_default_cylinder() -> None:
             "max_iterations": 200,
             "seed": 0,
         }
+
+
+def test_a_criterion_over_the_prior(tmp_path: Path) -> None:
+    text = TEXT.replace("seed = 0 ", 'over = "cvar"\nscenarios = 16\nshare = 0.5 ', 1)
+    settings = config.load_config(write(tmp_path / "run.toml", text)).exchange_settings()
+    assert settings["over"] == fp.OverPrior("cvar", scenarios=fp.Sobol(16), share=0.5)
+    assert not {"scenarios", "share"} & set(settings)
+    short = TEXT.replace("seed = 0 ", 'over = "log" ', 1)
+    assert config.load_config(write(tmp_path / "run.toml", short)).exchange_settings()["over"] == fp.OverPrior("log")
+    odd = config.load_config(write(tmp_path / "run.toml", TEXT.replace("seed = 0 ", 'over = "log"\nscenarios = 6 ', 1)))
+    with pytest.raises(config.ConfigError, match="design: scenarios: expected a power of two"):
+        odd.exchange_settings()
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 from ..basics.values import FrozenMapping
@@ -79,7 +79,7 @@ class Kind:
         KeyboardInterrupt
             Where Ctrl-C ended the search, whatever it had found by then: another search would not stop there.
         """
-        found = self.search(problem, **asdict(settings), threads=threads, progress=progress, previous=previous)
+        found = self.search(problem, **vars(settings), threads=threads, progress=progress, previous=previous)
         if found.stop_reason == "interrupted":
             raise KeyboardInterrupt
         if isinstance(found, RunDesign) and found.settings.confidence is not None and not found.feasible:

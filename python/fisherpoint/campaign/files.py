@@ -14,7 +14,6 @@ it. Tables of a batch that campaign.json does not have yet will be written again
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +25,7 @@ from ..basics.messages import printable
 from ..basics.values import FrozenMapping, finite_or_none
 from ..data import Measurements
 from ..data.measurement_files import measurements_csv
+from ..design.settings import settings_from_json, settings_to_json
 from ..engine.versions import versions
 from ..information.codec import problem_from_json
 from ..models import Model
@@ -142,7 +142,7 @@ def _state_to_json(state: State, problem_json: dict[str, Any]) -> dict[str, Any]
         "format_version": FORMAT_VERSION,
         "versions": versions(),
         "problem": problem_json,
-        "settings": asdict(state.settings),
+        "settings": settings_to_json(state.settings),
         "targets": dict(state.targets),
         "batches": [_batch_to_json(batch, state.kind) for batch in state.batches],
         "planned": _or_none(state.kind.to_json, state.planned),
@@ -154,7 +154,7 @@ def _state_from_json(data: dict[str, Any]) -> State:
     kind = kind_of(problem)
     return State(
         problem=problem,
-        settings=kind.settings(**data["settings"]),
+        settings=settings_from_json(kind.settings, data["settings"]),
         targets=FrozenMapping(data["targets"]),
         batches=tuple(_batch_from_json(batch, kind) for batch in data["batches"]),
         planned=_or_none(kind.from_json, data["planned"]),

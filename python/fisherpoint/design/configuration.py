@@ -174,7 +174,10 @@ class Config(ModelFile):
 
     def exchange_settings(self) -> dict[str, Any]:
         """Keyword arguments for :func:`fisherpoint.exchange`; what the file leaves out is left to its defaults."""
-        return self.design.model_dump(exclude=_PROBLEM_KEYS, exclude_none=True)
+        settings = self.design.model_dump(exclude=_PROBLEM_KEYS | {"over", "scenarios", "share"}, exclude_none=True)
+        with self._names_key("design"):
+            over = self.design.over_prior()
+        return settings if over is None else settings | {"over": over}
 
     def run_settings(self) -> dict[str, Any]:
         """Keyword arguments for :func:`fisherpoint.design_runs`; what the file leaves out is left to its defaults."""

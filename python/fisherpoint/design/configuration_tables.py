@@ -11,8 +11,9 @@ from pydantic_core import PydanticCustomError
 from ..basics.messages import listed
 from ..basics.toml_messages import fail, toml
 from ..basics.toml_tables import Abbreviated, Constant, Count, NotNegative, Number, Positive, Table
-from ..prior.rules import DEFAULT_RULE, RULES, Rule
+from ..prior.rules import DEFAULT_RULE, RULES, Rule, Sobol
 from .cost import Cost
+from .over_prior import OverPrior
 from .settings import MOST
 
 Correlation = Annotated[float, Field(gt=-1, lt=1)]
@@ -142,12 +143,35 @@ class DesignTable(Table):
     time_limit: Positive | None = None
     local: Annotated[float, Field(ge=0, le=1)] | None = None
     method: Literal["paper", "auto"] | None = None
+    over: Literal["log", "worst", "cvar"] | None = None
+    scenarios: Count | None = None
+    share: Annotated[float, Field(gt=0, le=1)] | None = None
     output_covariance: Literal["noise", "region", "pooled", "pointwise"] | None = None
     parameters: Annotated[list[str], Field(min_length=1)] | None = None
     kinks: Literal["cross", "exclude"] | None = None
     jumps: Literal["cross", "exclude"] | None = None
     assumed_covariance: Literal["tangents", "predictive"] | None = None
     along: list[str] | None = None
+
+    @model_validator(mode="after")
+    def _keys_of_over(self) -> DesignTable:
+        if self.scenarios is not None and self.over is None:
+            fail(f"design.scenarios: expected only with over, given {self.scenarios}")
+        if self.share is not None and self.over != "cvar":
+            fail(f'design.share: expected only with over = "cvar", given {toml(self.share)}')
+        return self
+
+    def over_prior(self) -> OverPrior | None:
+        """The criterion over the prior."""
+        if self.over is None:
+            return None
+        given: dict[str, Any] = {} if self.share is None else {"share": self.share}
+        if self.scenarios is not None:
+            try:
+                given["scenarios"] = Sobol(self.scenarios)
+            except ValueError as error:
+                raise ValueError(str(error).replace("n:", "scenarios:", 1)) from error
+        return OverPrior(self.over, **given)
 
 
 class CostTable(Table):

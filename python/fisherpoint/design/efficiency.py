@@ -46,7 +46,8 @@ class Efficiency:
         log det F of the design with D = R.
     at_most : float or None
         Proven: no design of as many of the candidates that were evaluated has a larger log det with D = R. Weights of candidates
-        that need not be whole numbers reach it, so that designs may all be below.
+        that need not be whole numbers reach it, so that designs may all be below. With a criterion over the prior, log dets are
+        replaced by what is maximised here and in `at_least`.
     at_least : float or None
         The D-efficiency of the design against that, a lower bound of its efficiency among designs of these candidates. It says
         nothing of points between them: `fisherpoint.approximate` searches the region.
@@ -95,8 +96,12 @@ def efficiency_of(
     candidates: Bound | None = None,
     best_found: float | None = None,
     random_median: float | None = None,
+    of_criterion: bool = False,
 ) -> Efficiency:
-    """Collect the comparison of a design whose log dets under its criterion and under the noise are given."""
+    """Collect the comparison of a design whose log dets under its criterion and under the noise are given.
+
+    The bound of the candidates is of the noise at the prior mean, or `of_criterion`.
+    """
     p, n_y = len(problem.estimated), int(d.used.sum())
     bound = None
     if d.kind == "pooled" and problem.noise_std is None:
@@ -111,7 +116,7 @@ def efficiency_of(
     return Efficiency(
         under_noise=under_noise,
         at_most=at_most,
-        at_least=d_efficiency(under_noise, at_most, p),
+        at_least=d_efficiency(log_det if of_criterion else under_noise, at_most, p),
         n_candidates=0 if candidates is None else candidates.n_candidates,
         best_found=best_found,
         vs_best=d_efficiency(under_noise, best_found, p),

@@ -25,11 +25,12 @@ from ..points.settings import resolve_threads
 from ..points.status import Status, failures_of
 from .efficiency import Efficiency, efficiency_of, median_of, random_designs
 from .found import FoundDesign
+from .over_prior import OverPrior, Scenarios, moved_problems
 from .points.auto_search import AutoSearch
 from .points.exchange_search import ExchangeSearch
 from .points.point_search import PointSearch, Progress
 from .result import Design
-from .settings import ExchangeSettings, searched_by
+from .settings import ExchangeSettings, check_over, searched_by
 
 
 def exchange(
@@ -50,6 +51,7 @@ def exchange(
     method: str = "auto",
     previous: Previous | None = None,
     keep: Experiments | FoundDesign | None = None,
+    over: OverPrior | None = None,
 ) -> Design:
     """Find the design with the largest det F by exchanging points for candidates.
 
@@ -93,6 +95,10 @@ def exchange(
     keep : Experiments or Design, optional
         Points that the design must have, such as those that were chosen by hand, or of a design to which more are added. They are
         its first points, never leave, and count among the `n_experiments`.
+    over : OverPrior, optional
+        A criterion over the prior in the place of log det F at its mean: for methods "auto" with D = R. The time is that of
+        "auto" times the scenarios up to four of them; with more, fewer candidates are drawn, and it grows less. A point must be
+        valid in every scenario.
 
     Returns
     -------
@@ -117,15 +123,19 @@ def exchange(
         screen=screen,
         local=local,
         method=method,
+        over=over,
     )
+    check_over(settings, problem)
     if progress is not None and not callable(progress):
         raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
     threads = resolve_threads(threads)
     known, left_out = previous_information(problem, previous, threads)
-    kept = None
+    kept = scenarios = None
     if keep is not None:
         known, kept = _with_kept(problem, keep, known, settings.n_experiments, threads)
-    search = _search(problem, settings, threads, known, kept)
+    if settings.over is not None:
+        scenarios = _scenarios(problem, settings, previous, keep, known, threads)
+    search = _search(problem, settings, threads, known, kept, scenarios)
     stop_reason = search.run(progress)
     efficiency = None
     under_noise = search.under_noise()
@@ -135,6 +145,28 @@ def exchange(
         except KeyboardInterrupt:
             stop_reason = "interrupted"
     return Design(**vars(search.found(stop_reason, under_noise, efficiency, left_out)))
+
+
+def _scenarios(
+    problem: DesignProblem,
+    settings: ExchangeSettings,
+    previous: Previous | None,
+    keep: Experiments | FoundDesign | None,
+    at_mean: PointInformation | None,
+    threads: int,
+) -> Scenarios:
+    """The problem at each scenario, and what is known there."""
+    assert settings.over is not None
+    problems, average = moved_problems(problem, settings.over)
+    of_all = []
+    for moved in problems:
+        known = at_mean
+        if moved is not problem:
+            known, _ = previous_information(moved, previous, threads)
+            if keep is not None:
+                known, _ = _with_kept(moved, keep, known, settings.n_experiments, threads)
+        of_all.append(known)
+    return Scenarios(problems, average, tuple(of_all))
 
 
 def _with_kept(
@@ -163,10 +195,11 @@ def _search(
     threads: int,
     previous: PointInformation | None,
     kept: Experiments | None,
+    scenarios: Scenarios | None = None,
 ) -> PointSearch:
     """The search that a method asks for; where D depends on all points, or on a point's own covariance, that of the paper."""
     if searched_by(settings.method, problem) == "auto":
-        return AutoSearch(problem, settings, threads, previous, kept)
+        return AutoSearch(problem, settings, threads, previous, kept, scenarios)
     return ExchangeSearch(problem, settings, threads, previous, kept)
 
 
@@ -183,12 +216,14 @@ def _references(search: PointSearch, under_noise: Evaluation | None) -> Efficien
         best_found = other.best.log_det
         seen.include(other.seen)
     random = random_designs(problem, search.count, settings.seed, search.threads, search.previous, settings.time_limit)
+    own, over = search.best.information, search.scenarios
     return efficiency_of(
         search.problem,
         search.criterion,
         search.best.log_det,
         under_noise.log_det,
-        seen.bound(search.best.information, search.previous),
+        seen.bound(own, search.previous) if over is None else seen.bound_over(own, search.previous, over),
         best_found,
         median_of(random),
+        of_criterion=over is not None,
     )

@@ -26,7 +26,8 @@ from ..information.codec import (
 from ..points.codec import points_from_json, points_to_json
 from .efficiency import Efficiency
 from .found import STOP_REASONS, FoundDesign, TraceRecord
-from .settings import ExchangeSettings
+from .scenario_values import scenario_values_from_json, scenario_values_to_json
+from .settings import ExchangeSettings, settings_from_json, settings_to_json
 
 FORMAT = "fisherpoint design"
 FORMAT_VERSION = 2  # 1 had no checksum
@@ -48,10 +49,11 @@ def design_to_json(design: FoundDesign) -> dict[str, Any]:
         "format_version": FORMAT_VERSION,
         "versions": versions(),
         "problem": problem_to_json(design.problem),
-        "settings": asdict(design.settings),
+        "settings": settings_to_json(design.settings),
         "points": points_to_json(design.points),
         "evaluation": evaluation_to_json(design.evaluation),
         "under_noise": evaluation_to_json(design.under_noise),
+        "scenarios": scenario_values_to_json(design.scenarios),
         "efficiency": efficiency,
         "trace": [{**asdict(record), "log_det": number_to_json(record.log_det)} for record in design.trace],
         "rejected": dict(design.rejected),
@@ -68,7 +70,7 @@ def design_from_json(data: dict[str, Any]) -> dict[str, Any]:
     evaluation = evaluation_from_json(data["evaluation"], n_points)
     if evaluation is None:
         raise KeyError("evaluation")
-    settings, rejected = ExchangeSettings(**data["settings"]), dict(data["rejected"])
+    settings, rejected = settings_from_json(ExchangeSettings, data["settings"]), dict(data["rejected"])
     if len(points["dt"]) != settings.n_experiments:
         raise ValueError(f"points: expected n_experiments = {settings.n_experiments} points, given {len(points['dt'])}")
     for name, count in {**rejected, "drawn": data["drawn"], "accepted": data["accepted"]}.items():
@@ -89,6 +91,7 @@ def design_from_json(data: dict[str, Any]) -> dict[str, Any]:
         points=points_from_json(points),
         evaluation=evaluation,
         under_noise=evaluation_from_json(data["under_noise"], n_points),
+        scenarios=scenario_values_from_json(data.get("scenarios"), evaluation.parameters),
         efficiency=efficiency and Efficiency(**efficiency),
         trace=tuple(TraceRecord(**{**record, "log_det": log_det_from_json(record["log_det"])}) for record in data["trace"]),
         rejected=FrozenMapping(rejected),

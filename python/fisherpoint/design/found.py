@@ -15,6 +15,7 @@ from ..information.feasibility import Feasibility, feasibility
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from .efficiency import Efficiency
+from .scenario_values import ScenarioValues
 from .settings import ExchangeSettings
 
 DRAWS = 1000
@@ -28,7 +29,10 @@ STOP_REASONS = ("max_iterations", "patience", "time_limit", "interrupted", "conv
 
 @dataclass(frozen=True)
 class TraceRecord:
-    """One iteration: log det F after it, whether a point was exchanged, candidates drawn so far, seconds so far."""
+    """One iteration: log det F after it, whether a point was exchanged, candidates drawn so far, seconds so far.
+
+    With a criterion over the prior `log_det` is what is maximised, the average over the scenarios.
+    """
 
     iteration: int
     log_det: float
@@ -48,6 +52,8 @@ class FoundDesign:
         Under the problem's output covariance; of the previous points, where there are any, and these together.
     under_noise : Evaluation or None
         Under the sensor noise alone; None where it is not known.
+    scenarios : ScenarioValues or None
+        What the design is worth in the scenarios of a criterion over the prior; None where it is of the prior mean.
     efficiency : Efficiency or None
         Against the references; None where they were not asked for.
     trace : tuple of TraceRecord
@@ -82,6 +88,7 @@ class FoundDesign:
     n_previous: int = 0
     n_kept: int = 0
     previous_left_out: Mapping[str, int] = FrozenMapping({})
+    scenarios: ScenarioValues | None = None
 
     @cached_property
     def feasibility(self) -> Feasibility | None:

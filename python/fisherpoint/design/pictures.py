@@ -41,9 +41,11 @@ def plot_criterion(design: FoundDesign) -> Figure:
             _reference(axes, design.efficiency.bound, "closed bound", "-.")
             if kind == "noise":
                 _reference(axes, design.efficiency.at_most, "bound for these candidates", "--")
-                _reference(axes, design.efficiency.random_median, "median random design", ":")
+                if design.scenarios is None:
+                    _reference(axes, design.efficiency.random_median, "median random design", ":")
+        over = design.settings.over
         axes.set_xlabel("iteration")
-        axes.set_ylabel("log det F, parameters in prior std")
+        axes.set_ylabel(f"{'log det F' if over is None else over.described}, parameters in prior std")
         axes.set_title(f'Criterion, output covariance "{kind}"')
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.legend(loc="center right", frameon=True, framealpha=0.95, edgecolor="none")

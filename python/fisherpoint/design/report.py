@@ -22,6 +22,7 @@ from ..show.numbers import column, computed, counted, number, percent
 from ..show.section import Report, Section
 from .evaluated import Evaluated
 from .found import FoundDesign
+from .over_report import over_sections
 from .settings import searched_by
 
 ROWS, ROWS_OF_PAGES = 40, 1000  # points shown of a longer list
@@ -33,7 +34,8 @@ USUAL = 0.99
 
 def design_report(design: FoundDesign, most: int = ROWS) -> Report:
     """The report of a design: at most so many points, parameters, criterion, efficiency, search, warnings."""
-    sections = [_points_table(design, most), _parameter_table(design), _criterion(design), *_efficiency(design)]
+    sections = [_points_table(design, most), _parameter_table(design), _criterion(design), *over_sections(design)]
+    sections += _efficiency(design)
     if design.feasibility is not None:
         sections += plants_sections(design.feasibility)
     sections.append(_search(design))
@@ -192,7 +194,8 @@ def _efficiency(design: FoundDesign) -> Iterator[Section]:
     notes = []
     if efficiency.at_least is not None:
         of_all = f"of any design of the {efficiency.n_candidates} candidates"
-        facts.append((of_all, f"at least {percent(efficiency.at_least)} (log det at most {efficiency.at_most:.4f})"))
+        what = "log det" if design.settings.over is None else f"{design.settings.over.described} over the scenarios"
+        facts.append((of_all, f"at least {percent(efficiency.at_least)} ({what} at most {efficiency.at_most:.4f})"))
         notes = [
             "Proven by the weights that are best for these candidates; designs of whole points may all fall short of them. It says "
             "nothing of points between the candidates: fp.approximate searches the region."

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 from ..basics.checks import LARGEST_INT, as_float, as_positive, as_probability, check_choice, check_flag, check_positive_int
 from ..engine.levels import kernels
 from ..information.output_covariance import needs_covariances
 from ..information.problem import DesignProblem
+from .over_prior import OverPrior
 
+Kind = TypeVar("Kind")
 METHODS = ("paper", "auto")
 _LEAST = {"n_experiments": 1, "n_candidates": 1, "max_iterations": 0, "seed": 0, "patience": 1, "max_redraws": 0}
 MOST = {"n_experiments": 10**6, "n_candidates": 10**6, "max_iterations": 10**9, "patience": 10**9, "max_redraws": 10**6}
@@ -30,6 +34,7 @@ class ExchangeSettings:
     screen: bool = False  # as in files that do not say
     local: float = 0.0
     method: str = "paper"
+    over: OverPrior | None = None
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -45,12 +50,24 @@ class ExchangeSettings:
         if not 0 <= self.local <= 1:
             raise ValueError(f"local: expected a share between 0 and 1, given {self.local:g}")
         check_choice(self.method, METHODS, "method")
+        if self.over is not None and not isinstance(self.over, OverPrior):
+            raise TypeError(f"over: expected an OverPrior or None, given {type(self.over).__name__}")
 
 
 def searched_by(method: str, problem: DesignProblem) -> str:
     """The method of a search: "auto" is that of the paper where D needs every point's covariance, or trajectories cost much."""
     costly = needs_covariances(str(problem.output_covariance)) or problem.model.kernels is not kernels
     return "paper" if costly else method
+
+
+def check_over(settings: ExchangeSettings, problem: DesignProblem) -> None:
+    """Raise where a criterion over the prior is asked for that no search has."""
+    kind, method = str(problem.output_covariance), searched_by(settings.method, problem)
+    if settings.over is not None and (method != "auto" or kind != "noise"):
+        raise ValueError(
+            'over: expected method = "auto", output_covariance = "noise" and a model of equations, '
+            f"given method {settings.method!r}, output_covariance {kind!r} and a {type(problem.model).__name__}"
+        )
 
 
 @dataclass(frozen=True)
@@ -73,3 +90,15 @@ class RunSettings:
             set_field(self, "confidence", as_probability(self.confidence, "confidence"))
         if self.time_limit is not None:
             set_field(self, "time_limit", as_positive(self.time_limit, "time_limit", "time in s"))
+
+
+def settings_to_json(settings: ExchangeSettings | RunSettings) -> dict[str, Any]:
+    """The arguments of the class as JSON has them."""
+    data, over = dict(vars(settings)), getattr(settings, "over", None)
+    return data if over is None else data | {"over": over.to_json()}
+
+
+def settings_from_json(kind: type[Kind], data: Mapping[str, Any]) -> Kind:
+    """What `settings_to_json` wrote; files from before criteria over the prior have none."""
+    over = data.get("over")
+    return kind(**data if over is None else {**data, "over": OverPrior.from_json(over)})

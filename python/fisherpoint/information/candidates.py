@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,8 @@ class CandidateSource:
     threads : int or None
     keep : callable, optional
         Is given all that is valid at the prior mean.
+    elsewhere : tuple of DesignProblem
+        The problem at other parameters, at which candidates have to be valid too, and are evaluated.
 
     Raises
     ------
@@ -48,12 +51,13 @@ class CandidateSource:
         rng: np.random.Generator,
         threads: int | None,
         keep: Callable[[PointInformation], None] | None = None,
+        elsewhere: tuple[DesignProblem, ...] = (),
     ) -> None:
         if not isinstance(problem.region, ExperimentRegion):
             given = "None" if problem.region is None else "a RunRegion, which is for design_runs"
             raise ValueError(f"region: expected an ExperimentRegion to draw candidates from, given {given}")
         self._problem, self._region, self._rng, self._threads = problem, problem.region, rng, threads
-        self._keep = keep
+        self._keep, self._elsewhere = keep, elsewhere
         self._spare: PointInformation | None = None
         self.drawn = 0
         self.rejected: Counter[str] = Counter()
@@ -90,7 +94,7 @@ class CandidateSource:
 
     def survivors(self, points: Experiments) -> tuple[PointInformation, NDArray[np.intp]]:
         """Return those that are valid at the prior mean, and their places; the others are counted."""
-        information, kept, rejected = surviving(self._problem, self._region, points, self._threads)
+        information, kept, rejected = surviving(self._problem, self._region, points, self._threads, self._elsewhere)
         self.drawn += len(points)  # with the reasons, so that the counts add up after an interrupt too
         self.rejected.update(+rejected)
         if self._keep is not None:
@@ -141,9 +145,16 @@ class CandidateSource:
 
 
 def surviving(
-    problem: DesignProblem, region: ExperimentRegion | None, points: Experiments, threads: int | None
+    problem: DesignProblem,
+    region: ExperimentRegion | None,
+    points: Experiments,
+    threads: int | None,
+    elsewhere: tuple[DesignProblem, ...] = (),
 ) -> tuple[PointInformation, NDArray[np.intp], Counter[str]]:
-    """Points that satisfy a region's constraints and are valid at the prior mean, their places, and reasons of the others."""
+    """Points that satisfy a region's constraints and are valid at the prior mean, their places, and reasons of the others.
+
+    They have to be valid where the problem is at other parameters too.
+    """
     rejected = Counter[str]()
     keep = np.ones(len(points), dtype=bool)
     if region is not None and region.constraints:
@@ -162,4 +173,13 @@ def surviving(
     information, status = point_sensitivities(problem, points[tried], threads)
     rejected.update(failures_of(status))
     survive = status == Status.ok
-    return information[survive], tried[survive], rejected
+    information, tried = information[survive], tried[survive]
+    found: list[PointInformation] = []
+    for other in elsewhere:
+        if other is problem:
+            found.append(information)
+            continue
+        there, kept, lost = surviving(other, None, information.experiments, threads)
+        rejected.update(lost)
+        information, tried, found = information[kept], tried[kept], [*(one[kept] for one in found), there]
+    return replace(information, elsewhere=tuple(found)) if found else information, tried, rejected

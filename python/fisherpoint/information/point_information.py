@@ -41,6 +41,8 @@ class PointInformation:
         What uncertain constants and starts add to R; None where nothing is uncertain.
     measured : ndarray of bool, (K, n_y), or None
         Which outputs are measured; None for all.
+    elsewhere : tuple of PointInformation
+        The same points where the parameters are others than the prior mean: at the scenarios of a criterion over the prior.
     """
 
     points: Experiments | Runs
@@ -48,6 +50,7 @@ class PointInformation:
     covariance: Array
     assumed: Array | None = None
     measured: NDArray[np.bool_] | None = None
+    elsewhere: tuple[PointInformation, ...] = ()
 
     def __len__(self) -> int:
         return len(self.sensitivity)
@@ -59,10 +62,16 @@ class PointInformation:
             raise TypeError(f"points: expected Experiments, given {type(self.points).__name__}")
         return self.points
 
+    @property
+    def everywhere(self) -> tuple[PointInformation, ...]:
+        """The points at all scenarios; where there are none, at the prior mean."""
+        return self.elsewhere or (self,)
+
     def __getitem__(self, rows: slice | Sequence[int] | NDArray[np.bool_] | NDArray[np.intp]) -> PointInformation:
         assumed = None if self.assumed is None else self.assumed[rows]
         measured = None if self.measured is None else self.measured[rows]
-        return PointInformation(self.points[rows], self.sensitivity[rows], self.covariance[rows], assumed, measured)
+        elsewhere = tuple(one[rows] for one in self.elsewhere)
+        return PointInformation(self.points[rows], self.sensitivity[rows], self.covariance[rows], assumed, measured, elsewhere)
 
     def of_outputs(self, used: NDArray[np.bool_]) -> PointInformation:
         if used.all():
@@ -86,7 +95,10 @@ class PointInformation:
         if any(part.measured is not None for part in parts):
             all_of = (np.ones(part.sensitivity.shape[:2], dtype=bool) if part.measured is None else part.measured for part in parts)
             measured = np.concatenate(list(all_of))
-        return PointInformation(points, sensitivity, covariance, assumed, measured)
+        elsewhere: tuple[PointInformation, ...] = ()
+        if all(part.elsewhere for part in parts):
+            elsewhere = tuple(PointInformation.join(ones) for ones in zip(*(part.elsewhere for part in parts), strict=True))
+        return PointInformation(points, sensitivity, covariance, assumed, measured, elsewhere)
 
 
 def joined(parts: Sequence[Experiments | Runs]) -> Experiments | Runs:

@@ -5,7 +5,8 @@ candidates are drawn near the points of the design, and all of its points are ex
 all starts are then a pool themselves, of which an exchange makes the design that is followed to its end: rounds, and between them
 an ascent.
 
-A pool is evaluated at the prior mean. What would raise det F is tried on all nodes of the rule before it may enter.
+A pool is evaluated at the prior mean, or in all scenarios of a criterion over the prior. What would raise the criterion is tried on
+all nodes of the rule before it may enter.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ...information.point_information import PointInformation
-from .point_ascent import PointAscent, whitened_rows
-from .point_search import RIDGE, Incumbent, PointSearch
+from .point_ascent import PointAscent, scenario_rows, whitened_rows
+from .point_search import RIDGE, PointSearch
 from .pool_exchange import PoolExchange, greedy
 
 POOL, MOST_POOL = 200, 50_000
@@ -42,12 +43,18 @@ PROMISING, LOOKS = 4, 2
 CYCLE, CLIMB = 8, 20
 """Rounds after which all numbers ascend together, and iterations of that ascent."""
 
+AS_MANY = 4
+"""Scenarios up to which as many candidates are drawn as for one; with more they are fewer, so that as much is computed."""
+
+LEAST_SHARE = 0.1
+"""Of the candidates that are drawn however many scenarios there are."""
+
 LEAST_GAIN, MOST_IDLE = 1e-4, 2
 """The search ends after so many cycles in a row that gain less for each parameter."""
 
 
 class Pool:
-    """Candidates that are valid at the prior mean, their whitened rows as columns (p, n, N), and what is known of their validity.
+    """Candidates, and their whitened rows in each scenario as columns (S, p, n, N).
 
     `valid` is 1 of those that are valid on all nodes of the rule, -1 of those that are not, and 0 where it is not known.
     """
@@ -63,10 +70,12 @@ class AutoSearch(PointSearch):
     def __post_init__(self) -> None:
         super().__post_init__()
         p = len(self.problem.estimated)
-        self._known = np.zeros((p, p))
-        if self.previous is not None:
-            rows = whitened_rows(self.criterion, self.previous).reshape(-1, p)
-            self._known = np.einsum("kp,kq->pq", rows, rows)
+        self._known = np.zeros((len(self.over.problems), p, p))
+        for s, known in enumerate(self.over.previous):
+            if known is not None:
+                rows = whitened_rows(self.criterion, known).reshape(-1, p)
+                self._known[s] = np.einsum("kp,kq->pq", rows, rows)
+        self._drawn_share = max(LEAST_SHARE, min(1.0, AS_MANY / len(self._known)))
         self._rng = np.random.default_rng([self.settings.seed, 2])
         self._rounds = self._all_rounds()
 
@@ -83,7 +92,7 @@ class AutoSearch(PointSearch):
         settings = self.settings
         starts = int(np.clip(settings.max_iterations // (2 * SKETCH), 1, STARTS))
         random = self.best.information
-        count = min(MOST_POOL, POOL * settings.n_candidates)
+        count = max(1, round(self._drawn_share * min(MOST_POOL, POOL * settings.n_candidates)))
         pool = self._pool(PointInformation.join([random, self.source.draw(count)]))
         pool.valid[: len(random)] = 1
         ends = []
@@ -101,7 +110,7 @@ class AutoSearch(PointSearch):
                 yield
                 design = self._round(design)
             value = self._value(design)
-            idle = idle + 1 if value - before < LEAST_GAIN * len(self._known) else 0
+            idle = idle + 1 if value - before < LEAST_GAIN * self._known.shape[1] else 0
             before = value
 
     @property
@@ -112,23 +121,22 @@ class AutoSearch(PointSearch):
     def _fixed(self) -> Array:
         """What is added to F, the sum over the points: previous ones, and as long as designs are singular a little of the prior."""
         total = self.count + (0 if self.previous is None else len(self.previous))
-        fixed: Array = self._known + self._ridge * total / 2 * np.eye(len(self._known))
+        fixed: Array = self._known + self._ridge * total / 2 * np.eye(self._known.shape[1])
         return fixed
 
     def _pool(self, information: PointInformation, valid: int = 0) -> Pool:
         return Pool(information, self._columns(information), valid)
 
     def _columns(self, information: PointInformation) -> Array:
-        return np.ascontiguousarray(whitened_rows(self.criterion, information).transpose(2, 1, 0))
+        return np.ascontiguousarray(scenario_rows(self.criterion, information).transpose(0, 3, 2, 1))
 
     def _value(self, design: PointInformation) -> float:
-        return self._log_det(self.criterion.prepare(design), self._ridge)
+        return self._worth(design, self._ridge)
 
     def _kept(self, design: PointInformation) -> PointInformation:
         """The same, which is the best so far where it is better."""
-        prepared = self.criterion.prepare(design)
-        if self._log_det(prepared, self._ridge) > self._log_det(self.best.prepared, self._ridge):
-            self.best = Incumbent(design, prepared, self._log_det(prepared, 0.0))
+        if self._value(design) > self._value(self.best.information):
+            self.best = self._incumbent(design)
         return design
 
     def _start(self, pool: Pool, at_random: bool) -> PointInformation:
@@ -141,7 +149,7 @@ class AutoSearch(PointSearch):
         for _ in range(TRIES if at_random else 1):
             some = np.sort(rng.permutation(part)[:LEAST_PART]) if at_random else part
             first = rng.integers(len(some), size=count // 2 if at_random else 0)
-            chosen = some[greedy(np.ascontiguousarray(pool.columns[:, :, some]), count, self._fixed, first)]
+            chosen = some[greedy(np.ascontiguousarray(pool.columns[..., some]), count, self._fixed, self.over.average, first)]
             self._confirm(pool, np.unique(chosen))
             lost = pool.valid[chosen] < 0
             chosen[lost] = rng.choice(np.flatnonzero(pool.valid == 1), int(lost.sum()))
@@ -152,7 +160,7 @@ class AutoSearch(PointSearch):
         """Draw candidates near all points, and exchange the points over all of them."""
         points = design.experiments
         places = np.sort(np.unique(points.table, axis=0, return_index=True)[1])
-        each = max(LEAST_NEAR, NEAR * self.settings.n_candidates // len(places))
+        each = max(LEAST_NEAR, int(self._drawn_share * NEAR * self.settings.n_candidates) // len(places))
         near, of = self.source.draw_near(points[places], each)
         return self._kept(self._exchanged(design, self._pool(near), place=places[of])) if len(near) else design
 
@@ -170,8 +178,8 @@ class AutoSearch(PointSearch):
         count = len(design)
         live = np.arange(len(pool.valid)) if part is None else part
         live = live[pool.valid[live] >= 0]
-        columns = np.concatenate([self._columns(design), pool.columns[:, :, live]], axis=2)
-        exchange = PoolExchange(columns, np.arange(count), self._fixed)
+        columns = np.concatenate([self._columns(design), pool.columns[..., live]], axis=3)
+        exchange = PoolExchange(columns, np.arange(count), self._fixed, self.over.average)
         for look in range(LOOKS):
             unknown = np.flatnonzero(pool.valid[live] == 0)
             places = None if place is None else place[live[unknown]]
@@ -193,5 +201,5 @@ class AutoSearch(PointSearch):
             pool.valid[rows] = np.where(valid, 1, -1)
 
     def _ascended(self, design: PointInformation) -> PointInformation:
-        ascent = PointAscent(self.problem, self.source, self.criterion, self._fixed, self.threads)
+        ascent = PointAscent(self.problem, self.source, self.criterion, self._fixed, self.threads, self.over)
         return ascent.run(design, CLIMB, self._late)

@@ -20,6 +20,7 @@ from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
 from ...points.region import ExperimentRegion
 from ...points.status import Status
+from ..over_prior import Scenarios
 from ..runs.linear_rows import LinearRows
 from ..runs.run_ascent import FIRST, LEAST, MOST, MOST_SMALL, REACHES, SHARES, SMALL_GAIN, trial_changes
 
@@ -43,13 +44,17 @@ class PointAscent:
         Tells which points are valid.
     criterion : Criterion
         With a D that does not depend on the other points.
-    fixed : ndarray, (p, p)
-        What is added to F, the sum over the points.
+    fixed : ndarray, (S, p, p)
+        What is added to F, the sum over the points, in each scenario.
     threads : int
+    over : Scenarios
     """
 
-    def __init__(self, problem: DesignProblem, source: CandidateSource, criterion: Criterion, fixed: Array, threads: int) -> None:
+    def __init__(
+        self, problem: DesignProblem, source: CandidateSource, criterion: Criterion, fixed: Array, threads: int, over: Scenarios
+    ) -> None:
         assert isinstance(problem.region, ExperimentRegion)
+        self._over = over
         self._problem, self._source, self._criterion, self._threads = problem, source, criterion, threads
         self.fixed = fixed
         self._lower, upper = np.array([problem.region.bounds[name] for name in names_of(problem.model.axes)]).T
@@ -57,8 +62,8 @@ class PointAscent:
         self._free = np.flatnonzero(self._width > 0)
 
     def rows(self, information: PointInformation) -> Array:
-        """Whitened rows (K, n, p)."""
-        return whitened_rows(self._criterion, information)
+        """Whitened rows (S, K, n, p)."""
+        return scenario_rows(self._criterion, information)
 
     def run(self, start: PointInformation, iterations: int, late: Callable[[], bool]) -> PointInformation:
         """The points to which an ascent leads, in so many iterations at most."""
@@ -91,15 +96,16 @@ class PointAscent:
         survivors, kept = self._source.survivors(self._points(tried))
         place = np.full((trials, count), -1)
         place.flat[kept] = np.arange(len(kept))
-        there = np.where((place >= 0)[:, :, None, None], self.rows(survivors)[place] if len(kept) else 0.0, rows)
-        values = np.array([self._value(one) for one in there])
+        found = self.rows(survivors)[:, place] if len(kept) else 0.0
+        there = np.where((place >= 0)[:, :, None, None], found, rows[:, None])
+        values = np.array([self._value(there[:, trial]) for trial in range(trials)])
         for trial in np.argsort(-values, kind="stable")[:CONFIRMED]:
             if not values[trial] > value:
                 break
             moved = place[trial] >= 0
             chosen, valid = self._source.confirmed(survivors[place[trial, moved]])
             moved[moved] = valid
-            rows_there = np.where(moved[:, None, None], there[trial], rows)
+            rows_there = np.where(moved[:, None, None], there[:, trial], rows)
             gain = self._value(rows_there) - value
             if gain > 0:
                 source = np.arange(count)
@@ -110,7 +116,7 @@ class PointAscent:
     def _linear(self, z: Array, rows: Array) -> LinearRows:
         """The criterion to first order, by differences; a number by which there is none stays."""
         count, d = len(z), len(self._free)
-        slopes, known = np.zeros((d, *rows.shape)), np.zeros((d, count), dtype=bool)
+        slopes, known = np.zeros((d, count, len(rows), *rows.shape[2:])), np.zeros((d, count), dtype=bool)
         for side in (1.0, -1.0):
             step = side * np.where(z[:, self._free] < 0.5, STEP, -STEP)
             number, point = np.nonzero(~known & ((z[:, self._free] + step >= 0) & (z[:, self._free] + step <= 1)).T)
@@ -118,20 +124,26 @@ class PointAscent:
                 break
             beside = z[point].copy()
             beside[np.arange(len(point)), self._free[number]] += step[point, number]
-            information, status = point_sensitivities(self._problem, self._points(beside), self._threads)
-            ok = np.flatnonzero(status == Status.ok)
+            points = self._points(beside)
+            found = [point_sensitivities(problem, points, self._threads) for problem in self._over.problems]
+            ok = np.flatnonzero(np.all([status == Status.ok for _, status in found], axis=0))
             number, point = number[ok], point[ok]
-            difference = self.rows(information[ok]) - rows[point]
-            slopes[number, point] = difference / step[point, number][:, None, None]
+            there = np.stack([whitened_rows(self._criterion, information[ok]) for information, _ in found])
+            difference = (there - rows[:, point]).swapaxes(0, 1)
+            slopes[number, point] = difference / step[point, number][:, None, None, None]
             known[number, point] = True
-        nothing = np.zeros((1, count, 0)), np.zeros((count, d, 1, 0))  # no distances to limits
-        own = np.ascontiguousarray(slopes.swapaxes(0, 1))[:, :, None]
-        return LinearRows(rows[None], own, nothing[0], nothing[1], self.fixed[None], 0.0, np.arange(count * d).reshape(count, d))
+        nothing = np.zeros((len(rows), count, 0)), np.zeros((count, d, len(rows), 0))  # no distances to limits
+        variable = np.arange(count * d).reshape(count, d)
+        own = np.ascontiguousarray(slopes.swapaxes(0, 1))
+        return LinearRows(rows, own, nothing[0], nothing[1], self.fixed, self._over.average, 0.0, variable)
 
     def _value(self, rows: Array) -> float:
-        flat = rows.reshape(-1, rows.shape[-1])
-        sign, value = np.linalg.slogdet(np.einsum("kp,kq->pq", flat, flat) + self.fixed)
-        return float(value) if sign > 0 else -np.inf
+        log_dets = []
+        for own, fixed in zip(rows, self.fixed, strict=True):
+            flat = own.reshape(-1, own.shape[-1])
+            sign, value = np.linalg.slogdet(np.einsum("kp,kq->pq", flat, flat) + fixed)
+            log_dets.append(value if sign > 0 else -np.inf)
+        return float(self._over.average.value(np.array(log_dets)))
 
     def _numbers(self, points: Experiments) -> Array:
         table = points.table[:, : len(self._lower)]
@@ -147,3 +159,8 @@ def whitened_rows(criterion: Criterion, information: PointInformation) -> Array:
     """Rows (K, n, p) of which the squares are the information of each point, for a D that does not depend on the others."""
     factor = cholesky_factor(criterion.given, criterion.names, criterion.kind)
     return np.asarray(np.linalg.solve(factor, criterion.prepare(information).sensitivity), dtype=np.float64)
+
+
+def scenario_rows(criterion: Criterion, information: PointInformation) -> Array:
+    """The same in each scenario, (S, K, n, p); at the prior mean where there are none."""
+    return np.stack([whitened_rows(criterion, one) for one in information.everywhere])

@@ -1,10 +1,10 @@
-"""What every search for points has: the problem, the best design so far, its criterion, and what it becomes in the end."""
+"""What every search for points has: the problem, the criterion, the best design so far, and what it becomes in the end."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,8 +17,11 @@ from ...information.output_covariance import Criterion, criterion
 from ...information.point_information import PointInformation
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
+from ..average import Average
 from ..efficiency import Efficiency
 from ..found import FoundDesign, TraceRecord
+from ..over_prior import Scenarios
+from ..scenario_values import ScenarioValues, scenario_values
 from ..settings import ExchangeSettings
 from .seen_candidates import SeenCandidates
 
@@ -56,18 +59,22 @@ class PointSearch:
     threads: int
     previous: PointInformation | None = None  # stays, beside whatever points are searched for; the kept ones stand last
     kept: Experiments | None = None  # points of the design that are not searched for
+    scenarios: Scenarios | None = None  # over which is maximised; else it is the prior mean
     trace: list[TraceRecord] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._started = time.perf_counter()
         self.seen = SeenCandidates(self.problem, self.threads)
+        over = self.scenarios
+        self.over = Scenarios((self.problem,), Average.of_all(1), (self.previous,)) if over is None else over
         keep = self.seen.add if self.settings.references and self.problem.noise_std is not None else None
-        self.source = CandidateSource(self.problem, np.random.default_rng(self.settings.seed), self.threads, keep)
+        self.source = CandidateSource(
+            self.problem, np.random.default_rng(self.settings.seed), self.threads, keep, () if over is None else over.problems
+        )
         start = self._first()
         self.criterion: Criterion = criterion(self.problem, self._with_previous(start), self.threads)
-        self._previous = None if self.previous is None else self.criterion.prepare(self.previous)
-        prepared = self.criterion.prepare(start)
-        self.best = Incumbent(start, prepared, self._log_det(prepared, 0.0))
+        self._previous = [None if known is None else self.criterion.prepare(known) for known in self.over.previous]
+        self.best = self._incumbent(start)
         self._record(0, False)
 
     def _first(self) -> PointInformation:
@@ -109,20 +116,31 @@ class PointSearch:
     def _record(self, iteration: int, exchanged: bool) -> None:
         self.trace.append(TraceRecord(iteration, self.best.log_det, bool(exchanged), self.source.drawn, self.seconds))
 
-    def _log_det(self, prepared: PointInformation, ridge: float) -> float:
-        return self._phi(self._accumulate(prepared), ridge)
+    def _incumbent(self, information: PointInformation) -> Incumbent:
+        return Incumbent(information, self.criterion.prepare(information), self._worth(information, 0.0))
 
-    def _accumulate(self, prepared: PointInformation) -> _core.FisherAccumulator:
+    def _worth(self, information: PointInformation, ridge: float) -> float:
+        """What is maximised: log det F, or its average over the scenarios."""
+        of_all = [self._log_det(self.criterion.prepare(one), ridge, s) for s, one in enumerate(information.everywhere)]
+        return float(self.over.average.value(np.array(of_all)))
+
+    def _log_det(self, prepared: PointInformation, ridge: float, scenario: int = 0) -> float:
+        known, own = self._previous[scenario], len(prepared) + (0 if self.previous is None else len(self.previous))
+        share = 1.0 if known is None else (len(known) + len(prepared)) / own  # a previous point may be none in a scenario
+        return self._phi(self._accumulate(prepared, scenario), ridge, share)
+
+    def _accumulate(self, prepared: PointInformation, scenario: int = 0) -> _core.FisherAccumulator:
         """The previous points, and these."""
-        if self._previous is None:
-            return self.criterion.accumulate(prepared)
-        return self.criterion.accumulate(PointInformation.join([self._previous, prepared]))
+        known = self._previous[scenario]
+        return self.criterion.accumulate(prepared if known is None else PointInformation.join([known, prepared]))
 
     def _with_previous(self, information: PointInformation) -> PointInformation:
         return information if self.previous is None else PointInformation.join([self.previous, information])
 
-    def _phi(self, accumulator: _core.FisherAccumulator, ridge: float) -> float:
-        fisher = finite_fisher(accumulator.fisher(accumulator.output_covariance(self.criterion.given, self.criterion.pooled)))
+    def _phi(self, accumulator: _core.FisherAccumulator, ridge: float, share: float = 1.0) -> float:
+        fisher = share * finite_fisher(
+            accumulator.fisher(accumulator.output_covariance(self.criterion.given, self.criterion.pooled))
+        )
         return _core.log_det(fisher + ridge * np.eye(len(fisher)))
 
     def under_noise(self) -> Evaluation | None:
@@ -165,4 +183,16 @@ class PointSearch:
             n_previous=(0 if self.previous is None else len(self.previous)) - n_kept,
             n_kept=n_kept,
             previous_left_out=previous_left_out,
+            scenarios=self._scenario_values(),
         )
+
+    def _scenario_values(self) -> ScenarioValues | None:
+        if self.scenarios is None:
+            return None
+        problems, total, evaluations = self.over.problems, len(self._with_previous(self.best.information)), []
+        for problem, known, own in zip(problems, self.over.previous, self.best.information.everywhere, strict=True):
+            everything = own if known is None else PointInformation.join([known, own])
+            evaluation = evaluate_information(problem, everything, self.criterion, self.threads)
+            scale = len(problem.estimated) * float(np.log(len(everything) / total))
+            evaluations.append(replace(evaluation, log_det=evaluation.log_det + scale))
+        return scenario_values(problems, self.over.average, evaluations)

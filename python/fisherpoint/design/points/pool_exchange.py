@@ -1,18 +1,20 @@
 """Exchange of a design's points for those of a pool, of which all rows are at hand.
 
-F is the sum of W W^T over the points, W (p, n) the whitened rows of a point as columns. With F = L L^T,
+In each scenario, F is the sum of W W^T over the points, W (p, n) the whitened rows of a point as columns. With F = L L^T,
 det(F + W W^T) / det F = det(I + G^T G), G = L^-1 W (the matrix determinant lemma). Columns of all candidates lie side by side,
-(p, n, N), so that each operation is one over all of them, and no library starts threads for it.
+(p, n, N), so that each operation is one over all of them, and no library starts threads for it. What is compared is the average of
+log det F over the scenarios.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
+from ..average import Average
 
 LEAST_RATIO = 1 + 1e-6
 """By which an exchange must raise det F; less would go on for ever."""
@@ -68,25 +70,18 @@ class PoolExchange:
 
     Parameters
     ----------
-    columns : ndarray, (p, n, N)
-        W of all candidates.
+    columns : ndarray, (S, p, n, N)
+        W of all candidates in each scenario.
     chosen : ndarray of int, (L,)
         The design's, among them.
-    fixed : ndarray, (p, p)
+    fixed : ndarray, (S, p, p)
         What is added to F.
+    average : Average
     """
 
-    def __init__(self, columns: Array, chosen: NDArray[np.intp], fixed: Array) -> None:
-        self.chosen = chosen.copy()
-        own, least = columns[:, :, chosen], TINY
-        # In coordinates in which F is about I, its scales do not matter, nor what is added to it.
-        factor = _factor(np.einsum("pnk,qnk->pq", own, own) + fixed)
-        if _singular(factor):  # then in those of the candidates, and with more of I, so that it can be told what is missing
-            factor = _factor(np.einsum("pnk,qnk->pq", columns, columns) * len(chosen) / columns.shape[2] + fixed)
-            least = SMALL
-        self._columns = divided(factor, columns)
-        half = np.linalg.solve(factor, fixed)
-        self._fixed = np.linalg.solve(factor, half.T) + least * np.eye(len(fixed))
+    def __init__(self, columns: Array, chosen: NDArray[np.intp], fixed: Array, average: Average) -> None:
+        self.chosen, self._average = chosen.copy(), average
+        self._parts = [_Part(columns[s], chosen, fixed[s]) for s in range(len(fixed))]
 
     def promising(self, among: NDArray[np.intp], most: int, place: NDArray[np.intp] | None = None) -> NDArray[np.intp]:
         """For every point the `most` best of some candidates that raise det F in its place, all together.
@@ -97,7 +92,7 @@ class PoolExchange:
         for own in self._distinct():
             some = among if place is None else among[place == own]
             if len(some):
-                ratios = self._ratios(own, self._columns[:, :, np.append(some, self.chosen[own])])
+                ratios = self._ratios(own, self._taken(np.append(some, self.chosen[own])))
                 ratios, least = ratios[:-1], LEAST_RATIO * ratios[-1]
                 best = np.argpartition(-ratios, most)[:most] if len(ratios) > most else np.arange(len(ratios))
                 found.append(some[best[ratios[best] > least]])
@@ -105,7 +100,7 @@ class PoolExchange:
 
     def run(self, among: NDArray[np.intp], late: Callable[[], bool]) -> None:
         """Replace points by the best of some candidates, its own ones with them, until none raises det F any more."""
-        columns = np.ascontiguousarray(self._columns[:, :, among])
+        columns = [np.ascontiguousarray(taken) for taken in self._taken(among)]
         for _ in range(MOST_PASSES):
             changed = False
             for own in self._distinct():
@@ -122,11 +117,39 @@ class PoolExchange:
         """Places of the points, one of those that are the same."""
         return np.sort(np.unique(self.chosen, return_index=True)[1])
 
-    def _ratios(self, place: int, columns: Array) -> Array:
+    def _taken(self, among: NDArray[np.intp]) -> list[Array]:
+        return [part.columns[:, :, among] for part in self._parts]
+
+    def _ratios(self, place: int, columns: Sequence[Array]) -> Array:
         """By how much each of some columns raises det F without the point at a place."""
-        rest = self._columns[:, :, np.delete(self.chosen, place)]
-        without = np.einsum("pnk,qnk->pq", rest, rest) + self._fixed
-        return gains(without + TINY * np.diag(np.diag(without)), columns)
+        rest = np.delete(self.chosen, place)
+        without = [part.without(rest) for part in self._parts]
+        log_dets = None
+        if not self._average.is_mean:
+            log_dets = np.array([part.log_det + np.linalg.slogdet(f)[1] for part, f in zip(self._parts, without, strict=True)])
+        return self._average.ratios(log_dets, [gains(f, w) for f, w in zip(without, columns, strict=True)])
+
+
+class _Part:
+    """One scenario: its columns (p, n, N) in coordinates in which F is about I, and log det of the F that is I there."""
+
+    def __init__(self, columns: Array, chosen: NDArray[np.intp], fixed: Array) -> None:
+        own, least = columns[:, :, chosen], TINY
+        # In such coordinates the scales of F do not matter, nor what is added to it.
+        factor = _factor(np.einsum("pnk,qnk->pq", own, own) + fixed)
+        if _singular(factor):  # then in those of the candidates, and with more of I, so that it can be told what is missing
+            factor = _factor(np.einsum("pnk,qnk->pq", columns, columns) * len(chosen) / columns.shape[2] + fixed)
+            least = SMALL
+        self.columns = divided(factor, columns)
+        half = np.linalg.solve(factor, fixed)
+        self._fixed = np.linalg.solve(factor, half.T) + least * np.eye(len(fixed))
+        self.log_det = 2 * float(np.log(np.diag(factor)).sum())
+
+    def without(self, rest: NDArray[np.intp]) -> Array:
+        """F of some points alone, to which next to nothing is added."""
+        columns = self.columns[:, :, rest]
+        fisher = np.einsum("pnk,qnk->pq", columns, columns) + self._fixed
+        return np.asarray(fisher + TINY * np.diag(np.diag(fisher)))
 
 
 def _factor(fisher: Array) -> Array:
@@ -142,14 +165,22 @@ def _singular(factor: Array) -> bool:
     return bool((pivots < SMALL**2).any())
 
 
-def greedy(columns: Array, count: int, fixed: Array, first: NDArray[np.intp] | None = None) -> NDArray[np.intp]:
-    """Candidates (count,) that are chosen one after the other, each as the best beside those before it and the `first` ones."""
-    spread = np.einsum("pnk,pnk->p", columns, columns) / columns.shape[2]
-    fisher, chosen = fixed + np.diag(np.maximum(1e-8 * spread, np.finfo(float).tiny)), [] if first is None else first.tolist()
-    for place in chosen:
-        fisher = fisher + columns[:, :, place] @ columns[:, :, place].T
+def greedy(columns: Array, count: int, fixed: Array, average: Average, first: NDArray[np.intp] | None = None) -> NDArray[np.intp]:
+    """Candidates (count,) that are chosen one after the other, each as the best beside those before it and the `first` ones.
+
+    Columns are (S, p, n, N) and `fixed` is (S, p, p), for S scenarios.
+    """
+    chosen = [] if first is None else first.tolist()
+    fishers = []
+    for own, known in zip(columns, fixed, strict=True):
+        spread = np.einsum("pnk,pnk->p", own, own) / own.shape[2]
+        fisher = known + np.diag(np.maximum(1e-8 * spread, np.finfo(float).tiny))
+        for place in chosen:
+            fisher = fisher + own[:, :, place] @ own[:, :, place].T
+        fishers.append(fisher)
     while len(chosen) < count:
-        chosen.append(int(np.argmax(gains(fisher, columns))))
-        own = columns[:, :, chosen[-1]]
-        fisher = fisher + own @ own.T
+        log_dets = None if average.is_mean else np.array([np.linalg.slogdet(fisher)[1] for fisher in fishers])
+        ratios = average.ratios(log_dets, [gains(fisher, own) for fisher, own in zip(fishers, columns, strict=True)])
+        chosen.append(int(np.argmax(ratios)))
+        fishers = [fisher + own[:, :, chosen[-1]] @ own[:, :, chosen[-1]].T for fisher, own in zip(fishers, columns, strict=True)]
     return np.array(chosen)

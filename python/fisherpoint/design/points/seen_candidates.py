@@ -16,10 +16,12 @@ from ..optimality.candidate_rows import CandidateRows, Places
 from ..optimality.criteria import Determinant
 from ..optimality.estimable import estimable
 from ..optimality.weights import Weights, optimal_weights
-from .point_ascent import whitened_rows
+from ..over_prior import Scenarios
+from .over_bound import over_bound
+from .point_ascent import scenario_rows, whitened_rows
 
 MOST_NUMBERS = 10_000_000
-"""Numbers of sensitivities that are kept, of 8 bytes each; candidates after these are not."""
+"""Numbers of sensitivities that are kept, of 8 bytes each, of all scenarios; candidates after these are not."""
 
 TOLERANCE = 5e-4
 """By which share the sensitivity function may exceed its level over the candidates."""
@@ -47,7 +49,7 @@ class SeenCandidates:
         """Keep these, as long as there is room."""
         if len(information) and self._numbers < MOST_NUMBERS:
             self._seen.append(information)
-            self._numbers += information.sensitivity.size
+            self._numbers += information.sensitivity.size * len(information.everywhere)
 
     def include(self, other: SeenCandidates) -> None:
         """Keep those of another search too."""
@@ -71,6 +73,25 @@ class SeenCandidates:
         p, count = candidates.rows.shape[2], len(design)
         total = count + (0 if previous is None else len(previous))
         return Bound(float(log_det + p * np.log(2 * count / total) - p * np.log(found.efficiency)), len(everything) - count)
+
+    def bound_over(self, design: PointInformation, previous: PointInformation | None, over: Scenarios) -> Bound | None:
+        """The same for a criterion over the prior."""
+        everything, count = PointInformation.join([design, *self._seen]), len(design)
+        noise = criterion(self._problem, everything, self._threads, "noise")
+        rows = scenario_rows(noise, everything)
+        p, total = rows.shape[3], count + (0 if previous is None else len(previous))
+        known = np.zeros((len(rows), p, p))
+        for s, there in enumerate(over.previous):
+            if there is not None:
+                flat = whitened_rows(noise, there).reshape(-1, p)
+                known[s] = flat.T @ flat / count
+
+        def runs_everywhere(places: Places) -> NDArray[np.bool_]:
+            _, status = with_covariance(self._problem, everything[places], self._threads)
+            return np.asarray(status == Status.ok)
+
+        value = over_bound(rows, known, over.average, count, runs_everywhere)
+        return None if value is None else Bound(float(value + p * np.log(2 * count / total)), len(everything) - count)
 
     def best(self, design: PointInformation, previous: PointInformation | None, most: int) -> PointInformation | None:
         """Those with the largest sensitivity under the best weights; None where they do not determine all parameters.

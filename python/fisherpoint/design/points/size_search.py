@@ -36,7 +36,7 @@ class FollowingSearch(AutoSearch):
     def _all_rounds(self) -> Iterator[None]:
         assert self.candidates is not None
         pool, design, gain = self._pool(self.candidates), self.best.information, np.inf
-        while gain > LEAST_GAIN * len(self._known):
+        while gain > LEAST_GAIN * self._known.shape[1]:
             before = self._value(design)
             design = self._kept(self._ascended(self._kept(self._exchanged(design, pool))))
             for _ in range(ROUNDS):

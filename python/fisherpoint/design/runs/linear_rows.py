@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
+from ..average import Average
 from .run_margins import WEIGHT
 
 ITERATIONS, PAIRS = 50, 20
@@ -34,13 +35,15 @@ class LinearRows:
     Parameters
     ----------
     rows : ndarray, (R, L, m, p)
-        J, whitened.
+        J, whitened. R plants, or scenarios.
     row_slopes : ndarray, (L, d, R, m, p)
         By the numbers of each run.
     distances : ndarray, (R, L, c)
         To limits, in standard deviations; none where nothing is paid.
     distance_slopes : ndarray, (L, d, R, c)
     previous : ndarray, (R, p, p)
+    average : Average
+        Over the plants.
     kappa : float
     variable : ndarray of int, (L, d)
         Which variable each number is; runs may share one. -1 of those that stay.
@@ -51,6 +54,7 @@ class LinearRows:
     distances: Array
     distance_slopes: Array
     previous: Array
+    average: Average
     kappa: float
     variable: NDArray[np.intp]
 
@@ -65,9 +69,10 @@ class LinearRows:
         sign, log_det = np.linalg.slogdet(f)
         if not (sign > 0).all():
             return -np.inf, np.zeros(len(step))
-        by_rows = 2 / plants * np.linalg.solve(f, rows.swapaxes(1, 2)).swapaxes(1, 2)
+        value, parts = self.average.softened(log_det)
+        by_rows = (2 / plants * parts)[:, None, None] * np.linalg.solve(f, rows.swapaxes(1, 2)).swapaxes(1, 2)
         by_rows = by_rows.reshape(plants, runs, m, p).swapaxes(0, 1).reshape(runs, -1)
-        value, gradient = float(log_det.mean()), _products(slopes, by_rows)
+        gradient = _products(slopes, by_rows)
         if self.distances.size:
             slopes = self.distance_slopes.reshape(runs, -1, plants * self.distances.shape[2])
             there = _sum(of_runs, slopes).reshape(runs, plants, -1).swapaxes(0, 1) + self.distances
@@ -121,6 +126,7 @@ class LinearRows:
             np.ascontiguousarray(self.distances[..., near]),
             np.ascontiguousarray(self.distance_slopes[..., near]),
             self.previous,
+            self.average,
             self.kappa,
             self.variable,
         )

@@ -1,0 +1,108 @@
+"""What a design is worth in the scenarios of a criterion over the prior."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..basics.checks import as_float, by_name, check_positive_int
+from ..basics.values import FrozenMapping
+from ..information.codec import log_det_from_json, number_to_json
+from ..information.evaluation import Evaluation
+from ..information.problem import DesignProblem
+from .average import Average
+
+
+@dataclass(frozen=True)
+class ScenarioValues:
+    """What a design is worth where the parameters are others than the prior mean: in each of S scenarios, D = R.
+
+    Attributes
+    ----------
+    value : float
+        What was maximised: the average of `log_dets` that the criterion takes.
+    parameters : tuple of mappings of parameter name to float
+        The estimated parameters of each scenario, SI units.
+    weights : tuple of float
+        They sum to 1.
+    log_dets : tuple of float
+        log det F, in the scaling of (7) and for parameters in units of their prior standard deviations; -inf where F is singular.
+    standard_errors : mapping of parameter name to tuple of float
+        In each scenario, SI units; inf where F is singular.
+    """
+
+    value: float
+    parameters: tuple[Mapping[str, float], ...]
+    weights: tuple[float, ...]
+    log_dets: tuple[float, ...]
+    standard_errors: Mapping[str, tuple[float, ...]]
+
+    @property
+    def mean(self) -> float:
+        """The mean of log det F over the scenarios."""
+        return float(np.dot(self.weights, self.log_dets))
+
+    @property
+    def expected_errors(self) -> Mapping[str, float]:
+        """Geometric mean over the scenarios of each standard error: what their logarithms are in the mean, as with log det F."""
+        means = {name: float(np.exp(np.dot(self.weights, np.log(of)))) for name, of in self.standard_errors.items()}
+        return FrozenMapping(means)
+
+    @property
+    def largest_errors(self) -> Mapping[str, float]:
+        """The largest standard error of each parameter."""
+        return FrozenMapping({name: max(of) for name, of in self.standard_errors.items()})
+
+
+def scenario_values(problems: Sequence[DesignProblem], average: Average, evaluations: Sequence[Evaluation]) -> ScenarioValues:
+    """Collect the evaluations of a design in all scenarios."""
+    log_dets = np.array([evaluation.log_det for evaluation in evaluations])
+    names, nothing = problems[0].estimated, dict[str, float]()
+    errors = {name: tuple((one.standard_errors or nothing).get(name, np.inf) for one in evaluations) for name in names}
+    values = (problem.prior.mean for problem in problems)
+    return ScenarioValues(
+        value=float(average.value(log_dets)),
+        parameters=tuple(FrozenMapping({name: of[name] for name in names}) for of in values),
+        weights=tuple((average.weights / len(average.weights)).tolist()),
+        log_dets=tuple(log_dets.tolist()),
+        standard_errors=FrozenMapping(errors),
+    )
+
+
+def scenario_values_to_json(values: ScenarioValues | None) -> dict[str, Any] | None:
+    if values is None:
+        return None
+    return {
+        "value": number_to_json(values.value),
+        "parameters": [dict(one) for one in values.parameters],
+        "weights": list(values.weights),
+        "log_dets": [number_to_json(value) for value in values.log_dets],
+        "standard_errors": {name: [number_to_json(error) for error in of] for name, of in values.standard_errors.items()},
+    }
+
+
+def scenario_values_from_json(data: dict[str, Any] | None, names: tuple[str, ...]) -> ScenarioValues | None:
+    """What `scenario_values_to_json` wrote; files from before criteria over the prior have none."""
+    if data is None:
+        return None
+    count = check_positive_int(len(data["weights"]), "weights")
+    lists = {"parameters": data["parameters"], "log_dets": data["log_dets"], **data["standard_errors"]}
+    for label, given in lists.items():
+        if len(given) != count:
+            raise ValueError(f"{label}: expected {count} scenarios, given {len(given)}")
+    complete = partial(by_name, known=names, complete=True)
+    return ScenarioValues(
+        value=log_det_from_json(data["value"]),
+        parameters=tuple(complete(one, label="parameters", check=as_float) for one in data["parameters"]),
+        weights=tuple(as_float(weight, "weights") for weight in data["weights"]),
+        log_dets=tuple(log_det_from_json(value) for value in data["log_dets"]),
+        standard_errors=complete(data["standard_errors"], label="standard_errors", check=_errors),
+    )
+
+
+def _errors(given: Any, label: str) -> tuple[float, ...]:
+    return tuple(np.inf if error is None else as_float(error, label) for error in given)
