@@ -398,6 +398,7 @@ def test_settings_are_kept() -> None:
         "screen": True,
         "local": 0.5,
         "method": "auto",
+        "over": None,
     }
     assert design.problem is given and given.rule == SMALL
     assert design.seconds >= design.trace[-1].seconds
