@@ -34,7 +34,7 @@ def sweep(
 ) -> int:
     """Find designs of several sizes, and tell what more experiments add, and cost.
 
-    Writes sweep.csv, sweep.json, report.txt, design_<size>.csv and sweep.png. Ctrl-C keeps the sizes that are done.
+    Writes sweep.csv, sweep.json, report.txt, design_<size>.csv, sweep.png and report.html. Ctrl-C keeps the sizes that are done.
     """
     with importing():
         import scipy.special  # noqa: F401  not where it is needed, in the middle of the search, which Ctrl-C is to end in order
