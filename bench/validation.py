@@ -58,7 +58,9 @@ class ValidationFigures:
 def measure(quick: bool) -> list[ValidationFigures]:
     """Figures for every tolerance, with the truth at the prior mean."""
     problem = default_problem("noise")
-    points = fp.exchange(problem, n_experiments=12, n_candidates=50, max_iterations=40 if quick else 200, seed=0).points
+    points = fp.exchange(
+        problem, n_experiments=12, n_candidates=50, max_iterations=40 if quick else 200, seed=0, method="paper"
+    ).points
     smooth = fp.HydraulicCylinder(smooth=dict.fromkeys(("v", "x_v"), 1e-3)).compile()
     of_points = [_figures("12 points", problem, points, rtol, quick) for rtol in RTOLS]
     return of_points + [_figures("2 runs of 48", problem.replace(model=smooth), runs(), rtol, quick) for rtol in RTOLS]
