@@ -41,6 +41,7 @@ def campaign(
     saved at once: after a kill the same command goes on.
     """
     with importing():
+        import fisherpoint.campaign.campaign  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_whole
         from fisherpoint.design.configuration import ConfigError, load_config
 

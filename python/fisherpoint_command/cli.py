@@ -13,6 +13,7 @@ import fisherpoint as fp
 
 from .asked import ARGUMENTS
 from .exits import INTERRUPTED, MISUSE, READER_LEFT, complain, why_not_imported
+from .importing import importing
 
 try:
     import typer
@@ -112,9 +113,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     sys.exit(code)
 
 
+HELP = {"-h", "--help", "--version"}
+
+
 def _run(arguments: list[str]) -> int:
     try:
         command = typer.main.get_command(app)
+        if not HELP.intersection(arguments):
+            with importing():
+                from pydantic import BaseModel, BeforeValidator, TypeAdapter  # noqa: F401  as typer does when a command begins
         with command.make_context("fisherpoint", arguments) as context:  # typer's own way ends without a word at Ctrl-C
             code: int = command.invoke(context) or 0
         sys.stdout.flush()

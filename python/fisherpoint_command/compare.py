@@ -32,6 +32,7 @@ def compare(
     With -o, writes comparison.csv, report.txt, comparison.png, and report.html, which shows all of it in a browser.
     """
     with importing():
+        import fisherpoint.design.compare  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_together
         from fisherpoint.design.configuration import load_config
 

@@ -59,6 +59,7 @@ def design(
     with importing():
         import scipy.special  # noqa: F401  not where it is needed, in the middle of the search, which Ctrl-C is to end in order
 
+        import fisherpoint.design.exchange  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_whole
         from fisherpoint.design.configuration import ConfigError, load_config
 

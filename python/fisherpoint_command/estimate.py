@@ -46,6 +46,7 @@ def estimate(
     Writes estimate.csv, residuals.csv, fit.json, report.txt, pictures, and report.html, which shows all of it in a browser.
     """
     with importing():
+        import fisherpoint.estimation.estimate  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_whole
         from fisherpoint.design.configuration import ConfigError, load_config
 

@@ -41,6 +41,7 @@ def sweep(
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+        import fisherpoint.design.sweep  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_together
         from fisherpoint.design.configuration import ConfigError, load_config
         from fisherpoint.points.experiments import points_csv

@@ -43,6 +43,7 @@ def validate(
     and keeps what was found by then.
     """
     with importing():
+        import fisherpoint.validation.validate  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_together
         from fisherpoint.design.configuration import load_config
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
-from importlib.resources import files
+from pathlib import Path
 from string import Template
 
 from ..basics.messages import printable
@@ -65,7 +65,7 @@ def to_page(
         parts += ["<h2>Pictures</h2>", *drawn]
     made = ", ".join(f"{name} {version}" for name, version in versions().items() if name != "isa")
     parts.append(f"<footer>Made with {_text(made)}; instruction set {_text(versions()['isa'])}.</footer>")
-    template = Template(files(__package__).joinpath("page.html").read_text(encoding="utf-8"))
+    template = Template(Path(__file__).with_name("page.html").read_text(encoding="utf-8"))
     return template.substitute(title=_text(report.headline), body="\n".join(parts))
 
 
