@@ -36,6 +36,17 @@ TEST_CASE("where the curve is no cubic, its coefficients must stay well off zero
   CHECK_FALSE(bump(0.01).clear());
 }
 
+TEST_CASE("what goes up and down wavers, what decays does not; the quartic has its value everywhere") {
+  const auto f = [](double s) { return (0.37 - s) * (1 + s * s) * (2 - s); };
+  const auto q = of(f, [&](double s) { return (f(s + 1e-6) - f(s - 1e-6)) / 2e-6; });
+  for (double t : {0.0, 0.29, 0.74, 1.0}) CHECK(q.at(t) == doctest::Approx(f(t)).epsilon(1e-8));
+  const auto wave = of([](double s) { return 1.2 + std::cos(8 * s); }, [](double s) { return -8 * std::sin(8 * s); });
+  CHECK(wave.wavers());
+  CHECK_FALSE(of([](double s) { return std::exp(-s); }, [](double s) { return -std::exp(-s); }).wavers());
+  CHECK_FALSE(of([](double s) { return 9 + s; }, [](double) { return 1.0; }).wavers());
+  CHECK_FALSE(of([](double) { return 1.0; }, [](double) { return 0.0; }).clear(1.5));  // as far off as it is high
+}
+
 TEST_CASE("a start on the surface has its zero there") {
   const auto q = of([](double s) { return -s; }, [](double) { return -1.0; });
   CHECK(q.zero() == doctest::Approx(0.0));

@@ -49,19 +49,22 @@ TapeModel ball(Kind kind, double floor, bool pole = false) {
   }
   const Program surfaces{literals, {}, {{O::sub, height, s, bottom, 0}}, {height}, registers};
   const Shape<TapeModel> shape{2, 1, 1, 2, kind == Kind::jump, kind != Kind::limit, kind != Kind::limit || pole, 1};
-  return TapeModel(
-      shape, {1.0, 1.0},
-      {rates,
-       {literals, {}, {}, {s}, registers},
-       surfaces,
-       {literals, {}, {}, {ds_at}, registers},
-       state_jacobian,
-       rate_jacobian,
-       {literals, {}, {}, {s, one}, registers},
-       kind == Kind::jump ? Program{literals, {}, surfaces.stage, {height, one}, registers}
-                          : Program{literals, {}, {}, {}, registers}},
-      state_entries, entries, {{0, 0}}, std::vector<Entry>(kind == Kind::jump, Entry{0, 0}),
-      {{true, true}, {true}, std::vector<bool>(kind != Kind::limit, true), std::vector<bool>(kind == Kind::jump, true)});
+  return TapeModel(shape, {1.0, 1.0},
+                   {rates,
+                    {literals, {}, {}, {s}, registers},
+                    surfaces,
+                    {literals, {}, {}, {ds_at}, registers},
+                    state_jacobian,
+                    rate_jacobian,
+                    {literals, {}, {}, {s, one}, registers},
+                    kind == Kind::jump ? Program{literals, {}, surfaces.stage, {height, one}, registers}
+                                       : Program{literals, {}, {}, {}, registers}},
+                   state_entries, entries, {{0, 0}}, std::vector<Entry>(kind == Kind::jump, Entry{0, 0}),
+                   {{true, true},
+                    {true},
+                    std::vector<bool>(kind != Kind::limit, true),
+                    std::vector<bool>(kind == Kind::jump, true),
+                    std::vector<bool>(kind != Kind::limit, false)});
 }
 
 struct Throws {
@@ -194,7 +197,7 @@ TEST_CASE("lists that would read or write what they must not are refused") {
   const auto model = [&](const Program& rates) {
     const Program none{{}, {}, {}, {}, 3}, x{{}, {}, {}, {1}, 3}, jacobian{{}, {}, {}, {1, 0}, 3};
     return TapeModel(shape, {1.0}, {rates, x, none, none, none, jacobian, {{}, {}, {}, {1, 1}, 3}, none}, {}, {{0, 1}},
-                     {{0, 0}}, {}, {{true}, {true}, {}, {}});
+                     {{0, 0}}, {}, {{true}, {true}, {}, {}, {}});
   };
   // theta, x, dx, then what is computed.
   CHECK_NOTHROW(model({{}, {}, {{O::mul, 3, 0, 1, 0}}, {3}, 4}));

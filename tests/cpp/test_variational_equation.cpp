@@ -1,5 +1,6 @@
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -128,4 +129,23 @@ TEST_CASE("a path refined keeps its ends, its kinks and the trend of its steps")
   }
   const auto same = refined<M>(path, 1.0);
   for (std::size_t i = 0; i < path.size(); ++i) CHECK(same.sizes[i] == doctest::Approx(path.sizes[i]).epsilon(1e-14));
+}
+
+TEST_CASE("a step away from a surface, or towards one, is parted so that the distance to it does not treble") {
+  for (double growth : {1.0, 4.5, 9.0, 700.0, -4.5, -700.0}) {
+    std::vector<double> shares;
+    for_each_part(growth, [&](double share) { shares.push_back(share); });
+    if (growth < 0.0) std::reverse(shares.begin(), shares.end());
+    double at = 1.0, sum = 0.0;  // the distance, as it grows from 1 to `growth`
+    for (double share : shares) {
+      const double next = at + share * (std::abs(growth) - 1.0);
+      CHECK(next <= 3.0 * at);
+      at = next;
+      sum += share;
+    }
+    CHECK(sum == 1.0);
+  }
+  std::vector<double> whole;
+  for_each_part(0.0, [&](double share) { whole.push_back(share); });
+  CHECK(whole == std::vector<double>{1.0});
 }

@@ -437,3 +437,69 @@ def test_the_search_of_functions_is_that_of_the_paper(quiet: None) -> None:
     problem = fp.DesignProblem(tanks(), PRIOR, REGION, noise_std={"y": 0.01}, rule=fp.Linearized())
     auto, paper = (fp.exchange(problem, 5, n_candidates=5, max_iterations=2, references=False, method=m) for m in ("auto", "paper"))
     np.testing.assert_array_equal(auto.points.table, paper.points.table)
+
+
+def growing(slope: float, pull: float) -> fp.CallableModel:
+    """z' = slope z + pull k: a function that loses complex numbers, of a state that leaves its natural size far behind."""
+    return fp.CallableModel(
+        lambda x, u, p: np.asarray(slope * x.z + pull * p.k).astype(float)[:, None],
+        lambda x, u, p: x.z,
+        {"z": ("1", 1.0)},
+        {},
+        {"k": "1"},
+        {"y": "1"},
+    )
+
+
+@pytest.mark.parametrize("dt", [1.0, 10.0, 13.0])
+def test_differences_of_a_state_that_has_grown_are_those_of_its_size(quiet: None, dt: float) -> None:
+    """Steps of the size with which it began are lost in its rounding at 1e11."""
+    done = fp.sensitivities(growing(2.0, -0.7), fp.Experiments([[1.1]], [[]], [dt]), [0.85])
+    assert done.status[0] == 0
+    np.testing.assert_allclose(done.dy_dtheta[0, 0, 0], -0.7 * np.expm1(2 * dt) / 2, rtol=1e-6)
+
+
+def test_sensitivities_that_rounding_has_eaten_are_not_ok(quiet: None) -> None:
+    """A change of 1e-10 of what f is: differences have six digits of it at first, and none when z has reached 1e11."""
+    model, done = growing(2.0, 1e-10), []
+    for dt in (0.5, 13.0):
+        done.append(fp.sensitivities(model, fp.Experiments([[1.1]], [[]], [dt]), [0.85]))
+    assert [fp.Status(one.status[0]).name for one in done] == ["ok", "step_limit"]
+    assert done[1].dy_dtheta[0, 0, 0] == 0 and np.isfinite(done[1].y).all()
+
+
+@pytest.mark.parametrize("method", ["fastest", "RK45"])
+def test_a_surface_with_a_double_root_is_crossed(quiet: None, method: str) -> None:
+    """SciPy's search for the root of |z - 1| (z - 1) gives up after a hundred steps."""
+
+    def square(x: Any, u: Any, p: Any) -> Any:
+        return np.abs(x.z - 1) * (x.z - 1)
+
+    states, rates = (
+        {"s": "1", "c": "1", "z": "1", "w": "1"},
+        ["3*c", "-3*s", "-k*z + s", "-100*(w - cos(s)) + max(s - 0.02, abs(z - 1)*(z - 1), 0)"],
+    )
+    model = fp.CallableModel(
+        lambda x, u, p: [
+            3 * x.c,
+            -3 * x.s,
+            -p.k * x.z + x.s,
+            -100 * (x.w - np.cos(x.s)) + np.maximum(np.maximum(x.s - 0.02, square(x, u, p)), 0),
+        ],
+        lambda x, u, p: x.w,
+        states,
+        {},
+        {"k": "1"},
+        {"y": "1"},
+        kinks={
+            "s": lambda x, u, p: x.s - 0.02 - square(x, u, p),
+            "z": square,
+            "s0": lambda x, u, p: x.s - 0.02,
+        },
+    )
+    equations = fp.SymbolicModel(rates, ["w"], states=states, inputs={}, parameters={"k": "1"}, outputs={"y": "1"})
+    starts = np.array([-0.6389, -0.8601, 1.257, 1.565]) + 0.02 * np.random.default_rng(0).standard_normal((12, 4))
+    points = fp.Experiments(starts, np.zeros((12, 0)), np.full(12, 2.478))
+    done = fp.simulate(model, points, [0.7565], method=None if method == "fastest" else method)
+    assert not done.status.any()
+    np.testing.assert_allclose(done.x, fp.simulate(equations, points, [0.7565], rtol=1e-10).x, atol=1e-5)

@@ -27,6 +27,7 @@ def cache(tmp_path_factory):
     outputs={"s": "m", "w": "1"},
     constants={"m": (2.0, "kg")},
     name="slider",
+    check_units=False,
 )
 def slider(x, u, p):
     """A mass on a one-sided spring under friction: a jump, a kink, a pole, a limit, and a function of every kind."""

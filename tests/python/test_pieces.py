@@ -254,7 +254,7 @@ def pushed(seed: int) -> tuple[fp.DesignProblem, fp.Record]:
         ["x", "v"],
         {"x": "m", "v": "m/s"},
         {"u": "V"},
-        {"b": "m/(s2 V)", "c": "1/s"},
+        {"b": "m/(s2 V)", "c": "1/m"},
         {"x": "m", "v": "m/s"},
     )
     problem = fp.DesignProblem(

@@ -16,7 +16,7 @@ THETA = {"c": 0.5, "p": 1.2}
 
 
 def model(rate: str, output: str = "h") -> fp.SymbolicModel:
-    return fp.SymbolicModel([rate], [output], {"h": "m"}, {"u": "m/s"}, {"c": "m", "p": "1"}, {"y": "m"})
+    return fp.SymbolicModel([rate], [output], {"h": "1"}, {"u": "1"}, {"c": "1", "p": "1"}, {"y": "1"})
 
 
 def sensitivities(made: fp.SymbolicModel, h0: float, u: float, dt: float = 1.0) -> Any:

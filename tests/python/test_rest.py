@@ -211,7 +211,7 @@ def test_one_segment_from_rest_is_no_point() -> None:
 
 
 def test_other_parameters_have_other_starts_and_those_without_a_rest_a_status() -> None:
-    model = fp.SymbolicModel(["a + x**2 + u"], ["x"], {"x": "m"}, {"u": "N"}, {"a": "1"})
+    model = fp.SymbolicModel(["a + x**2 + u"], ["x"], {"x": "1"}, {"u": "1"}, {"a": "1"})
     runs = fp.Runs([[-1.0]] * 4, [[-1.0, -2.0]] * 4, 0.3, rest=[fp.Rest({"u": 0.0})] * 3 + [None])
     theta = [[1.0], [-1.0], [-2.0], [1.0]]
     for done in (fp.simulate(model, runs, theta), fp.sensitivities(model, runs, theta)):

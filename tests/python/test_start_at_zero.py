@@ -13,7 +13,7 @@ def growth(x, u, p):  # type: ignore[no-untyped-def]
     return [p.b * (p.a - x.y)], [x.y]
 
 
-@fp.model(states={"x": "m", "v": "m/s"}, inputs={"u": "N"}, parameters={"k": "N/m", "d": "N s/m"}, outputs={"x": "m"})
+@fp.model(states={"x": "m", "v": "m/s"}, inputs={"u": "m/s2"}, parameters={"k": "1/s2", "d": "1/s"}, outputs={"x": "m"})
 def oscillator(x, u, p):  # type: ignore[no-untyped-def]
     return [x.v, u.u - p.k * x.x - p.d * x.v], [x.x]
 

@@ -223,7 +223,7 @@ INSIDE = {
 
 @pytest.mark.parametrize("kind", INSIDE)
 def test_cases_inside_a_condition_are_as_good_as_others(kind: str) -> None:
-    made = fp.SymbolicModel([INSIDE[kind]], ["h"], {"h": "m"}, {"u": "m/s"}, {"p": "m/s"})
+    made = fp.SymbolicModel([INSIDE[kind]], ["h"], {"h": "1"}, {"u": "1"}, {"p": "1"})
     points = fp.Experiments([[0.3], [0.3], [0.9]], [[0.7], [0.7], [0.7]], [0.1] * 3)
     # The second has a p below 0.4.
     y = fp.simulate(made, points, [[1.2], [0.2], [0.6]]).y[:, 0]

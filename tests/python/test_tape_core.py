@@ -32,6 +32,7 @@ def core_values(program: Program, x: np.ndarray) -> np.ndarray:
         [True],
         [],
         [],
+        [],
     )
     return model.output(x, np.empty((len(x), 0)), np.ones((len(x), 1)))
 

@@ -149,6 +149,7 @@ class TapeModel:
         varying_outputs: collections.abc.Sequence[bool],
         varying_surfaces: collections.abc.Sequence[bool],
         crossable: collections.abc.Sequence[bool],
+        rough: collections.abc.Sequence[bool],
     ) -> None:
         """
         Scales of the states, how many there are of what (the poles among the limits), and the programs with their entries.

@@ -51,6 +51,7 @@ class Integrator {
     fit(landed_, f_.sides);
     fit(leaving_, f_.sides);
     fit(along_, f_.surfaces);
+    fit(beside_, f_.surfaces);
   }
 
   // Integrates y over `duration`; a lane of duration 0 rests. On return y is the end state or, where the status is not ok, the
@@ -112,6 +113,10 @@ class Integrator {
                    [&](auto m) { along(m, slide_ ? select(slides(side_[m]), P(1.0), side_[m]) : side_[m]); });
     for_each_index(f_.jumps_end, f_.sides, [&](auto m) { along(m, side_[m]); });
     for_each_index(f_.sides, f_.surfaces, [&](auto m) { along(m, P(1.0)); });
+    Mask wavering = Lanes::none();
+    for_each_index(f_.surfaces, [&](auto m) { wavering = wavering | along_[m].wavers(); });
+    beside_.fill(P(0.0));
+    if (any(wavering & running_)) look_beside(wavering, y, middle);
   }
 
   // The stages, the end and the middle of a step, and its error.
@@ -154,7 +159,8 @@ class Integrator {
     const Mask short_step = step_ <= brief * duration, tiny_step = step_ <= briefest * tolerance_.relative * duration;
     for_each_index(f_.surfaces, [&](auto m) {
       const Quartic<P>& h = along_[m];
-      Mask crossed = good & !(h.b4 > zero), unclear = good & !crossed & !h.clear();
+      const Mask clear = h.clear(beside_[m]);
+      Mask crossed = good & !(h.b4 > zero), unclear = good & !crossed & !clear;
       if (m >= f_.jumps_end && m < f_.kinks_end) {
         const P slope = 4.0 * (h.b4 - h.b3);  // of the whole step
         // A start along the kink, or at rest on it, belongs to the side where the step ends; f has no jump there.
@@ -167,6 +173,7 @@ class Integrator {
         landed_[m] =
             good & !along & !wrong & !(ends_ & (h.b4 > zero)) & ((abs(h.b4) <= -landing_ * slope) | (crossed & short_step));
         crossed = crossed & !landed_[m] & !along & !wrong;
+        unclear = unclear | (landed_[m] & !clear);  // it may have been there before
         // From rest it may go to the other side and end on the kink again, with no sign at either end.
         unclear = unclear & !(along & !(min(h.b2, h.b3) < -rounding * abs(h.b4))) & !short_step;
         if (any(crossed | unclear)) {
@@ -246,6 +253,7 @@ class Integrator {
 
     if (any_stiff_) implicit_step_->keep(taken & implicit_);
     if (outcome_.attempts > watched_from && tolerance_.method == MethodName::fastest) watch_stiffness(taken, y);
+    const P growth = steps_ ? growth_of_distance() : zero;
     behind_kink_ = behind_kink_ & !taken;
     time_ = select(taken, time_ + step_, time_);
     for_each_index(f_.states, [&](auto i) {
@@ -257,13 +265,15 @@ class Integrator {
       rate_[m] = select(taken, end_rate_[m], rate_[m]);
     });
     for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { leaving_[m] = leaving_[m] & !taken; });
-    if (steps_) steps_->push_back({select(taken, step_, zero), side_, implicit_});
+    if (steps_) steps_->push_back({select(taken, step_, zero), side_, implicit_, growth});
     running_ = running_ & !(taken & ends_);
     if (any(lands & taken & running_)) turn(y, taken);
     if (any(broken_ & running_)) approach_limits(duration);
   }
 
-  // Onto surfaces, and over them: surfaces.hpp.
+  // Along surfaces, away from them, onto them, and over them: surfaces.hpp.
+  [[gnu::noinline]] void look_beside(const Mask& lanes, const State& y, const State& middle);
+  [[gnu::noinline]] P growth_of_distance() const;
   [[gnu::noinline]] void settle(const Mask& taken);
   [[gnu::noinline]] void turn(const State& y, const Mask& taken);
   [[gnu::noinline]] Surfaces rates_past(const State& y, const P& step) const;
@@ -337,6 +347,7 @@ class Integrator {
   Surfaces end_value_, end_rate_;
   // Of every surface along the step, positive on its own side; and where the step ends next to a kink.
   Retyped<Surfaces, Quartic<P>> along_;
+  Surfaces beside_;  // how far the surfaces' values were seen off that
   Retyped<Side, Mask> landed_;
 };
 

@@ -70,7 +70,7 @@ void Integrator<Equation, Method>::stop_stuck(const Mask& lanes, const P& durati
   const Mask good = squared_error_ <= P(1.0), finite = squared_error_ < P(infinity);
   for_each_index(f_.surfaces, [&](auto m) {
     if (m >= f_.jumps_end && m < f_.kinks_end) return;
-    const Mask touches = lanes & good & running_ & !along_[m].clear();
+    const Mask touches = lanes & good & running_ & !along_[m].clear(beside_[m]);
     if (m < f_.jumps_end && crosses(m)) stop(touches & (turns_ >= P(many_turns)), Status::chatters);
     stop(touches, m >= f_.jumps_end ? Status::left_domain : crosses(m) ? Status::grazes_jump : Status::met_jump);
   });

@@ -10,12 +10,14 @@
 namespace fisherpoint {
 
 // A step that the lanes of a pack took together; of size 0 in the lanes that took none. A side is 1 or -1, or 0 of a jump that
-// the trajectory slides on.
+// the trajectory slides on. Where its distance to a surface grows or falls by far, `growth` is the factor by which it grows, or
+// minus that by which it falls; 0 otherwise.
 template <class Equation>
 struct Step {
   typename Equation::Number size;
   typename Equation::Side side;
   mask_of_lanes<typename Equation::Number> implicit;
+  typename Equation::Number growth;
 };
 
 template <class Equation>

@@ -71,6 +71,10 @@ inline constexpr double noise = 1e-13;
 // estimate is the tolerance.
 inline constexpr double least_error = 0.004;
 
+// What depends on the distance to a surface like a root is not smooth within a step over which that grows or falls by more than
+// this factor: S takes several steps there.
+inline constexpr double far_away = 4.0;
+
 // From one step to the next, what the error asks for grows by no more than this. Of 10^5 trajectories of x' = p x (1 - x) +
 // cos(20 x) one in a thousand was off by more than a hundred tolerances without; with it, fewer steps are tried.
 inline constexpr double most_wished = 1.3;

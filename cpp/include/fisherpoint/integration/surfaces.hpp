@@ -21,6 +21,50 @@ void Integrator<Equation, Method>::settle(const Mask& taken) {
   });
 }
 
+// How far the surfaces' values on the way are off the quartics along the step: one that oscillates may be zero twice between
+// the places that the quartic has seen.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::look_beside(const Mask& lanes, const State& y, const State& middle) {
+  static constexpr std::array places = {0.29, 0.74};
+  State at;
+  fit(at, f_.states);
+  for (const double t : places) {
+    const double r = 1.0 - t, bow = 16.0 * r * r * t * t;
+    const double of_start = (1.0 + 2.0 * t) * r * r - 0.5 * bow, of_end = (3.0 - 2.0 * t) * t * t - 0.5 * bow;
+    const double of_first = t * r * r - 0.125 * bow, of_last = 0.125 * bow - t * t * r;
+    for_each_index(f_.states, [&](auto i) {
+      at[i] =
+          of_start * y[i] + of_end * end_[i] + step_ * (of_first * stage_[0][i] + of_last * stage_[last][i]) + bow * middle[i];
+    });
+    const Surfaces value = f_.surface_values(at);
+    const auto see = [&](int m, const P& side) { beside_[m] = max(beside_[m], abs(side * value[m] - along_[m].at(t))); };
+    for_each_index(f_.sides, [&](auto m) { see(m, side_[m]); });
+    for_each_index(f_.sides, f_.surfaces, [&](auto m) { see(m, P(1.0)); });
+  }
+  for_each_index(f_.surfaces, [&](auto m) { beside_[m] = select(lanes, beside_[m], P(0.0)); });
+  if (f_.jumps_end > 0 && slide_)
+    for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { beside_[m] = select(slides(side_[m]), P(0.0), beside_[m]); });
+}
+
+// By which factor the distance to a surface grows over the step, or minus that by which it falls; 0 where it is none to speak
+// of.
+template <class Equation, class Method>
+auto Integrator<Equation, Method>::growth_of_distance() const -> P {
+  P growth(0.0);
+  for_each_index(f_.jumps_end, f_.surfaces, [&](auto m) {
+    if (!f_.dependence.rough(m)) return;
+    const Quartic<P>& h = along_[m];
+    const Mask away = (h.b0 > P(0.0)) & (h.b4 > far_away * h.b0) & !behind_kink_;
+    Mask towards = (h.b4 > P(0.0)) & (h.b0 > far_away * h.b4);
+    if (m < f_.kinks_end) towards = towards & !landed_[m];
+    if (!any(away | towards)) return;
+    const P grown = h.b4 / h.b0, fallen = h.b0 / h.b4;
+    growth = select(away & (grown > abs(growth)), grown, growth);
+    growth = select(towards & (fallen > abs(growth)), -fallen, growth);
+  });
+  return growth;
+}
+
 // Turns the sides of the surfaces that were landed on, and takes stage 1 anew; the other lanes keep theirs to the last bit.
 template <class Equation, class Method>
 void Integrator<Equation, Method>::turn(const State& y, const Mask& taken) {

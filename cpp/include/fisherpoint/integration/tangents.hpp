@@ -36,12 +36,14 @@ class Tangents {
     fit(s, f_.dependence.in_columns);
     fit(squared_column_error_, f_.parameters);
     fit(squared_column_size_, f_.parameters);
+    fit(coarse_fourth_, f_.parameters);
     for (Jacobian<M, P>& jacobian : jacobian_) {
       fit(jacobian.by_state, f_.dependence.by_state);
       fit(jacobian.by_theta, f_.dependence.by_theta);
     }
     s.fill(P(0.0));
     squared_column_error_.fill(P(0.0));
+    coarse_fourth_.fill(P(0.0));
     for (int j = 0; j < f_.parameters; ++j) squared_column_size_[j] = squared_rounding(f_.theta()[j], tolerance);
   }
 
@@ -61,7 +63,15 @@ class Tangents {
 
   // The largest estimated error: of x in units of the states' scales, of every column in units of its own size. Against the
   // size of the outputs, columns of weak parameters would be integrated without any control. NaN where anything is.
-  P relative_error() const { return largest_relative_error(squared_error_, squared_column_error_, squared_column_size_); }
+  // By the coarse solution the error of a column is not below what step_control.hpp says of `least_error`.
+  P relative_error() const {
+    auto squared_error = squared_column_error_;
+    for (int j = 0; j < f_.parameters; ++j) {
+      const P least = (least_error * least_error) * coarse_fourth_[j] / (squared_column_size_[j] + P(1e-200));
+      squared_error[j] = select(least > squared_error[j], least, squared_error[j]);  // which stays NaN where it is
+    }
+    return largest_relative_error(squared_error_, squared_error, squared_column_size_);
+  }
 
   // A lane whose step is 0 stays as it is; those of `beside` begin or end on a kink.
   FISHERPOINT_HOT void advance(const P& step, const Side& side, const Mask& beside = lanes_of<P>::none()) {
@@ -242,6 +252,7 @@ class Tangents {
       size += square(entry * f_.inverse_scale(i));
     });
     squared_column_error_[k] += squared(estimate);
+    coarse_fourth_[k] += square(estimate.coarse);
     squared_column_size_[k] = max(squared_column_size_[k], size);
   }
 
@@ -268,6 +279,7 @@ class Tangents {
   // largest size of every column.
   P squared_error_{0.0};
   typename ArraysOf<M, P>::Parameters squared_column_error_, squared_column_size_;
+  typename ArraysOf<M, P>::Parameters coarse_fourth_;  // the column's distance to the coarse solution, to the fourth power
   Jacobian<M, P> jacobian_[stages];
 };
 

@@ -48,6 +48,17 @@ bool is_stiff(const PointPath<M>& path) {
   return std::any_of(path.runs.begin(), path.runs.end(), [](const auto& run) { return run.implicit; });
 }
 
+// use(share) for the parts of a step over which the distance to a surface grows, or falls, by `growth` (outcome.hpp), as shares
+// of it: over each of them by less than three times, down to a smallest part.
+void for_each_part(double growth, auto&& use) {
+  constexpr int most_halvings = 12;
+  const int halvings = growth == 0.0 ? 0 : std::min(most_halvings, static_cast<int>(std::log2(std::abs(growth))));
+  for (int k = 0; k <= halvings; ++k) {
+    const int behind = growth < 0.0 ? halvings - k : k;  // how many parts lie nearer to the surface
+    use(std::ldexp(1.0, std::max(behind, 1) - 1 - halvings));
+  }
+}
+
 // For which memory is taken at once.
 inline constexpr std::size_t usual_steps = 64;
 

@@ -100,7 +100,10 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
     taken.runs.clear();
     for (const auto& step : steps) {
       const double size = lanes_of<P>::get(step.size, lane);
-      if (size != 0.0) taken.push_back(size, of_lane(step.side, shape.sides, lane), lanes_of<P>::get(step.implicit, lane));
+      if (size == 0.0) continue;
+      for_each_part(lanes_of<P>::get(step.growth, lane), [&](double share) {
+        taken.push_back(share * size, of_lane(step.side, shape.sides, lane), lanes_of<P>::get(step.implicit, lane));
+      });
     }
     paths[k] = refined<M>(taken, first_refinement);
   }

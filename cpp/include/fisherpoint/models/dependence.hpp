@@ -195,6 +195,13 @@ class Dependence {
       return true;
   }
 
+  // Whether f_x may have no bounds, or be like a root, beside kink or limit m.
+  static constexpr bool rough(int m) {
+    if constexpr (requires { M::rough; })
+      if (m < sizes<M>::switching) return M::rough[m];
+    return m >= sizes<M>::switching;
+  }
+
   // How many outputs depend on any parameter.
   static constexpr int varying_outputs = []<int... i>(std::integer_sequence<int, i...>) {
     return (0 + ... + output_depends(Count<i>{}));

@@ -41,6 +41,9 @@
 // is crossed says in `crossable`, an array of bool, which jumps may be crossed; and one whose types do not show which sides f_i
 // reads (it chooses by them) says in `read_through_jumps`, an array of Variables, what the jumps read whose sides f_i reads.
 //
+// A model that takes a root of what is zero on a kink says in `rough`, an array of bool, on which jumps and kinks it does so: S
+// takes short steps beside them, as beside limits.
+//
 // A model that branches on values of parameters or of states, inside `dynamics` or `output`, says in `varying_states`,
 // `varying_outputs` and `varying_surfaces`, arrays of bool, which of these depend on any parameter: derivatives do not show it.
 //

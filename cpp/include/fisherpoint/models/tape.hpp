@@ -83,9 +83,9 @@ struct Entry {
 };
 
 // Which states, outputs, and jumps and kinks depend on theta in whatever way, by branches too: not those without a derivative
-// alone. And which jumps trajectories may cross (Dependence::crossable).
+// alone. And which jumps trajectories may cross, and beside which jumps and kinks f_x may be rough (Dependence).
 struct Varying {
-  std::vector<bool> states, outputs, surfaces, crossable;
+  std::vector<bool> states, outputs, surfaces, crossable, rough;
 };
 
 template <>
@@ -125,6 +125,7 @@ class Dependence<TapeModel> {
   bool output_depends(int i) const { return varying_.outputs[i]; }
   bool switching_depends(int m) const { return varying_.surfaces[m]; }
   bool crossable(int m) const { return varying_.crossable[m]; }
+  bool rough(int m) const { return m >= static_cast<int>(varying_.rough.size()) || varying_.rough[m]; }
   int leader(int j) const { return j; }
   int next_alike(int) const { return static_cast<int>(rows_.size()); }
 
@@ -229,8 +230,10 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
         expect(static_cast<int>(inverse_scales_.size()) == n_x, "scales: expected one for every state");
         expect(static_cast<int>(varying.states.size()) == n_x && static_cast<int>(varying.outputs.size()) == n_y &&
                    static_cast<int>(varying.surfaces.size()) == kinks_end &&
-                   static_cast<int>(varying.crossable.size()) == jumps_end,
-               "varying: expected one for every state, output, and jump and kink, and crossable one for every jump");
+                   static_cast<int>(varying.crossable.size()) == jumps_end &&
+                   static_cast<int>(varying.rough.size()) == kinks_end,
+               "varying: expected one for every state, output, and jump and kink, crossable one for every jump, and rough one "
+               "for every jump and kink");
         const auto check_entries = [&](const std::vector<Entry>& entries, int rows, const char* name) {
           for (std::size_t e = 0; e < entries.size(); ++e) {
             const auto [i, k] = entries[e];

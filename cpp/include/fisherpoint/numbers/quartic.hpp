@@ -19,8 +19,24 @@ struct Quartic {
   P least_inside() const { return min(min(b1, b2), b3); }
 
   // Whether the curve stays positive between its ends, with a margin for what lies beside a quartic: a quarter of what the
-  // quartic adds to the cubic through both ends.
-  auto clear() const { return least_inside() > 0.25 * abs(b2 - (1.0 / 6.0) * (4.0 * (b1 + b3) - b0 - b4)); }
+  // quartic adds to the cubic through both ends, and by how much the function was seen to be beside it.
+  auto clear(const P& beside = P(0.0)) const {
+    return least_inside() > 0.25 * abs(b2 - (1.0 / 6.0) * (4.0 * (b1 + b3) - b0 - b4)) + beside;
+  }
+
+  // Whether it changes by a good part of what it is, and bends like something that goes up and down: what lies beside it
+  // matters.
+  auto wavers() const {
+    const P least = min(min(b0, b4), least_inside()), most = max(max(b0, b4), max(max(b1, b2), b3));
+    const P third = abs(b3 - b0 + 3.0 * (b1 - b2)) + abs(b4 - b1 + 3.0 * (b2 - b3)), change = most - least;
+    return (least < change) & (third > 0.1 * change);
+  }
+
+  // Its value at a share t of the step.
+  P at(double t) const {
+    const double r = 1.0 - t;
+    return r * r * (r * r * b0 + 4.0 * r * t * b1 + 6.0 * t * t * b2) + t * t * t * (4.0 * r * b3 + t * b4);
+  }
 
   // Where it falls through zero, as a share of the step, for a quartic that starts positive, or at zero and rising, and ends
   // negative: Newton's method, kept within the bracket by bisection.

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from .core import CallableCore
+from .tangents import sizes
 
 OK, MET_JUMP, LEFT_DOMAIN, STEP_LIMIT, NOT_FINITE, MET_KINK = range(6)
 """The statuses, by the numbers that the compiled kernels give them."""
@@ -41,6 +42,10 @@ class _TooMany(Exception):
     """More evaluations than allowed."""
 
 
+class _NoRoot(Exception):
+    """SciPy has not found when a surface is met, as can be where its value has a double root."""
+
+
 def integrate(
     model: CallableCore,
     derivative: Callable[[Array], Array],
@@ -51,8 +56,11 @@ def integrate(
     rtol: float,
     cross_kinks: bool,
     method: str,
+    path: list[tuple[Array, Array]] | None = None,
 ) -> tuple[Array, int]:
     """Integrate z' = derivative(z) over dt, where z begins with the state; return z and a status.
+
+    Times (N,) and z (n, N) of the steps are added to the path.
 
     A kink is crossed by ending a step on it. Where the status is not ok, z is the last one that was reached.
 
@@ -61,9 +69,12 @@ def integrate(
     What takes too many steps by the default method, as stiff models do, is tried again by an implicit one.
     """
     if method == "fastest":
-        z, status = integrate(model, derivative, z0, u, dt, theta, rtol, cross_kinks, "DOP853")
+        begun = len(path or ())
+        z, status = integrate(model, derivative, z0, u, dt, theta, rtol, cross_kinks, "DOP853", path)
         if status == STEP_LIMIT:
-            z, status = integrate(model, derivative, z0, u, dt, theta, rtol, cross_kinks, "Radau")
+            if path is not None:
+                del path[begun:]
+            z, status = integrate(model, derivative, z0, u, dt, theta, rtol, cross_kinks, "Radau", path)
         return z, status
     from scipy.integrate import solve_ivp
 
@@ -75,7 +86,7 @@ def integrate(
         return z0, NOT_FINITE
     local = max(LOCAL_SHARE * rtol, 3e-14)
     size = np.concatenate([model.scale, FLOOR * np.repeat(model.scale, len(z0) // n_x - 1)])
-    calls, shortest, most = 0, dt / LOOKS, np.inf
+    calls, shortest, most, power = 0, dt / LOOKS, np.inf, 1.0
     long_steps: list[_Step] = []
     chosen = _keeping_steps(method, shortest, long_steps)
 
@@ -87,18 +98,25 @@ def integrate(
         return derivative(z)
 
     def solve(t: float, end: float, z: Array, events: list[Callable[[float, Array], float]], **options: Any) -> Any:
-        return solve_ivp(counted, (t, end), z, chosen, rtol=local, atol=local * size, events=events or None, **options)
+        try:
+            return solve_ivp(counted, (t, end), z, chosen, rtol=local, atol=local * size, events=events or None, **options)
+        except RuntimeError as error:
+            if "Failed to converge" in str(error):
+                raise _NoRoot from error
+            raise
 
     t, z, first = 0.0, z0, model.limits(z0[None, :n_x], u, theta)[0]
     for _ in range(MAX_CROSSINGS):
         try:
-            events = [_event(model, m, side[m], t, u, theta) for m in range(len(side))]
+            events = [_event(model, m, side[m], t, u, theta, power) for m in range(len(side))]
             long_steps.clear()
             found = solve(t, dt, z, events, max_step=most)
             if _gap(model, long_steps, float(found.t[-1]), side, u, theta, shortest) > GAP * rtol:
                 most = shortest
                 found = solve(t, dt, z, events, max_step=most)
             t, z = float(found.t[-1]), found.y[:, -1]
+            if path is not None:
+                path.append((found.t, found.y))
             if found.status == 0:
                 return z, OK
             if found.status < 0:
@@ -115,6 +133,10 @@ def integrate(
                 z = solve(found.t[-2], t, found.y[:, -2], [], first_step=t - found.t[-2]).y[:, -1]
         except _TooMany:
             return z, STEP_LIMIT
+        except _NoRoot:
+            if power < 1:
+                return z, STEP_LIMIT
+            power = 1 / 3
     return z, STEP_LIMIT
 
 
@@ -150,7 +172,7 @@ def _keeping_steps(method: str, shortest: float, steps: list[_Step]) -> Any:
 
 
 def _gap(model: CallableCore, steps: list[_Step], until: float, side: Array, u: Array, theta: Array, spacing: float) -> float:
-    """How far, in units of its natural size, a state is off by what f is, within steps, other than the slope along them.
+    """How far, as a share of its size, a state is off by what f is, within steps, other than the slope along them.
 
     Infinite where a surface or limit is on another side there, or f has no value.
     """
@@ -169,19 +191,25 @@ def _gap(model: CallableCore, steps: list[_Step], until: float, side: Array, u: 
     rows = x, np.repeat(u, len(x), axis=0), np.repeat(theta, len(x), axis=0)
     if (np.hstack([model.switching(*rows), model.limits(*rows)]).real * side < 0).any():
         return np.inf
-    gap = float(np.max(np.concatenate(widths) @ np.abs(model.rhs(*rows).real - np.vstack(slopes)) / model.scale))
+    off = np.abs(model.rhs(*rows).real - np.vstack(slopes)) / sizes(x, model.scale)
+    gap = float(np.max(np.concatenate(widths) @ off))
     return gap if np.isfinite(gap) else np.inf
 
 
-def _event(model: CallableCore, m: int, side: float, start: float, u: Array, theta: Array) -> Callable[[float, Array], float]:
-    """Surface or limit m as an event.
+def _event(
+    model: CallableCore, m: int, side: float, start: float, u: Array, theta: Array, power: float
+) -> Callable[[float, Array], float]:
+    """Surface or limit m as an event, to a power that may be below 1 where it has a double root.
 
     At the start, which may lie on it, the side counts on which the state is going to be; so it does while it rests on a surface.
     """
     at_rest = side if m < model.n_surfaces else 0.0
 
     def value(t: float, z: Array) -> float:
-        return side if t <= start else model.boundary(m, z[None, : model.n_x], u, theta) or at_rest
+        if t <= start:
+            return side
+        height = model.boundary(m, z[None, : model.n_x], u, theta)
+        return float(np.copysign(abs(height) ** power, height)) if height else at_rest
 
     value.terminal = True  # type: ignore[attr-defined]
     return value

@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 from ...basics.values import Array, IntArray
 from ...engine import _core
 from .core import CallableCore
-from .integration import NOT_FINITE, OK, integrate, static_status
-from .tangents import tangents
+from .integration import NOT_FINITE, OK, STEP_LIMIT, integrate, static_status
+from .tangents import rounding, tangents
 
 Settings = tuple[float, bool, str]
+
+MOST_ROUNDING = 1e-3
+"""Share of a sensitivity that differences may lose."""
 
 
 def simulate(
@@ -80,9 +83,12 @@ def _sensed(
         rates, along = tangents(model.rhs, state, s, u, theta, size, model.scale, by_complex_step)
         return np.concatenate([rates, along.ravel()])
 
+    path: list[tuple[Array, Array]] = []
     if n_x:
         z0 = np.concatenate([x0, (s0 * size).ravel()])
-        z, status = integrate(model, derivative, z0, u, dt, theta, *settings)
+        z, status = integrate(model, derivative, z0, u, dt, theta, *settings, path)
+        if status == OK and not by_complex_step and _rounded(model, path, u, theta) > MOST_ROUNDING:
+            status = STEP_LIMIT
     else:
         z, status = np.empty(0), static_status(model, x0, u, theta)
     x, s = z[:n_x], z[n_x:].reshape(n_x, p)
@@ -91,6 +97,14 @@ def _sensed(
     _, along = tangents(model.output, x, s, u, theta, size, model.scale, by_complex_step)
     dx, dy = s / size, along / size
     return x, dx, dy, OK if np.isfinite(dx).all() and np.isfinite(dy).all() else NOT_FINITE
+
+
+def _rounded(model: CallableCore, path: list[tuple[Array, Array]], u: Array, theta: Array) -> float:
+    """What differences have lost of the sensitivities along a trajectory."""
+    t, z = np.concatenate([t for t, _ in path]), np.hstack([z for _, z in path]).T
+    x, s = z[:, : model.n_x], z[:, model.n_x :].reshape(len(z), model.n_x, -1)
+    rates = np.asarray(model.rhs(x, _rows(u, len(z)), _rows(theta, len(z))), dtype=np.float64)
+    return rounding(t, x, s, rates, model.scale)
 
 
 def _warn_of_sensitivities(model: CallableCore, by_complex_step: bool, p: int, seconds: float) -> None:

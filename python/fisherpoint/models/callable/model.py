@@ -28,8 +28,9 @@ class CallableModel(DescribedModel):
     the functions are looked at 50 times per duration, so that no step goes over what lasts longer than that, such as a bump that no
     stage of the step has seen; this costs a fifth more time. Where one did, steps are kept as short as these looks. Sensitivities
     come from the equations of variation with derivatives of f and g along their directions: by complex step where the functions
-    take complex numbers and do not lose them, which is tried once, else by central differences. A `UserWarning` at the first use
-    says which, and what it costs. Equations (`SymbolicModel`) are a thousand times faster and more.
+    take complex numbers and do not lose them, which is tried once, else by central differences; where rounding may cost these a
+    thousandth of a sensitivity, as it does where f is of numbers that are far larger, the status is `step_limit`. A `UserWarning`
+    at the first use says which, and what it costs. Equations (`SymbolicModel`) are a thousand times faster and more.
 
     Parameters
     ----------

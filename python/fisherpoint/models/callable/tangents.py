@@ -16,6 +16,9 @@ Rows = NDArray[Any]
 COMPLEX_STEP = 1e-60
 DIFFERENCE = float(np.finfo(np.float64).eps) ** (1 / 3)
 
+SMALL = 1e-3
+"""Size of a sensitivity, as a share of the state's natural size, below which what it loses is absolute."""
+
 OTHERS = 32
 """States at random at which a function is tried with complex numbers."""
 
@@ -40,7 +43,7 @@ def tangents(
     directions : ndarray, (n_x, p)
     size : ndarray, (p,)
     scale : ndarray, (n_x,)
-        Natural sizes of x, which bound the steps of differences.
+        Natural sizes of x. They, or x itself where it is larger, bound the steps of differences.
     by_complex_step : bool
     """
     p = len(theta)
@@ -49,8 +52,7 @@ def tangents(
         factors: Rows = np.array([0.0, *[1j * COMPLEX_STEP] * p])
         rows = [0, *range(p)]
     else:
-        largest = np.max(np.abs(along_x) / scale, axis=1, initial=1.0)  # no state moves further than its size times the step
-        step = DIFFERENCE / largest
+        step = steps(x, directions, scale)
         factors = np.concatenate([[0.0], step, -step])
         rows = [0, *range(p), *range(p)]
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
@@ -61,6 +63,36 @@ def tangents(
             return np.real(values[0]), np.imag(values[1:]).T / COMPLEX_STEP
         values = np.real(values)
         return values[0], ((values[1 : p + 1] - values[p + 1 :]) / (2 * step)[:, None]).T
+
+
+def steps(x: Array, directions: Array, scale: Array) -> Array:
+    """Steps of differences (p,): no state moves further than a small share of its size."""
+    with np.errstate(over="ignore"):
+        moves = np.max(np.abs(directions) / sizes(x, scale)[:, None], axis=0, initial=1.0)
+    return np.asarray(DIFFERENCE / moves)
+
+
+def sizes(x: Array, scale: Array) -> Array:
+    """Natural sizes of states, or what they have grown to."""
+    return np.asarray(np.maximum(np.abs(x), scale))
+
+
+def rounding(t: Array, x: Array, s: Array, rates: Array, scale: Array) -> float:
+    """What differences lose along a trajectory by the rounding of f, as a share of a sensitivity: the largest of all.
+
+    Parameters
+    ----------
+    t : ndarray, (N,)
+    x, rates : ndarray, (N, n_x)
+    s : ndarray, (N, n_x, p)
+        Sensitivities; one that is zero has lost nothing.
+    scale : ndarray, (n_x,)
+    """
+    step = np.array([steps(*row, scale) for row in zip(x, s, strict=True)])
+    noise = np.finfo(np.float64).eps * np.abs(rates)[:, :, None] / step[:, None]
+    shares = np.where(s != 0, noise / np.maximum(np.abs(s), SMALL * scale[:, None]), 0.0)
+    between = (shares[1:] + shares[:-1]) / 2
+    return float(np.max(np.einsum("n,nik->ik", np.diff(t), between), initial=0.0))
 
 
 def complex_step_works(functions: Sequence[Callable[..., Any]], scale: Array, x: Array, u: Array, theta: Array) -> bool:

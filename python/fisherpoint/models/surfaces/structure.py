@@ -8,15 +8,17 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import sympy
 
 from ...basics.values import Array
-from ..tape.parts import reads
+from ..tape.parts import parts, reads
 from ..tape.programs import Programs, build_programs
 from .branches import Branches, Surface
 from .domain import Domain, Limit
 from .evaluate import evaluate
 from .jumps import classified
 from .powers import Powers
+from .zeros import normal_form
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,19 @@ class Structure:
         """Whether trajectories can cross a jump: another condition that reads its side would jump there too."""
         return not any(reads(surface.expression, {jump.side}) for surface in self.surfaces)
 
+    def rough(self) -> list[bool]:
+        """Of each jump and kink, whether f takes a root or a logarithm of what is zero on it, or of what reads its side."""
+        if not self.surfaces:
+            return []
+        under = {part.args[0] for rate in self.rates for part in parts(rate) if _is_root(part)}
+        factors = {factor for base in under for factor in sympy.Mul.make_args(base) if not factor.is_number}
+        values = {factor.args[0] if isinstance(factor, sympy.Abs) else factor for factor in factors}
+        forms = {normal_form(value)[0] for value in values}
+        return [
+            normal_form(surface.expression)[0] in forms or any(reads(base, {surface.side}) for base in under)
+            for surface in self.surfaces
+        ]
+
     @cached_property
     def programs(self) -> Programs:
         """All programs of the model."""
@@ -101,4 +116,9 @@ class Structure:
             equations.constants,
             sum(limit.pole for limit in self.limits),
             [self.crossable(surface) for surface in self.surfaces if surface.jump],
+            self.rough(),
         )
+
+
+def _is_root(part: Any) -> bool:
+    return part.func is sympy.log or (part.is_Pow and not part.exp.is_Integer)

@@ -46,6 +46,8 @@ class Programs:
         Whether each state, output, and jump or kink depends on any parameter, in whatever way: by branches too.
     crossable : tuple of bool
         Whether trajectories can cross each jump.
+    rough : tuple of bool
+        Whether f takes a root of what is zero on each jump or kink: beside it derivatives of f change fast.
     poles : int
         How many of the domain limits, the first ones, are denominators of either sign.
     """
@@ -66,6 +68,7 @@ class Programs:
     varying_outputs: tuple[bool, ...]
     varying_surfaces: tuple[bool, ...]
     crossable: tuple[bool, ...]
+    rough: tuple[bool, ...]
     poles: int
 
 
@@ -80,6 +83,7 @@ def build_programs(
     constants: Mapping[Any, float] | None = None,
     poles: int = 0,
     crossable: Sequence[bool] = (),
+    rough: Sequence[bool] = (),
 ) -> Programs:
     """Programs of x' = f(x, u, theta), y = g(x, u, theta).
 
@@ -99,6 +103,8 @@ def build_programs(
         How many of the domain limits, the first ones, are denominators of either sign.
     crossable : sequence of bool
         For each jump, which are the first of the surfaces, whether trajectories can cross it.
+    rough : sequence of bool
+        For each jump and kink, whether f takes a root of what is zero on it; none for nowhere.
 
     Raises
     ------
@@ -144,6 +150,7 @@ def build_programs(
         varying_outputs=tuple(_reads_any(graph, node, variables) for node in g),
         varying_surfaces=tuple(_reads_any(graph, node, variables) for node in h[: len(sides)]),
         crossable=tuple(crossable),
+        rough=tuple(rough) or (False,) * len(sides),
         poles=poles,
     )
 
