@@ -12,6 +12,7 @@ import numpy as np
 
 import fisherpoint as fp
 from checks import OK, Bench, judge
+from reading import Floats
 from scipy_route import End
 
 RTOL = 1e-6
@@ -97,8 +98,17 @@ def check_callable(bench: Bench) -> None:
             continue
         size = np.abs(expected.dy_dtheta[k]).max(axis=0) + 1e-3 / np.abs(theta[k])
         error = float(np.max(np.abs(done.dy_dtheta[k] - expected.dy_dtheta[k]) / size))
+        if error > 1e-2 and loss_at_tolerance(bench, points[[k]], theta[[k]], expected.dy_dtheta[k], size) > 1e-3:
+            bench.figures.count("callable outputs that lose their digits at the tolerance")
+            continue
         bench.figures.count("callable sensitivities compared")
         bench.figures.ratio("callable sensitivities", error / RTOL)
         if error > 1e-2:
             remark = f"dy {expected.dy_dtheta[k].tolist()} from the equations, {done.dy_dtheta[k].tolist()} from the functions"
             bench.report("callable: sensitivities", error / 1e-2, k, call, remark)
+
+
+def loss_at_tolerance(bench: Bench, point: fp.Experiments, theta: Floats, expected: Floats, size: Floats) -> float:
+    """What is left of dy/dtheta by the equations at the tolerance of callables: of cos(p x) nothing, once x is a million."""
+    found = fp.sensitivities(bench.model, point, theta, rtol=RTOL, threads=1, jumps="exclude")
+    return float(np.max(np.abs(found.dy_dtheta[0] - expected) / size))

@@ -34,6 +34,7 @@ ALLOWED = 100.0
 CLOSE = 1000.0  # times rtol: nearer to a surface than this, nobody can tell
 ROUNDING = 1e-12  # of the largest number on the way
 CHANCE = "states off by a chance of the error's estimate"
+LOOSE = 1e-4
 CHANCES = 5e-5  # of all trajectories, the share of which that may be true
 COUNT = 24  # points of a case
 COURSES = 4  # of them that SciPy integrates
@@ -115,6 +116,18 @@ class Bench:
             self.figures.count(f"trajectories by SciPy: {self._courses[k].end.name}")
             self.figures.count("trajectories by SciPy that cross a kink", bool(self._courses[k].crossed))
         return self._courses[k]
+
+    def close_course(self, k: int) -> Course:
+        """As `course`, in short steps, between which no pair of crossings is missed."""
+        return course(
+            self.reading,
+            self.points.x0[k],
+            self.points.u[k],
+            self.theta[k],
+            self.points.dt[k],
+            self.case.sizes,
+            longest=1.0 / 500,
+        )
 
     def undecided(self, k: int) -> bool:
         """Whether rounding decides which way point k goes: at a condition whose sides are the same."""
@@ -316,6 +329,9 @@ def judge_state(bench: Bench, k: int, true: Course, x: Floats, rtol: float, call
     if error > ALLOWED * rtol and missed_by_a_peer(bench, k, true, rtol, method):
         bench.figures.count("rates that turn faster than steps of the tolerance see, by SciPy's pair too")
         return
+    if error > ALLOWED * rtol and state_error(bench, x, bench.close_course(k).x) <= ALLOWED * rtol * growth:
+        bench.figures.count("pairs of crossings that SciPy missed in steps of dt / 25")
+        return
     bench.figures.ratio("states against SciPy", error / rtol)
     if error > ALLOWED * rtol:
         bench.report("wrong ok: states", error / (ALLOWED * rtol), k, call, f"x = {true.x.tolist()} by SciPy")
@@ -324,15 +340,18 @@ def judge_state(bench: Bench, k: int, true: Course, x: Floats, rtol: float, call
 def by_chance(bench: Bench, k: int, true: Course, rtol: float, growth: float, method: str | None) -> bool:
     """Whether a smooth trajectory is right at other tolerances next to this, or from other starts next to its own: so it is where
     the estimate of one step's error happens to vanish, of which the documentation says that no rule sees it, and how rare it is
-    (`CHANCES`). A first step may be the same at many tolerances."""
-    if true.crossed or true.stiff:
-        return False
+    (`CHANCES`). A first step may be the same at many tolerances. A pair of kinks may be missed in a long step whose interpolant
+    does not show it, as the documentation says: so it is where a loose tolerance alone is wrong."""
     point, theta = bench.points[k], bench.theta[k : k + 1]
 
     def right(of: fp.Experiments, end: Floats, at: float) -> bool:
         one = bench.simulate(of, theta, at, method)
         return bool(one.status[0] == OK and state_error(bench, one.x[0], end) <= ALLOWED * at * growth)
 
+    if true.stiff:
+        return False
+    if true.crossed:
+        return rtol >= LOOSE and all(right(point, true.x, share * rtol) for share in (0.2, 0.05, 0.01))
     if all(right(point, true.x, share * rtol) for share in (0.5, 0.8, 1.25, 2.0)):
         return True
     for share in (-0.02, -0.01, 0.01, 0.02):

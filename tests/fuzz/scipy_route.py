@@ -83,16 +83,23 @@ class _Ended(Exception):
     """The trajectory ends here."""
 
 
-def course(reading: Reading, x0: Floats, u: Floats, p: Floats, dt: float, size: Floats, careful: bool = True) -> Course:
-    """The trajectory from x0 over dt; states are measured by `size` (n_x,). Careful: less exact, but least distances too."""
-    return _Walk(reading, np.asarray(x0, float), tuple(map(float, u)), tuple(map(float, p)), float(dt), size, careful).run()
+def course(
+    reading: Reading, x0: Floats, u: Floats, p: Floats, dt: float, size: Floats, careful: bool = True, longest: float = 1.0 / 25
+) -> Course:
+    """The trajectory from x0 over dt; states are measured by `size` (n_x,). Careful: less exact, but least distances too.
+
+    With surfaces no step is longer than `longest`, as a share of dt.
+    """
+    walk = _Walk(reading, np.asarray(x0, float), tuple(map(float, u)), tuple(map(float, p)), float(dt), size, careful)
+    walk.longest = longest
+    return walk.run()
 
 
 class _Walk:
     def __init__(
         self, reading: Reading, x0: Floats, u: tuple[float, ...], p: tuple[float, ...], dt: float, size: Floats, careful: bool
     ) -> None:
-        self.careful = careful
+        self.careful, self.longest = careful, 1.0 / 25
         self.reading, self.x0, self.u, self.p, self.dt, self.size = reading, x0, u, p, dt, size
         self.done = Course(x0.copy(), largest=np.abs(x0))
         self.sides: list[int] = []
@@ -174,7 +181,7 @@ class _Walk:
                 return Radau(self.scaled, t, z, 1.0, rtol=1e-9, atol=1e-11)
             rtol = RTOL if self.careful else FINE
             # A surface that is met twice between two looks is not seen: looks are near each other.
-            most = 1.0 / 25 if self.reading.surfaces or self.reading.limits else np.inf
+            most = self.longest if self.reading.surfaces or self.reading.limits else np.inf
             return DOP853(self.scaled, t, z, 1.0, rtol=rtol, atol=rtol / 100, max_step=most)
 
     def end(self, end: End, t: float, z: Floats, surface: int | None = None, depth: float = math.inf) -> None:
@@ -182,8 +189,11 @@ class _Walk:
         self.done.surface, self.done.depth = surface, depth
         raise _Ended
 
-    def look(self, dense: Any, before: float, now: float) -> tuple[float, Floats] | None:
-        """Look at the surfaces and limits between two times; where a kink is crossed, the time and state there."""
+    def look(self, dense: Any, before: float, now: float, back: float = 1e-6) -> tuple[float, Floats] | None:
+        """Look at the surfaces and limits between two times; where a kink is crossed, the time and state there.
+
+        Where another was met before, it is looked for further and further back, first by this share of the time.
+        """
         z = dense(now)
         x = z * self.size
         if not np.isfinite(x).all():
@@ -211,7 +221,9 @@ class _Walk:
             return None
         at, kind, place = min(crossed)
         if self.met_before(dense, before, at, place):
-            return self.look(dense, before, at - 1e-6 * (at - before))
+            if back >= 1:
+                self.end(End.unknown, at, dense(at))
+            return self.look(dense, before, at - back * (at - before), 4 * back)
         z = dense(at)
         if kind == "limit" and self.removable(dense, before, at):
             self.done.output_lost = True  # to be excluded there is no mistake
