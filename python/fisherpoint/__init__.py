@@ -5,6 +5,7 @@ from __future__ import annotations
 TYPE_CHECKING = False  # `typing` takes a while to import
 if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .basics.quantity import Quantity
+    from .basics.units import convert
     from .campaign.campaign import Campaign
     from .data import Measurements, Record, RecordTrajectory, VirtualRig, simulate_record
     from .data.pieces import Pieces, pieces
@@ -133,6 +134,7 @@ __all__ = [
     "broken_limits",
     "compare",
     "compare_rules",
+    "convert",
     "criterion",
     "design_runs",
     "estimate",
@@ -156,6 +158,7 @@ __all__ = [
 
 _PLACES = {
     ".basics.quantity": ("Quantity",),
+    ".basics.units": ("convert",),
     ".campaign.campaign": ("Campaign",),
     ".data": ("Measurements", "Record", "RecordTrajectory", "VirtualRig", "simulate_record"),
     ".data.pieces": ("Pieces", "pieces"),

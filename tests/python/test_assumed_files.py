@@ -73,12 +73,16 @@ def test_tables_of_a_file(tmp_path: Path) -> None:
     ("old", "new", "expected"),
     [
         ("T_1 =", "T1 =", 'unknown key uncertain.T1; expected one of .*p_s, T_1, k_u.*did you mean "T_1"'),
-        ('unit = "s"', 'unit = "ms"', 'uncertain.T_1.unit: expected "s", given "ms"'),
+        (
+            'unit = "s"',
+            'unit = "m"',
+            "uncertain.T_1.unit: expected a unit of what is in 's', given 'm', which measures something else",
+        ),
         ("p_s = 1e5", "p_s = 0", "uncertain.p_s.value: expected a number > 0, given 0"),
         ("p_s = 1e5", "c_L = 1e-9", r"uncertain.c_L: expected a constant, or a parameter that is not among design.parameters"),
         ("v = {", "u = {", "unknown key initial_state_std.u; expected one of q, v, p_A, p_B, x_v"),
         ("value = 2e-3", "value = 2e-3, std = 1", "unknown key initial_state_std.v.std; expected one of value, unit"),
-        ('"m/s"', '"mm/s"', 'initial_state_std.v.unit: expected "m/s", given "mm/s"'),
+        ('"m/s"', '"rad/s"', "initial_state_std.v.unit: expected a unit of what is in 'm/s', given 'rad/s'.*: rad/s, not m/s"),
     ],
 )
 def test_mistakes_in_tables(tmp_path: Path, old: str, new: str, expected: str) -> None:

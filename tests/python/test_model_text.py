@@ -81,6 +81,8 @@ def test_a_long_sum_is_not_deep() -> None:
 
 
 REFUSED = {
+    "k*(c + 1": "column 3: expected a closing bracket for this \\(; given '\\(c \\+ 1'",
+    "k*c) + 1": "column 4: expected an opening bracket before this \\); given '\\) \\+ 1'",
     "__import__('os').system('true')": "column 1: expected names, numbers",
     "x.real": "column 1: expected names",
     "1 + x.__class__": "column 5: expected names",

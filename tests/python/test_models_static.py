@@ -70,9 +70,9 @@ def test_points_of_a_static_model_in_files(tmp_path: Path) -> None:
     assert fp.Experiments.from_csv(tmp_path / "with_dt.csv", dose) == points
     points.to_csv(tmp_path / "by_place.csv")
     assert fp.Experiments.from_csv(tmp_path / "by_place.csv", dose) == points
-    for text in ("d,c\n1,2\n", "dt\n1\n"):
+    for text, wrong in (("d,c\n1,2\n", "d, and besides .*; given the unknown c"), ("dt\n1\n", "d; given dt")):
         (tmp_path / "wrong.csv").write_text(text)
-        with pytest.raises(ValueError, match="expected the columns d; given"):
+        with pytest.raises(ValueError, match=f"expected the columns {wrong}$"):
             fp.Experiments.from_csv(tmp_path / "wrong.csv", dose)
 
 

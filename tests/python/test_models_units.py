@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.basics.units import UNITS, check_unit, convert
+from fisherpoint.basics.units import UNITS, check_unit, converted
 
 
 @pytest.mark.parametrize(
@@ -105,24 +105,24 @@ y = "c*x"
     ],
 )
 def test_numbers_are_converted(value: float, given: str, wanted: str, expected: float) -> None:
-    converted = float(convert(np.array(value), given, wanted, "y"))
+    found = float(converted(np.array(value), given, wanted, "y"))
     irrational = any(part in given for part in ("sqrt", "deg", "rpm", "min", "U")) or wanted == "°C"
-    assert converted == (pytest.approx(expected, rel=1e-15) if irrational else expected)
-    assert float(convert(np.array(converted), wanted, given, "y")) == pytest.approx(value, rel=1e-14)
+    assert found == (pytest.approx(expected, rel=1e-15) if irrational else expected)
+    assert float(converted(np.array(found), wanted, given, "y")) == pytest.approx(value, rel=1e-14)
 
 
 def test_prefixes_are_powers_of_ten() -> None:
     powers = dict(zip("qryzafpnum", range(-30, 0, 3), strict=True)) | {"c": -2, "d": -1, "da": 1, "h": 2}
     powers |= dict(zip("kMGTPEZYRQ", range(3, 33, 3), strict=True)) | {"µ": -6, "μ": -6}
     for prefix, power in powers.items():
-        assert float(convert(np.array(1.0), f"{prefix}V", "V", "y")) == pytest.approx(
+        assert float(converted(np.array(1.0), f"{prefix}V", "V", "y")) == pytest.approx(
             float(f"1e{power}"), rel=0 if abs(power) < 23 else 1e-15
         )
 
 
 def test_every_unit_has_a_value() -> None:
     for name in UNITS.keys() - {"degC", "°C"}:  # which in a product are differences
-        assert convert(np.array(3.0), f"{name} s/s", name, "y") == pytest.approx(3.0)
+        assert converted(np.array(3.0), f"{name} s/s", name, "y") == pytest.approx(3.0)
 
 
 @pytest.mark.parametrize(
@@ -143,4 +143,4 @@ def test_every_unit_has_a_value() -> None:
 )
 def test_what_cannot_be_converted_says_why(given: str, wanted: str, message: str) -> None:
     with pytest.raises(ValueError, match=rf"^y: .*{message}"):
-        convert(np.array(1.0), given, wanted, "y")
+        converted(np.array(1.0), given, wanted, "y")

@@ -156,6 +156,10 @@ def test_a_prior_cannot_be_changed() -> None:
         ({"mean": {"a": 1.0}, "std": {"a": -1.0}}, r"std\['a'\]: expected a positive standard deviation, given -1"),
         ({"mean": {"a": 1.0}, "std": {"a": 0.0}}, r"std\['a'\]: expected a positive standard deviation, given 0"),
         (
+            {"mean": {"a": 1.0}, "relative_std": {"a": 40}},
+            r"relative_std\['a'\]: expected a share of at most 3, such as 0.4 for 40 %, given 40",
+        ),
+        (
             {"mean": {"a": 0.0}, "relative_std": {"a": 0.1}},
             r"relative_std\['a'\]: expected std in its place, as the mean is 0; given 0.1",
         ),

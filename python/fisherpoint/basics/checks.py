@@ -111,6 +111,19 @@ def as_probability(value: Any, name: str) -> float:
     return number
 
 
+def as_share(value: Any, name: str, most: float) -> float:
+    """Return a positive share, of at most `most`: above, a percentage was meant."""
+    share = as_positive(value, name, "share")
+    if share > most:
+        raise ValueError(f"{name}: expected a share of at most {most:g}, {percentage(share)}, given {share:g}")
+    return share
+
+
+def percentage(share: float) -> str:
+    """A share that is meant, where a percentage is given."""
+    return f"such as {share / 100:g} for {share:g} %"
+
+
 def as_std(value: Any, name: str) -> float:
     """Return a standard deviation above zero, of which the square is an ordinary double too."""
     std = as_positive(value, name, "standard deviation")

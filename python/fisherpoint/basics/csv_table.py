@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+import warnings
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -19,7 +20,7 @@ from .checks import as_path
 from .files import read_bytes
 from .messages import listed, printable, shortened, shown
 from .quantity import DURATION, Quantity
-from .units import convert
+from .units import converted
 from .values import Array
 
 _WITH_UNIT = re.compile(r"([^\[(]*?)\s*(?:\[(.*)\]|\((.*)\))")
@@ -63,7 +64,10 @@ class CsvTable:
                 hint = self._comma_hint if self.separator == "," and len(row) > len(header) else ""
                 if k + 1 == len(rows) and text[-1] not in "\r\n":
                     hint = ", at the end of the file, which has no line break: is it cut off?"
-                raise ValueError(f"{path}: row {k + 1}: expected {len(header)} entries, given {len(row)}{hint}")
+                expected = (
+                    f"{len(header)} entries" if len(header) > 1 else f"one entry, as the header {shown(header[0], 40)} is one"
+                )
+                raise ValueError(f"{path}: row {k + 1}: expected {expected}, given {len(row)}{hint}")
         for k, entry in enumerate(header):
             if not entry.isprintable():
                 raise ValueError(f"{path}: expected a name without control characters, given {shown(entry)} in column {k + 1}")
@@ -88,13 +92,14 @@ class CsvTable:
         """What is wrong in a row, counted from 0 here, of a column."""
         return ValueError(f"{self.path}: row {row + 1}, column {shortened(column)}: {what}")
 
-    def refuse_cut_off(self) -> None:
-        """Raise where the last row has no line break: if the file was cut off within its last number, nothing else shows it."""
+    def warn_of_cut_off(self) -> None:
+        """Warn where the last row has no line break: if the file was cut off within its last number, nothing else shows it."""
         if not self._ends:
             last = self._texts[self.names[-1]][-1]
-            raise ValueError(
+            warnings.warn(
                 f"{self.path}: row {len(self)}: expected a line break at the end of the file, given {shown(last)} there: "
-                "is the file cut off? If not, add a line break"
+                "is the file cut off within it? If not, add a line break",
+                stacklevel=4,
             )
 
     def texts(self, name: str) -> list[str]:
@@ -146,7 +151,7 @@ class CsvTable:
         if given is None:
             return values
         with np.errstate(over="ignore"):
-            values = convert(values, "1" if given in ("", "-") else given, unit, f"{self.path}: column {name}")
+            values = converted(values, "1" if given in ("", "-") else given, unit, f"{self.path}: column {name}")
         self.refuse(np.isinf(values), name, f"a finite number in {unit}")
         return values
 

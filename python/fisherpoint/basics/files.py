@@ -12,11 +12,13 @@ import os
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeVar
 
 from .checks import as_path
 from .messages import printable, shortened, shown
+from .standard_input import held
 
 Built = TypeVar("Built")
 
@@ -140,7 +142,8 @@ def read_bytes(path: Path, most: int = MOST_BYTES) -> bytes:
         Where it is larger.
     """
     blocks, size = [], 0
-    with path.open("rb") as file:
+    given = held(path)
+    with path.open("rb") if given is None else BytesIO(given) as file:
         while size <= most and (block := file.read(1 << 20)):
             blocks.append(block)
             size += len(block)

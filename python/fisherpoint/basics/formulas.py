@@ -55,16 +55,26 @@ class Formula:
             raise ValueError(f"{place}: expected a formula of at most {MAX_LENGTH} characters, given {len(text)}")
         self.text, self.place = text.translate(_BLANKS).strip(), place
         self._indent = len(text) - len(text.translate(_BLANKS).lstrip())
-        depth = 0
+        opened: list[int] = []
+        unopened = -1
         for column, character in enumerate(self.text):
-            depth += (character in "([{") - (character in ")]}")
-            if depth > MAX_DEPTH:
+            if character in "([{":
+                opened.append(column)
+            elif character in ")]}" and opened:
+                opened.pop()
+            elif character in ")]}" and unopened < 0:
+                unopened = column
+            if len(opened) > MAX_DEPTH:
                 self._refuse(_TOO_DEEP, column)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 self.tree = ast.parse(self.text, mode="eval").body
         except SyntaxError as error:
+            if unopened >= 0:
+                self._refuse(f"expected an opening bracket before this {self.text[unopened]}", unopened)
+            if opened:
+                self._refuse(f"expected a closing bracket for this {self.text[opened[-1]]}", opened[-1])
             self._refuse(_EXPECTED, (error.offset or 1) - 1)
         except (ValueError, RecursionError, MemoryError):
             raise ValueError(f"{place}: {_EXPECTED}; given a text that cannot be read") from None

@@ -22,14 +22,15 @@ Codec = Mapping[type, tuple[Callable[[Any], Any], Callable[[Any], Any]]]
 class Kept:
     """A dataclass that is kept in a file; `load` gives it back to the last bit.
 
-    A subclass says which other dataclasses are inside, which types have codecs, and which names of kinds have changed since the
-    first version of its format.
+    A subclass says which other dataclasses are inside, which types have codecs, which names of kinds have changed since the first
+    version of its format, and which of its fields older files have and nobody reads any more.
     """
 
     FORMAT_VERSION: ClassVar[int] = 1
     _INSIDE: ClassVar[tuple[type, ...]] = ()
     _CODEC: ClassVar[Codec] = {}
     _RENAMED: ClassVar[Mapping[str, str]] = {}
+    _GONE: ClassVar[tuple[str, ...]] = ()
 
     def save(self, path: str | Path) -> None:
         """Write a JSON file with a checksum, whole or not at all."""
@@ -119,4 +120,6 @@ def _decoded(data: Any, kinds: Mapping[str, type], codec: Mapping[str, Callable[
         return FrozenMapping({inner(key): inner(entry) for key, entry in content})
     if name in codec:
         return codec[name](content)
-    return kinds[name](**{key: inner(entry) for key, entry in content.items()})
+    kind = kinds[name]
+    gone: tuple[str, ...] = getattr(kind, "_GONE", ())
+    return kind(**{key: inner(entry) for key, entry in content.items() if key not in gone})

@@ -23,6 +23,13 @@ MOST_PARTS = 20
 _PART = r"""(?:(?<![\w-])[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*"""
 _DOTTED = re.compile(rf"(?:{_PART}\.[ \t]*){{{MOST_PARTS}}}")
 
+_CLEARER = {
+    "Cannot overwrite a value": "expected each key once, given one twice",
+    "Invalid statement": "expected a key and its value, or a table in brackets, given something else",
+    "Invalid value": "expected a number, a text in quotes, true, false, a list or a table, given something else",
+}
+"""What the parser says, and what that means."""
+
 
 def read_toml(path: Path) -> dict[str, Any]:
     """What a TOML file says.
@@ -33,7 +40,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         Where it cannot be read, is no TOML, or is too large.
     """
     try:
-        text = read_bytes(path, MOST_BYTES).decode()
+        text = read_bytes(path, MOST_BYTES).decode("utf-8-sig")
     except FileNotFoundError:
         raise ConfigError(f"{path}: expected a TOML file, found no such file") from None
     except IsADirectoryError:
@@ -58,7 +65,10 @@ def parse_toml(text: str, source: str | Path) -> dict[str, Any]:
     except RecursionError:
         raise ConfigError(f"{source}: not valid TOML: expected lists and tables inside each other, given them too deep") from None
     except ValueError as error:  # also a number of too many digits
-        raise ConfigError(f"{source}: not valid TOML: {shortened(error, 200)}") from None
+        text = str(error)
+        for said, clear in _CLEARER.items():
+            text = text.replace(said, clear)
+        raise ConfigError(f"{source}: not valid TOML: {shortened(text, 200)}") from None
     if (count := _entries(data)) > MOST_ENTRIES:
         raise ConfigError(f"{source}: expected at most {MOST_ENTRIES:,} keys and list entries, given {count:,}")
     return data

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
 from itertools import islice
@@ -18,15 +19,24 @@ KeysOf = Callable[[tuple[str, ...]], Iterable[str]]
 """From the place of a table to the keys that it may have."""
 
 
+MOST_LINES = 50
+"""Mistakes of a file that are told; where there are more, the file is of another kind."""
+
 DEEPEST = 4
 """Tables and lists inside each other that are shown of a value."""
 
 
 class ConfigError(ValueError):
-    """A configuration file that cannot be used; the message is one line that names the file and the key."""
+    """A configuration file that cannot be used; the message has one line for each mistake, which names the file and the key.
 
-    def __init__(self, message: str) -> None:
-        super().__init__(printable(message))
+    Parameters
+    ----------
+    *lines : str
+    """
+
+    def __init__(self, *lines: str) -> None:
+        self.lines = tuple(map(printable, lines))
+        super().__init__("\n".join(self.lines))
 
 
 # What a pydantic error type says in the words of a TOML file.
@@ -48,33 +58,56 @@ _EXPECTED = {
     "expected": "{message}",
 }
 
+_BARE = re.compile(r"[\w-]+")
+
 _MISSING = {
-    "model": 'a table with name = "hydraulic_cylinder"',
+    "model": 'a table with the name and the equations of a model, or with name = "hydraulic_cylinder"',
     "model.name": '"hydraulic_cylinder"',
     "prior": "a table with an entry for each parameter",
 }
 
 
-def describe(error: ValidationError, keys_of: KeysOf) -> str:
-    """The first problem of `error` as one line, and how many more there are."""
-    problems = error.errors(include_url=False)
-    # A union reports one problem per member, at its own key or below it: these count once.
-    places = {_place(problem) for problem in problems}
-    more = len(places - {place[:-1] for place in places}) - 1
-    line = " ".join(_describe(problems[0], keys_of).split())
-    return line + (f" (and {more} more)" if more > 0 else "")
+def describe(error: ValidationError, keys_of: KeysOf) -> list[str]:
+    """The problems of `error`, one line for each."""
+    lines: list[str] = []
+    problems = error.errors(include_url=False)[: 2 * MOST_LINES]
+    problems = [problem for problem in problems if not _is_misspelt(problem, problems)]
+    places = [_place(problem) for problem in problems]
+    for k, (place, problem) in enumerate(zip(places, problems, strict=True)):
+        if problem["type"] == "keys":
+            lines += problem["ctx"]["texts"][:MOST_LINES]
+        # A union reports one problem per member, at its own key or below it: the first, or what is below, tells enough.
+        elif problem["type"] == "key" or not (
+            place in places[:k] or any(place == below[: len(place)] for below in places if below > place)
+        ):
+            lines.append(" ".join(_describe(problem, keys_of).split()))
+    return lines
+
+
+def _is_misspelt(problem: ErrorDetails, problems: list[ErrorDetails]) -> bool:
+    """Whether what is missing stands there under another name, which is told."""
+    if problem["type"] != "missing":
+        return False
+    *table, name = problem["loc"]
+    beside = [one for one in problems if list(one["loc"][:-1]) == table]
+    extra = [str(one["loc"][-1]) for one in beside if one["type"] == "extra_forbidden"]
+    missing = [one for one in beside if one["type"] == "missing"]
+    alone = len(extra) == len(missing) == 1
+    return bool(extra) and (alone or bool(get_close_matches(str(name), extra, n=1)))
 
 
 def _describe(problem: ErrorDetails, keys_of: KeysOf) -> str:
-    kind, place, context = problem["type"], _place(problem), problem.get("ctx", {})
-    key = shortened(".".join(place), 2 * SHOWN)
+    kind, place = problem["type"], _place(problem)
+    key = shortened(".".join(part if _BARE.fullmatch(part) else f'"{part}"' for part in place), 2 * SHOWN)
     if kind == "key":
-        return str(context["text"])
+        return str(problem["ctx"]["text"])
+    if kind == "keys":
+        return str(problem["ctx"]["texts"][0])
     if kind == "missing":
         return f"{key}: missing; expected {_MISSING.get(key, 'a value')}"
     if kind == "extra_forbidden":
         return unknown_key(".".join(place[:-1]), place[-1], keys_of(place[:-1]))
-    expected = _EXPECTED.get(kind, "{message}").format(message=problem["msg"], **context).replace("'", '"')
+    expected = expected_by(kind, problem)
     if key.startswith("rule.levels") and kind in ("int_type", "dict_type"):
         expected = "a whole number, or one for each parameter by name"
     if key.startswith("rule.edges") and kind in ("list_type", "dict_type"):
@@ -84,10 +117,25 @@ def _describe(problem: ErrorDetails, keys_of: KeysOf) -> str:
     return f"{key}: expected {expected}, given {toml(problem['input'])}"
 
 
+def expected_by(kind: str, problem: ErrorDetails) -> str:
+    """What is expected where pydantic has found a problem of this kind."""
+    context = problem.get("ctx", {})
+    return _EXPECTED.get(kind, "{message}").format(message=problem["msg"], **context).replace("'", '"')
+
+
+_MEMBERS = ("dict[", "list[", "constrained-", "function-")
+
+
 def _place(problem: ErrorDetails) -> tuple[str, ...]:
     """Where a problem is, without the names that pydantic adds for the members of a union."""
     parts = [part for part in problem["loc"] if isinstance(part, str)]
-    return tuple(part for part in parts if part != "int" and not part.startswith(("dict[", "list[", "constrained-")))
+    return tuple(part for part in parts if part != "int" and not part.startswith(_MEMBERS))
+
+
+def fail_of(texts: Iterable[str]) -> None:
+    """Report all of these, if there are any, as `fail` does one; of very many the first."""
+    if texts := list(islice(texts, MOST_LINES + 1)):
+        raise PydanticCustomError("keys", "{texts}", {"texts": texts})
 
 
 def fail(text: str) -> NoReturn:

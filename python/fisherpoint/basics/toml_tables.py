@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Protocol, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
+from .messages import listed
 from .quantity import Quantity
-from .toml_messages import ConfigError, KeysOf, describe, fail, toml, unknown_key
+from .toml_messages import MOST_LINES, ConfigError, KeysOf, describe, unknown_key
+from .units import unit_mistake
 
 Validated = TypeVar("Validated", bound=BaseModel)
 
@@ -59,30 +62,52 @@ def validated(kind: type[Validated], data: dict[str, Any], path: str | Path, key
     try:
         return kind.model_validate(data)
     except ValidationError as error:
-        raise ConfigError(f"{path}: {describe(error, keys_of)}") from None
+        raise ConfigError(*(f"{path}: {line}" for line in describe(error, keys_of))) from None
 
 
-def check_names(table: str, given: Iterable[str], expected: Iterable[str]) -> None:
+def wrong_names(table: str, given: Iterable[str], expected: Iterable[str]) -> Iterator[str]:
+    """A line for each name that is not expected."""
     expected = list(expected)
-    for name in given:
-        if name not in expected:
-            fail(unknown_key(table, name, expected))
+    yield from (unknown_key(table, name, expected) for name in given if name not in expected)
 
 
-def check_table(
+def missing_names(given: Iterable[str], expected: Iterable[str]) -> list[str]:
+    """The expected names that are not given, but for those that stand there misspelt: these are one mistake, not two."""
+    given = list(given)
+    unknown, missing = set(given).difference(expected), [name for name in expected if name not in given]
+    if len(missing) == len(unknown) == 1:
+        return []
+    for name in sorted(unknown)[:MOST_LINES]:
+        missing = [one for one in missing if one not in get_close_matches(name, missing, n=1)]
+    return missing
+
+
+def wrong_entries(
     table: str,
-    given: Mapping[str, HasUnit],
+    given: Mapping[str, HasUnit | None],
     quantities: Iterable[Quantity],
     missing: str = "",
     also: tuple[str, ...] = (),
-) -> None:
-    """Check names, units and, where `missing` says what is expected, completeness of a table keyed by quantity."""
+) -> Iterator[str]:
+    """A line for each wrong name, unit and, where `missing` says what is expected, missing entry of a table keyed by quantity.
+
+    An entry is None where it is wrong in itself, which is told elsewhere.
+    """
     units = {quantity.name: quantity.unit for quantity in quantities}
-    check_names(table, given, [*units, *also])
+    yield from wrong_names(table, given, [*units, *also])
+    if missing:
+        lost = missing_names((name for name in given if name not in also), units)
+        of = f" in {units[lost[0]]}" if len(lost) == 1 and units[lost[0]] != "1" else ""
+        yield from missing_entries(table, lost, missing + of)
     for name, unit in units.items():
         entry = given.get(name)
-        if entry is None:
-            if missing:
-                fail(f"{table}.{name}: missing; expected {missing}" + (f" in {unit}" if unit != "1" else ""))
-        elif entry.unit is not None and entry.unit != unit:
-            fail(f"{table}.{name}.unit: expected {toml(unit)}, given {toml(entry.unit)}")
+        if entry is not None and (mistake := unit_mistake(entry.unit, unit, f"{table}.{name}.unit")) is not None:
+            yield mistake
+
+
+def missing_entries(table: str, names: Sequence[str], expected: str) -> Iterator[str]:
+    """One line for all entries that a table lacks."""
+    if len(names) == 1:
+        yield f"{table}.{names[0]}: missing; expected {expected}"
+    elif names:
+        yield f"{table}: missing {listed(names)}; expected of each {expected}"

@@ -1,15 +1,21 @@
 """Units: whether a text such as "m3/(s sqrt(Pa))" is one, and what it is in base units.
 
-A model's units are checked and shown, never converted: its numbers are what they are. Columns of files may be in other units.
+A model's own units are checked and shown, never converted: its equations are written in them. What files give besides, priors,
+bounds and measurements, may be in other units, and is converted to the model's.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import inf, pi, pow
+from typing import Any, overload
 
+from numpy.typing import ArrayLike, NDArray
+
+from .checks import as_floats, check_flag
 from .messages import shown
 from .quantity import LONGEST_UNIT
 from .values import Array
@@ -127,27 +133,99 @@ def check_unit(text: object, place: str) -> str:
     return str(text)
 
 
-def convert(values: Array, given: str, wanted: str, place: str) -> Array:
-    """Return `values` in the unit `wanted`; they are in the unit `given`.
+@overload
+def convert(values: float, given: str, wanted: str, *, width: bool = ...) -> float: ...
+@overload
+def convert(values: Sequence[float] | NDArray[Any], given: str, wanted: str, *, width: bool = ...) -> Array: ...
+def convert(values: ArrayLike, given: str, wanted: str, *, width: bool = False) -> float | Array:
+    """Return numbers in another unit.
 
-    Decimal factors are exact: 12.5 mm are the number nearest to 0.0125. Temperatures in degC and in K differ by 273.15.
+    Decimal factors are exact: 12.5 mm are the number nearest to 0.0125. Temperatures in degC and in K differ by 273.15, their
+    differences do not.
+
+    Parameters
+    ----------
+    values : float or array_like
+        Numbers in the unit `given`.
+    given, wanted : str
+        Units of the same dimension.
+    width : bool
+        Whether the values are widths, such as standard deviations and other differences, of which only the size changes.
+
+    Returns
+    -------
+    float or ndarray
 
     Raises
     ------
     ValueError
-        Where `given` is no unit, or not one of what `wanted` measures; the message names the place.
+        Where a unit cannot be read, or they are of different dimensions; the message names both.
     """
+    numbers = converted(as_floats(values, "values"), given, wanted, "given", check_flag(width, "width"))
+    return float(numbers) if numbers.ndim == 0 else numbers
+
+
+def converted(numbers: Array, given: str, wanted: str, place: str, width: bool = False) -> Array:
+    """The same of an array; messages begin with `place`."""
+    ratio = _ratio(given, wanted, place)
     if given == wanted:
-        return values
-    ratio = _read(given, place) * _read(wanted, place) ** Fraction(-1)
+        return numbers
+    times, over = ratio.times / ratio.over, ratio.over / ratio.times
+    scaled = numbers * times if times >= 1 else numbers / over
+    above = 0.0 if width else _zero_between(given, wanted)
+    return scaled + above if above else scaled
+
+
+def unit_mistake(given: str | None, wanted: str, place: str) -> str | None:
+    """What is wrong with a unit in which numbers are given, as a line; None where they can be converted."""
+    try:
+        if given is not None:
+            _ratio(given, wanted, place)
+    except ValueError as error:
+        return str(error)
+    return None
+
+
+def same_zero(given: str, wanted: str) -> bool:
+    """Whether zero in the one unit is zero in the other: not of temperatures in degC and K."""
+    return not _zero_between(given, wanted)
+
+
+def unit_value(text: str, place: str = "unit") -> UnitValue:
+    """What a unit is in base units."""
+    return _read(text, place)
+
+
+def dimension(powers: tuple[Fraction, ...]) -> str:
+    """Powers of base units as text: "kg m2/s3"."""
+    named = sorted(zip(_BASE, powers, strict=True), key=lambda one: one[0] != "kg")
+    above = [_power_text(name, power) for name, power in named if power > 0]
+    below = [_power_text(name, -power) for name, power in named if power < 0]
+    over = f"/({' '.join(below)})" if len(below) > 1 else f"/{below[0]}" if below else ""
+    return (" ".join(above) or "1") + over
+
+
+def _power_text(name: str, power: Fraction) -> str:
+    if power.denominator == 1:
+        return name if power == 1 else f"{name}{power}"
+    return f"{name}^{float(power):.4g}"
+
+
+def _zero_between(given: str, wanted: str) -> float:
+    return 273.15 * ((given.strip() in _CELSIUS) - (wanted.strip() in _CELSIUS))
+
+
+def _ratio(given: str, wanted: str, place: str) -> UnitValue:
+    of, to = _read(given, place), _read(wanted, place)
+    ratio = of * to ** Fraction(-1)
     if any(ratio.powers):
-        raise ValueError(f"{place}: expected a unit of what is in {wanted!r}, given {shown(given)}, which measures something else")
+        raise ValueError(
+            f"{place}: expected a unit of what is in {wanted!r}, given {shown(given)}, which measures something else: "
+            f"{dimension(of.powers)}, not {dimension(to.powers)}"
+        )
     if not (0 < ratio.times < inf and 0 < ratio.over < inf):
         raise ValueError(f"{place}: expected a unit of the size of {wanted!r}, given {shown(given)}")
-    times, over = ratio.times / ratio.over, ratio.over / ratio.times
-    scaled = values * times if times >= 1 else values / over
-    above = 273.15 * ((given in _CELSIUS) - (wanted in _CELSIUS))
-    return scaled + above if above else scaled
+    return ratio
 
 
 def _read(text: object, place: str) -> UnitValue:

@@ -27,14 +27,11 @@ from ..basics.messages import listed
 from ..basics.quantity import DURATION, names_of
 from ..basics.values import Array
 from ..models import Model
-from ..points.experiments import Experiments, columns_of
+from ..points.experiments import BOOKKEEPING, Experiments, columns_of
 from ..points.run_files import MEASURED, RUN, SEGMENT, rest_columns_of, rest_of_table, runs_csv, runs_of_table
 from ..points.runs import Runs
 from ..points.status import Status
 from .plausibility import refuse_implausible
-
-BOOKKEEPING = ("comment", "note", "time", "date", "operator", "run", "point", "replicate", "batch")
-"""Columns that a rig's file may have besides, and that are not read."""
 
 
 def measurements_csv(points: Experiments | Runs, y: Array, model: Model) -> str:
@@ -56,7 +53,7 @@ def measurements_csv(points: Experiments | Runs, y: Array, model: Model) -> str:
 def read_measurements(path: str | Path, model: Model) -> tuple[Experiments | Runs, Array]:
     """Read and check points, or runs, and outputs of a file of measurements of `model`; see `Measurements.from_csv`."""
     table = CsvTable(path)
-    table.refuse_cut_off()
+    table.warn_of_cut_off()
     return _runs(table, model) if {RUN.name, SEGMENT.name} <= set(table.names) - set(_axes(model)) else _points(table, model)
 
 

@@ -120,7 +120,7 @@ class Record:
         """
         check_type(model, Model, "model")
         table = CsvTable(path)
-        table.refuse_cut_off()
+        table.warn_of_cut_off()
         columns = _columns(table, model)
         table.read_decimal_commas(("t", *names_of(model.inputs), *columns.values()))
         t = table.complete(TIME)

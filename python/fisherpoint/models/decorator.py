@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import CodeType
 from typing import Any
 
+from ..basics.checks import check_flag
 from ..basics.messages import shortened, shown
 from .expressions import symbol
 from .quantities import Described, checked_name, constants_of, quantities_of
@@ -51,6 +52,7 @@ def model(
     constants: Mapping[str, Any] | None = None,
     name: str | None = None,
     nominal: Mapping[str, float] | None = None,
+    check_units: bool = True,
 ) -> Callable[[Callable[..., Any]], SymbolicModel]:
     """Make a model of a function ``(x, u, p) -> f, g`` or ``(x, u, p) -> f, g, domain``.
 
@@ -80,8 +82,11 @@ def model(
             Namespace("p", [*names["parameters"], *(q.name for q in known)]),
         )
         f, g, domain = _returned(function, spaces, own_name)
-        options: dict[str, Any] = dict(constants=constants, domain=domain, name=own_name, nominal=nominal)
-        return SymbolicModel(f, g, states or {}, inputs or {}, parameters, outputs, **options)
+        options: dict[str, Any] = dict(constants=constants, domain=domain, name=own_name, nominal=nominal, check_units=False)
+        made = SymbolicModel(f, g, states or {}, inputs or {}, parameters, outputs, **options)
+        if check_flag(check_units, "check_units"):
+            made.warn_of_units(stacklevel=3)
+        return made
 
     return make
 

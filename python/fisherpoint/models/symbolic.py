@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import warnings
 from collections.abc import Hashable, Iterable, Mapping, Sequence, Set
 from dataclasses import replace
 from functools import cached_property, partial
@@ -10,13 +11,14 @@ from typing import Any
 
 import sympy
 
-from ..basics.checks import as_sequence, check_known
+from ..basics.checks import as_sequence, check_flag, check_known
 from ..basics.messages import listed, shown
 from ..basics.quantity import Quantity, names_of
 from ..basics.values import Array, FrozenMapping
 from ..engine import _core
 from .compiled import compiled_model
 from .dependence import Dependence
+from .dimensions import mistakes_in_units, rate_of, stated
 from .expressions import checked, symbol
 from .model_text import latex, model_text
 from .quantities import Described, DescribedModel, start_offsets
@@ -28,6 +30,9 @@ from .tape.program import Program, to_core
 from .tape.programs import LIMIT
 from .text import parse_equation, parse_limit
 from .toml_text import equations_toml
+
+TOLD = 5
+"""Mistakes in units that a warning tells."""
 
 
 class SymbolicModel(DescribedModel):
@@ -57,6 +62,8 @@ class SymbolicModel(DescribedModel):
         Limits along the way, see `within`.
     offsets : mapping of parameter or constant name to state name, optional
         By what states start off their x0, see `free_start`: limits along the way are those of the states themselves.
+    check_units : bool
+        Whether a warning names places of the equations where units do not fit, as of ``x**2 - k*x`` with x in m and k in 1/s.
 
     Raises
     ------
@@ -79,6 +86,7 @@ class SymbolicModel(DescribedModel):
         nominal: Mapping[str, float] | None = None,
         along: Iterable[str] = (),
         offsets: Mapping[str, str] | None = None,
+        check_units: bool = True,
     ) -> None:
         given_f, given_g, given_domain = _listed(f, "f"), _listed(g, "g"), _listed(domain, "domain")
         if outputs is None:
@@ -117,6 +125,29 @@ class SymbolicModel(DescribedModel):
         self.poles = tuple(limit.name for limit in limits if limit.pole)
         if len(surfaces) + len(limits) > LIMIT:
             raise ValueError(f"f: expected at most {LIMIT} switching surfaces and limits, given {len(surfaces) + len(limits)}")
+        if check_flag(check_units, "check_units"):
+            self.warn_of_units(stacklevel=3)
+
+    @cached_property
+    def mistakes_in_units(self) -> tuple[str, ...]:
+        """Where units of the equations do not fit for certain, a sentence each.
+
+        Quantities in "1", and numbers other than small whole ones, may be in any unit: they are no mistake.
+        """
+        equations, states, outputs = self.equations, self.states, self.outputs
+        both = [
+            *((f"equations.{q.name}", rate, rate_of(q)) for q, rate in zip(states, equations.rates, strict=True)),
+            *((self._place_of(q), output, stated(q)) for q, output in zip(outputs, equations.output, strict=True)),
+        ]
+        conditions = [*((f"domain[{i}]", one) for i, one in enumerate(equations.conditions)), *equations.along]
+        return tuple(mistakes_in_units(both, conditions, (q for of in self._quantities() for q in of)))
+
+    def warn_of_units(self, stacklevel: int = 2) -> None:
+        """Warn of `mistakes_in_units`, where there are any."""
+        if mistakes := self.mistakes_in_units:
+            more = f"; and {len(mistakes) - TOLD} more" if len(mistakes) > TOLD else ""
+            text = f"units of {self.name}: {'; '.join(mistakes[:TOLD])}{more}. If that is meant, check_units = false keeps quiet"
+            warnings.warn(text, stacklevel=stacklevel)
 
     @cached_property
     def core(self) -> Any:
@@ -223,7 +254,9 @@ class SymbolicModel(DescribedModel):
         taken = {q.name for of in self._quantities() for q in of}
         unread = next(name for name in ("none", *(f"none_{i}" for i in range(len(taken) + 1))) if name not in taken)
         parameters = (*self.parameters, *(given[name] for name in given if name in names))
-        return SymbolicModel([], rates, {}, inputs or {unread: "1"}, parameters, constants=self._given_constants, name=self.name)
+        return SymbolicModel(
+            [], rates, {}, inputs or {unread: "1"}, parameters, constants=self._given_constants, name=self.name, check_units=False
+        )
 
     def _limits_along(self, symbols: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
         """Each limit along the way, by its text, as expressions that must stay positive."""
@@ -256,7 +289,7 @@ class SymbolicModel(DescribedModel):
     @property
     def _options(self) -> dict[str, Any]:
         """What makes the same model, beside equations and quantities."""
-        given: dict[str, Any] = dict(constants=self._given_constants, domain=self.texts[2], name=self.name)
+        given: dict[str, Any] = dict(constants=self._given_constants, domain=self.texts[2], name=self.name, check_units=False)
         return given | dict(nominal=dict(self.nominal), along=self.along, offsets=dict(self.offsets))
 
     def _quantities(self) -> tuple[tuple[Quantity, ...], ...]:

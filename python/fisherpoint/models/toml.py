@@ -8,8 +8,9 @@ from pydantic import BaseModel, PrivateAttr, model_validator
 
 from ..basics.checks import as_path
 from ..basics.toml_data import parse_toml, read_toml
-from ..basics.toml_messages import fail
-from ..basics.toml_tables import Table, check_names, check_table, validated
+from ..basics.toml_messages import fail, fail_of
+from ..basics.toml_tables import Table, validated, wrong_entries, wrong_names
+from ..basics.units import convert
 from .base import Model
 from .hydraulic_cylinder import MODELS
 from .toml_tables import ModelConstant, ModelTable, OutputEntry, ParameterEntry, QuantityEntry
@@ -27,8 +28,8 @@ class ModelFile(Table):
     def _build_model(self) -> ModelFile:
         if self.model.equations is None:
             kind = MODELS[self.model.name]
-            check_table("model.constants", self.model.constants, kind.constant_quantities)
-            check_names("model.smooth", self.model.smooth or (), (*kind.jumps, *kind.kinks))
+            fail_of(wrong_entries("model.constants", self.model.constants, kind.constant_quantities))
+            fail_of(wrong_names("model.smooth", self.model.smooth or (), (*kind.jumps, *kind.kinks)))
         try:
             self._model = _built(self.model)
         except (ValueError, TypeError) as error:
@@ -39,6 +40,15 @@ class ModelFile(Table):
     def build_model(self) -> Model:
         """The model of the file."""
         return self._model or _built(self.model)
+
+    def warn_of_units(self, stacklevel: int = 2) -> None:
+        """Warn of equations of which the units do not fit, unless the file says that this is meant."""
+        if self.model.equations is not None and self.model.check_units:
+            from .symbolic import SymbolicModel  # which needs SymPy
+
+            model = self.build_model()
+            if isinstance(model, SymbolicModel):
+                model.warn_of_units(stacklevel + 1)
 
 
 def load_model(path: str | Path) -> Model:
@@ -51,7 +61,9 @@ def load_model(path: str | Path) -> Model:
     """
     path = as_path(path, "path")
     data = read_toml(path)
-    return validated(ModelFile, {"model": data["model"]} if "model" in data else {}, path, keys_of).build_model()
+    file = validated(ModelFile, {"model": data["model"]} if "model" in data else {}, path, keys_of)
+    file.warn_of_units(stacklevel=3)
+    return file.build_model()
 
 
 def model_from_toml(text: str) -> Model:
@@ -71,4 +83,7 @@ def _built(table: ModelTable) -> Model:
         from .toml_equations import model_of_table  # which needs SymPy
 
         return model_of_table(table)
-    return MODELS[table.name](smooth=table.smooth, **{name: entry.value for name, entry in table.constants.items()})
+    kind = MODELS[table.name]
+    units = {quantity.name: quantity.unit for quantity in kind.constant_quantities}
+    values = {name: convert(entry.value, entry.unit or units[name], units[name]) for name, entry in table.constants.items()}
+    return kind(smooth=table.smooth, **values)

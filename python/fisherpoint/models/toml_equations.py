@@ -26,7 +26,9 @@ def model_of_table(table: ModelTable) -> SymbolicModel:
     nominal = {name: entry.nominal for name, entry in table.parameters.items() if entry.nominal is not None}
     f, g = _equations(table)
     kinds = (described[kind] for kind in ("states", "inputs", "parameters", "outputs"))
-    return SymbolicModel(f, g, *kinds, constants=constants, domain=table.domain, name=table.name, nominal=nominal)
+    return SymbolicModel(
+        f, g, *kinds, constants=constants, domain=table.domain, name=table.name, nominal=nominal, check_units=False
+    )
 
 
 def _equations(table: ModelTable) -> tuple[list[str], list[str]]:

@@ -55,6 +55,7 @@ class ModelTable(Table):
     outputs: dict[str, OutputEntry] = Field(default_factory=dict)
     equations: dict[str, str] | None = None
     domain: list[str] = Field(default_factory=list)
+    check_units: bool = True
 
     @model_validator(mode="after")
     def _equations_or_a_known_name(self) -> ModelTable:

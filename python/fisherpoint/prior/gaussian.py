@@ -8,12 +8,25 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..basics.checks import LARGEST_STD, as_float, as_floats_of_shape, as_sequence, as_std, by_name, check_known, names_among
+from ..basics.checks import (
+    LARGEST_STD,
+    as_float,
+    as_floats_of_shape,
+    as_sequence,
+    as_share,
+    as_std,
+    by_name,
+    check_known,
+    names_among,
+)
 from ..basics.messages import listed
 from ..basics.values import Array, FrozenMapping
 
 SINGULAR = 1e-12
 """Smallest eigenvalue of a correlation matrix up to which it counts as singular."""
+
+MOST_RELATIVE_STD = 3.0
+"""Share of a mean above which a percentage was meant; `std` takes any."""
 
 WIDEST = 1e100
 """Standard deviation of a log-normal parameter over its mean."""
@@ -29,7 +42,7 @@ class GaussianPrior:
     std : mapping of parameter name to float, optional
         Standard deviations, SI units.
     relative_std : mapping of parameter name to float, optional
-        Standard deviations as shares of |mean|.
+        Standard deviations as shares of |mean|, 0.2 for 20 %; of at most 3, `std` takes more.
     covariance : array_like, (p, p), optional
         Covariance matrix in the order of the mean's names, in products of SI units, symmetric and positive definite. Give one of
         `std`, `relative_std` and this.
@@ -75,10 +88,11 @@ class GaussianPrior:
                 shares = by_name(relative_std, means, "relative_std", as_float, complete=True)
                 for name in (name for name in shares if means[name] == 0):
                     raise ValueError(f"relative_std[{name!r}]: expected std in its place, as the mean is 0; given {shares[name]:g}")
+                checked = {name: as_share(share, f"relative_std[{name!r}]", MOST_RELATIVE_STD) for name, share in shares.items()}
                 stds = FrozenMapping(
                     {
                         name: as_std(share * abs(means[name]), f"relative_std[{name!r}] of the mean {means[name]:g}")
-                        for name, share in shares.items()
+                        for name, share in checked.items()
                     }
                 )
             self._correlation = np.eye(len(means))

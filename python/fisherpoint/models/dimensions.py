@@ -1,0 +1,178 @@
+"""Whether what equations add, compare and give to functions is in the same units.
+
+A finding is certain, or there is none. What has the unit "1" may have been left without one, and numbers other than small whole
+ones may carry units, as 8.314, 0.1 and 3600 do: nothing follows from them, and they may be added to anything. Angles have no
+dimension here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from fractions import Fraction
+from itertools import pairwise
+from math import inf, isclose
+from typing import Any
+
+import sympy
+from sympy.core.relational import Relational
+from sympy.functions.elementary.piecewise import ExprCondPair
+
+from ..basics.messages import shortened
+from ..basics.quantity import Quantity
+from ..basics.units import UnitValue, dimension, unit_value
+from .surfaces.printing import to_text
+from .tape.parts import parts
+
+SMALL = 12
+"""Whole numbers up to this, and their quotients, are taken for plain numbers; any other, as 0.1 in -0.1*v, may carry a unit."""
+
+Unit = UnitValue | None
+"""None for what may be in any unit."""
+
+_SECOND = unit_value("s")
+_NONE = unit_value("1")
+
+_SAME = (sympy.Add, sympy.Min, sympy.Max)
+_OF_NUMBERS = (
+    sympy.exp, sympy.sin, sympy.cos, sympy.tan, sympy.asin, sympy.acos, sympy.atan, sympy.sinh, sympy.cosh, sympy.tanh,
+)  # fmt: skip
+
+
+def mistakes_in_units(
+    equations: Iterable[tuple[str, Any, Unit]], conditions: Iterable[tuple[str, Any]], quantities: Iterable[Quantity]
+) -> list[str]:
+    """A sentence for each place where units do not fit.
+
+    Parameters
+    ----------
+    equations : iterable of (place, expression, unit)
+        With what each should be in.
+    conditions : iterable of (place, expression)
+        What must stay positive, in whatever unit.
+    quantities : iterable of Quantity
+        All that occur.
+    """
+    units = {quantity.name: stated(quantity) for quantity in quantities}
+    found: list[str] = []
+    known: dict[Any, Unit] = {}
+    for place, expression, wanted in (*equations, *((place, expression, None) for place, expression in conditions)):
+        checked = _Check(units, known)
+        unit = checked.unit_of(expression)
+        found += [f"{place}: {text}" for text in checked.findings]
+        if unit is not None and wanted is not None and not _alike(unit, wanted):
+            found.append(f"{place}: expected {_text(wanted)}, given {_shown(expression)} in {_text(unit)}")
+    return found
+
+
+def stated(quantity: Quantity) -> Unit:
+    """The unit of a quantity without its angle; None where it is "1", which may mean that none was given."""
+    unit = _without_angle(unit_value(quantity.unit))
+    of_doubles = 0 < unit.times < inf and 0 < unit.over < inf
+    return unit if quantity.unit != "1" and of_doubles else None
+
+
+def rate_of(quantity: Quantity) -> Unit:
+    """The unit of a state's rate."""
+    unit = stated(quantity)
+    return None if unit is None else unit * _SECOND ** Fraction(-1)
+
+
+class _Check:
+    """Units of the parts of an expression, and what does not fit among them; parts that are known are not told twice."""
+
+    def __init__(self, units: Mapping[str, Unit], known: dict[Any, Unit]) -> None:
+        self.units, self.known, self.findings = units, known, list[str]()
+
+    def unit_of(self, expression: Any) -> Unit:
+        for part in parts(expression, self.known):
+            self.known[part] = self._unit(part)
+        return self.known[expression]
+
+    def _unit(self, part: Any) -> Unit:
+        known = self.known
+        if part.is_Symbol:
+            return self.units.get(part.name)
+        if isinstance(part, Relational):
+            self._same(part.args, "compared")
+            return None
+        if not isinstance(part, sympy.Expr) or part.is_number:
+            return None
+        if isinstance(part, _SAME):
+            return self._same(part.args, "added" if part.is_Add else "compared")
+        if part.is_Mul:
+            return self._product(part.args)
+        if part.is_Pow:
+            return self._power(*part.args)
+        if isinstance(part, _OF_NUMBERS):
+            (argument,) = part.args
+            unit = known[argument]
+            if unit is not None and not _alike(unit, _NONE):
+                given = f"{_shown(argument)} in {_text(unit)}"
+                self.findings.append(f"expected a number without unit in {part.func.__name__}(), given {given}")
+            return _NONE
+        if isinstance(part, sympy.Abs):
+            return known[part.args[0]]
+        if isinstance(part, sympy.Piecewise):
+            return self._same([case.args[0] for case in part.args], "given by turns")
+        if isinstance(part, sympy.atan2):
+            self._same(part.args, "divided in atan2()")
+            return _NONE
+        return _NONE if isinstance(part, sympy.sign | sympy.Heaviside) else None
+
+    def _same(self, terms: Iterable[Any], done: str) -> Unit:
+        """The unit that all terms have; None where one of them may have any."""
+        units = [(term, self.known[term]) for term in terms if not (isinstance(term, ExprCondPair) or term.is_Boolean)]
+        told = [(term, unit) for term, unit in units if unit is not None]
+        for (one, unit), (other, another) in pairwise(told):
+            if not _alike(unit, another):
+                self.findings.append(f"{_shown(one)} in {_text(unit)} and {_shown(other)} in {_text(another)} cannot be {done}")
+                return None
+        # A number beside a quantity is in its unit; anything else without a unit leaves open what the sum is in.
+        open_terms = any(unit is None and not term.is_number for term, unit in units)
+        return told[0][1] if told and not open_terms else None
+
+    def _product(self, factors: Iterable[Any]) -> Unit:
+        unit = _NONE
+        for factor in factors:
+            if factor.is_number:
+                if not _plain(factor):
+                    return None
+                continue
+            of = self.known[factor]
+            if of is None:
+                return None
+            unit = unit * of
+        return unit
+
+    def _power(self, base: Any, exponent: Any) -> Unit:
+        unit = self.known[base]
+        if exponent.is_number:
+            return None if unit is None else unit ** Fraction(float(exponent)).limit_denominator(1000)
+        power = self.known[exponent]
+        if power is not None and not _alike(power, _NONE):
+            self.findings.append(f"expected an exponent without unit, given {_shown(exponent)} in {_text(power)}")
+        return _NONE if unit is not None and _alike(unit, _NONE) else None
+
+
+def _plain(number: Any) -> bool:
+    return bool(number.is_Rational and abs(number.p) <= SMALL and number.q <= SMALL)
+
+
+def _without_angle(unit: UnitValue) -> UnitValue:
+    *powers, _, other = unit.powers
+    return UnitValue(unit.times, unit.over, (*powers, Fraction(0), other))
+
+
+def _alike(one: UnitValue, other: UnitValue) -> bool:
+    sizes = one.times * other.over, other.times * one.over
+    of_doubles = all(0 < size < inf for size in sizes)
+    return one.powers == other.powers and (not of_doubles or isclose(*sizes, rel_tol=1e-9))
+
+
+def _text(unit: UnitValue) -> str:
+    size, of = unit.times / unit.over, dimension(unit.powers)
+    return of if isclose(size, 1.0, rel_tol=1e-9) else f"{size:.4g}" if of == "1" else f"{size:.4g} {of}"
+
+
+def _shown(expression: Any) -> str:
+    return shortened(to_text(expression), 60)
