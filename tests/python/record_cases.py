@@ -33,6 +33,7 @@ def tanks(x: Any, u: Any, p: Any) -> Any:
     inputs={"u": "V"},
     parameters={"R": "V/A", "K": "V s/rad", "L": "V s/A", "J": "kg m2", "friction": "1"},
     outputs={"i": "A", "omega": "rad/s"},
+    check_units=False,
 )
 def motor(x: Any, u: Any, p: Any) -> Any:
     """A direct current motor with smooth friction."""

@@ -31,7 +31,7 @@ LIMITS = [
 
 def swing(**options: Any) -> fp.SymbolicModel:
     return fp.SymbolicModel(
-        ["v", "u - a * x - 0.1 * v"], ["x"], STATES, {"u": "N"}, {"a": "1/s2"}, {"x": "m"}, name="swing", **options
+        ["v", "u - a * x - 0.1 * v"], ["x"], STATES, {"u": "m/s2"}, {"a": "1/s2"}, {"x": "m"}, name="swing", **options
     )
 
 
@@ -83,7 +83,7 @@ def test_limits_end_trajectories_where_scipy_sees_them(limit: str) -> None:
 
 def test_a_limit_touched_between_two_samples_is_seen() -> None:
     turn = np.pi  # x = sin(t) without damping and input, from (0, 1), is back at zero
-    undamped = fp.SymbolicModel(["v", "u - a * x"], ["x"], STATES, {"u": "N"}, {"a": "1/s2"}, {"x": "m"})
+    undamped = fp.SymbolicModel(["v", "u - a * x"], ["x"], STATES, {"u": "m/s2"}, {"a": "1/s2"}, {"x": "m"})
     for limit, status in ((0.99, fp.Status.left_domain), (0.9999999, fp.Status.left_domain), (1.0000001, fp.Status.ok)):
         model = undamped.within(f"x < {limit}")
         point = fp.Experiments([[0.0, 1.0]], [0.0], [turn])
@@ -240,7 +240,7 @@ def test_what_makes_no_sense_is_drawn_anew() -> None:
 
 
 def test_runs_from_rest_and_other_reasons_are_counted() -> None:
-    model = fp.SymbolicModel(["a + x**2 + u"], ["x"], X, {"u": "N"}, {"a": "1"}, {"x": "m"})
+    model = fp.SymbolicModel(["a + x**2 + u"], ["x"], X, {"u": "m/s2"}, {"a": "1"}, {"x": "m"}, check_units=False)
     problem = fp.DesignProblem(model, fp.GaussianPrior({"a": -1.0}, {"a": 0.8}), None, noise_std={"x": 0.1}, along=["x > -1.5"])
     runs = fp.Runs([[-1.0]], [[-0.1, 0.0]], 0.1, rest=fp.Rest({"u": 0.0}))
     found = fp.feasibility(problem, runs, draws=4000)

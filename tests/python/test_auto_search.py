@@ -17,7 +17,10 @@ import fisherpoint as fp
 from conftest import REGION
 from defaults import MODEL, problem, same_bits
 from fisherpoint.design.average import Average
-from fisherpoint.design.points.pool_exchange import PoolExchange, divided, gains, greedy
+from fisherpoint.design.optimality.added import divided, gains
+from fisherpoint.design.optimality.aims import aim_of
+from fisherpoint.design.optimality.criteria import Determinant
+from fisherpoint.design.points.pool_exchange import PoolExchange, greedy
 from test_known_designs import CASES, ONE_FACTOR, SOON, SQUARE, ZERO, linear, log_det_m, quadratic
 from test_known_designs import problem as known_problem
 
@@ -57,8 +60,9 @@ def test_an_exchange_ends_where_no_single_one_gains(size: int, fixed: float) -> 
         own = w[:, 0, chosen]
         return float(np.linalg.slogdet(own @ own.T + known)[1])
 
-    for start in (np.arange(size), greedy(w[None], size, known[None], Average.of_all(1))):
-        exchange = PoolExchange(w[None], start, known[None], Average.of_all(1))
+    aims = [aim_of(Determinant("D", np.eye(p), True))]
+    for start in (np.arange(size), greedy(w[None], size, known[None], Average.of_all(1), aims)):
+        exchange = PoolExchange(w[None], start, known[None], Average.of_all(1), aims)
         exchange.run(np.arange(25), lambda: False)
         assert value(exchange.chosen) >= value(start)
         assert not len(exchange.promising(np.arange(25), 5))

@@ -111,3 +111,34 @@ def test_a_chance_of_one_tolerance_is_counted_and_a_fault_is_found() -> None:
         bench = Bench(case, Figures())
         judge(bench, 0, int(fp.Status.ok), bench.course(0).x + 0.0445, 1e-4, "", "RK45")
         assert kinds(bench) == known and bench.figures.counts[CHANCE] == (not known)
+
+
+def test_surfaces_that_are_met_at_once_are_looked_for_so_often_only() -> None:
+    """The side of the second is lost in front of every crossing of the first."""
+    case = At(
+        ("0.001*(p1/(0.5 - x1) + heaviside(p2)*sign(heaviside(x2 - 5)*heaviside(x1 - 0.5)))", "p1 - x2"),
+        ("x2",),
+        (1.0, 1.0),
+        (),
+        (1.0, 1.0),
+        given=(([[0.4999, 1.0]], [[]], [100.0]), [[1.0, 1.0]]),
+    )
+    bench = Bench(case, Figures())
+    assert bench.course(0).end is not None
+
+
+@pytest.mark.parametrize(("rtol", "known"), [(1e-4, []), (1e-6, ["wrong ok: states"])])
+def test_a_pair_of_kinks_that_a_long_step_misses_is_a_chance_of_loose_tolerances(rtol: float, known: list[str]) -> None:
+    case = At(
+        ("2000*p1", "1000*max(p1*x2 - 1.7, cos(20*x1), 0)"),
+        ("x2",),
+        (1.0, 1.0),
+        (),
+        (1.0,),
+        given=(([[1.834, 1.028]], [[]], [0.001109]), [[2.017]]),
+    )
+    bench = Bench(case, Figures())
+    true = bench.course(0)
+    assert true.crossed
+    judge(bench, 0, int(fp.Status.ok), np.add(true.x, [0.0, 2.0]), rtol, "", "RK45")
+    assert kinds(bench) == known and bench.figures.counts[CHANCE] == (not known)

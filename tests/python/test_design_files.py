@@ -324,6 +324,14 @@ def test_a_wrong_csv_names_row_and_column(text: str, message: str, tmp_path: Pat
         fp.Experiments.from_csv(tmp_path / "points.csv", MODEL)
 
 
+def test_measured_points_are_points(tmp_path: Path) -> None:
+    """What a file of measurements has besides is not read."""
+    text = f"{HEADER},y_q,x_v_,comment,status,x0_q\n{ROW},0.15,0.3,first,ok,0.1502\n"
+    (tmp_path / "points.csv").write_text(text.replace("x_v_", "y_x_v"))
+    points = fp.Experiments.from_csv(tmp_path / "points.csv", MODEL)
+    assert points.table.tolist() == [[float(entry) for entry in ROW.split(",")]]
+
+
 def test_a_csv_of_bytes_is_one_clear_error(tmp_path: Path) -> None:
     (tmp_path / "points.csv").write_bytes(b"\xff\xfe\x00q,v")
     with pytest.raises(ValueError, match=r"points\.csv: expected a CSV text file"):

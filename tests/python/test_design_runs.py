@@ -12,6 +12,7 @@ import pytest
 
 import fisherpoint as fp
 from bench.runs import decay, reactor
+from fisherpoint.design.average import Average
 from fisherpoint.design.runs.run_moves import moved_runs
 from fisherpoint.design.runs.run_objective import RunObjective
 from fisherpoint.design.runs.run_pictures import limits_of
@@ -98,7 +99,7 @@ def test_the_gradient_is_that_of_differences(kappa: float, central: bool, error:
     problem = problem_of(limited, {"b": 2.0, "c": 1.0}, {"y": 0.01}, region, uncertain=None, initial_state_std={"x": 0.01})
     coordinates = region.coordinates(limited)
     plants = problem.theta * [[1.0, 1.0], [1.1, 0.9]]
-    objective = RunObjective(problem, coordinates, plants, np.zeros((2, 2, 2)), FINE)
+    objective = RunObjective(problem, coordinates, plants, Average.of_all(2), np.zeros((2, 2, 2)), FINE)
     objective.kappa = kappa
     z = np.random.default_rng(0).uniform(0.3, 0.7, (2, len(coordinates)))
     linear = linear_rows(objective, z, None, central, np.random.default_rng(0))
@@ -210,10 +211,22 @@ def test_classical_runs_stand_beside_the_design(tmp_path: Path) -> None:
     one_level = np.linalg.slogdet(fp.evaluate_design(design.problem, up).information)[1]
     assert design.classical["steps"] >= one_level - 1e-6
     design.save(tmp_path)
-    assert fp.RunDesign.load(tmp_path).classical == design.classical
+    again = fp.RunDesign.load(tmp_path)
+    assert again.classical == design.classical and again.classical_shares == design.classical_shares
+    assert set(design.classical_shares.values()) == {1.0}
     few = fp.design_runs(slider(mover(samples=3)), n_starts=1)
     assert max(few.classical.values()) <= few.log_det + 1e-6
     assert not fp.design_runs(slider(mover(constant=("u",))), n_starts=1).classical
+
+
+def test_classical_runs_that_few_plants_can_run_are_told() -> None:
+    """Of a slider that must stay within 1 m, runs that say more go where some plants leave."""
+    design = fp.design_runs(slider(mover(), along=["abs(x) < 1"]), n_starts=2)
+    assert set(design.classical_shares) == set(design.classical)
+    better = [name for name, value in design.classical.items() if value > design.log_det]
+    assert all(design.classical_shares[name] < 0.99 for name in better)
+    assert min(design.classical_shares.values()) < 1.0
+    assert "plants that can" in str(design)
 
 
 def test_limits_of_single_quantities_are_lines() -> None:
@@ -231,13 +244,44 @@ def test_ctrl_c_keeps_the_best_runs() -> None:
     assert "ended early" in str(design)
 
 
-def test_an_average_over_plants_is_maximised() -> None:
-    problem = slider(mover())
+def over_factors(problem: fp.DesignProblem, kind: str, share: float = 0.25) -> tuple[fp.OverPrior, Any]:
     plants = problem.theta * np.random.default_rng(0).uniform(0.7, 1.3, (6, 2))
-    design = fp.design_runs(problem, n_starts=2, n_candidates=60, plants=plants)
-    each = [fp.sensitivities(problem.model, design.runs, theta).dy_dtheta[0, :, 0] * problem.std / 0.01 for theta in plants]
-    assert design.log_det == pytest.approx(np.mean([np.linalg.slogdet(s.T @ s)[1] for s in each]), abs=1e-4)
-    assert design.plants.shape == (6, 2)
+    names = [quantity.name for quantity in problem.model.parameters]
+    return fp.OverPrior(kind, scenarios=[dict(zip(names, row, strict=True)) for row in plants.tolist()], share=share), plants
+
+
+def log_dets_at(problem: fp.DesignProblem, runs: fp.Runs, plants: Any) -> Any:
+    each = [fp.sensitivities(problem.model, runs, theta).dy_dtheta[0, :, 0] * problem.std / 0.01 for theta in plants]
+    return np.array([np.linalg.slogdet(s.T @ s)[1] for s in each])
+
+
+@pytest.mark.parametrize("kind", ["log", "worst", "cvar"])
+def test_a_criterion_over_the_prior_is_maximised(kind: str) -> None:
+    problem = slider(mover())
+    over, plants = over_factors(problem, kind, share=1 / 3)
+    design = fp.design_runs(problem, n_starts=2, n_candidates=60, over=over)
+    found, of_mean = (log_dets_at(problem, runs, plants) for runs in (design.runs, fp.design_runs(problem, n_starts=2).runs))
+    average = {"log": np.mean, "worst": np.min, "cvar": lambda values: np.sort(values)[:2].mean()}[kind]
+    assert design.log_det == pytest.approx(average(found), abs=1e-4)
+    assert average(found) > average(of_mean) - 1e-3
+    assert design.scenarios is not None and len(design.scenarios.log_dets) == 6
+    scaling = 2 * np.log(2 / design.runs.measured.sum())
+    np.testing.assert_allclose(design.scenarios.log_dets, found + scaling, atol=1e-4)
+    assert design.scenarios.value == pytest.approx(design.log_det + scaling, abs=1e-4)
+    assert "Criterion over the prior" in str(design)
+
+
+def test_the_worst_scenario_gains_by_being_asked_for(tmp_path: Path) -> None:
+    problem = slider(mover())
+    designs = {}
+    for kind in ("log", "worst"):
+        over, plants = over_factors(problem, kind)
+        designs[kind] = fp.design_runs(problem, n_starts=4, n_candidates=60, over=over)
+    worst = {kind: log_dets_at(problem, design.runs, plants).min() for kind, design in designs.items()}
+    assert worst["worst"] >= worst["log"] - 1e-3
+    designs["worst"].save(tmp_path)
+    again = fp.RunDesign.load(tmp_path)
+    assert again.settings.over == designs["worst"].settings.over and again.scenarios == designs["worst"].scenarios
 
 
 def test_profiles_and_changes_stay_in_the_box() -> None:
@@ -279,8 +323,8 @@ def test_misuse_of_the_search_is_told() -> None:
         fp.design_runs(problem.replace(region=None))
     with pytest.raises(ValueError, match="region: expected an ExperimentRegion to draw candidates from, given a RunRegion"):
         fp.exchange(problem)
-    with pytest.raises(ValueError, match="plants: expected shape"):
-        fp.design_runs(problem, plants=[1.0, 2.0])
+    with pytest.raises(TypeError, match="over: expected an OverPrior or None, given list"):
+        fp.design_runs(problem, over=[1.0, 2.0])  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="confidence: expected a probability"):
         fp.design_runs(problem, confidence=1.5)
     with pytest.raises(ValueError, match="output_covariance: expected 'noise' for runs"):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 import fisherpoint as fp
-from defaults import KINDS, MODEL, NAMES, NOISE, OUTPUTS, PRIOR, SMALL, grid, point, problem, valid_points
+from defaults import KINDS, MODEL, NAMES, NOISE, OUTPUTS, PRIOR, SMALL, grid, point, problem, valid_points, without_checksum
+from fisherpoint.basics.files import sealed_json
 from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.information.output_covariance import REGION_SAMPLE
 
@@ -309,3 +312,16 @@ def test_a_null_direction_has_all_that_the_outputs_feel() -> None:
     change = np.array([direction[name] for name in "abc"])  # all are listed
     alone = np.abs(change * points.u ** np.arange(3)).max()
     assert np.abs((change * points.u ** np.arange(3)).sum(axis=1)).max() < 1e-6 * alone
+
+
+def test_units_stand_in_the_report_and_are_kept(tmp_path: Path) -> None:
+    evaluation = fp.evaluate_design(problem(), valid_points(12))
+    assert evaluation.units == {quantity.name: quantity.unit for quantity in MODEL.parameters}
+    assert [(row[0], row[1]) for row in evaluation.report().sections[0].rows][:2] == [("a_tau", "N"), ("b_tau", "N s/m")]
+    evaluation.save(tmp_path / "evaluation.json")
+    assert fp.Evaluation.load(tmp_path / "evaluation.json").units == evaluation.units
+
+    data = without_checksum(json.loads((tmp_path / "evaluation.json").read_text()))
+    del data["content"]["Evaluation"]["units"]  # as files were before
+    (tmp_path / "evaluation.json").write_text(sealed_json(data))
+    assert fp.Evaluation.load(tmp_path / "evaluation.json").report().sections[0].rows[0][1] == "-"

@@ -399,6 +399,10 @@ def test_settings_are_kept() -> None:
         "local": 0.5,
         "method": "auto",
         "over": None,
+        "criterion": "D",
+        "of": None,
+        "conditions": None,
+        "scale": None,
     }
     assert design.problem is given and given.rule == SMALL
     assert design.seconds >= design.trace[-1].seconds

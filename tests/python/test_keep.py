@@ -83,7 +83,7 @@ def test_the_command_line_keeps_points_and_adds_to_data(tmp_path: Path, capsys: 
     rig.measure(POINTS[2:9]).to_csv(data, MODEL)
     file = tmp_path / "problem.toml"
     text = (EXAMPLES / "cylinder.toml").read_text().replace("n_candidates = 50", "n_candidates = 5")
-    file.write_text(text.replace("max_iterations = 200", "max_iterations = 2"))
+    file.write_text(text.replace("max_iterations = 400", "max_iterations = 2"))
     out = tmp_path / "run"
     with pytest.raises(SystemExit) as left:
         cli.main(["design", str(file), "-o", str(out), "--no-plots", "--keep", str(keep), "--previous", str(data)])

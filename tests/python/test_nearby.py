@@ -76,7 +76,7 @@ def warnings_of(problem: fp.DesignProblem, given: fp.Experiments) -> list[str]:
 
 
 def test_a_force_that_friction_just_balances_is_warned_of() -> None:
-    problem, given = slider(), points(BRAKING, PUSHED, BALANCED)
+    problem, given = slider(region=None), points(BRAKING, PUSHED, BALANCED)
     nearby = evaluate_points(problem, given).evaluation.nearby
     assert nearby is not None and nearby.broken[0] == nearby.worst == "F" and nearby.growth["F"] > 3
     assert nearby.parameters["F"] > 1.01 and nearby.points == (2,) and not nearby.lost
@@ -95,7 +95,7 @@ def test_a_force_that_friction_just_balances_is_warned_of() -> None:
 
 
 def test_it_is_not_warned_of_forces_that_are_well_above_friction() -> None:
-    problem, given = slider(), points(BRAKING, PUSHED, [0.0, 1.5, 1.0])
+    problem, given = slider(region=None), points(BRAKING, PUSHED, [0.0, 1.5, 1.0])
     nearby = evaluate_points(problem, given).evaluation.nearby
     assert nearby is not None and not nearby.broken and max(nearby.growth.values()) < 1.2
     assert warnings_of(problem, given) == []

@@ -199,3 +199,12 @@ def test_functions_have_their_derivatives() -> None:
     for wrong in ("a +", "q", "max(a, b)", "log(-a)", "1 / (a - a)"):
         with pytest.raises(ValueError, match=r"^of: "):
             gradient_of(wrong, theta, "of")
+
+
+@pytest.mark.parametrize("criterion", [Determinant("D", np.eye(4), True), Variance("A", np.eye(4), True)])
+def test_weights_of_matrices_of_very_different_sizes_are_found(criterion: Any) -> None:
+    """Newton steps from equal weights stopped at half of the optimum."""
+    random = np.random.default_rng(3)
+    rows = random.standard_normal((20_000, 1, 4)) * np.exp(random.standard_normal((20_000, 1, 1)))
+    for seed in range(4):
+        assert optimal_weights(CandidateRows(rows), criterion, tolerance=1e-6, seed=seed).efficiency > 1 - 2e-6

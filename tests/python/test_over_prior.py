@@ -13,12 +13,18 @@ from scipy.optimize import minimize, minimize_scalar
 import fisherpoint as fp
 from defaults import MODEL, NOISE, problem, same_bits
 from fisherpoint.design.average import SOFTNESS, Average
+from fisherpoint.design.optimality.aims import Aim, aim_of
+from fisherpoint.design.optimality.criteria import Determinant
 from fisherpoint.design.points.over_bound import over_bound
 from fisherpoint.design.points.pool_exchange import PoolExchange, greedy
 from fisherpoint.design.runs.linear_rows import LinearRows
 
 QUICK: dict[str, Any] = {"n_experiments": 9, "n_candidates": 8, "max_iterations": 24, "references": False}
 KINDS = ("log", "worst", "cvar")
+
+
+def log_det(p: int) -> Aim:
+    return aim_of(Determinant("D", np.eye(p), True))
 
 
 def average_of(kind: str, weights: np.ndarray, share: float = 0.4) -> Average:
@@ -80,7 +86,8 @@ def test_an_exchange_ends_where_no_single_one_gains(kind: str) -> None:
         own = w[:, :, 0][:, :, chosen]
         return float(average.value(np.linalg.slogdet(own @ own.swapaxes(1, 2))[1]))
 
-    exchange = PoolExchange(w, greedy(w, size, known, average), known, average)
+    aims = [log_det(p)] * 4
+    exchange = PoolExchange(w, greedy(w, size, known, average, aims), known, average, aims)
     before = value(exchange.chosen)
     exchange.run(np.arange(20), lambda: False)
     assert value(exchange.chosen) >= before and not len(exchange.promising(np.arange(20), 5))
@@ -117,7 +124,7 @@ def test_the_ascents_gradient_is_a_difference(kind: str) -> None:
 
 
 DECAY = fp.SymbolicModel([], ["exp(-theta*t)"], {}, {"t": "s"}, {"theta": "1/s"}, {"y": "1"})
-HUMP = fp.SymbolicModel([], ["(theta**2 - 3*theta)*t*exp(-theta*t)"], {}, {"t": "s"}, {"theta": "1/s"}, {"y": "1"})
+HUMP = fp.SymbolicModel([], ["(theta**2 - 3*theta)*t*exp(-theta*t)"], {}, {"t": "1"}, {"theta": "1"}, {"y": "1"})
 
 
 def of_one(model: fp.SymbolicModel, upper: float = 6.0) -> fp.DesignProblem:
@@ -171,7 +178,7 @@ def test_the_bound_is_the_best_that_weights_reach(kind: str) -> None:
     rng, p, count = np.random.default_rng(11), 2, 12
     rows = rng.standard_normal((3, count, 1, p)) * np.array([1.0, 2.0, 0.5])[:, None, None, None]
     average, known = average_of(kind, np.array([1.0, 2.0, 1.5])), 0.1 * np.broadcast_to(np.eye(p), (3, p, p))
-    bound = over_bound(rows, known, average, 3, everywhere)
+    bound = over_bound(rows, known, average, 3, everywhere, [log_det(p)] * 3)
 
     def value(weights: np.ndarray) -> float:
         return float(average.value(np.linalg.slogdet(np.einsum("k,sknp,sknq->spq", weights, rows, rows) + known)[1]))
@@ -188,9 +195,10 @@ def test_the_bound_is_the_best_that_weights_reach(kind: str) -> None:
 def test_the_bound_leaves_out_what_may_not_have_a_weight() -> None:
     rows = np.array([1.0, 2.0, 5.0, 3.0])[None, :, None, None]
     nothing, mean = np.zeros((1, 1, 1)), Average.of_all(1)
-    assert over_bound(rows, nothing, mean, 1, everywhere) == pytest.approx(np.log(25), abs=0.011)
-    assert over_bound(rows, nothing, mean, 1, lambda places: places != 2) == pytest.approx(np.log(9), abs=0.011)
-    assert over_bound(0 * rows, nothing, mean, 1, everywhere) is None
+    aims = [log_det(1)]
+    assert over_bound(rows, nothing, mean, 1, everywhere, aims) == pytest.approx(np.log(25), abs=0.011)
+    assert over_bound(rows, nothing, mean, 1, lambda places: places != 2, aims) == pytest.approx(np.log(9), abs=0.011)
+    assert over_bound(0 * rows, nothing, mean, 1, everywhere, aims) is None
 
 
 def test_with_one_scenario_the_bound_is_that_of_the_mean() -> None:

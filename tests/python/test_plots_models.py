@@ -11,8 +11,10 @@ from matplotlib.figure import Figure
 
 import fisherpoint as fp
 from fisherpoint.design import pictures_points
+from fisherpoint.design.evaluated import evaluate_points
 from fisherpoint.design.pictures import plot_points, plot_trajectories
 from fisherpoint.design.pictures_responses import free_axis, plot_responses
+from fisherpoint.show.standard_errors import standard_error_figure
 from fisherpoint.show.style import scale
 
 
@@ -51,6 +53,19 @@ def test_a_design_in_one_variable_is_shown_on_its_outputs(noise: bool) -> None:
     assert numbers == [1, 2, 3, 4]
 
 
+def test_numbers_of_samples_are_off_the_curve_and_the_bars() -> None:
+    problem = design(decay, {"c": (1.0, 1.0), "dt": (1.0, 40_000.0)}).problem.replace(noise_std={"c": 0.1, "rate": 1e-5})
+    figure = plot_points(evaluate_points(problem, fp.Experiments([[1.0]] * 8, np.empty((8, 0)), [8000.0] * 8)))
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        (label,) = axes.texts
+        assert label.get_text() == "1, 2, 3, 4, 5, 6, 7, 8"
+        box = label.get_window_extent()
+        curve = axes.transData.transform(axes.lines[0].get_xydata())
+        bars = axes.transData.transform(np.vstack([bar for lines in axes.collections for bar in lines.get_segments()]))  # type: ignore[attr-defined]
+        assert box.count_contains(curve) == 0 and box.count_contains(bars) == 0
+
+
 def test_a_static_design_in_two_variables_is_shown_over_these() -> None:
     found = design(plane, {"s": (-1.0, 1.0), "t": (-1.0, 1.0)})
     assert free_axis(found) is None
@@ -73,6 +88,18 @@ def test_starts_that_lie_on_each_other_share_a_label() -> None:
     assert sorted(by_panel) == sorted([1, 2, 3, 4, 5, 6] * 2)
 
 
+def test_numbers_of_points_lie_within_the_axes() -> None:
+    """Where they would run into the labels of the axes, of these or of the panel beside."""
+    found = design(plane, {"s": (-1.0, 1.0), "t": (-1.0, 1.0)}, n=24)
+    figure = plot_points(found)
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    numbers = [text.get_window_extent() for text in axes.texts]
+    assert max(box.width for box in numbers) > 30.0  # several numbers at one corner
+    for box in numbers:
+        assert axes.bbox.x0 <= box.x0 and box.x1 <= axes.bbox.x1
+
+
 def test_the_legend_of_a_single_output_fits_its_picture() -> None:
     found = design(plane, {"s": (-1.0, 1.0), "t": (-1.0, 1.0)})
     figure = plot_points(found)
@@ -83,6 +110,17 @@ def test_the_legend_of_a_single_output_fits_its_picture() -> None:
     (legend,) = figure.legends
     box = legend.get_window_extent()
     assert box.x0 >= 0 and box.x1 <= figure.bbox.x1
+
+
+def test_shares_along_a_logarithmic_axis_have_their_digits() -> None:
+    errors, std = {"a": 5e-4, "b": 0.5}, {"a": 1.0, "b": 1.0}
+    figure = standard_error_figure(errors, std, "under the sensor noise", {"a": "N", "b": "1"})
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    low, high = axes.get_xlim()
+    labels = [label.get_text() for label in axes.get_xticklabels() if low <= label.get_position()[0] <= high]
+    assert labels == ["0.1%", "1%", "10%", "100%"]
+    assert [text.get_text() for text in axes.texts] == ["0.000500 of 1.00 N", "0.500 of 1.00"]
 
 
 @pytest.mark.parametrize(
@@ -107,3 +145,19 @@ def test_trajectories_without_some_values_are_drawn(tmp_path: Path, monkeypatch:
     trajectories = pictures_points._trajectories
     monkeypatch.setattr(pictures_points, "_trajectories", cut)
     plot_points(found).savefig(tmp_path / "points.png")
+
+
+def test_points_alike_share_a_row_of_trajectories() -> None:
+    relaxing = fp.SymbolicModel(["-k*x"], ["x"], {"x": "m"}, {}, {"k": "1/s"}, {"y": "m"})
+    prior = fp.GaussianPrior({"k": 1.0}, relative_std={"k": 0.1})
+    table = [[1.0, 2.0], [1.0, 2.001], [1.0, 500.0], [1.0, 1.99]]
+    points = fp.Experiments.of_table(relaxing, np.array(table))
+    problem = fp.DesignProblem(relaxing, prior, None, noise_std={"y": 0.01})
+    figure = plot_trajectories(evaluate_points(problem, points))
+    assert [text.get_text() for text in figure.texts] == ["1\n2\n4", "3"]
+    short, long = figure.axes
+    assert (short.get_xlabel(), long.get_xlabel()) == ("t [s]", "t [min]")
+    # Of 500 s, those in which something happens are drawn, too.
+    line = long.lines[0]
+    t, y = 60 * np.asarray(line.get_xdata(), float), np.asarray(line.get_ydata(), float)
+    assert y == pytest.approx(np.exp(-t), abs=1e-5) and ((y > 0.05) & (y < 0.95)).sum() >= 5

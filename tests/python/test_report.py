@@ -118,7 +118,7 @@ def test_a_design_below_random_is_warned_of(design: fp.Design) -> None:
 )
 def test_the_stop_reason_is_a_sentence(design: fp.Design, reason: str, settings: dict[str, Any], expected: str) -> None:
     given = dict.fromkeys(["patience", "time_limit"]) | settings
-    kept = SimpleNamespace(seed=0, n_candidates=5, max_iterations=4, method="paper", over=None, **given)
+    kept = SimpleNamespace(seed=0, n_candidates=5, max_iterations=4, method="paper", over=None, criterion="D", **given)
     changed = with_changes(design, stop_reason=reason, settings=kept)
     assert expected in words(to_text(report.design_report(changed)))
 

@@ -96,8 +96,8 @@ def test_a_file_may_have_units_and_notes_and_miss_outputs(tmp_path: Path) -> Non
 def test_run_alone_is_a_note_of_points_and_may_be_a_state(tmp_path: Path) -> None:
     points = read(tmp_path, "run,a,b,u,dt,y_y\n7,1,1,0.5,0.2,1.1\n")
     assert points.points == fp.Experiments([[1.0, 1.0]], [[0.5]], [0.2])
-    names = {"states": {"run": "m", "b": "m"}, "inputs": {"segment": "1"}}
-    model = fp.SymbolicModel(["segment - k*run", "run - b"], ["b"], outputs={"y": "m"}, parameters={"k": "1"}, **names)
+    names = {"states": {"run": "1", "b": "1"}, "inputs": {"segment": "1"}}
+    model = fp.SymbolicModel(["segment - k*run", "run - b"], ["b"], outputs={"y": "1"}, parameters={"k": "1"}, **names)
     data = read(tmp_path, "run,b,segment,dt,y_y\n1,1,0.5,0.2,1.1\n2,1,0.5,0.2,1.1\n", model)
     assert data.points == fp.Experiments([[1.0, 1.0], [2.0, 1.0]], [[0.5], [0.5]], [0.2, 0.2])
     runs = fp.Runs([[1.0, 1.0]], [[0.5, 0.6]], 0.2)
@@ -112,7 +112,6 @@ def test_run_alone_is_a_note_of_points_and_may_be_a_state(tmp_path: Path) -> Non
         (HEADER + WHOLE.replace("1,3,,,", "1,4,,,"), "row 3, column segment: expected the segments of a run in order"),
         (HEADER + "1,1,1,1,0.5,0.2,1,1.1\n", "row 1: expected 9 entries, given 8"),
         (HEADER + WHOLE.replace("1.1", "?"), "row 1, column y_y: expected a number, given '?'"),
-        (HEADER + WHOLE[:-1], "row 3: expected a line break at the end of the file"),
         (HEADER + "1,1,1,1,0.5,0.2,1,,\n", "expected at least one measured output, given none in y_y, y_z"),
         (
             HEADER.replace(",measured", "") + "1,1,1,1,0.5,0.2,1.1,0.9\n",
@@ -128,6 +127,11 @@ def test_what_is_wrong_is_told_with_row_and_column(text: str, said: str, tmp_pat
     with pytest.raises(ValueError, match=said) as caught:
         read(tmp_path, text)
     assert "\n" not in str(caught.value)
+
+
+def test_a_file_without_a_line_break_at_its_end_is_warned_of(tmp_path: Path) -> None:
+    with pytest.warns(UserWarning, match=r"data\.csv: row 3: expected a line break at the end of the file, given '' there"):
+        assert read(tmp_path, HEADER + WHOLE[:-1]) == read(tmp_path, HEADER + WHOLE)
 
 
 def test_numbers_beyond_physics_are_refused(tmp_path: Path) -> None:

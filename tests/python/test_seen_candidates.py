@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from itertools import combinations_with_replacement
+from typing import Any
 
 import numpy as np
 import pytest
 
 import fisherpoint as fp
+from fisherpoint.design.optimality.candidate_rows import CandidateRows
+from fisherpoint.design.optimality.criteria import Determinant
+from fisherpoint.design.optimality.weights import optimal_weights
 from fisherpoint.design.points.seen_candidates import SeenCandidates
 from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.information.point_information import PointInformation
@@ -116,3 +120,28 @@ def test_a_designs_efficiency_is_at_least_what_it_says(method: str) -> None:
 def test_a_poor_design_is_not_said_to_be_good() -> None:
     poor = fp.exchange(problem(), 3, n_candidates=200, max_iterations=1, max_redraws=50, local=0.0, method="paper").efficiency
     assert poor is not None and poor.at_least is not None and poor.at_least < 0.9
+
+
+def test_what_may_not_have_a_weight_is_tried_as_rarely_as_needed_and_left_out() -> None:
+    """Many candidates, most of the best of which may not: the weights are those of the others alone, to the tolerance."""
+    random = np.random.default_rng(3)
+    rows = random.standard_normal((30_000, 1, 4)) * np.exp(random.standard_normal((30_000, 1, 1)))
+    may = random.random(len(rows)) < np.exp(-np.linalg.norm(rows[:, 0], axis=1) / 4)
+    tried = np.zeros(len(rows), dtype=int)
+
+    def allowed(places: Any) -> Any:
+        tried[places] += 1
+        return may[places]
+
+    first, determinant = np.flatnonzero(may)[:8], Determinant("D", np.eye(4), True)
+    found = optimal_weights(CandidateRows(rows), determinant, tolerance=1e-6, first=first, allowed=allowed)
+    others = optimal_weights(CandidateRows(rows[may]), determinant, tolerance=1e-6)
+    every = optimal_weights(CandidateRows(rows), determinant, tolerance=1e-6)
+
+    def log_det(rows: Any, weights: Any) -> float:
+        return float(np.linalg.slogdet(CandidateRows(rows).information(weights.chosen, weights.weights))[1])
+
+    assert may[found.chosen].all() and found.efficiency > 1 - 2e-6
+    assert log_det(rows, found) == pytest.approx(log_det(rows[may], others), abs=1e-5)
+    assert log_det(rows, every) > log_det(rows, found) + 0.1
+    assert tried[~may].max() == 1 and (tried > 0).sum() < 5000

@@ -83,7 +83,7 @@ class Campaign(Shown):
         **settings: Any,
     ) -> None:
         check_type(problem, DesignProblem, "problem")
-        state = State(problem, batch_settings(kind_of(problem), batch, seed, settings), checked_targets(targets, problem))
+        state = State(problem, batch_settings(problem, kind_of(problem), batch, seed, settings), checked_targets(targets, problem))
         self._begin(state, None, threads)
         if directory is not None:
             self._keep_in(directory)

@@ -10,10 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from ..basics.checks import as_positive, by_name, check_positive_int
+from ..basics.checks import as_share, by_name, check_positive_int
 from ..basics.messages import shown
+from ..design.settings import most_iterations
 from ..information.problem import DesignProblem
 from .batches import Kind, Settings
+
+MOST_TARGET = 1.0
+"""Relative standard error above which a percentage was meant."""
 
 
 def batch_seed(seed: int, batches: int) -> int:
@@ -21,13 +25,15 @@ def batch_seed(seed: int, batches: int) -> int:
     return int(np.random.SeedSequence([seed, batches]).generate_state(1)[0])
 
 
-def batch_settings(kind: Kind, batch: int | None, seed: int, given: Mapping[str, Any]) -> Settings:
+def batch_settings(problem: DesignProblem, kind: Kind, batch: int | None, seed: int, given: Mapping[str, Any]) -> Settings:
     """Settings of the search for a batch: the search's own defaults, but for what the kind presets."""
     defaults = {name: one.default for name, one in signature(kind.search).parameters.items()}
     known = [field.name for field in fields(kind.settings) if field.name not in (kind.size, "seed", "time_limit")]
     for unknown in (name for name in given if name not in known):
         raise TypeError(f"settings: expected names of {', '.join(known)}; given {shown(unknown)}")
     values = {name: defaults[name] for name in known} | dict(kind.preset) | dict(given)
+    if "max_iterations" in values:
+        values["max_iterations"] = most_iterations(values["max_iterations"], values["method"], problem)
     values[kind.size] = check_positive_int(kind.batch if batch is None else batch, "batch")
     return kind.settings(**values, seed=check_positive_int(seed, "seed", 0), time_limit=None)
 
@@ -36,4 +42,4 @@ def checked_targets(given: Mapping[str, float] | float | None, problem: DesignPr
     """Targets by name, in the model's order of parameters."""
     if given is not None and not isinstance(given, Mapping):
         given = dict.fromkeys(problem.estimated, given)
-    return by_name(given, problem.estimated, "targets", partial(as_positive, what="share of the estimate"))
+    return by_name(given, problem.estimated, "targets", partial(as_share, most=MOST_TARGET))

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..basics.checks import as_positive, check_flag, check_positive_int, check_type
+from ..basics.checks import as_positive, check_choice, check_flag, check_positive_int, check_type
 from ..basics.quantity import names_of
 from ..basics.values import FrozenMapping
 from ..engine.levels import kernels
@@ -19,6 +19,7 @@ from ..points.region import ExperimentRegion
 from ..points.settings import resolve_threads
 from .optimality.approximate_design import ApproximateDesign
 from .optimality.approximate_design import prior_information as information_of_prior
+from .optimality.asked import CRITERIA
 from .optimality.asked import criterion as criterion_of
 from .optimality.candidate_rows import CandidateRows
 from .optimality.continuous import Refinement, refined
@@ -97,7 +98,7 @@ def approximate(
     started = time.perf_counter()
     check_type(problem, DesignProblem, "problem")
     check_additive(problem)
-    if criterion == "ME":
+    if check_choice(criterion, CRITERIA, "criterion") == "ME":
         raise ValueError("criterion: expected one with a concave form, given 'ME': no bound holds for the condition number")
     asked = criterion_of(problem, criterion, of=of, conditions=conditions, scale=scale, threads=threads)
     starts = check_positive_int(starts, "starts", 1, MOST_CANDIDATES)

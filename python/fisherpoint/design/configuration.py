@@ -1,28 +1,33 @@
 """The TOML file of a problem: its schema, how it is read, and the objects that it describes.
 
-Every mistake in a file becomes one :class:`ConfigError` of one line that names the key and what was expected there.
-Units are checked, never converted: a file is in the units of the model, which are SI.
+All mistakes in a file become one :class:`ConfigError`, with a line for each that names the key and what was expected there.
+Numbers that are given in another unit than the model's are converted to that; those without a unit are in the model's.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from ..basics.checks import as_path
+from ..basics.quantity import names_of
 from ..basics.toml_data import read_toml
-from ..basics.toml_messages import ConfigError, choices, fail, toml
-from ..basics.toml_tables import check_names, check_table, validated
+from ..basics.toml_messages import MOST_LINES, ConfigError, describe, fail_of
 from ..information.problem import DesignProblem
 from ..models.toml import ModelFile, keys_of
+from ..points.experiments import Experiments
 from ..points.region import ExperimentRegion
 from ..points.run_region import RunRegion
 from ..prior.gaussian import GaussianPrior
+from ..prior.rules import Rule
+from .configuration_checks import mistakes_between, pair_of, valid_tables
 from .configuration_tables import (
     Bounds,
     CampaignTable,
@@ -34,12 +39,13 @@ from .configuration_tables import (
     RuleTable,
     RunsTable,
     Std,
+    stds,
 )
 from .cost import Cost
 
 __all__ = ["Config", "ConfigError", "load_config", "load_problem"]
 
-_PROBLEM_KEYS = {"output_covariance", "parameters", "kinks", "jumps", "assumed_covariance", "along"}
+_PROBLEM_KEYS = {"output_covariance", "parameters", "kinks", "jumps", "rtol", "assumed_covariance", "along"}
 
 
 class Config(ModelFile):
@@ -59,70 +65,26 @@ class Config(ModelFile):
 
     @model_validator(mode="after")
     def _check_against_model(self) -> Config:
-        model = self.build_model()
-        check_table("prior", self.prior, model.parameters, missing="{mean = ..., std = ... or relative_std = ...}")
-        if self.noise_std is not None:
-            check_table("noise_std", self.noise_std, model.outputs, missing="a number > 0")
-        elif self.design.output_covariance == "noise":
-            fail('design.output_covariance: expected a table [noise_std] with "noise", given none')
-        if self.region is not None:
-            check_table("region", self.region.bounds, model.axes, missing="[lower, upper]", also=("constraints",))
-            for name, axis in self.region.bounds.items():
-                bounds = axis.bounds
-                if len(bounds) != 2 or bounds[0] > bounds[1]:
-                    fail(f"region.{name}.bounds: expected [lower, upper] with lower <= upper, given {toml(bounds)}")
-        parameters = [quantity.name for quantity in model.parameters]
-        seen = set()
-        for pair in (self._pair(key, parameters) for key in self.prior_correlation):
-            if frozenset(pair) in seen:
-                fail(f'prior_correlation."{", ".join(pair)}": expected each pair once, given twice')
-            seen.add(frozenset(pair))
-        by_name = {"levels": "a whole number, 1 to keep the parameter at its mean", "edges": "a list of ascending numbers"}
-        for key, expected in by_name.items():
-            given = getattr(self.rule, key)
-            if isinstance(given, dict):
-                check_names(f"rule.{key}", given, parameters)
-                for name in parameters:
-                    if name not in given:
-                        fail(f"rule.{key}.{name}: missing; expected {expected}")
-        if isinstance(self.campaign.targets, dict):
-            check_names("campaign.targets", self.campaign.targets, self.design.parameters or parameters)
-        for name in self.design.parameters or ():
-            if name not in parameters:
-                fail(f"design.parameters: expected names from {choices(parameters, name)}, given {toml(name)}")
-        check_table("uncertain", self.uncertain, (*model.constant_quantities, *model.parameters))
-        for name in self.uncertain:
-            if name in (self.design.parameters or parameters):
-                fail(
-                    f"uncertain.{name}: expected a constant, or a parameter that is not among design.parameters, given one that is"
-                )
-        check_table("initial_state_std", self.initial_state_std, model.states)
+        fail_of(mistakes_between(vars(self), self.build_model()))
         return self
 
     def build_prior(self) -> GaussianPrior:
         """The prior, in the model's order of parameters."""
-        names = [quantity.name for quantity in self.build_model().parameters]
+        quantities = self.build_model().parameters
+        names = list(names_of(quantities))
         entries = [self.prior[name] for name in names]
-        mean = {name: entry.mean for name, entry in zip(names, entries, strict=True)}
-        std = [entry.std if entry.std is not None else (entry.relative_std or 0.0) * abs(entry.mean) for entry in entries]
+        with self._names_key("prior"):
+            both = [entry.mean_and_std(quantity) for entry, quantity in zip(entries, quantities, strict=True)]
+        mean, std = {name: mean for name, (mean, _) in zip(names, both, strict=True)}, [std for _, std in both]
         log = [name for name, entry in zip(names, entries, strict=True) if entry.log]
         with self._names_key("prior"):
             if not self.prior_correlation:
                 return GaussianPrior(mean, std=dict(zip(names, std, strict=True)), log=log)
             covariance = np.diag(np.square(std))
             for key, correlation in self.prior_correlation.items():
-                i, j = (names.index(name) for name in self._pair(key, names))
+                i, j = (names.index(name) for name in pair_of(key))
                 covariance[i, j] = covariance[j, i] = correlation * std[i] * std[j]
             return GaussianPrior(mean, covariance=covariance, log=log)
-
-    @staticmethod
-    def _pair(key: str, parameters: list[str]) -> tuple[str, str]:
-        """The two parameters that a key of [prior_correlation] names."""
-        names = [name.strip() for name in key.split(",")]
-        if len(names) != 2 or names[0] == names[1]:
-            fail(f'prior_correlation."{key}": expected two parameters, as in "{parameters[-2]}, {parameters[-1]}"')
-        check_names("prior_correlation", names, parameters)
-        return names[0], names[1]
 
     def problem(self) -> DesignProblem:
         """The design problem that the file describes.
@@ -138,12 +100,10 @@ class Config(ModelFile):
             If the library refuses a value; the message names the table.
         """
         model, prior, region = self.build_model(), self.build_prior(), self._region()
-        with self._names_key("rule"):
-            rule = self.rule.build()
-        noise_std, uncertain, initial_state_std = (
-            {name: entry.value for name, entry in (table or {}).items()}
-            for table in (self.noise_std, self.uncertain, self.initial_state_std)
-        )
+        rule = self._build_rule()
+        known = (*model.constant_quantities, *model.parameters)
+        noise_std = stds(self.noise_std or {}, model.outputs)
+        uncertain, initial_state_std = stds(self.uncertain, known), stds(self.initial_state_std, model.states)
         with self._names_key("design"):
             return DesignProblem(
                 model,
@@ -156,10 +116,14 @@ class Config(ModelFile):
                 **self.design.model_dump(include=_PROBLEM_KEYS, exclude_none=True),
             )
 
+    def _build_rule(self) -> Rule:
+        with self._names_key("rule"):
+            return self.rule.build()
+
     def _region(self) -> ExperimentRegion | RunRegion | None:
         if self.region is None:
             return None
-        bounds = {name: (axis.bounds[0], axis.bounds[1]) for name, axis in self.region.bounds.items()}
+        bounds = {axis.name: self.region.bounds[axis.name].pair(axis) for axis in self.build_model().axes}
         if self.runs is None:
             with self._names_key("region"):
                 return ExperimentRegion(bounds, constraints=self.region.constraints)
@@ -168,6 +132,17 @@ class Config(ModelFile):
         with self._names_key("runs"):
             return RunRegion(bounds, **self.runs.options())
 
+    def _check_values(self) -> None:
+        """Raise what the library refuses, of all tables together."""
+        lines: list[str] = []
+        for build in (self.build_prior, self._build_rule, self._region, self.exchange_settings, self.build_cost):
+            try:
+                build()
+            except ConfigError as error:
+                lines += error.lines
+        if lines:
+            raise ConfigError(*lines)
+
     def crossings(self) -> dict[str, Any]:
         """Keyword arguments for :func:`fisherpoint.simulate`: whether kinks and jumps are crossed, where the file says it."""
         return self.design.model_dump(include={"kinks", "jumps"}, exclude_none=True)
@@ -175,14 +150,26 @@ class Config(ModelFile):
     def exchange_settings(self) -> dict[str, Any]:
         """Keyword arguments for :func:`fisherpoint.exchange`; what the file leaves out is left to its defaults."""
         settings = self.design.model_dump(exclude=_PROBLEM_KEYS | {"over", "scenarios", "share"}, exclude_none=True)
-        with self._names_key("design"):
-            over = self.design.over_prior()
-        return settings if over is None else settings | {"over": over}
+        if self.design.conditions is not None:
+            with self._names_key("design"):
+                settings["conditions"] = self._conditions(Path(self._source).parent / self.design.conditions)
+        return settings | self._over()
+
+    def _conditions(self, path: Path) -> Experiments:
+        try:
+            return Experiments.from_csv(path, self.build_model())
+        except OSError as error:
+            raise ValueError(f"conditions: expected a file of points, {path} cannot be read: {error.strerror}") from error
 
     def run_settings(self) -> dict[str, Any]:
         """Keyword arguments for :func:`fisherpoint.design_runs`; what the file leaves out is left to its defaults."""
         search = {} if self.runs is None else self.runs.search()
-        return search | self.design.model_dump(include={"n_candidates", "seed", "time_limit"}, exclude_none=True)
+        return search | self.design.model_dump(include={"n_candidates", "seed", "time_limit"}, exclude_none=True) | self._over()
+
+    def _over(self) -> dict[str, Any]:
+        with self._names_key("design"):
+            over = self.design.over_prior()
+        return {} if over is None else {"over": over}
 
     def build_cost(self) -> Cost | None:
         """What experiments cost, where the file says it."""
@@ -202,7 +189,7 @@ class Config(ModelFile):
         try:
             yield
         except (ValueError, TypeError) as error:
-            raise self.error(key, " ".join(str(error).split())) from error
+            raise ConfigError(f"{self._source}: {_in_file(key, ' '.join(str(error).split()))}") from error
 
 
 def load_config(path: str | Path) -> Config:
@@ -216,12 +203,20 @@ def load_config(path: str | Path) -> Config:
     Raises
     ------
     ConfigError
-        If the file cannot be read, is not TOML, or has an unknown key, a wrong unit, a bound upside down, a missing
-        parameter, ...: one line that names the file, the key and what was expected.
+        If the file cannot be read, is not TOML, or has unknown keys, wrong units, bounds upside down, missing parameters,
+        ...: a line for each mistake, with the file, the key and what was expected; they are in its `lines` too.
     """
     path = as_path(path, "path")
-    config = validated(Config, read_toml(path), path, _keys_of)
+    data = read_toml(path)
+    try:
+        config = Config.model_validate(data)
+    except ValidationError as error:
+        # What does not fit the model is looked for by pydantic only where each table is valid in itself.
+        lines = dict.fromkeys([*describe(error, _keys_of), *islice(mistakes_of_valid_tables(data), MOST_LINES)])
+        raise ConfigError(*(f"{path}: {line}" for line in islice(lines, MOST_LINES))) from None
     config._source = str(path)
+    config._check_values()
+    config.warn_of_units(stacklevel=3)
     return config
 
 
@@ -241,9 +236,44 @@ def load_problem(path: str | Path) -> DesignProblem:
     Raises
     ------
     ConfigError
-        Where the file cannot be read, or has a mistake: one line that names the file, the key and what was expected.
+        Where the file cannot be read, or has mistakes: a line for each, with the file, the key and what was expected.
     """
     return load_config(path).problem()
+
+
+def mistakes_of_valid_tables(data: Mapping[str, Any]) -> Iterable[str]:
+    """What does not fit the model in the tables that are valid in themselves, of a file with others that are not."""
+    if "model" not in data:
+        return []
+    try:
+        model = ModelFile.model_validate({"model": data["model"]}).build_model()
+    except ValidationError as error:
+        return describe(error, _keys_of)
+    return mistakes_between(valid_tables(Config, data), model)
+
+
+def _in_file(key: str, message: str) -> str:
+    """What the library says of a value of the table `key`, by the key of the file."""
+    found = _OF_LIBRARY.fullmatch(message)
+    if found is not None:
+        name, entry, said = found.groups()
+        if name == key and entry:
+            return f"{key}.{entry}: {said}"
+        if key == "prior" and entry:
+            return f"{key}.{entry}.{name}: {said}"
+        if key in _TABLES and name in _TABLES[key].model_fields:
+            return f"{key}.{name}{f'.{entry}' if entry else ''}: {said}"
+    return f"{key}: {message}"
+
+
+_OF_LIBRARY = re.compile(r"(\w+)(?:\['(.*?)'\])?: (.*)")
+_TABLES: dict[str, type[BaseModel]] = {
+    "runs": RunsTable,
+    "rule": RuleTable,
+    "design": DesignTable,
+    "cost": CostTable,
+    "campaign": CampaignTable,
+}
 
 
 def _keys_of(place: tuple[str, ...]) -> list[str]:
@@ -253,12 +283,4 @@ def _keys_of(place: tuple[str, ...]) -> list[str]:
     if len(place) > 1:
         entries: dict[str, type[BaseModel]] = {"prior": PriorEntry, "region": Bounds}
         return list(entries.get(place[0], Std).model_fields)
-    tables: dict[str, type[BaseModel]] = {
-        "": Config,
-        "runs": RunsTable,
-        "rule": RuleTable,
-        "design": DesignTable,
-        "cost": CostTable,
-        "campaign": CampaignTable,
-    }
-    return list(tables["".join(place)].model_fields)
+    return list((_TABLES[place[0]] if place else Config).model_fields)

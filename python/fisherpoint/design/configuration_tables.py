@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
+from ..basics.checks import percentage
 from ..basics.messages import listed
+from ..basics.quantity import Quantity
 from ..basics.toml_messages import fail, toml
 from ..basics.toml_tables import Abbreviated, Constant, Count, NotNegative, Number, Positive, Table
+from ..basics.units import convert, same_zero
+from ..points.settings import COARSEST, FINEST
+from ..prior.gaussian import MOST_RELATIVE_STD
 from ..prior.rules import DEFAULT_RULE, RULES, Rule, Sobol
 from .cost import Cost
 from .over_prior import OverPrior
@@ -25,6 +31,12 @@ class Std(Constant):
     value: Positive
 
 
+def stds(table: Mapping[str, Std], quantities: Iterable[Quantity]) -> dict[str, float]:
+    """Standard deviations in the units of the quantities."""
+    units = {quantity.name: quantity.unit for quantity in quantities}
+    return {name: convert(entry.value, entry.unit or units[name], units[name], width=True) for name, entry in table.items()}
+
+
 class PriorEntry(Table):
     """Mean and standard deviation of one parameter before any experiment."""
 
@@ -34,11 +46,43 @@ class PriorEntry(Table):
     unit: str | None = None
     log: bool = False
 
+    @field_validator("relative_std")
+    @classmethod
+    def _a_share(cls, given: float | None) -> float | None:
+        return given if given is None else _share(given, MOST_RELATIVE_STD)
+
     @model_validator(mode="after")
     def _exactly_one_std(self) -> PriorEntry:
         if (self.std is None) == (self.relative_std is None):
             raise PydanticCustomError("expected", "exactly one of std and relative_std")
+        if self.mean == 0 and self.relative_std is not None:
+            raise PydanticCustomError("expected", "std in the place of relative_std, as the mean is 0")
+        if self.log and not self.mean > 0:
+            raise PydanticCustomError("expected", "a mean > 0 with log = true")
         return self
+
+    def mean_and_std(self, quantity: Quantity) -> tuple[float, float]:
+        """Both in the unit of the parameter."""
+        given, wanted = self.unit or quantity.unit, quantity.unit
+        std = self.std
+        if std is None:
+            if not same_zero(given, wanted):
+                raise ValueError(
+                    f"{quantity.name}.relative_std: expected std for a parameter in {wanted} that is given in {given}, "
+                    "as a share of the mean is not the same in both"
+                )
+            std = (self.relative_std or 0.0) * abs(self.mean)
+        return convert(self.mean, given, wanted), convert(std, given, wanted, width=True)
+
+
+def _share(given: float, most: float) -> float:
+    if given > most:
+        raise PydanticCustomError("expected", f"a share of at most {most:g}, {percentage(given)}")
+    return given
+
+
+Target = Annotated[Positive, AfterValidator(lambda given: _share(given, 1.0))]
+"""A relative standard error."""
 
 
 class Bounds(Abbreviated):
@@ -48,6 +92,11 @@ class Bounds(Abbreviated):
 
     bounds: list[Number]
     unit: str | None = None
+
+    def pair(self, quantity: Quantity) -> tuple[float, float]:
+        """Both bounds in the unit of what they are of."""
+        lower, upper = convert(self.bounds, self.unit or quantity.unit, quantity.unit)
+        return float(lower), float(upper)
 
 
 class RegionTable(Table):
@@ -146,10 +195,15 @@ class DesignTable(Table):
     over: Literal["log", "worst", "cvar"] | None = None
     scenarios: Count | None = None
     share: Annotated[float, Field(gt=0, le=1)] | None = None
+    criterion: Literal["D", "A", "E", "ME", "c", "Ds", "I"] | None = None
+    of: str | list[str] | None = None
+    conditions: str | None = None
+    scale: dict[str, Positive] | None = None
     output_covariance: Literal["noise", "region", "pooled", "pointwise"] | None = None
     parameters: Annotated[list[str], Field(min_length=1)] | None = None
     kinks: Literal["cross", "exclude"] | None = None
     jumps: Literal["cross", "exclude"] | None = None
+    rtol: Annotated[float, Field(ge=FINEST, le=COARSEST)] | None = None
     assumed_covariance: Literal["tangents", "predictive"] | None = None
     along: list[str] | None = None
 
@@ -191,7 +245,7 @@ class CampaignTable(Table):
     """A campaign: how many points a batch has, and the relative standard errors to reach, one for all or by parameter."""
 
     batch: Annotated[int, Field(ge=1, le=MOST["n_experiments"])] | None = None
-    targets: Positive | dict[str, Positive] | None = None
+    targets: Target | dict[str, Target] | None = None
 
     @model_validator(mode="before")
     @classmethod

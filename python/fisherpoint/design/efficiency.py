@@ -8,6 +8,7 @@ the sensor noise. Here Sigma_theta is the covariance that the rule's nodes have,
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -30,7 +31,10 @@ LEAST_RANDOM_DESIGNS = 25
 
 
 class Bound(NamedTuple):
-    """The largest log det F under the sensor noise, (7), that a design of some candidates can have, and how many these are."""
+    """The largest log det F under the sensor noise, (7), that a design of some candidates can have, and how many these are.
+
+    With another criterion, what is maximised in its place.
+    """
 
     log_det: float
     n_candidates: int
@@ -39,6 +43,9 @@ class Bound(NamedTuple):
 @dataclass(frozen=True)
 class Efficiency:
     """Log dets (standardised, (7)'s scaling) and D-efficiencies (det ratio)^(1/p); None where something does not exist.
+
+    With another criterion than "D", log dets are replaced by what is maximised in their place, as in `TraceRecord`, and
+    D-efficiencies by those of the criterion: the share of the measurements with which the better design would do.
 
     Attributes
     ----------
@@ -80,7 +87,10 @@ class Efficiency:
 
 
 def d_efficiency(log_det: float | None, reference: float | None, parameters: int) -> float | None:
-    """(det ratio)^(1/p); None where a log det is missing or infinite, or the ratio overflows."""
+    """(det ratio)^(1/p); None where a log det is missing or infinite, or the ratio overflows.
+
+    With the level of another criterion in the place of p, its efficiency.
+    """
     if log_det is None or reference is None or not np.isfinite(reference):
         return None
     with np.errstate(over="ignore"):
@@ -97,10 +107,12 @@ def efficiency_of(
     best_found: float | None = None,
     random_median: float | None = None,
     of_criterion: bool = False,
+    level: int | None = None,
 ) -> Efficiency:
     """Collect the comparison of a design whose log dets under its criterion and under the noise are given.
 
-    The bound of the candidates is of the noise at the prior mean, or `of_criterion`.
+    The bound of the candidates is of the noise at the prior mean, or `of_criterion`. `level` is that of the criterion where it is
+    not "D".
     """
     p, n_y = len(problem.estimated), int(d.used.sum())
     bound = None
@@ -112,11 +124,12 @@ def efficiency_of(
     if under_noise is not None and best_found is not None:
         best_found = max(best_found, under_noise)
     at_most = None if candidates is None else candidates.log_det
-    vs_random = d_efficiency(under_noise, random_median, p)
+    level = p if level is None else level
+    vs_random = d_efficiency(under_noise, random_median, level)
     return Efficiency(
         under_noise=under_noise,
         at_most=at_most,
-        at_least=d_efficiency(log_det if of_criterion else under_noise, at_most, p),
+        at_least=d_efficiency(log_det if of_criterion else under_noise, at_most, level),
         n_candidates=0 if candidates is None else candidates.n_candidates,
         best_found=best_found,
         vs_best=d_efficiency(under_noise, best_found, p),
@@ -135,11 +148,13 @@ def random_designs(
     threads: int,
     previous: PointInformation | None = None,
     time_limit: float | None = None,
+    value: Callable[[Array], float] = _core.log_det,
 ) -> Array:
     """Log dets (n,) under the sensor noise of random designs that share no point, each beside the previous points.
 
     Their points are valid at the prior mean: on all nodes of the rule a design's own have to be, at many times the cost. As many
     are drawn as tell the median to `MEDIAN_ERROR`, up to the time limit in seconds or `MOST_RANDOM_POINTS`, but 25 at least.
+    Another `value` of F than log det F may be asked for.
     """
     started, source = time.perf_counter(), CandidateSource(problem, np.random.default_rng([seed, 1]), threads)
     most = max(LEAST_RANDOM_DESIGNS, MOST_RANDOM_POINTS // n_experiments)
@@ -155,7 +170,7 @@ def random_designs(
         for k in range(group):
             design = prepared[k * n_experiments : (k + 1) * n_experiments]
             design = design if known is None else PointInformation.join([known, design])
-            found.append(_core.log_det(d.accumulate(design).fisher(d.given)))
+            found.append(value(d.accumulate(design).fisher(d.given)))
         if len(found) >= LEAST_RANDOM_DESIGNS and _median_error(np.array(found)) <= MEDIAN_ERROR * len(problem.estimated):
             break
     return np.array(found)

@@ -7,7 +7,7 @@ removal leaves the largest Phi leaves. That may be the candidate itself, so Phi 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,12 +25,13 @@ from ..points.settings import resolve_threads
 from ..points.status import Status, failures_of
 from .efficiency import Efficiency, efficiency_of, median_of, random_designs
 from .found import FoundDesign
+from .optimality.aims import LogDet
 from .over_prior import OverPrior, Scenarios, moved_problems
 from .points.auto_search import AutoSearch
 from .points.exchange_search import ExchangeSearch
 from .points.point_search import PointSearch, Progress
 from .result import Design
-from .settings import ExchangeSettings, check_over, searched_by
+from .settings import ExchangeSettings, check_asked, most_iterations, searched_by
 
 
 def exchange(
@@ -38,7 +39,7 @@ def exchange(
     n_experiments: int = 12,
     *,
     n_candidates: int = 50,
-    max_iterations: int = 200,
+    max_iterations: int | None = None,
     seed: int = 0,
     threads: int | None = None,
     progress: Callable[[Progress], None] | None = None,
@@ -52,8 +53,12 @@ def exchange(
     previous: Previous | None = None,
     keep: Experiments | FoundDesign | None = None,
     over: OverPrior | None = None,
+    criterion: str = "D",
+    of: str | Sequence[str] | None = None,
+    conditions: Experiments | None = None,
+    scale: Mapping[str, float] | None = None,
 ) -> Design:
-    """Find the design with the largest det F by exchanging points for candidates.
+    """Find the design with the largest det F, or the best by another criterion, by exchanging points for candidates.
 
     Parameters
     ----------
@@ -61,7 +66,8 @@ def exchange(
         With a region.
     n_experiments, n_candidates : int
         L points, M candidates per draw; a million of each at most.
-    max_iterations : int
+    max_iterations : int, optional
+        Default: 400, and 200 where the search is that of the paper.
     seed : int
         The same seed gives the same design, for any number of threads.
     threads : int, optional
@@ -84,8 +90,8 @@ def exchange(
         they come every fourth time, at least one for each point. 0 for none: Algorithm 1 alone.
     method : {"paper", "auto"}
         "auto" exchanges points from several starts over pools of candidates, at first 200 n_candidates random ones, then in each
-        iteration 24 n_candidates near the points, and moves all numbers together. It ends as "converged" where nothing gains any
-        more. "paper" is Algorithm 1 with local candidates: a fraction of the time, and designs that are not as good. Where D is
+        iteration 12 or 24 n_candidates near the points, and moves all numbers together. It ends as "converged" where nothing gains
+        any more. "paper" is Algorithm 1 with local candidates: a fraction of the time, and designs that are not as good. Where D is
         "pooled" or "pointwise", and for models of Python functions that cannot be translated, "auto" is "paper"; `max_redraws`,
         `screen` and `local` are of "paper" alone.
     previous : Measurements, Experiments, Design, or a sequence of these, optional
@@ -99,6 +105,11 @@ def exchange(
         A criterion over the prior in the place of log det F at its mean: for methods "auto" with D = R. The time is that of
         "auto" times the scenarios up to four of them; with more, fewer candidates are drawn, and it grows less. A point must be
         valid in every scenario.
+    criterion : {"D", "A", "E", "ME", "c", "Ds", "I"}
+        What the points are to be good for, beside "D" for method "auto" with D = R; :func:`fisherpoint.criterion` says what they
+        are, and what they need. Where no point tells about some parameters, "A", "E" and "ME" ask for the others.
+    of, conditions, scale
+        What the criterion needs.
 
     Returns
     -------
@@ -108,13 +119,14 @@ def exchange(
     Raises
     ------
     ValueError
-        For misuse, points to keep that are not valid, a region in which hardly a point survives, or a singular output covariance.
+        For misuse, points to keep that are not valid, a region in which hardly a point survives, a singular output covariance, or
+        points too few to determine what a criterion other than "D" asks.
     """
     check_type(problem, DesignProblem, "problem")
     settings = ExchangeSettings(
         n_experiments=n_experiments,
         n_candidates=n_candidates,
-        max_iterations=max_iterations,
+        max_iterations=most_iterations(max_iterations, method, problem),
         seed=seed,
         patience=patience,
         time_limit=time_limit,
@@ -124,8 +136,12 @@ def exchange(
         local=local,
         method=method,
         over=over,
+        criterion=criterion,
+        of=of,  # type: ignore[arg-type]  # the settings make it a tuple
+        conditions=conditions,
+        scale=scale,
     )
-    check_over(settings, problem)
+    check_asked(settings, problem)
     if progress is not None and not callable(progress):
         raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
     threads = resolve_threads(threads)
@@ -137,6 +153,11 @@ def exchange(
         scenarios = _scenarios(problem, settings, previous, keep, known, threads)
     search = _search(problem, settings, threads, known, kept, scenarios)
     stop_reason = search.run(progress)
+    if criterion != "D" and stop_reason != "interrupted" and not np.isfinite(search.best.log_det):
+        raise ValueError(
+            f"n_experiments: expected points enough to determine what criterion {criterion!r} asks, given "
+            f"{settings.n_experiments}: the search has found none that do"
+        )
     efficiency = None
     under_noise = search.under_noise()
     if settings.references and stop_reason != "interrupted":
@@ -215,15 +236,20 @@ def _references(search: PointSearch, under_noise: Evaluation | None) -> Efficien
             raise KeyboardInterrupt
         best_found = other.best.log_det
         seen.include(other.seen)
-    random = random_designs(problem, search.count, settings.seed, search.threads, search.previous, settings.time_limit)
+    aim, log_det = search.at_mean, under_noise.log_det
+    if not isinstance(aim, LogDet):
+        log_det = aim.value(under_noise.fisher)
+    start = search.count, settings.seed, search.threads, search.previous, settings.time_limit
+    random = random_designs(problem, *start, aim.value)
     own, over = search.best.information, search.scenarios
     return efficiency_of(
         search.problem,
         search.criterion,
         search.best.log_det,
-        under_noise.log_det,
+        log_det,
         seen.bound(own, search.previous) if over is None else seen.bound_over(own, search.previous, over),
         best_found,
         median_of(random),
         of_criterion=over is not None,
+        level=aim.level,
     )

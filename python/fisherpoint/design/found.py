@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from ..information.feasibility import Feasibility, feasibility
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from .efficiency import Efficiency
+from .optimality.asked import criterion
+from .optimality.criteria import Criterion
 from .scenario_values import ScenarioValues
 from .settings import ExchangeSettings
 
@@ -31,7 +34,8 @@ STOP_REASONS = ("max_iterations", "patience", "time_limit", "interrupted", "conv
 class TraceRecord:
     """One iteration: log det F after it, whether a point was exchanged, candidates drawn so far, seconds so far.
 
-    With a criterion over the prior `log_det` is what is maximised, the average over the scenarios.
+    With another criterion than "D" `log_det` is what is maximised in its place: log phi times its `level` for F as in (7), such as
+    the negative logarithm of the trace of F^-1. With a criterion over the prior it is the average over the scenarios.
     """
 
     iteration: int
@@ -89,6 +93,23 @@ class FoundDesign:
     n_kept: int = 0
     previous_left_out: Mapping[str, int] = FrozenMapping({})
     scenarios: ScenarioValues | None = None
+
+    @cached_property
+    def criterion(self) -> Criterion:
+        """What was asked for, as a function of information matrices; where F is singular, "A", "E" and "ME" ask for the rest."""
+        given = self.settings
+        options: dict[str, Any] = {"of": given.of, "conditions": given.conditions, "scale": given.scale}
+        asked = criterion(self.problem, given.criterion, **options)
+        nulls = self.evaluation.null_directions
+        if not nulls:
+            return asked
+        columns = np.array([[null.get(name, 0.0) for name in self.evaluation.parameters] for null in nulls]).T
+        return asked.restricted(np.linalg.qr(columns, mode="complete")[0][:, len(nulls) :])
+
+    @property
+    def value(self) -> float:
+        """The criterion at the prior mean with all measurements, previous ones too: at `Evaluation.information`."""
+        return self.criterion.value(self.evaluation.information)
 
     @cached_property
     def feasibility(self) -> Feasibility | None:

@@ -91,8 +91,12 @@ class OverPrior:
     @property
     def described(self) -> str:
         """What is maximised, as part of a sentence."""
-        of = {"log": "the mean log det F", "worst": "the smallest log det F"}
-        return of.get(self.kind, f"the mean log det F of the worst {100 * self.share:g} %")
+        return self.described_with("log det F")
+
+    def described_with(self, what: str) -> str:
+        """The same for another criterion."""
+        of = {"log": f"the mean {what}", "worst": f"the smallest {what}"}
+        return of.get(self.kind, f"the mean {what} of the worst {100 * self.share:g} %")
 
     def to_json(self) -> dict[str, Any]:
         scenarios = rule_to_json(self.scenarios) if isinstance(self.scenarios, Rule) else [dict(one) for one in self.scenarios]

@@ -18,13 +18,14 @@ from ..show import style
 from ..show.shown import Plots
 from ..show.standard_errors import standard_error_figure
 from ..show.style import CRITERION, NOISE, PRIOR, STYLE
+from .criterion_report import maximised
 from .evaluated import Evaluated
 from .found import FoundDesign
 from .pictures_points import plot_points, plot_trajectories
 
 
 def plot_criterion(design: FoundDesign) -> Figure:
-    """log det F over the iterations of the exchange, with the references where they are of the same D."""
+    """What is maximised over the iterations of the exchange, with the references where they are of the same D."""
     iteration = np.array([record.iteration for record in design.trace])
     log_det = np.array([record.log_det for record in design.trace])
     exchanged = np.array([record.exchanged for record in design.trace], dtype=bool)
@@ -43,9 +44,9 @@ def plot_criterion(design: FoundDesign) -> Figure:
                 _reference(axes, design.efficiency.at_most, "bound for these candidates", "--")
                 if design.scenarios is None:
                     _reference(axes, design.efficiency.random_median, "median random design", ":")
-        over = design.settings.over
         axes.set_xlabel("iteration")
-        axes.set_ylabel(f"{'log det F' if over is None else over.described}, parameters in prior std")
+        units = ", parameters in prior std" if design.settings.criterion in ("D", "Ds") else ", F as in (7)"
+        axes.set_ylabel(f"{maximised(design)}{units}")
         axes.set_title(f'Criterion, output covariance "{kind}"')
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.legend(loc="center right", frameon=True, framealpha=0.95, edgecolor="none")

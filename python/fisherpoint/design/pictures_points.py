@@ -21,7 +21,7 @@ from ..information.draws import drawn_from_prior
 from ..information.problem import DesignProblem
 from ..models import Model
 from ..points.experiments import Experiments
-from ..points.status import Status
+from ..points.runs import Runs
 from ..points.trajectories import simulate
 from ..show.numbers import number
 from ..show.style import NOISE, PRIOR, STYLE, TEXT, scale, settle, telling
@@ -29,6 +29,15 @@ from .evaluated import Evaluated
 from .pictures_responses import free_axis, plot_responses
 
 Floats = NDArray[np.float64]
+
+FRACTIONS = np.unique(np.concatenate([[1e-6], np.geomspace(1e-4, 1.0, 17), np.linspace(0.0, 1.0, 41)[1:]]))
+"""Of a duration, at which trajectories are drawn: what is fast at the start is seen beside what is slow."""
+
+ALIKE = 0.01
+"""Points of which all numbers differ by less than this share of them have one row of trajectories."""
+
+MOST_NUMBERS = 5
+"""Of points alike that are named beside their row."""
 
 SAME_PLACE = 3.0
 """Starts that are closer on paper, in points of 1/72 inch, share one label."""
@@ -42,8 +51,7 @@ def plot_points(design: Evaluated) -> Figure:
     if free_axis(design) is not None:
         return plot_responses(design)
     model, points = design.problem.model, design.points
-    fractions = np.linspace(0.0, 1.0, 65)
-    paths, outputs = (path[:, 0] for path in _trajectories(design.problem, points, fractions, _mean(design)[None]))
+    paths, outputs = (path[:, 0] for path in _trajectories(design.problem, points, FRACTIONS, _mean(design)[None]))
     if not model.states:
         outputs = outputs[:, :1]
     values = {quantity.name: outputs[:, :, i] for i, quantity in enumerate(model.outputs)}
@@ -78,7 +86,7 @@ def plot_points(design: Evaluated) -> Figure:
 
 
 def plot_trajectories(design: Evaluated, max_points: int = 24, plants: int = 200, seed: int = 0) -> Figure:
-    """Every point's outputs over time with their spread over the prior: a row per point, a column per output.
+    """Every point's outputs over time with their spread over the prior: a row per point, or of points alike, a column per output.
 
     Parameters
     ----------
@@ -93,25 +101,27 @@ def plot_trajectories(design: Evaluated, max_points: int = 24, plants: int = 200
     """
     model, points = design.problem.model, design.points[:max_points]
     title = "Trajectories" if len(points) == len(design.points) else f"Trajectories of the first {len(points)} points"
+    groups = _alike(points.table)
+    points = points[[group[0] for group in groups]]
     theta, _ = drawn_from_prior(design.problem, plants, np.random.default_rng(seed))
-    fractions = np.linspace(0.0, 1.0, 21)
-    nominal = _trajectories(design.problem, points, fractions, _mean(design)[None])[1][:, 0]
-    spread = _trajectories(design.problem, points, fractions, theta)[1]
+    nominal = _trajectories(design.problem, points, FRACTIONS, _mean(design)[None])[1][:, 0]
+    spread = _trajectories(design.problem, points, FRACTIONS, theta)[1]
     low, high = np.nanpercentile(spread, [5.0, 95.0], axis=1)
     noise_std = design.problem.noise_std
-    per_second, time_unit = scale(Quantity("t", "s"), points.dt)
+    times = [scale(Quantity("t", "s"), dt) for dt in points.dt]
+    one_unit = len({unit for _, unit in times}) == 1
 
     with mpl.rc_context({**STYLE, "font.size": 8.0}):
         width = max(2.5 * len(model.outputs) + 0.6, 5.6)  # the legend needs that
-        figure = Figure(figsize=(width, 1.25 * len(points) + 1.0))
+        figure = Figure(figsize=(width, (1.25 if one_unit else 1.45) * len(points) + 1.0))
         grid = figure.subplots(len(points), len(model.outputs), squeeze=False)
         for j, output in enumerate(model.outputs):
             factor, unit = scale(output, nominal[:, :, j])
             for k, axes in enumerate(grid[:, j]):
-                time = per_second * points.dt[k] * fractions
+                time = times[k][0] * points.dt[k] * FRACTIONS
                 band = axes.fill_between(time, factor * low[k, :, j], factor * high[k, :, j], color=NOISE, alpha=0.3, linewidth=0)
                 (line,) = axes.plot(time, factor * nominal[k, :, j], color=NOISE, linewidth=1.3)
-                told = _told(k, output.name, unit, factor * nominal[k, [0, -1], j], points.dt[k])
+                told = _told(groups[k], output.name, unit, factor * nominal[k, [0, -1], j], points.dt[k])
                 telling((band, line), told, f"{k}-{j}")
                 handles = [line, band]
                 labels = ["at the prior mean", "5 to 95 % over the prior"]
@@ -127,22 +137,39 @@ def plot_trajectories(design: Evaluated, max_points: int = 24, plants: int = 200
         figure.legend(handles, labels, loc="upper left", ncols=ncols, title=title, alignment="left", borderaxespad=0.2)
         above = 0.46 + 0.16 * -(-len(handles) // ncols)
         titles = [f"{output.name} [{scale(output, nominal[:, :, j])[1]}]" for j, output in enumerate(model.outputs)]
-        _place(figure, grid, titles, above)
+        _place(figure, grid, titles, above, 0.3 if one_unit else 0.5)
         for k, axes in enumerate(grid[:, 0]):
             place = (0.06 / width, axes.get_position().y0 + axes.get_position().height / 2)
-            figure.text(*place, f"{k + 1}", ha="left", va="center", fontsize=11, fontweight="bold")
-        for axes in grid[-1]:
-            axes.set_xlabel(f"t [{time_unit}]")
+            numbers = [str(number + 1) for number in groups[k]]
+            label = "\n".join(numbers if len(numbers) <= MOST_NUMBERS else [*numbers[: MOST_NUMBERS - 1], "…"])
+            figure.text(*place, label, ha="left", va="center", fontsize=11, fontweight="bold")
+        for row, (_, unit) in list(zip(grid, times, strict=True))[-1 if one_unit else 0 :]:
+            for axes in row:
+                axes.set_xlabel(f"t [{unit}]", labelpad=1)
     return figure
 
 
-def _told(k: int, name: str, unit: str, ends: Floats, dt: float) -> str:
+def _alike(table: Floats) -> list[list[int]]:
+    """Rows of a table that are equal but for a small share of their numbers, by the first of them."""
+    groups: list[list[int]] = []
+    for k, row in enumerate(table):
+        for group in groups:
+            if (np.abs(row - table[group[0]]) <= ALIKE * np.abs(row)).all():
+                group.append(k)
+                break
+        else:
+            groups.append([k])
+    return groups
+
+
+def _told(group: Sequence[int], name: str, unit: str, ends: Floats, dt: float) -> str:
     """What the curve of a point says of itself."""
     start, end = (number(value) for value in ends)
-    return f"point {k + 1}: {name} from {start} to {end} {unit} in {number(dt)} s, at the prior mean"
+    of = f"point {group[0] + 1}" if len(group) == 1 else f"points {', '.join(str(k + 1) for k in group)}"
+    return f"{of}: {name} from {start} to {end} {unit} in {number(dt)} s, at the prior mean"
 
 
-def _place(figure: Figure, grid: NDArray[Any], titles: Sequence[str], above: float) -> None:
+def _place(figure: Figure, grid: NDArray[Any], titles: Sequence[str], above: float, between: float) -> None:
     """Give many small panels the room that their labels need, told by the number of characters.
 
     A layout engine would measure each label several times, which takes longer than all else that a command does with the design.
@@ -153,7 +180,7 @@ def _place(figure: Figure, grid: NDArray[Any], titles: Sequence[str], above: flo
     room = [max(_label_length(axes) for axes in column) * digit + 0.16 for column in grid.T]
     room[0] += 0.28  # the number of the point
     panel = max((width - sum(room) - 0.18) / len(room), 0.5)
-    below, between = 0.4, 0.3  # for labels
+    below = 0.4  # for labels
     row = (height - above - below + between) / len(grid)
     for j, title in enumerate(titles):
         left = sum(room[: j + 1]) + panel * j
@@ -221,13 +248,13 @@ def _point_panel(
 
 
 def _number_points(axes: Axes, x: Floats, y: Floats) -> None:
-    """Number the points, each at the place around its marker that is farthest from everything else."""
+    """Number the points, each at the place around its marker that is farthest from everything else, and within the axes."""
+    point = 72.0 / axes.figure.dpi  # in points of 1/72 inch distances are those that are seen
 
     def on_paper(column: int) -> Floats:
-        # In points of 1/72 inch, in which distances are those that are seen.
-        return axes.transData.transform(np.column_stack([x[:, column], y[:, column]])) * 72.0 / axes.figure.dpi
+        return axes.transData.transform(np.column_stack([x[:, column], y[:, column]])) * point
 
-    starts = on_paper(0)
+    starts, (lowest, highest) = on_paper(0), axes.bbox.get_points() * point
     places: dict[int, list[str]] = {}  # numbers of starts that lie on each other, by the first of them
     for k, start in enumerate(starts):
         first = next((j for j in places if np.hypot(*(starts[j] - start)) < SAME_PLACE), k)
@@ -242,7 +269,8 @@ def _number_points(axes: Axes, x: Floats, y: Floats) -> None:
         others = np.array([other for other in occupied if not np.allclose(other, here)]).reshape(-1, 2)
         offsets = (half + 5.5) * around
         gaps = [np.min(np.hypot(*np.maximum(np.abs(here + offset - others) - half, 0.0).T), initial=12.0) for offset in offsets]
-        offset = offsets[int(np.argmax(gaps))]
+        outside = np.maximum(lowest - (here + offsets - half), here + offsets + half - highest)
+        offset = offsets[int(np.argmax(gaps - 2.0 * np.maximum(outside, 0.0).sum(axis=1)))]  # beyond the axes are other labels
         occupied.append(here + offset)
         label = axes.annotate(text, (x[k, 0], y[k, 0]), offset, textcoords="offset points", ha="center", va="center", zorder=4)
         label.set_path_effects([withStroke(linewidth=2, foreground="white")])
@@ -281,11 +309,11 @@ def _trajectories(problem: DesignProblem, points: Experiments, fractions: Floats
     A trajectory that does not reach a fraction is NaN from there on.
     """
     nodes, times = len(theta), len(fractions)
-    each = nodes * times
-    # A duration of zero is no experiment: the start is taken after a millionth of dt.
-    share = np.tile(np.where(fractions > 0, fractions, 1e-6), len(points) * nodes)
-    batch = Experiments(np.repeat(points.x0, each, axis=0), np.repeat(points.u, each, axis=0), np.repeat(points.dt, each) * share)
-    done = simulate(problem.model, batch, np.tile(np.repeat(theta, times, axis=0), (len(points), 1)))
-    failed = (np.asarray(done.status) != Status.ok)[:, None]
+    batch, each = points[np.repeat(np.arange(len(points)), nodes)], np.tile(theta, (len(points), 1))
+    if not problem.model.states:
+        y = simulate(problem.model, batch, each).y.reshape(len(points), nodes, 1, -1)
+        return np.empty((len(points), nodes, times, 0)), np.repeat(y, times, axis=2)
+    done = simulate(problem.model, Runs.of_points(batch).divided(fractions), each)
+    missed = (np.arange(times) >= done.reached[:, None])[..., None]
     shape = (len(points), nodes, times, -1)
-    return np.where(failed, np.nan, done.x).reshape(shape), np.where(failed, np.nan, done.y).reshape(shape)
+    return np.where(missed, np.nan, done.x[:, 1:]).reshape(shape), np.where(missed, np.nan, done.y).reshape(shape)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
@@ -15,13 +16,16 @@ from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from ..points.status import Status
 from ..points.trajectories import simulate
-from ..show.style import NOISE, STYLE, TEXT, scale
+from ..show.style import NOISE, STYLE, TEXT, scale, settle
 from .evaluated import Evaluated
 
 Floats = NDArray[np.float64]
 
 CURVE = 401
 """Places at which a curve is computed."""
+
+ABOVE, DIGIT = 6.0, 4.8
+"""Of labels, in points of 1/72 inch: how far above the point they are, and how wide a character is."""
 
 
 def free_axis(design: Evaluated) -> Quantity | None:
@@ -63,18 +67,35 @@ def plot_responses(design: Evaluated) -> Figure:
                 factor * sampled, factor_y * at_points[:, j], noise, fmt="o", color=NOISE, ecolor=TEXT, markersize=6,
                 markeredgecolor=TEXT, markeredgewidth=0.7, capsize=2, linewidth=1, zorder=3,
             )  # fmt: skip
-            for place, numbers in _places(sampled, (upper - lower) / 60):
-                k = numbers[0]
-                text = ", ".join(str(number + 1) for number in numbers)
-                where = (factor * place, factor_y * at_points[k, j])
-                label = axes.annotate(text, where, (0, 11), textcoords="offset points", ha="center", zorder=4)
-                label.set_path_effects([withStroke(linewidth=2, foreground="white")])
             axes.set_ylabel(f"{output.name} [{unit_y}]")
             axes.margins(x=0.05, y=0.18)
         grid[-1].set_xlabel(f"{axis.name} [{unit}]")
         bars = "" if problem.noise_std is None else "; bars: std of the noise"
         figure.suptitle(f"Experiment points (numbered), outputs at the prior mean{bars}", x=0.01, ha="left")
+        settle(figure)  # the layout decides where labels have room
+        for j, (axes, output) in enumerate(zip(grid, model.outputs, strict=True)):
+            factor_y = scale(output, expected[:, j])[0]
+            noise = 0.0 if problem.noise_std is None else factor_y * problem.noise_std[output.name]
+            for place, numbers in _places(sampled, (upper - lower) / 60):
+                above = (factor * place, factor_y * at_points[numbers[0], j] + noise)
+                text = ", ".join(str(number + 1) for number in numbers)
+                ha = _alignment(axes, text, above, np.column_stack([factor * along, factor_y * expected[:, j]]))
+                label = axes.annotate(text, above, (0, ABOVE), textcoords="offset points", ha=ha, va="bottom", zorder=4)
+                label.set_path_effects([withStroke(linewidth=2, foreground="white")])
     return figure
+
+
+def _alignment(axes: Axes, text: str, above: tuple[float, float], curve: Floats) -> str:
+    """Of a label, the first alignment of which it is within the axes and off the curve; else it is centred."""
+    point = 72.0 / axes.figure.dpi  # distances are in points of 1/72 inch
+    (x, y), path = axes.transData.transform(above) * point, axes.transData.transform(curve) * point
+    (lowest, _), (highest, _) = axes.bbox.get_points() * point
+    width, height = DIGIT * len(text), ABOVE + 2 * DIGIT
+    for name, begin in (("center", x - width / 2), ("left", x), ("right", x - width)):
+        within = (path[:, 0] > begin) & (path[:, 0] < begin + width) & (path[:, 1] > y + ABOVE) & (path[:, 1] < y + height)
+        if lowest <= begin and begin + width <= highest and not within.any():
+            return name
+    return "center"
 
 
 def _outputs(problem: DesignProblem, table: Floats) -> Floats:

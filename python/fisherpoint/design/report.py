@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.quantity import Quantity
@@ -17,11 +18,14 @@ from ..information.nearby import DISTANCE, Nearby, times
 from ..information.problem import DesignProblem
 from ..models import Model
 from ..points.experiments import Experiments
+from ..points.outside import few, outside
 from ..points.status import Status
 from ..show.numbers import column, computed, counted, number, percent
 from ..show.section import Report, Section
+from .criterion_report import asked_for, at_least, bound_of, facts_asked, maximised, told
 from .evaluated import Evaluated
 from .found import FoundDesign
+from .optimality.asked import named
 from .over_report import over_sections
 from .settings import searched_by
 
@@ -34,7 +38,12 @@ USUAL = 0.99
 
 def design_report(design: FoundDesign, most: int = ROWS) -> Report:
     """The report of a design: at most so many points, parameters, criterion, efficiency, search, warnings."""
-    sections = [_points_table(design, most), _parameter_table(design), _criterion(design), *over_sections(design)]
+    sections = [
+        _points_table(design, most),
+        _parameter_table(design),
+        _criterion(design),
+        *over_sections(design, maximised(design)),
+    ]
     sections += _efficiency(design)
     if design.feasibility is not None:
         sections += plants_sections(design.feasibility)
@@ -88,9 +97,10 @@ def _headline(evaluated: Evaluated) -> str:
     parameters, points = evaluated.evaluation.parameters, evaluated.points
     previous = getattr(evaluated, "n_previous", 0)
     beside = f" beside {previous} previous ones" if previous else ""
+    asked = asked_for(evaluated) if isinstance(evaluated, FoundDesign) else ""
     return (
         f"{counted(len(points), 'experiment point')}{beside} for {evaluated.problem.model.name}, "
-        f"{counted(len(parameters), 'parameter')} to estimate: {', '.join(parameters)}"
+        f"{counted(len(parameters), 'parameter')} to estimate: {', '.join(parameters)}{asked}"
     )
 
 
@@ -161,7 +171,10 @@ def _criterion(evaluated: Evaluated) -> Section:
         facts.append(("outputs left out", f"{left_out}: no noise is given and no parameter has an influence"))
     if evaluated.problem.along:
         facts.append(("limits along the way", "; ".join(evaluated.problem.along)))
-    facts += [*_assumed(evaluated.problem), *value_of_criterion(evaluation)]
+    facts += _assumed(evaluated.problem)
+    if isinstance(evaluated, FoundDesign):
+        facts += facts_asked(evaluated)
+    facts += value_of_criterion(evaluation)
     if evaluated.under_noise is not None and evaluation.output_covariance_kind != "noise":
         facts.append(("log det F under the noise", f"{evaluated.under_noise.log_det:.4f}"))
     return Section("Criterion", (), facts)
@@ -188,14 +201,14 @@ def _describe_covariance(problem: DesignProblem) -> str:
 
 
 def _efficiency(design: FoundDesign) -> Iterator[Section]:
-    efficiency, facts = design.efficiency, []
+    efficiency, name, facts = design.efficiency, design.settings.criterion, []
     if efficiency is None:
         return
     notes = []
     if efficiency.at_least is not None:
+        assert efficiency.at_most is not None
         of_all = f"of any design of the {efficiency.n_candidates} candidates"
-        what = "log det" if design.settings.over is None else f"{design.settings.over.described} over the scenarios"
-        facts.append((of_all, f"at least {percent(efficiency.at_least)} ({what} at most {efficiency.at_most:.4f})"))
+        facts.append((of_all, f"{at_least(efficiency.at_least)} ({bound_of(design, efficiency.at_most)})"))
         notes = [
             "Proven by the weights that are best for these candidates; designs of whole points may all fall short of them. It says "
             "nothing of points between the candidates: fp.approximate searches the region."
@@ -204,14 +217,20 @@ def _efficiency(design: FoundDesign) -> Iterator[Section]:
         other = f"(log det {efficiency.best_found:.4f})"
         facts.append(("of the best that another search with D = R found", f"{percent(efficiency.vs_best)} {other}"))
     if efficiency.vs_random is not None:
-        median = f"(log det {efficiency.random_median:.4f})"
+        assert efficiency.random_median is not None
+        what = "log det" if name == "D" else named(name, design.settings.of)
+        median = f"({what} {told(design, efficiency.random_median)})"
         facts.append(("of the median random design", f"{percent(efficiency.vs_random)} {median}"))
     if efficiency.vs_bound is not None:
         bound = f"(log det {efficiency.bound:.4f}, under the D of the criterion)"
         facts.append(("of the closed bound", f"{percent(efficiency.vs_bound)} {bound}"))
-    under = "" if efficiency.under_noise is None else f"; under the sensor noise, log det {efficiency.under_noise:.4f}"
+    if name == "ME":
+        notes = ["No bound is known for the condition number: better designs may exist."]
+    under = ""
+    if efficiency.under_noise is not None and name == "D":
+        under = f"; under the sensor noise, log det {efficiency.under_noise:.4f}"
     if facts:
-        yield Section(f"D-efficiency{under}", (), facts, notes=notes)
+        yield Section(f"{name}-efficiency{under}", (), facts, notes=notes)
 
 
 _STOP = {
@@ -272,6 +291,9 @@ def _counts(title: str, counts: Mapping[str, int], total: int, share: str) -> Se
 
 def _warnings(evaluated: Evaluated) -> Iterator[str]:
     """What the user should not miss, each as a paragraph."""
+    places = list(outside(evaluated.problem.model, evaluated.problem.region, evaluated.points))
+    if places:
+        yield f"Outside of the region: {few(places, 10)}."
     efficiency = getattr(evaluated, "efficiency", None)
     if efficiency is not None and efficiency.below_random:
         kind = evaluated.evaluation.output_covariance_kind
@@ -279,7 +301,12 @@ def _warnings(evaluated: Evaluated) -> Iterator[str]:
             f"Under the sensor noise this design is worse than the median random design. The criterion's D "
             f'("{kind}") ignores the size of the signals; use output_covariance = "noise".'
         )
-    if evaluated.evaluation.covariance is None:
+    if evaluated.evaluation.covariance is None and isinstance(evaluated, FoundDesign) and np.isfinite(evaluated.value):
+        yield (
+            f"F is singular: the points determine what criterion {evaluated.settings.criterion} asks, but not all parameters. "
+            "What is left open stands beside the criterion; more points, or parameters left out, would close it."
+        )
+    elif evaluated.evaluation.covariance is None:
         yield (
             "F is singular: the points do not determine all parameters. Add points, widen the region, or leave "
             "parameters out (parameters = [...])."

@@ -24,7 +24,8 @@ class ScenarioValues:
     Attributes
     ----------
     value : float
-        What was maximised: the average of `log_dets` that the criterion takes.
+        What was maximised: the average of `log_dets` that the criterion takes, or of what stands in their place with another
+        criterion than "D".
     parameters : tuple of mappings of parameter name to float
         The estimated parameters of each scenario, SI units.
     weights : tuple of float
@@ -58,14 +59,16 @@ class ScenarioValues:
         return FrozenMapping({name: max(of) for name, of in self.standard_errors.items()})
 
 
-def scenario_values(problems: Sequence[DesignProblem], average: Average, evaluations: Sequence[Evaluation]) -> ScenarioValues:
-    """Collect the evaluations of a design in all scenarios."""
+def scenario_values(
+    problems: Sequence[DesignProblem], average: Average, evaluations: Sequence[Evaluation], value: float | None = None
+) -> ScenarioValues:
+    """Collect the evaluations of a design in all scenarios; `value` is what was maximised where that is not of log dets."""
     log_dets = np.array([evaluation.log_det for evaluation in evaluations])
     names, nothing = problems[0].estimated, dict[str, float]()
     errors = {name: tuple((one.standard_errors or nothing).get(name, np.inf) for one in evaluations) for name in names}
     values = (problem.prior.mean for problem in problems)
     return ScenarioValues(
-        value=float(average.value(log_dets)),
+        value=float(average.value(log_dets)) if value is None else value,
         parameters=tuple(FrozenMapping({name: of[name] for name in names}) for of in values),
         weights=tuple((average.weights / len(average.weights)).tolist()),
         log_dets=tuple(log_dets.tolist()),

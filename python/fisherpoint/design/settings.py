@@ -3,17 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from ..basics.checks import LARGEST_INT, as_float, as_positive, as_probability, check_choice, check_flag, check_positive_int
+from ..basics.checks import (
+    LARGEST_INT,
+    as_float,
+    as_positive,
+    as_probability,
+    as_sequence,
+    as_std,
+    by_name,
+    check_choice,
+    check_flag,
+    check_name,
+    check_positive_int,
+    check_type,
+)
 from ..engine.levels import kernels
 from ..information.output_covariance import needs_covariances
 from ..information.problem import DesignProblem
+from ..points.codec import points_from_json, points_to_json
+from ..points.experiments import Experiments
+from .optimality.asked import CRITERIA
 from .over_prior import OverPrior
 
 Kind = TypeVar("Kind")
 METHODS = ("paper", "auto")
+ITERATIONS, OF_AUTO = 200, 400
+"""Of a search, at most, where no other number is given; "auto" ends by itself where nothing gains any more."""
 _LEAST = {"n_experiments": 1, "n_candidates": 1, "max_iterations": 0, "seed": 0, "patience": 1, "max_redraws": 0}
 MOST = {"n_experiments": 10**6, "n_candidates": 10**6, "max_iterations": 10**9, "patience": 10**9, "max_redraws": 10**6}
 MOST_OF_RUNS = {"n_runs": 1000, "n_starts": 10_000, "n_candidates": 10**6}
@@ -35,6 +53,10 @@ class ExchangeSettings:
     local: float = 0.0
     method: str = "paper"
     over: OverPrior | None = None
+    criterion: str = "D"
+    of: str | tuple[str, ...] | None = None
+    conditions: Experiments | None = None
+    scale: Mapping[str, float] | None = None
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -50,8 +72,19 @@ class ExchangeSettings:
         if not 0 <= self.local <= 1:
             raise ValueError(f"local: expected a share between 0 and 1, given {self.local:g}")
         check_choice(self.method, METHODS, "method")
-        if self.over is not None and not isinstance(self.over, OverPrior):
-            raise TypeError(f"over: expected an OverPrior or None, given {type(self.over).__name__}")
+        _check_kind_of_over(self.over)
+        check_choice(self.criterion, CRITERIA, "criterion")
+        if self.of is not None and not isinstance(self.of, str):
+            set_field(self, "of", tuple(check_name(one, "of") for one in as_sequence(self.of, "of", "names")))
+        if self.conditions is not None:
+            check_type(self.conditions, Experiments, "conditions")
+        if self.scale is not None:
+            set_field(self, "scale", by_name(self.scale, None, "scale", as_std))
+
+
+def _check_kind_of_over(over: object) -> None:
+    if over is not None and not isinstance(over, OverPrior):
+        raise TypeError(f"over: expected an OverPrior or None, given {type(over).__name__}")
 
 
 def searched_by(method: str, problem: DesignProblem) -> str:
@@ -60,14 +93,24 @@ def searched_by(method: str, problem: DesignProblem) -> str:
     return "paper" if costly else method
 
 
-def check_over(settings: ExchangeSettings, problem: DesignProblem) -> None:
-    """Raise where a criterion over the prior is asked for that no search has."""
+def most_iterations(given: int | None, method: str, problem: DesignProblem) -> int:
+    """The largest number of iterations that is given, or that of the method."""
+    if given is not None:
+        return given
+    return OF_AUTO if searched_by(method, problem) == "auto" else ITERATIONS
+
+
+def check_asked(settings: ExchangeSettings, problem: DesignProblem) -> None:
+    """Raise where another criterion than log det F at the prior mean is asked for that no search has."""
     kind, method = str(problem.output_covariance), searched_by(settings.method, problem)
-    if settings.over is not None and (method != "auto" or kind != "noise"):
-        raise ValueError(
-            'over: expected method = "auto", output_covariance = "noise" and a model of equations, '
-            f"given method {settings.method!r}, output_covariance {kind!r} and a {type(problem.model).__name__}"
-        )
+    if method == "auto" and kind == "noise":
+        return
+    for name, given in (("over", settings.over is not None), (f"criterion {settings.criterion!r}", settings.criterion != "D")):
+        if given:
+            raise ValueError(
+                f'{name}: expected method = "auto", output_covariance = "noise" and a model of equations, '
+                f"given method {settings.method!r}, output_covariance {kind!r} and a {type(problem.model).__name__}"
+            )
 
 
 @dataclass(frozen=True)
@@ -80,6 +123,7 @@ class RunSettings:
     seed: int
     confidence: float | None
     time_limit: float | None
+    over: OverPrior | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -90,15 +134,26 @@ class RunSettings:
             set_field(self, "confidence", as_probability(self.confidence, "confidence"))
         if self.time_limit is not None:
             set_field(self, "time_limit", as_positive(self.time_limit, "time_limit", "time in s"))
+        _check_kind_of_over(self.over)
 
 
 def settings_to_json(settings: ExchangeSettings | RunSettings) -> dict[str, Any]:
     """The arguments of the class as JSON has them."""
-    data, over = dict(vars(settings)), getattr(settings, "over", None)
-    return data if over is None else data | {"over": over.to_json()}
+    data, over, conditions = dict(vars(settings)), getattr(settings, "over", None), getattr(settings, "conditions", None)
+    if over is not None:
+        data["over"] = over.to_json()
+    if conditions is not None:
+        data["conditions"] = points_to_json(conditions)
+    if data.get("scale") is not None:
+        data["scale"] = dict(data["scale"])
+    return data
 
 
 def settings_from_json(kind: type[Kind], data: Mapping[str, Any]) -> Kind:
-    """What `settings_to_json` wrote; files from before criteria over the prior have none."""
-    over = data.get("over")
-    return kind(**data if over is None else {**data, "over": OverPrior.from_json(over)})
+    """What `settings_to_json` wrote; older files do not have all of it."""
+    read = dict(data)
+    if read.get("over") is not None:
+        read["over"] = OverPrior.from_json(read["over"])
+    if read.get("conditions") is not None:
+        read["conditions"] = points_from_json(read["conditions"])
+    return kind(**read)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from ..basics.checks import check_positive_int, check_type
+from ..basics.checks import as_sequence, check_positive_int, check_type
 from ..basics.extras import needed_for
 from ..basics.kept import Codec, Kept
 from ..information.codec import evaluation_from_json, evaluation_to_json, problem_from_json, problem_to_json
@@ -26,7 +26,7 @@ from .cost import Cost
 from .points.point_search import Progress
 from .points.seen_candidates import SeenCandidates
 from .points.size_search import sized_searches
-from .settings import MOST, ExchangeSettings
+from .settings import MOST, ExchangeSettings, most_iterations
 from .sweep_report import sweep_report
 from .swept import SizedDesign, SweptDesigns
 
@@ -91,7 +91,7 @@ def sweep(
     *,
     cost: Cost | None = None,
     n_candidates: int = 50,
-    max_iterations: int = 200,
+    max_iterations: int | None = None,
     seed: int = 0,
     threads: int | None = None,
     time_limit: float | None = None,
@@ -139,7 +139,7 @@ def sweep(
     settings = ExchangeSettings(
         n_experiments=sizes[0],
         n_candidates=n_candidates,
-        max_iterations=max_iterations,
+        max_iterations=most_iterations(max_iterations, method, problem),
         seed=seed,
         patience=None,
         time_limit=time_limit,
@@ -187,10 +187,10 @@ def sweep(
 
 
 def _sizes(given: Iterable[int]) -> list[int]:
-    try:
-        sizes = sorted({check_positive_int(size, "n_experiments", most=MOST["n_experiments"]) for size in given})
-    except TypeError:
-        raise TypeError(f"n_experiments: expected whole numbers, such as range(9, 31), given {type(given).__name__}") from None
+    if isinstance(given, Mapping):
+        raise TypeError("n_experiments: expected a sequence of whole numbers, such as range(9, 31), given a mapping")
+    numbers = as_sequence(given, "n_experiments", "whole numbers, such as range(9, 31)")
+    sizes = sorted({check_positive_int(size, "n_experiments", most=MOST["n_experiments"]) for size in numbers})
     if not sizes or len(sizes) > MOST_SIZES:
         raise ValueError(f"n_experiments: expected between 1 and {MOST_SIZES} sizes, given {len(sizes)}")
     return sizes

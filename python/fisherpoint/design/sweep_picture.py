@@ -7,7 +7,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter, PercentFormatter
 
-from ..show.style import NOISE, PRIOR, STYLE
+from ..show.standard_errors import DECADE
+from ..show.style import NOISE, PRIOR, STYLE, share_formatter
 from .swept import SweptDesigns
 
 _COLOURS = mpl.colormaps["tab20"].colors  # type: ignore[attr-defined]
@@ -25,8 +26,9 @@ def plot_sweep(sweep: SweptDesigns) -> Figure:
             above.plot(sizes, share, marker=".", linewidth=1.4, color=_COLOURS[k % len(_COLOURS)], label=name)
         above.axhline(1.0, color=PRIOR, linewidth=1.5)
         above.set_yscale("log")
-        above.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=None))
+        above.yaxis.set_major_formatter(share_formatter())
         above.yaxis.set_minor_formatter(NullFormatter())
+        above.set_ylim(bottom=min(above.get_ylim()[0], DECADE))
         above.set_ylabel("standard error, share of the prior std")
         above.set_title(f"What more experiments add, {sweep.problem.model.name}")
         figure.legend(loc="outside right upper")
@@ -41,9 +43,9 @@ def plot_sweep(sweep: SweptDesigns) -> Figure:
                 axes.axvline(sweep.knee, color=PRIOR, linestyle="--", linewidth=1.2)
             above.annotate(
                 f"knee: {sweep.knee}",
-                (sweep.knee, 1.0),
+                (sweep.knee, 0.0),
                 xycoords=("data", "axes fraction"),
-                xytext=(4, -12),
+                xytext=(4, 5),
                 textcoords="offset points",
             )
     return figure

@@ -17,9 +17,13 @@ from numpy.typing import NDArray
 
 from ..basics.quantity import Quantity
 from ..data import Record
+from ..points.run_trajectories import checked_run_trajectories
 from ..points.runs import Runs
+from ..points.settings import checked_arguments
 from ..show import style
 from ..show.correlation import draw_correlation
+from ..show.numbers import number
+from ..show.run_time import SHARES, RunTime
 from ..show.shown import Plots
 from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, scale
 from .profile_curve import OPEN, ProfileCurve
@@ -152,6 +156,7 @@ def plot_ellipses(fit: FitStatistics, level: float = 0.95) -> Figure:
             axes.plot([low[0], high[0]], [y, y], color=PRIOR, linewidth=1.0, marker="|", markersize=6, zorder=1)
             axes.plot([x, x], [low[1], high[1]], color=PRIOR, linewidth=1.0, marker="_", markersize=6, zorder=1)
             axes.set_title(f"correlation {fit.correlation[i, j]:.2f}", fontsize=9)
+            axes.ticklabel_format(useOffset=False)
             axes.set_xlabel(labels[0])
             axes.set_ylabel(labels[1])
             axes.xaxis.set_major_locator(MaxNLocator(4))
@@ -175,17 +180,19 @@ class _Series(NamedTuple):
 
     t: NDArray[np.float64]
     rows: slice
+    run: Runs | None
 
 
 def _series(fit: FitStatistics) -> Iterator[_Series]:
     first = 0
     for part in fit.data:
         if isinstance(part, Record):
-            yield _Series(part.t, slice(first, first + len(part)))
+            yield _Series(part.t, slice(first, first + len(part)), None)
         elif isinstance(part.points, Runs):
             ends = first + np.cumsum(part.points.measured.sum(axis=1))
-            for t, there, end in zip(part.points.t, part.points.measured, ends.tolist(), strict=True):
-                yield _Series(t[there], slice(end - int(there.sum()), end))
+            for run, end in zip(part.points, ends.tolist(), strict=True):
+                t = run.t[run.measured]
+                yield _Series(t, slice(end - len(t), end), run)
         first += len(part.samples)
 
 
@@ -196,25 +203,45 @@ def plot_time(fit: FitStatistics) -> Figure:
     with mpl.rc_context(STYLE):
         if not series:
             return _nothing("Over time: there is no record or run among the data")
-        figure = Figure(figsize=(max(7.2, 4.6 * len(series)), 0.9 + 2.2 * len(outputs)), layout="constrained")
+        times = [None if run is None else RunTime(run.dt[0, : run.segments[0]]) for _, _, run in series]
+        width = max(7.2 / len(series), 4.6, *(time.width for time in times if time))
+        figure = Figure(figsize=(width * len(series), 0.9 + 2.2 * len(outputs)), layout="constrained")
         grid = figure.subplots(len(outputs), len(series), sharex="col", squeeze=False)
         of = f"; the first {len(series)} of {len(everything)}" if len(series) < len(everything) else ""
         figure.suptitle(f"Measured and simulated over time{of}", x=0.01, ha="left")
         measured = fit.predicted + fit.residuals
-        for column, (t, rows) in enumerate(series):
-            time_factor, time_unit = scale(Quantity("t", "s", "time"), t)
+        for column, ((t, rows, run), time) in enumerate(zip(series, times, strict=True)):
+            if run is None or time is None:
+                time_factor, time_unit = scale(Quantity("t", "s", "time"), t)
+                at, curve, simulated = time_factor * t, time_factor * t, fit.predicted[rows]
+                grid[-1, column].set_xlabel(f"time [{time_unit}]")
+            else:
+                at, (curve, simulated) = time(t), _between_samples(fit, run, time)
+                time.mark(grid[:, column])
+            few = len(t) <= MANY
             for axes, (i, quantity) in zip(grid[:, column], outputs, strict=True):
                 y = measured[rows, i]
                 told = np.isfinite(y)
-                factor, unit = scale(quantity, np.append(y[told], fit.predicted[rows, i]))
-                axes.plot(time_factor * t[told], factor * y[told], ".", color=PRIOR, markersize=3, label="measured")
-                axes.plot(time_factor * t, factor * fit.predicted[rows, i], color=NOISE, linewidth=1.3, label="simulated")
+                factor, unit = scale(quantity, np.append(y[told], simulated[:, i]))
+                axes.plot(curve, factor * simulated[:, i], color=NOISE, linewidth=1.3, label="simulated", zorder=1 if few else 3)
+                size = {"marker": "o", "markersize": 4} if few else {"marker": ".", "markersize": 3}
+                color = TEXT if few else PRIOR
+                axes.plot(at[told], factor * y[told], linestyle="", color=color, label="measured", zorder=2, **size)
                 rms = np.sqrt(np.mean(np.square(fit.residuals[rows, i][told]))) if told.any() else np.nan
-                axes.set_title(f"root mean square of the residuals {factor * rms:.3g} {unit}", fontsize=9, loc="right")
+                text = f"root mean square of the residuals {number(factor * rms, 3)} {unit}"
+                axes.set_title(text, fontsize=9, loc="right")
                 axes.set_ylabel(f"{quantity.name} [{unit}]")
-            grid[-1, column].set_xlabel(f"time [{time_unit}]")
         grid[0, 0].legend(loc="best", frameon=True, framealpha=0.9, edgecolor="none", ncols=2)
     return figure
+
+
+def _between_samples(fit: FitStatistics, run: Runs, time: RunTime) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Positions and outputs on the whole way of a run, as the estimate has it; NaN where the trajectory does not get to."""
+    fine, count = run.divided(SHARES), len(time.durations) * len(SHARES)
+    settings = checked_arguments(fit.model, fine, fit.theta, fit.weighted.observed.rtol, None, "cross", "cross", None)
+    found = checked_run_trajectories(fit.model, fine, fit.theta, settings)
+    reached = np.arange(count) < found.reached[0]
+    return time.within(np.array(SHARES)), np.where(reached[:, None], found.y[0, :count], np.nan)
 
 
 PLOTS: dict[str, Callable[[FitStatistics], Figure]] = {

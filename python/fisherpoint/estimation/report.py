@@ -169,10 +169,11 @@ def _beside_prior(fit: FitStatistics, prior: GaussianPrior) -> Section:
 
 
 def shift(fit: FitStatistics, prior: GaussianPrior, name: str) -> float:
-    """Estimate less prior mean in prior standard deviations; of the logarithm where that is normal."""
-    return (
-        float(fit.z[fit.parameters.index(name)]) if name in prior.log else (fit.estimate[name] - prior.mean[name]) / prior.std[name]
-    )
+    """Estimate less prior mean in prior standard deviations; of log-normal ones the difference and the deviation of logarithms."""
+    if name in prior.log:
+        std = float(prior.normal_std[prior.names.index(name)])
+        return float(np.log(fit.estimate[name] / prior.mean[name])) / std
+    return (fit.estimate[name] - prior.mean[name]) / prior.std[name]
 
 
 def _outputs(fit: FitStatistics) -> Section:

@@ -9,14 +9,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..basics.messages import listed
 from ..basics.values import IntArray
 from ..points.experiments import Experiments
 from ..points.region import ExperimentRegion
 from ..points.settings import on_surface
 from ..points.status import Status, failures_of
 from .assumed import starts_near
-from .point_information import PointInformation, point_sensitivities, with_covariance, with_linearized_covariance
+from .point_information import PointInformation, point_sensitivities, with_linearized_covariance
 from .problem import DesignProblem
+from .signs import of_other_sign
+from .validity import Validity
 
 MAX_DRAWN_PER_CANDIDATE = 2000
 """Draws after which a region counts as one in which nothing survives."""
@@ -36,6 +39,8 @@ class CandidateSource:
     threads : int or None
     keep : callable, optional
         Is given all that is valid at the prior mean.
+    validity : Validity, optional
+        Tries candidates on the nodes of the rule. Default: its own.
     elsewhere : tuple of DesignProblem
         The problem at other parameters, at which candidates have to be valid too, and are evaluated.
 
@@ -52,12 +57,14 @@ class CandidateSource:
         threads: int | None,
         keep: Callable[[PointInformation], None] | None = None,
         elsewhere: tuple[DesignProblem, ...] = (),
+        validity: Validity | None = None,
     ) -> None:
         if not isinstance(problem.region, ExperimentRegion):
             given = "None" if problem.region is None else "a RunRegion, which is for design_runs"
             raise ValueError(f"region: expected an ExperimentRegion to draw candidates from, given {given}")
         self._problem, self._region, self._rng, self._threads = problem, problem.region, rng, threads
         self._keep, self._elsewhere = keep, elsewhere
+        self._validity = Validity(problem, threads) if validity is None else validity
         self._spare: PointInformation | None = None
         self.drawn = 0
         self.rejected: Counter[str] = Counter()
@@ -80,7 +87,7 @@ class CandidateSource:
             if tried >= max(MAX_DRAWN_PER_CANDIDATE, MAX_DRAWN_PER_CANDIDATE // 20 * count):
                 raise ValueError(
                     f"region: expected valid points, given {have} of {tried} drawn ({self._since(before)}): "
-                    "widen or move the region"
+                    f"{self._what_helps('widen or move the region')}"
                 )
             share = max(self.accepted / self.drawn, 0.05) if self.drawn else 0.7
             batch = round(np.clip(4 * count / share, SMALLEST_BATCH, LARGEST_BATCH))
@@ -114,7 +121,7 @@ class CandidateSource:
 
     def confirmed(self, chosen: PointInformation) -> tuple[PointInformation, NDArray[np.bool_]]:
         """Return all with their covariances, and which are valid on all nodes of the rule; count the others as rejected."""
-        return self._counted(*with_covariance(self._problem, chosen, self._threads))
+        return self._counted(*self._validity.tried(chosen))
 
     def linearized(self, candidates: PointInformation) -> tuple[PointInformation, NDArray[np.bool_]]:
         """Return all with their linearized covariances, and which of these are finite; count the others as rejected."""
@@ -133,12 +140,23 @@ class CandidateSource:
             if tried >= MAX_DRAWN_PER_CANDIDATE + 20 * count:
                 raise ValueError(
                     f"region: expected points that are valid over the prior, given {have} of {tried} tried "
-                    f"({self._since(before)}): widen or move it"
+                    f"({self._since(before)}): {self._what_helps('widen or move it')}"
                 )
             batch = self.draw(count - have)
             tried += len(batch)
             found.append(self.confirm(batch))
         return PointInformation.join(found)
+
+    def _what_helps(self, otherwise: str) -> str:
+        """What to do where hardly any point is valid: often the prior has values that the model was not made for."""
+        problem = self._problem
+        at = [other.theta for other in self._elsewhere]
+        if names := of_other_sign(problem.model, problem.prior, problem.rule, problem.estimated, at):
+            return (
+                f"over the prior, {listed(names)} also takes the other sign: make it log-normal (log), or its standard deviation "
+                f"smaller; or {otherwise}"
+            )
+        return otherwise
 
     def _since(self, before: Counter[str]) -> str:
         return ", ".join(f"{reason} {n}" for reason, n in (self.rejected - before).most_common())

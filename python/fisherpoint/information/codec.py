@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..basics.checks import as_float, by_name, check_positive_int, names_among
+from ..basics.quantity import Quantity
 from ..basics.values import FrozenMapping
 from ..models.codec import model_from_json, model_to_json
 from ..points.codec import region_from_json, region_to_json
@@ -82,10 +83,10 @@ def evaluation_to_json(evaluation: Evaluation | None) -> dict[str, Any] | None:
 
 
 def evaluation_from_json(data: dict[str, Any] | None, n_points: int) -> Evaluation | None:
-    """The evaluation of which this is the JSON; files from before these were kept lack `n_points` and `nearby`."""
+    """The evaluation of which this is the JSON; files from before these were kept lack `n_points`, `nearby` and `units`."""
     if data is None:
         return None
-    data = {"n_points": n_points, "nearby": None} | data
+    data = {"n_points": n_points, "nearby": None, "units": {}} | data
     values = {field.name: data[field.name] for field in fields(Evaluation)}
     values["n_points"] = check_positive_int(values["n_points"], "n_points")
     for name in ("parameters", "outputs", "outputs_left_out"):
@@ -94,6 +95,7 @@ def evaluation_from_json(data: dict[str, Any] | None, n_points: int) -> Evaluati
         values[name] = None if values[name] is None else np.array(values[name], dtype=np.float64)
     for name in ("standard_errors", "rse", "prior_std"):
         values[name] = None if values[name] is None else FrozenMapping(dict(values[name]))
+    values["units"] = FrozenMapping({name: Quantity(name, unit).unit for name, unit in dict(values["units"]).items()})
     values["null_directions"] = tuple(FrozenMapping(dict(direction)) for direction in values["null_directions"])
     values["log_det"] = log_det_from_json(values["log_det"])
     values["nearby"] = values["nearby"] and _nearby_from_json(values["nearby"], values["parameters"], values["n_points"])

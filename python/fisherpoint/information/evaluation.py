@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -74,6 +74,8 @@ class Evaluation(Shown, Kept):
         L of (7): the points, or samples of runs, that were evaluated, previous ones with them.
     nearby : Nearby or None
         What becomes of the standard errors where the parameters are two of them off; where D is R, and F is not singular.
+    units : mapping of parameter name to str
+        Those of the model; empty where it was read from a file of a version that did not keep them.
     """
 
     _INSIDE = (Nearby,)
@@ -94,6 +96,7 @@ class Evaluation(Shown, Kept):
     prior_std: Mapping[str, float]
     n_points: int
     nearby: Nearby | None = None
+    units: Mapping[str, str] = field(default_factory=lambda: FrozenMapping({}))
 
     @property
     def information(self) -> Array:
@@ -137,7 +140,7 @@ class Evaluation(Shown, Kept):
         own_d = f'the D of the criterion ("{self.output_covariance_kind}")'
         where = "the sensor noise" if self.output_covariance_kind == "noise" else own_d
         if kind == "standard_errors":
-            return drawn(standard_error_figure(self.standard_errors, self.prior_std, f"under {where}", {}), path)
+            return drawn(standard_error_figure(self.standard_errors, self.prior_std, f"under {where}", self.units), path)
         title = f"Correlation of the estimates under {where}"
         singular = f"F is singular: rank {self.rank} of {len(self.parameters)}"
         return drawn(correlation_figure(self.correlation, self.parameters, title, singular), path)
@@ -159,11 +162,12 @@ class Evaluation(Shown, Kept):
     def report(self) -> Report:
         """Standard errors, and what is not determined."""
         kind = self.output_covariance_kind
-        columns = ("parameter", "prior std", "standard error", "RSE", "of prior std")
+        columns = ("parameter", "unit", "prior std", "standard error", "RSE", "of prior std")
         rows = []
         for name in self.parameters:
             error, std = (self.standard_errors or {}).get(name, np.nan), self.prior_std[name]
-            rows.append((name, number(std), computed(error), percent((self.rse or {}).get(name, np.nan)), percent(error / std)))
+            share = percent((self.rse or {}).get(name, np.nan))
+            rows.append((name, self.units.get(name, "-"), number(std), computed(error), share, percent(error / std)))
         marked = [k for k, name in enumerate(self.parameters) if name in self.weak_parameters]
         notes = [] if kind == "noise" else ["Those of an estimate only where D is R: see evaluate_under_noise"]
         notes += [] if self.nearby is None else [self.nearby.described]
@@ -171,7 +175,7 @@ class Evaluation(Shown, Kept):
         if self.outputs_left_out:
             facts.append(("outputs left out", ", ".join(self.outputs_left_out)))
         facts += value_of_criterion(self)
-        table = Section("Parameters, in SI units", columns, rows, marked, notes)
+        table = Section("Parameters", columns, rows, marked, notes)
         return Report(f"Information about {counted(len(self.parameters), 'parameter')}", [table, Section("Criterion", (), facts)])
 
 
@@ -305,6 +309,7 @@ def evaluate_information(problem: DesignProblem, information: PointInformation, 
         null_directions=null,
         prior_std=FrozenMapping(dict(zip(names, std.tolist(), strict=True))),
         n_points=len(prepared),
+        units=FrozenMapping({q.name: q.unit for q in problem.model.parameters if q.name in names}),
         nearby=nearby,
     )
 

@@ -142,11 +142,25 @@ def check_regular(d: Array, names: tuple[str, ...], kind: str) -> None:
     values, vectors = np.linalg.eigh(stack / (scale[:, :, None] * scale[:, None, :]))
     worst = int(np.argmin(values[:, 0]))
     if not values[worst, 0] > SINGULAR:
-        involved = [name for name, v in zip(names, vectors[worst, :, 0], strict=True) if abs(v) > 0.1]
+        involved = np.abs(vectors[worst, :, 0]) > 0.1
+        sums = vectors[worst, :, 0] / scale[worst]  # the sum of outputs that does not vary
+        terms = [(name, value) for name, value, told in zip(names, sums, involved, strict=True) if told]
         raise ValueError(
-            f"output_covariance {kind!r}: expected a regular D, given one that is singular in {listed(involved)}: "
-            "give noise_std, or more points or levels"
+            f"output_covariance {kind!r}: expected a regular D, given one that is singular in {listed(name for name, _ in terms)}: "
+            f"{_sum_of(terms)} hardly varies over the prior, as where a mass balance holds; give noise_std, leave one of these "
+            "outputs out, or take more points or levels"
         )
+
+
+def _sum_of(terms: list[tuple[str, float]]) -> str:
+    """Multiples of outputs, the largest once, as a sum."""
+    largest = max((value for _, value in terms), key=abs)
+    text = ""
+    for name, value in terms:
+        share = value / largest
+        factor = "" if f"{abs(share):.3g}" == "1" else f"{abs(share):.3g} "
+        text += f" {'-' if share < 0 else '+'} {factor}{name}"
+    return text.removeprefix(" + ").removeprefix(" ")
 
 
 def cholesky_factor(d: Array, names: tuple[str, ...], kind: str) -> Array:

@@ -17,6 +17,9 @@ from ..basics.quantity import DURATION, names_of
 from ..basics.values import Array
 from ..models import Model
 
+BOOKKEEPING = ("comment", "note", "time", "date", "operator", "run", "point", "replicate", "batch")
+"""Columns that a rig's file may have besides, and that are not read."""
+
 
 class Experiments:
     """A sequence of K experiment points.
@@ -119,6 +122,7 @@ class Experiments:
         """Read points of `model`; columns are found by name (or by place where written without a model).
 
         Entries may be separated by semicolons or tabs, then with decimal commas too, and headers may have units, as ``q [mm]``.
+        What else a file of measurements has, such as outputs and a column ``comment``, is not read.
 
         Raises
         ------
@@ -134,8 +138,15 @@ class Experiments:
         columns = places if places[0] in table and names[0] not in table else names
         if "dt" in table and "dt" not in columns:
             columns = (*columns, "dt")
-        if set(columns) != set(table.names):
+        if not set(columns) <= set(table.names):
             raise ValueError(f"{table.path}: expected the columns {listed(names)}; given {listed(table.names)}")
+        besides = {*columns, *(f"x0_{name}" for name in names[:n_x]), "status", *BOOKKEEPING}
+        besides.update(name for output in names_of(model.outputs) for name in (output, f"y_{output}"))
+        if unknown := [name for name in table.names if name not in besides]:
+            raise ValueError(
+                f"{table.path}: expected the columns {listed(names)}, and besides outputs, status or {listed(BOOKKEEPING)}; "
+                f"given the unknown {listed(unknown)}"
+            )
         table.read_decimal_commas(columns)
         quantities = (*model.states, *model.inputs, DURATION)
         numbers = [table.complete(quantity, name) for quantity, name in zip(quantities, columns, strict=False)]

@@ -17,7 +17,7 @@ from ..prior.rules import Linearized, Rule
 from .experiments import Experiments
 from .natural_sizes import warn_of_small_states
 from .settings import Settings, checked_arguments
-from .status import Status, only_finite
+from .status import Status, named, only_finite
 from .trajectories import checked_sensitivities
 
 
@@ -49,6 +49,11 @@ class PredictiveCovariance(_CovarianceAndStatus):
         self = super().__new__(cls, covariance, status)
         self.projection, self.lost_weight = projection, lost_weight
         return self
+
+    @property
+    def statuses(self) -> tuple[Status, ...]:
+        """The statuses by their names, such as Status.met_jump."""
+        return named(self.status)
 
     def __getnewargs__(self) -> tuple[Array, IntArray, Array, Array]:
         return (self.covariance, self.status, self.projection, self.lost_weight)

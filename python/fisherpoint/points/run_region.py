@@ -15,7 +15,7 @@ from ..basics.values import Array
 from ..models import Model
 from .region import pair, refuse_fixed_on_surface
 from .rest import Rest
-from .runs import Runs
+from .runs import Runs, as_flags
 
 MOST_SEGMENTS = 10_000
 
@@ -92,8 +92,8 @@ class RunRegion:
             raise ValueError(
                 f"duration: expected at least that of {self.segments} shortest segments, {least:g} s, given {duration:g}"
             )
-        flags = np.ones(self.segments, dtype=bool) if measured is None else np.asarray(measured)
-        if flags.dtype != np.bool_ or flags.shape != (self.segments,):
+        flags = np.ones(self.segments, dtype=bool) if measured is None else as_flags(measured)
+        if flags.shape != (self.segments,):
             raise ValueError(f"measured: expected {self.segments} flags, given {shown(measured)}")
         if not flags.any():
             raise ValueError("measured: expected at least one measured segment, given none")

@@ -12,7 +12,7 @@ from ..models import Model
 from .rest_starts import RunStarts, starts_of
 from .runs import Runs
 from .settings import Settings
-from .status import Status, only_finite
+from .status import Status, named, only_finite
 
 
 class RunTrajectories(NamedTuple):
@@ -27,6 +27,11 @@ class RunTrajectories(NamedTuple):
     status: IntArray
     reached: IntArray
 
+    @property
+    def statuses(self) -> tuple[Status, ...]:
+        """The statuses by their names, such as Status.met_jump."""
+        return named(self.status)
+
 
 class RunSensitivities(NamedTuple):
     """As `RunTrajectories`, with dx_dtheta (K, N, n_x, p) and dy_dtheta (K, N, n_y, p) at the ends, per SI unit of each parameter.
@@ -40,6 +45,11 @@ class RunSensitivities(NamedTuple):
     dy_dtheta: Array
     status: IntArray
     reached: IntArray
+
+    @property
+    def statuses(self) -> tuple[Status, ...]:
+        """The statuses by their names, such as Status.met_jump."""
+        return named(self.status)
 
 
 def checked_run_trajectories(model: Model, runs: Runs, theta: Array, settings: Settings) -> RunTrajectories:

@@ -68,7 +68,7 @@ class Runs:
         if not shape[1]:
             raise ValueError("u: expected at least one segment, given none")
         self.dt = _of_segments(as_floats(dt, "dt"), shape, "dt")
-        self.measured: Flags = _of_segments(_as_flags(measured), shape, "measured") & (self.dt > 0)
+        self.measured: Flags = _of_segments(as_flags(measured), shape, "measured") & (self.dt > 0)
         _check(self.dt, self.measured)
         self.columns = None if columns is None else checked_columns(columns, self.x0.shape[1] + self.u.shape[2])
         self.rests = as_rests(rest, count)
@@ -207,7 +207,8 @@ class Runs:
         return cls(*parts, rest=rest, columns=columns_of(model))
 
 
-def _as_flags(measured: ArrayLike | None) -> Flags:
+def as_flags(measured: ArrayLike | None) -> Flags:
+    """Whether the ends of segments are measured, as an array; raise for what is no flags."""
     try:
         flags = np.asarray(True if measured is None else measured)
     except (TypeError, ValueError, OverflowError, RuntimeError):

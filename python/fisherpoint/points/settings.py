@@ -21,8 +21,8 @@ Settings = tuple[float, bool, bool, str, int]
 """rtol, whether kinks and jumps are crossed, the method and the number of threads, as the kernels take them."""
 
 
-FINEST = 1e-13
-"""The least tolerance that doubles can keep."""
+FINEST, COARSEST = 1e-13, 0.1
+"""The least tolerance that doubles can keep, and the largest that is one."""
 
 FINER = 1e-3
 """Times the tolerance, where it decides whether a trajectory touches a surface or passes beside it."""
@@ -76,8 +76,8 @@ def checked_arguments(
 def check_rtol(rtol: float) -> float:
     """Return a tolerance that the core can keep."""
     value = as_float(rtol, "rtol")
-    if not FINEST <= value <= 0.1:
-        raise ValueError(f"rtol: expected a tolerance between {FINEST:g} and 0.1, given {value:g}")
+    if not FINEST <= value <= COARSEST:
+        raise ValueError(f"rtol: expected a tolerance between {FINEST:g} and {COARSEST:g}, given {value:g}")
     return value
 
 

@@ -25,6 +25,12 @@ class Status(IntEnum):
     chatters = 9
     no_rest = 10
 
+    def __str__(self) -> str:
+        return self.name
+
+    def __format__(self, spec: str) -> str:
+        return format(self.name, spec)
+
     @property
     def advice(self) -> str:
         """What it means and what helps, in one sentence."""
@@ -52,6 +58,11 @@ _ADVICE = {
     ),
     Status.chatters: "The trajectory meets jumps again and again in ever shorter times: sample earlier.",
 }
+
+
+def named(status: IntArray) -> tuple[Status, ...]:
+    """Statuses as what they are, which shows their names."""
+    return tuple(Status(int(code)) for code in status)
 
 
 def failures_of(status: IntArray) -> Counter[str]:

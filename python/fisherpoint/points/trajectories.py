@@ -15,6 +15,7 @@ from .natural_sizes import warn_of_small_states
 from .run_trajectories import RunSensitivities, RunTrajectories, checked_run_sensitivities, checked_run_trajectories
 from .runs import Runs
 from .settings import Settings, checked_arguments
+from .status import Status, named
 
 
 class Trajectories(NamedTuple):
@@ -27,6 +28,11 @@ class Trajectories(NamedTuple):
     y: Array
     status: IntArray
 
+    @property
+    def statuses(self) -> tuple[Status, ...]:
+        """The statuses by their names, such as Status.met_jump."""
+        return named(self.status)
+
 
 class Sensitivities(NamedTuple):
     """As `Trajectories`, with dx_dtheta (K, n_x, p) and dy_dtheta (K, n_y, p) per SI unit of each parameter."""
@@ -36,6 +42,11 @@ class Sensitivities(NamedTuple):
     dx_dtheta: Array
     dy_dtheta: Array
     status: IntArray
+
+    @property
+    def statuses(self) -> tuple[Status, ...]:
+        """The statuses by their names, such as Status.met_jump."""
+        return named(self.status)
 
 
 @overload

@@ -8,10 +8,13 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter, PercentFormatter
+from matplotlib.ticker import NullFormatter
 
 from .numbers import computed
-from .style import NOISE, PRIOR, STYLE
+from .style import NOISE, PRIOR, STYLE, share_formatter
+
+DECADE = 0.08
+"""Where logarithmic axes of shares of the prior std begin at the latest: a decade below 1, so that there are two labels."""
 
 
 def standard_error_figure(
@@ -34,7 +37,7 @@ def standard_error_figure(
         share_axis(axes, names)
         # What that means in units, beside the axis.
         for row, name in zip(rows, names, strict=True):
-            prior = f"{computed(float(prior_std[name]))} {units.get(name, '')}".rstrip()
+            prior = f"{computed(float(prior_std[name]))} {units.get(name, '')}".removesuffix(" 1").rstrip()
             error = "" if errors is None else f"{computed(float(errors[name]))} of "
             axes.annotate(
                 error + prior,
@@ -52,9 +55,9 @@ def standard_error_figure(
 def share_axis(axes: Axes, names: Sequence[str]) -> None:
     """Standard errors as shares of the prior's along a logarithmic axis, a row for each parameter, the first on top."""
     axes.set_xscale("log")
-    axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=None))
+    axes.xaxis.set_major_formatter(share_formatter())
     axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.set_xlim(left=min(axes.get_xlim()[0], 0.08))  # a decade at least, so that there are two labels
+    axes.set_xlim(left=min(axes.get_xlim()[0], DECADE))
     axes.set_yticks(np.arange(len(names)), names)
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.set_xlabel("standard error, share of the prior std")

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 from numpy.typing import ArrayLike
 
 from ..basics.checks import as_path
@@ -63,6 +64,11 @@ def scale(quantity: Quantity, values: ArrayLike) -> tuple[float, str]:
         if quantity.unit in ("m", "s", "Pa", "N", "V", "A", "W") and largest * factor >= 0.1:
             return factor, prefix + quantity.unit
     return 1.0, quantity.unit
+
+
+def share_formatter() -> FuncFormatter:
+    """Shares along an axis as percentages, with the digits that each needs: along a logarithmic axis 0.1% stands beside 100%."""
+    return FuncFormatter(lambda share, _: f"{100 * share:g}%")
 
 
 def drawn(figure: Figure, path: str | Path | None) -> Figure:

@@ -12,7 +12,7 @@ from matplotlib.ticker import NullFormatter, PercentFormatter
 
 from ..basics.values import Array
 from ..show.numbers import counted
-from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT
+from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, share_formatter
 from .design_validation import DesignValidation
 from .figures import LEVEL
 from .verdict import COVERAGE_TOLERANCE
@@ -43,7 +43,7 @@ def plot_validation(designs: Mapping[str, DesignValidation]) -> Figure:
         left, right = panels[-1]
         left.set_xscale("log")
         left.set_xlim(limits)
-        left.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=None))
+        left.xaxis.set_major_formatter(share_formatter())
         left.xaxis.set_minor_formatter(NullFormatter())
         left.set_xlabel("standard error, share of the prior std")
         right.set_xlabel(f"coverage of {LEVEL:.0%} intervals")

@@ -12,15 +12,7 @@ from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
 from ...show.numbers import computed, counted, number
 from ...show.section import Report, Section
-
-WORDS = {
-    "D": "log det F",
-    "A": "trace of F^-1",
-    "E": "smallest eigenvalue of F",
-    "c": "variance of the function",
-    "Ds": "log det of the information about the subset",
-    "I": "mean prediction variance",
-}
+from .asked import WORDS
 
 CLEARLY = 0.999
 """A proven efficiency below which the report warns."""

@@ -16,7 +16,16 @@ from ...points.settings import resolve_threads
 from .criteria import ConditionNumber, Criterion, Determinant, SmallestEigenvalue, Variance
 from .functions import gradient_of
 
-CRITERIA = ("D", "A", "E", "ME", "c", "Ds", "I")
+WORDS = {
+    "D": "log det F",
+    "A": "trace of F^-1",
+    "E": "smallest eigenvalue of F",
+    "ME": "condition number of F",
+    "c": "variance of the function",
+    "Ds": "log det of the information about the subset",
+    "I": "mean prediction variance",
+}
+CRITERIA = tuple(WORDS)
 
 
 def criterion(
@@ -74,6 +83,14 @@ def criterion(
     if name == "A":
         return Variance("A", np.diag(sizes), True)
     return SmallestEigenvalue(np.diag(1 / sizes)) if name == "E" else ConditionNumber(np.diag(1 / sizes))
+
+
+def named(name: str, of: str | Sequence[str] | None) -> str:
+    """A criterion as part of a sentence."""
+    if of is None:
+        return WORDS[name]
+    what = of if isinstance(of, str) else ", ".join(of)
+    return {"c": f"variance of {what}", "Ds": f"log det of the information about {what}"}.get(name, f"{WORDS[name]} of {what}")
 
 
 def _check_used(name: str, of: object, conditions: object, scale: object) -> None:

@@ -66,10 +66,15 @@ class Criterion(ABC):
     name: str
     level: int = 1
     kinked: bool = False
+    degree: int = 1  # of phi: 0 where it does not matter how much is measured
 
     @abstractmethod
     def value(self, information: Array) -> float:
         """The criterion at a matrix (p, p) as it is told: infinitely bad where the matrix does not determine what is asked."""
+
+    @abstractmethod
+    def of_log_phi(self, log_phi: float) -> float:
+        """The criterion as `value` tells it, from log phi."""
 
     @abstractmethod
     def gradient(self, information: Array) -> Array:
@@ -97,6 +102,10 @@ class Criterion(ABC):
         """The same as a function of matrices in the coordinates of what is estimable."""
         raise NotImplementedError
 
+    def restricted(self, span: Array) -> Criterion:
+        """The same of what is estimable, with this orthonormal basis (p, r); itself where it asks for certain functions."""
+        return self
+
     def outside(self, estimable: Estimable) -> float:
         """The share of what is asked that is not estimable; 0 for criteria that ask for what is."""
         return 0.0
@@ -110,7 +119,10 @@ class Determinant(Criterion):
         self.whole = whole  # K is any regular matrix: D, in whatever coordinates
 
     def value(self, information: Array) -> float:
-        return self.level * self.log_phi(information)
+        return self.of_log_phi(self.log_phi(information))
+
+    def of_log_phi(self, log_phi: float) -> float:
+        return self.level * log_phi
 
     def gradient(self, information: Array) -> Array:
         return self.level * self.slope(information).gradient
@@ -153,7 +165,10 @@ class Variance(Criterion):
         self.whole = whole  # "A", which asks for what is estimable
 
     def value(self, information: Array) -> float:
-        return float(np.exp(-self.log_phi(information)))
+        return self.of_log_phi(self.log_phi(information))
+
+    def of_log_phi(self, log_phi: float) -> float:
+        return float(np.exp(-log_phi))
 
     def gradient(self, information: Array) -> Array:
         slope = self.slope(information)
@@ -177,6 +192,9 @@ class Variance(Criterion):
     def within(self, estimable: Estimable) -> Criterion:
         return Variance(self.name, estimable.into.T @ estimable.projected(self.k), self.whole)
 
+    def restricted(self, span: Array) -> Criterion:
+        return Variance(self.name, span @ (span.T @ self.k)) if self.whole else self
+
     def outside(self, estimable: Estimable) -> float:
         return 0.0 if self.whole else estimable.outside(self.k)
 
@@ -199,6 +217,9 @@ class SmallestEigenvalue(Criterion):
 
     def value(self, information: Array) -> float:
         return float(np.linalg.eigvalsh(self._scaled(information))[0])
+
+    def of_log_phi(self, log_phi: float) -> float:
+        return float(np.exp(log_phi))
 
     def gradient(self, information: Array) -> Array:
         v = self.k @ np.linalg.eigh(self._scaled(information))[1][:, 0]
@@ -237,6 +258,9 @@ class SmallestEigenvalue(Criterion):
         r = np.asarray(np.linalg.qr(self.k.T @ estimable.span, mode="r"), dtype=np.float64)
         return SmallestEigenvalue(np.asarray(np.linalg.solve(estimable.span.T @ estimable.into, r.T), dtype=np.float64))
 
+    def restricted(self, span: Array) -> Criterion:
+        return SmallestEigenvalue(_without_zeros(self.k, span))
+
 
 class ConditionNumber(Criterion):
     """The largest over the smallest eigenvalue of S M S, "ME".
@@ -245,11 +269,16 @@ class ConditionNumber(Criterion):
     function, no equivalence theorem and no bound of this kind.
     """
 
+    degree = 0
+
     def __init__(self, scale: Array) -> None:
         self.name, self.k = "ME", scale
 
     def value(self, information: Array) -> float:
-        return float(np.exp(-self.log_phi(information)))
+        return self.of_log_phi(self.log_phi(information))
+
+    def of_log_phi(self, log_phi: float) -> float:
+        return float(np.exp(-log_phi))
 
     def gradient(self, information: Array) -> Array:
         values, vectors = np.linalg.eigh(self.k.T @ information @ self.k)
@@ -259,6 +288,15 @@ class ConditionNumber(Criterion):
     def log_phi(self, information: Array) -> float:
         values = np.linalg.eigvalsh(self.k.T @ information @ self.k)
         return float(np.log(values[0] / values[-1])) if values[0] > _SINGULAR * values[-1] else -np.inf
+
+    def restricted(self, span: Array) -> Criterion:
+        return ConditionNumber(_without_zeros(self.k, span))
+
+
+def _without_zeros(k: Array, span: Array) -> Array:
+    """K' (p, r), with which K'^T M K' has the eigenvalues of K^T M K that are not 0 for every M in the span."""
+    r = np.asarray(np.linalg.qr(k.T @ span, mode="r"), dtype=np.float64)
+    return np.asarray(span @ r.T)
 
 
 _SINGULAR = 1e-14

@@ -15,6 +15,12 @@ from .criteria import Criterion, Slope
 MOST_STEPS, MOST_IDLE = 200, 20
 """Steps, and steps in a row without progress, after which double precision has no more."""
 
+MULTIPLIED, EVEN, LEAST = 30, 1.5, 1e-4
+"""Multiplications of the weights before the first step, the sensitivity from which on there are none, and the least factor squared.
+
+Newton steps from equal weights are short where a few matrices are far larger than the others.
+"""
+
 TO_THE_BOUNDARY = 0.99
 SHRINKING = 0.1
 """Of mu in each step."""
@@ -29,6 +35,13 @@ def best_weights(matrices: Array, criterion: Criterion, gap: float) -> tuple[Arr
     w = np.full(m, 1.0 / m)
     slope = criterion.slope(mean_of(matrices, w), 1.0 / matrices.shape[1])
     g = slope.along(matrices)
+    for _ in range(MULTIPLIED):  # which raise phi (Silvey, Titterington and Torsney 1978)
+        if g.max() < EVEN:
+            break
+        w = w * np.sqrt(np.maximum(g, LEAST))
+        w = w / w.sum()
+        slope = criterion.slope(mean_of(matrices, w), 1.0 / matrices.shape[1])
+        g = slope.along(matrices)
     nu = 1.1 * float(g.max())
     s = nu - g
     mu = float(w @ s) / m

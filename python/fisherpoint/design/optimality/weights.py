@@ -1,8 +1,8 @@
 """The best weights of many candidates: of few at a time, to which those that would help most are added.
 
 The weights of a working set are found by an interior point method; then the sensitivity function of all candidates says which of
-the others to take in, and how far from the optimum over all of them the weights are. Candidates that cannot be part of any optimum
-are deleted on the way.
+the others to take in, and how far from the optimum over all of them the weights are. Those with the largest are looked at alone
+until they have no more to give, before all are asked again. Candidates that cannot be part of any optimum are deleted on the way.
 """
 
 from __future__ import annotations
@@ -22,6 +22,9 @@ from .interior import best_weights, mean_of
 
 FIRST, ADDED = 96, 48
 """Candidates of the first working set, and most that each round adds."""
+
+NEAR, MUCH_CLOSER = 4096, 0.3
+"""Candidates that are looked at alone, and what they may leave of the gap of all before all are asked again."""
 
 LARGE = 128
 """Candidates of a working set from which on those that hardly count leave it."""
@@ -135,27 +138,42 @@ class _Search:
 
     def run(self, working: Places) -> None:
         """Rounds until the sensitivity function of no candidate exceeds 1 by more than the tolerance, or none gets closer."""
-        gap = smallest = np.inf
+        gap = smallest = of_all = np.inf
         idle = 0
+        near: _Near | None = None
         while self.rounds < MOST_ROUNDS and idle < MOST_IDLE and smallest > self.tolerance:
             self.rounds += 1
             matrices = self.candidates.matrices(working, self.space.into)
             weights, slope = best_weights(matrices, self.criterion, float(np.clip(0.03 * gap, 0.2 * self.tolerance, 0.01)))
-            along = self.stored.along(self.space.into @ slope.half)
-            along[self.excluded[self.places]] = -np.inf
+            asked = near or _Near(self.stored, self.places)
+            along = asked.candidates.along(self.space.into @ slope.half)
+            along[self.excluded[asked.places]] = -np.inf
             gap = max(float(along.max()) - 1.0, 0.0)
-            idle = 0 if gap < 0.9 * smallest else idle + 1
-            if gap < smallest:
-                smallest, self.best = gap, _Raw(working, weights, slope)
-            if self.deletes:
-                along = self._delete(along, gap)
+            places = asked.places
+            if near is None:
+                of_all = gap
+                idle = 0 if gap < 0.9 * smallest else idle + 1
+                if gap < smallest:
+                    smallest, self.best = gap, _Raw(working, weights, slope)
+                if self.deletes:
+                    along, places = self._delete(along, gap), self.places
+                near = self._near(along)
+            elif gap <= max(0.5 * self.tolerance, MUCH_CLOSER * of_all):
+                near = None
             kept = (slope.along(matrices) > 1.0 - max(10 * gap, 1e-3)) | (weights > 1e-4)
             if len(working) > LARGE and np.linalg.eigvalsh(matrices[kept].mean(axis=0))[0] > REGULAR:
                 working = working[kept]
-            wanted = self.places[_added(along)]
+            wanted = places[_added(along)]
             added = self._taken(wanted)
             idle = idle if len(added) == len(wanted) else 0
             working = np.union1d(working, added)
+
+    def _near(self, along: Array) -> _Near | None:
+        """The candidates with the largest sensitivity; None where there are hardly more."""
+        if len(along) < 2 * NEAR:
+            return None
+        few = np.sort(np.argpartition(-along, NEAR)[:NEAR])
+        return _Near(CandidateRows(self.stored.rows[few], self.candidates.constant), self.places[few])
 
     def regular(self, working: Places) -> Places:
         """Candidates of which the mean is regular: these, and where they do not do, what tells the rest."""
@@ -234,6 +252,13 @@ class _Search:
             if self.criterion.log_phi(information) >= least:
                 return raw.working[some], weights, information
         return raw.working, raw.weights, mean_of(matrices, raw.weights)
+
+
+class _Near(NamedTuple):
+    """Candidates that are asked, and their places among all."""
+
+    candidates: CandidateRows
+    places: Places
 
 
 class _Raw(NamedTuple):

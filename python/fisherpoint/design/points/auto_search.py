@@ -18,21 +18,30 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ...information.point_information import PointInformation
+from ..optimality.aims import LogDet
+from ..optimality.criteria import Determinant
 from .point_ascent import PointAscent, scenario_rows, whitened_rows
 from .point_search import RIDGE, PointSearch
 from .pool_exchange import PoolExchange, greedy
+from .told import told_aims
 
 POOL, MOST_POOL = 200, 50_000
 """Random candidates, as a multiple of `n_candidates`, and at most."""
 
 NEAR, LEAST_NEAR = 24, 4
-"""Candidates near all points in each round, as a multiple of `n_candidates`, and near each point at least."""
+"""Candidates near all points in each round after the starts, as a multiple of `n_candidates`, and near each point at least."""
 
 PART, LEAST_PART, MOST_WORK = 0.3, 300, 200_000
 """Share of the pool from which a start chooses; how many at least; and points times candidates of an exchange at most."""
 
-STARTS, SKETCH = 6, 8
-"""Starts, and rounds of each; half of the iterations at most."""
+STARTS, SKETCH, OF_SKETCH = 16, 12, 0.5
+"""Starts, and rounds of each, half of the iterations at most; and the share of the candidates that rounds of several starts draw.
+
+Many starts with few candidates each: what a start has missed, as peaks that are narrow, another one has, and merging takes it over.
+"""
+
+AGREE, ALIKE = 3, 3e-4
+"""No more starts follow where so many are as good as the best of them but for so much for each parameter: the problem is easy."""
 
 TRIES = 6
 """Choices of half of the points at random, for every second start; each is exchanged over the least part of the pool."""
@@ -75,6 +84,7 @@ class AutoSearch(PointSearch):
             if known is not None:
                 rows = whitened_rows(self.criterion, known).reshape(-1, p)
                 self._known[s] = np.einsum("kp,kq->pq", rows, rows)
+        self._level, self._log_dets = self.aims[0].level, [LogDet(Determinant("D", np.eye(p), True))] * len(self.aims)
         self._drawn_share = max(LEAST_SHARE, min(1.0, AS_MANY / len(self._known)))
         self._rng = np.random.default_rng([self.settings.seed, 2])
         self._rounds = self._all_rounds()
@@ -91,17 +101,22 @@ class AutoSearch(PointSearch):
         """The whole search, round by round."""
         settings = self.settings
         starts = int(np.clip(settings.max_iterations // (2 * SKETCH), 1, STARTS))
+        share = OF_SKETCH if starts > 1 else 1.0
         random = self.best.information
         count = max(1, round(self._drawn_share * min(MOST_POOL, POOL * settings.n_candidates)))
         pool = self._pool(PointInformation.join([random, self.source.draw(count)]))
         pool.valid[: len(random)] = 1
-        ends = []
+        self._ask_for_what_is_told(pool)
+        ends: list[PointInformation] = []
         for start in range(starts):
             design = self._start(pool, at_random=start % 2 == 1)
             for _ in range(SKETCH):
-                design = self._round(design)
+                design = self._round(design, share)
                 yield
             ends.append(design)
+            values = np.array([self._value(end) for end in ends])
+            if int((values > values.max() - ALIKE * self._level).sum()) >= AGREE:
+                break
         design, found = max(ends, key=self._value), self._pool(PointInformation.join(ends), 1)
         idle, before = 0, self._value(design)
         while idle < MOST_IDLE:
@@ -110,8 +125,15 @@ class AutoSearch(PointSearch):
                 yield
                 design = self._round(design)
             value = self._value(design)
-            idle = idle + 1 if value - before < LEAST_GAIN * self._known.shape[1] else 0
+            idle = idle + 1 if value - before < LEAST_GAIN * self._level else 0
             before = value
+
+    def _ask_for_what_is_told(self, pool: Pool) -> None:
+        """Where no candidate tells about some parameters, ask for the others."""
+        aims = told_aims(self.problem, self.aims, pool.columns.transpose(0, 3, 2, 1), self._known, self.count)
+        if aims != self.aims:
+            self.aims = self.seen.aims = aims
+            self.best = self._incumbent(self.best.information)
 
     @property
     def _ridge(self) -> float:
@@ -140,8 +162,12 @@ class AutoSearch(PointSearch):
         return design
 
     def _start(self, pool: Pool, at_random: bool) -> PointInformation:
-        """A design of a random part of the pool, the best points or half of them any; what is not valid gives way to what is."""
+        """A design of a random part of the pool, the best points or half of them any; what is not valid gives way to what is.
+
+        The best by log det F where half of them are not any, as other criteria see only what is known worst while points are few.
+        """
         rng, count = self._rng, self.count
+        aims = self.aims if at_random and not self.aims[0].bounded else self._log_dets
         live = np.flatnonzero(pool.valid >= 0)
         size = int(max(LEAST_PART, min(PART * len(live), MOST_WORK / count)))
         part = np.sort(rng.permutation(live)[:size])
@@ -149,18 +175,19 @@ class AutoSearch(PointSearch):
         for _ in range(TRIES if at_random else 1):
             some = np.sort(rng.permutation(part)[:LEAST_PART]) if at_random else part
             first = rng.integers(len(some), size=count // 2 if at_random else 0)
-            chosen = some[greedy(np.ascontiguousarray(pool.columns[..., some]), count, self._fixed, self.over.average, first)]
+            columns = np.ascontiguousarray(pool.columns[..., some])
+            chosen = some[greedy(columns, count, self._fixed, self.over.average, aims, first)]
             self._confirm(pool, np.unique(chosen))
             lost = pool.valid[chosen] < 0
             chosen[lost] = rng.choice(np.flatnonzero(pool.valid == 1), int(lost.sum()))
             designs.append(self._exchanged(pool.information[chosen], pool, some))
         return self._kept(max(designs, key=self._value))
 
-    def _round(self, design: PointInformation) -> PointInformation:
-        """Draw candidates near all points, and exchange the points over all of them."""
+    def _round(self, design: PointInformation, share: float = 1.0) -> PointInformation:
+        """Draw candidates near all points, a share of the usual number, and exchange the points over all of them."""
         points = design.experiments
         places = np.sort(np.unique(points.table, axis=0, return_index=True)[1])
-        each = max(LEAST_NEAR, int(self._drawn_share * NEAR * self.settings.n_candidates) // len(places))
+        each = max(LEAST_NEAR, int(share * self._drawn_share * NEAR * self.settings.n_candidates) // len(places))
         near, of = self.source.draw_near(points[places], each)
         return self._kept(self._exchanged(design, self._pool(near), place=places[of])) if len(near) else design
 
@@ -179,7 +206,7 @@ class AutoSearch(PointSearch):
         live = np.arange(len(pool.valid)) if part is None else part
         live = live[pool.valid[live] >= 0]
         columns = np.concatenate([self._columns(design), pool.columns[..., live]], axis=3)
-        exchange = PoolExchange(columns, np.arange(count), self._fixed, self.over.average)
+        exchange = PoolExchange(columns, np.arange(count), self._fixed, self.over.average, self.aims)
         for look in range(LOOKS):
             unknown = np.flatnonzero(pool.valid[live] == 0)
             places = None if place is None else place[live[unknown]]
@@ -201,5 +228,5 @@ class AutoSearch(PointSearch):
             pool.valid[rows] = np.where(valid, 1, -1)
 
     def _ascended(self, design: PointInformation) -> PointInformation:
-        ascent = PointAscent(self.problem, self.source, self.criterion, self._fixed, self.threads, self.over)
+        ascent = PointAscent(self.problem, self.source, self.criterion, self._fixed, self.threads, self.over, self.aims)
         return ascent.run(design, CLIMB, self._late)

@@ -1,39 +1,52 @@
 """What no design of some candidates can exceed, for a criterion over the prior.
 
-For weights of candidates M_s = sum_i w_i F_is in scenario s. With any q of those in average.py, for every other mixture N
+For weights of candidates M_s = sum_i w_i F_is in scenario s, with G_s the derivative of log phi there. With any q of those in
+average.py, for every other mixture N
 
-    average(log det N_s) <= sum_s q_s log det N_s <= sum_s q_s log det M_s + p log(max_i d_i / p),
-    d_i = sum_s q_s tr(M_s^-1 F_is),
+    average(log phi(N_s)) <= sum_s q_s log phi(N_s) <= sum_s q_s log phi(M_s) + log max_i d_i,    d_i = sum_s q_s tr(G_s F_is),
 
-as log det N <= log det M + p log(tr(M^-1 N) / p) and the logarithm is concave. So all weights and all q give bounds. At the best
-weights, and their q, max_i d_i is p: the equivalence theorem. They are approached by the multiplicative algorithm (Silvey,
-Titterington and Torsney 1978) on a few candidates at a time, to which those with the largest d_i are added.
+as phi(N) <= phi(M) tr(G N) (criteria.py) and the logarithm is concave. For log det F, log phi is a p-th of it and G = M^-1 / p. So
+all weights and all q give bounds. At the best weights, and their q, max_i d_i is 1: the equivalence theorem. They are approached by
+the multiplicative algorithm (Silvey, Titterington and Torsney 1978) on a few candidates at a time, to which those with the largest
+d_i are added.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ..average import Average
+from ..optimality.aims import Aim, LogDet
 
 ROUNDS, STEPS, ADDED = 30, 200, 32
 """Times that candidates are added, steps of the weights in each, and candidates that are added."""
 
 TOLERANCE = 0.01
-"""By which share max d_i may exceed p."""
+"""By which share max d_i may exceed 1."""
+
+POWER = 0.5
+"""Of d_i by which weights are multiplied where the criterion is another than log det F: with 1 they may go to and fro."""
+
+SMOOTH = 0.02
+"""Of a criterion with kinks, as a share of its value."""
 
 LEAST_WEIGHT = 1e-5
 """A candidate with less leaves, but for those that stand first."""
 
 
 def over_bound(
-    rows: Array, known: Array, average: Average, first: int, allowed: Callable[[NDArray[np.intp]], NDArray[np.bool_]]
+    rows: Array,
+    known: Array,
+    average: Average,
+    first: int,
+    allowed: Callable[[NDArray[np.intp]], NDArray[np.bool_]],
+    aims: Sequence[Aim],
 ) -> float | None:
-    """The bound of the average of log det M_s + `known`; None where the first candidates do not determine all parameters.
+    """The bound of what is maximised, of M_s + `known`; None where the first candidates do not determine what is asked.
 
     Parameters
     ----------
@@ -46,20 +59,22 @@ def over_bound(
         Candidates to begin with: the first so many, which may have weights.
     allowed : callable
         Of candidates that would have a weight, tells which may; the others do not count.
+    aims : sequence of Aim
+        In each scenario.
     """
-    p = rows.shape[3]
+    level, power = aims[0].level, 1.0 if isinstance(aims[0], LogDet) else POWER
     working = np.arange(first)
     weights, possible = np.full(first, 1 / first), np.ones(rows.shape[1], dtype=bool)
     best = np.inf
     for _ in range(ROUNDS):
         some = rows[:, working]
         for _ in range(STEPS):
-            found = _slopes(some, weights, known, average)
+            found = _slopes(some, weights, known, average, aims)
             if found is None:
                 return None
-            weights = weights * found[2] / p
+            weights = weights * found[2] ** power
             weights /= weights.sum()
-        found = _slopes(some, weights, known, average)
+        found = _slopes(some, weights, known, average, aims)
         if found is None:
             return None
         halves, value, _ = found
@@ -67,15 +82,15 @@ def over_bound(
         added = np.zeros(0, dtype=np.intp)
         while True:  # what may not have a weight does not count
             order = np.argsort(-np.where(possible, along, -np.inf), kind="stable")[:ADDED]
-            new = np.setdiff1d(order[possible[order] & (along[order] > p)], working)
+            new = np.setdiff1d(order[possible[order] & (along[order] > 1)], working)
             may = allowed(new)
             possible[new[~may]] = False
             added = np.union1d(added, new[may])
             if may.all():
                 break
         largest = float(along[possible].max())
-        best = min(best, value + p * float(np.log(largest / p)))
-        if largest <= p * (1 + TOLERANCE) or not len(added):
+        best = min(best, level * (value + float(np.log(largest))))
+        if largest <= 1 + TOLERANCE or not len(added):
             break
         kept = (weights > LEAST_WEIGHT) | (working < first)
         share = np.full(len(added), 0.1 / len(added))
@@ -84,18 +99,17 @@ def over_bound(
     return best
 
 
-def _slopes(rows: Array, weights: Array, known: Array, average: Average) -> tuple[Array, float, Array] | None:
-    """Y_s (S, p, p) with q_s M_s^-1 = Y_s Y_s^T, sum_s q_s log det M_s, and all d_i; None where an M_s is singular."""
+def _slopes(rows: Array, weights: Array, known: Array, average: Average, aims: Sequence[Aim]) -> tuple[Array, float, Array] | None:
+    """Y_s (S, p, r) with q_s G_s = Y_s Y_s^T, sum_s q_s log phi(M_s), and all d_i; None where an M_s is singular."""
     matrices = np.einsum("k,sknp,sknq->spq", weights, rows, rows, optimize=True) + known
     try:
-        factors = np.linalg.cholesky(matrices)
+        slopes = [aim.criterion.slope(matrix, SMOOTH) for aim, matrix in zip(aims, matrices, strict=True)]
     except np.linalg.LinAlgError:
         return None
-    log_dets = 2 * np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1)
-    q = average.softened(log_dets)[1] / len(log_dets)
-    inverse = np.linalg.solve(factors, np.broadcast_to(np.eye(rows.shape[3]), factors.shape))
-    halves = np.sqrt(q)[:, None, None] * inverse.swapaxes(1, 2)
-    return halves, float(q @ log_dets), _along(rows, halves, known)
+    values = np.array([slope.log_phi for slope in slopes])
+    q = average.softened(aims[0].level * values)[1] / len(values)
+    halves = np.sqrt(q)[:, None, None] * np.stack([slope.half for slope in slopes])
+    return halves, float(q @ values), _along(rows, halves, known)
 
 
 def _along(rows: Array, halves: Array, known: Array) -> Array:

@@ -6,7 +6,8 @@ An experiment point is a run of one segment: the criterion to first order and th
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
 from ...points.region import ExperimentRegion
 from ...points.status import Status
+from ..optimality.aims import Aim, slopes_of
 from ..over_prior import Scenarios
 from ..runs.linear_rows import LinearRows
 from ..runs.run_ascent import FIRST, LEAST, MOST, MOST_SMALL, REACHES, SHARES, SMALL_GAIN, trial_changes
@@ -48,17 +50,26 @@ class PointAscent:
         What is added to F, the sum over the points, in each scenario.
     threads : int
     over : Scenarios
+    aims : sequence of Aim
+        What is maximised in each scenario.
     """
 
     def __init__(
-        self, problem: DesignProblem, source: CandidateSource, criterion: Criterion, fixed: Array, threads: int, over: Scenarios
+        self,
+        problem: DesignProblem,
+        source: CandidateSource,
+        criterion: Criterion,
+        fixed: Array,
+        threads: int,
+        over: Scenarios,
+        aims: Sequence[Aim],
     ) -> None:
         assert isinstance(problem.region, ExperimentRegion)
-        self._over = over
+        self._over, self._aims = over, aims
         self._problem, self._source, self._criterion, self._threads = problem, source, criterion, threads
         self.fixed = fixed
-        self._lower, upper = np.array([problem.region.bounds[name] for name in names_of(problem.model.axes)]).T
-        self._width = upper - self._lower
+        self._lower, self._upper = np.array([problem.region.bounds[name] for name in names_of(problem.model.axes)]).T
+        self._width = self._upper - self._lower
         self._free = np.flatnonzero(self._width > 0)
 
     def rows(self, information: PointInformation) -> Array:
@@ -135,15 +146,15 @@ class PointAscent:
         nothing = np.zeros((len(rows), count, 0)), np.zeros((count, d, len(rows), 0))  # no distances to limits
         variable = np.arange(count * d).reshape(count, d)
         own = np.ascontiguousarray(slopes.swapaxes(0, 1))
-        return LinearRows(rows, own, nothing[0], nothing[1], self.fixed, self._over.average, 0.0, variable)
+        slopes_there = partial(slopes_of, self._aims)
+        return LinearRows(rows, own, nothing[0], nothing[1], self.fixed, self._over.average, 0.0, variable, slopes_there)
 
     def _value(self, rows: Array) -> float:
-        log_dets = []
-        for own, fixed in zip(rows, self.fixed, strict=True):
+        values = []
+        for own, fixed, aim in zip(rows, self.fixed, self._aims, strict=True):
             flat = own.reshape(-1, own.shape[-1])
-            sign, value = np.linalg.slogdet(np.einsum("kp,kq->pq", flat, flat) + fixed)
-            log_dets.append(value if sign > 0 else -np.inf)
-        return float(self._over.average.value(np.array(log_dets)))
+            values.append(aim.value(np.einsum("kp,kq->pq", flat, flat) + fixed))
+        return float(self._over.average.value(np.array(values)))
 
     def _numbers(self, points: Experiments) -> Array:
         table = points.table[:, : len(self._lower)]
@@ -151,7 +162,7 @@ class PointAscent:
         return z
 
     def _points(self, z: Array) -> Experiments:
-        table = np.clip(self._lower + self._width * z, self._lower, self._lower + self._width)
+        table = np.clip(self._lower + self._width * z, self._lower, self._upper)
         return Experiments.of_table(self._problem.model, table)
 
 

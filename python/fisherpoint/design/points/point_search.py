@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from ...points.experiments import Experiments
 from ..average import Average
 from ..efficiency import Efficiency
 from ..found import FoundDesign, TraceRecord
+from ..optimality.aims import Aim, LogDet, aim_of
+from ..optimality.asked import criterion as criterion_asked
 from ..over_prior import Scenarios
 from ..scenario_values import ScenarioValues, scenario_values
 from ..settings import ExchangeSettings
@@ -31,7 +33,7 @@ apart."""
 
 
 class Progress(NamedTuple):
-    """What the search reports after each iteration."""
+    """What the search reports after each iteration; `log_det` is what is maximised, as in `TraceRecord`."""
 
     iteration: int
     max_iterations: int
@@ -64,18 +66,28 @@ class PointSearch:
 
     def __post_init__(self) -> None:
         self._started = time.perf_counter()
-        self.seen = SeenCandidates(self.problem, self.threads)
         over = self.scenarios
         self.over = Scenarios((self.problem,), Average.of_all(1), (self.previous,)) if over is None else over
+        self.aims: tuple[Aim, ...] = tuple(map(self._aim, self.over.problems))
+        self.seen = SeenCandidates(self.problem, self.threads, self.aims)
         keep = self.seen.add if self.settings.references and self.problem.noise_std is not None else None
-        self.source = CandidateSource(
-            self.problem, np.random.default_rng(self.settings.seed), self.threads, keep, () if over is None else over.problems
-        )
+        elsewhere, rng = () if over is None else over.problems, np.random.default_rng(self.settings.seed)
+        self.source = CandidateSource(self.problem, rng, self.threads, keep, elsewhere, self.seen.validity)
         start = self._first()
         self.criterion: Criterion = criterion(self.problem, self._with_previous(start), self.threads)
         self._previous = [None if known is None else self.criterion.prepare(known) for known in self.over.previous]
         self.best = self._incumbent(start)
         self._record(0, False)
+
+    def _aim(self, problem: DesignProblem) -> Aim:
+        given = self.settings
+        options: dict[str, Any] = {"of": given.of, "conditions": given.conditions, "scale": given.scale}
+        return aim_of(criterion_asked(problem, given.criterion, **options, threads=self.threads))
+
+    @property
+    def at_mean(self) -> Aim:
+        """What would be maximised at the prior mean alone."""
+        return self.aims[0] if self.scenarios is None else self._aim(self.problem)
 
     def _first(self) -> PointInformation:
         return self.source.draw_confirmed(self.count)
@@ -120,14 +132,14 @@ class PointSearch:
         return Incumbent(information, self.criterion.prepare(information), self._worth(information, 0.0))
 
     def _worth(self, information: PointInformation, ridge: float) -> float:
-        """What is maximised: log det F, or its average over the scenarios."""
+        """What is maximised: log det F or another criterion, or its average over the scenarios."""
         of_all = [self._log_det(self.criterion.prepare(one), ridge, s) for s, one in enumerate(information.everywhere)]
         return float(self.over.average.value(np.array(of_all)))
 
     def _log_det(self, prepared: PointInformation, ridge: float, scenario: int = 0) -> float:
         known, own = self._previous[scenario], len(prepared) + (0 if self.previous is None else len(self.previous))
         share = 1.0 if known is None else (len(known) + len(prepared)) / own  # a previous point may be none in a scenario
-        return self._phi(self._accumulate(prepared, scenario), ridge, share)
+        return self._phi(self._accumulate(prepared, scenario), ridge, share, scenario)
 
     def _accumulate(self, prepared: PointInformation, scenario: int = 0) -> _core.FisherAccumulator:
         """The previous points, and these."""
@@ -137,11 +149,11 @@ class PointSearch:
     def _with_previous(self, information: PointInformation) -> PointInformation:
         return information if self.previous is None else PointInformation.join([self.previous, information])
 
-    def _phi(self, accumulator: _core.FisherAccumulator, ridge: float, share: float = 1.0) -> float:
+    def _phi(self, accumulator: _core.FisherAccumulator, ridge: float, share: float = 1.0, scenario: int = 0) -> float:
         fisher = share * finite_fisher(
             accumulator.fisher(accumulator.output_covariance(self.criterion.given, self.criterion.pooled))
         )
-        return _core.log_det(fisher + ridge * np.eye(len(fisher)))
+        return self.aims[scenario].value(fisher + ridge * np.eye(len(fisher)))
 
     def under_noise(self) -> Evaluation | None:
         if self.problem.noise_std is None:
@@ -195,4 +207,5 @@ class PointSearch:
             evaluation = evaluate_information(problem, everything, self.criterion, self.threads)
             scale = len(problem.estimated) * float(np.log(len(everything) / total))
             evaluations.append(replace(evaluation, log_det=evaluation.log_det + scale))
-        return scenario_values(problems, self.over.average, evaluations)
+        value = None if isinstance(self.aims[0], LogDet) else self.best.log_det
+        return scenario_values(problems, self.over.average, evaluations, value)

@@ -1,9 +1,8 @@
 """Exchange of a design's points for those of a pool, of which all rows are at hand.
 
-In each scenario, F is the sum of W W^T over the points, W (p, n) the whitened rows of a point as columns. With F = L L^T,
-det(F + W W^T) / det F = det(I + G^T G), G = L^-1 W (the matrix determinant lemma). Columns of all candidates lie side by side,
-(p, n, N), so that each operation is one over all of them, and no library starts threads for it. What is compared is the average of
-log det F over the scenarios.
+In each scenario, F is the sum of W W^T over the points, W (p, n) the whitened rows of a point as columns. Columns of all candidates
+lie side by side, (p, n, N); the criterion tells what F + W W^T is worth for all of them. What is compared is the average over the
+scenarios.
 """
 
 from __future__ import annotations
@@ -15,54 +14,23 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ..average import Average
+from ..optimality.added import divided
+from ..optimality.aims import Aim
 
 LEAST_RATIO = 1 + 1e-6
-"""By which an exchange must raise det F; less would go on for ever."""
+"""By which an exchange must raise det F, or phi of another criterion; less would go on for ever."""
 
-FEW = 20_000
-"""Numbers of columns up to which the linear algebra library divides them, without threads."""
+SINGULAR = 1e-8
+"""The pivot of F, as a share, below which a design is singular."""
 
-SMALL = 1e-4
-"""What is added to F where a design is singular; and the square root of the pivot, as a share, below which it is."""
+LOOKED_AT = 32
+"""Candidates of which the exact values are computed at once, where there are bounds for all."""
 
 MOST_PASSES = 30
 """Over all points of a design."""
 
 TINY = 1e-10
-"""What F keeps of itself where a point leaves it: with as few points as parameters it is singular then."""
-
-
-def divided(factor: Array, columns: Array) -> Array:
-    """L^-1 W of columns (p, ...), by substitution; L (p, p) is a lower triangle."""
-    if columns.size < FEW:
-        return np.asarray(np.linalg.solve(factor, columns.reshape(len(factor), -1)), dtype=np.float64).reshape(columns.shape)
-    result = np.empty_like(columns)
-    for i in range(len(factor)):
-        rest = columns[i].copy()
-        for j in range(i):
-            rest -= factor[i, j] * result[j]
-        result[i] = rest / factor[i, i]
-    return result
-
-
-def gains(fisher: Array, columns: Array) -> Array:
-    """det(F + W W^T) / det F, (N,), of columns (p, n, N)."""
-    factor = np.asarray(np.linalg.cholesky(fisher), dtype=np.float64)
-    g = divided(factor, columns)
-    p, n = g.shape[:2]
-    if n > p:
-        return _determinants(np.einsum("pnk,qnk->pqk", g, g) + np.eye(p)[:, :, None])
-    return _determinants(np.einsum("pnk,pmk->nmk", g, g) + np.eye(n)[:, :, None])
-
-
-def _determinants(matrices: Array) -> Array:
-    """Of positive definite matrices (n, n, N), which are overwritten."""
-    result: Array = matrices[0, 0].copy()
-    for k in range(len(matrices) - 1):
-        for i in range(k + 1, len(matrices)):
-            matrices[i, k + 1 :] -= matrices[i, k] / matrices[k, k] * matrices[k, k + 1 :]
-        result *= matrices[k + 1, k + 1]
-    return result
+"""What the diagonal of F keeps of itself where a point leaves it: with as few points as parameters it is singular then."""
 
 
 class PoolExchange:
@@ -77,14 +45,17 @@ class PoolExchange:
     fixed : ndarray, (S, p, p)
         What is added to F.
     average : Average
+    aims : sequence of Aim
+        What is maximised in each scenario.
     """
 
-    def __init__(self, columns: Array, chosen: NDArray[np.intp], fixed: Array, average: Average) -> None:
+    def __init__(self, columns: Array, chosen: NDArray[np.intp], fixed: Array, average: Average, aims: Sequence[Aim]) -> None:
         self.chosen, self._average = chosen.copy(), average
-        self._parts = [_Part(columns[s], chosen, fixed[s]) for s in range(len(fixed))]
+        self._parts = [_Part(columns[s], chosen, fixed[s], aim) for s, aim in enumerate(aims)]
+        self._bounded = any(aim.bounded for aim in aims)
 
     def promising(self, among: NDArray[np.intp], most: int, place: NDArray[np.intp] | None = None) -> NDArray[np.intp]:
-        """For every point the `most` best of some candidates that raise det F in its place, all together.
+        """For every point the `most` best of some candidates that raise the criterion in its place, all together.
 
         Where the `place` of each candidate is given, it is looked at there alone.
         """
@@ -92,23 +63,24 @@ class PoolExchange:
         for own in self._distinct():
             some = among if place is None else among[place == own]
             if len(some):
-                ratios = self._ratios(own, self._taken(np.append(some, self.chosen[own])))
+                ratios = self._ratios(own, self._taken(np.append(some, self.chosen[own])), len(some), most)
                 ratios, least = ratios[:-1], LEAST_RATIO * ratios[-1]
                 best = np.argpartition(-ratios, most)[:most] if len(ratios) > most else np.arange(len(ratios))
                 found.append(some[best[ratios[best] > least]])
         return np.unique(np.concatenate(found))
 
     def run(self, among: NDArray[np.intp], late: Callable[[], bool]) -> None:
-        """Replace points by the best of some candidates, its own ones with them, until none raises det F any more."""
+        """Replace points by the best of some candidates, its own ones with them, until none raises the criterion any more."""
         columns = [np.ascontiguousarray(taken) for taken in self._taken(among)]
         for _ in range(MOST_PASSES):
             changed = False
             for own in self._distinct():
                 if late():
                     return
-                ratios = self._ratios(own, columns)
+                here = int(np.searchsorted(among, self.chosen[own]))
+                ratios = self._ratios(own, columns, here, 1)
                 best = int(np.argmax(ratios))
-                if ratios[best] > LEAST_RATIO * ratios[np.searchsorted(among, self.chosen[own])]:
+                if ratios[best] > LEAST_RATIO * ratios[here]:
                     self.chosen[own], changed = among[best], True
             if not changed:
                 return
@@ -120,30 +92,53 @@ class PoolExchange:
     def _taken(self, among: NDArray[np.intp]) -> list[Array]:
         return [part.columns[:, :, among] for part in self._parts]
 
-    def _ratios(self, place: int, columns: Sequence[Array]) -> Array:
-        """By how much each of some columns raises det F without the point at a place."""
+    def _ratios(self, place: int, columns: Sequence[Array], here: int, most: int) -> Array:
+        """By how much each of some columns raises the criterion without the point at a place, next to each other.
+
+        Where the criterion has bounds for all, what cannot be among the `most` best is 0, but for that which is `here` now.
+        """
         rest = np.delete(self.chosen, place)
         without = [part.without(rest) for part in self._parts]
-        log_dets = None
+        offsets = None
         if not self._average.is_mean:
-            log_dets = np.array([part.log_det + np.linalg.slogdet(f)[1] for part, f in zip(self._parts, without, strict=True)])
-        return self._average.ratios(log_dets, [gains(f, w) for f, w in zip(without, columns, strict=True)])
+            offsets = np.array([part.aim.offset(f, part.factor) for part, f in zip(self._parts, without, strict=True)])
+        parts = list(zip(self._parts, without, columns, strict=True))
+        ratios = self._average.ratios(offsets, [part.aim.added(f, w) for part, f, w in parts])
+        if not self._bounded:
+            return ratios
+        exact = np.zeros(len(ratios))
+
+        def look_at(some: NDArray[np.intp]) -> None:
+            taken = [part.aim.added_exactly(f, w[:, :, some]) for part, f, w in parts]
+            exact[some] = self._average.ratios(offsets, taken)
+
+        look_at(np.array([here]))
+        order = np.argsort(-ratios, kind="stable")
+        order = order[order != here]
+        for first in range(0, len(order), LOOKED_AT):
+            some = order[first : first + LOOKED_AT]
+            known = exact[order[:first]]
+            least = max(exact[here], np.partition(known, -most)[-most] if len(known) >= most else 0.0)
+            if not ratios[some[0]] > least:
+                break
+            look_at(some)
+        return exact
 
 
 class _Part:
-    """One scenario: its columns (p, n, N) in coordinates in which F is about I, and log det of the F that is I there."""
+    """One scenario: its columns (p, n, N) and its criterion in coordinates in which F is about I."""
 
-    def __init__(self, columns: Array, chosen: NDArray[np.intp], fixed: Array) -> None:
-        own, least = columns[:, :, chosen], TINY
+    def __init__(self, columns: Array, chosen: NDArray[np.intp], fixed: Array, aim: Aim) -> None:
+        own, least = columns[:, :, chosen], aim.least
         # In such coordinates the scales of F do not matter, nor what is added to it.
         factor = _factor(np.einsum("pnk,qnk->pq", own, own) + fixed)
         if _singular(factor):  # then in those of the candidates, and with more of I, so that it can be told what is missing
             factor = _factor(np.einsum("pnk,qnk->pq", columns, columns) * len(chosen) / columns.shape[2] + fixed)
-            least = SMALL
+            least = aim.small
         self.columns = divided(factor, columns)
         half = np.linalg.solve(factor, fixed)
         self._fixed = np.linalg.solve(factor, half.T) + least * np.eye(len(fixed))
-        self.log_det = 2 * float(np.log(np.diag(factor)).sum())
+        self.aim, self.factor = aim.within(factor), factor
 
     def without(self, rest: NDArray[np.intp]) -> Array:
         """F of some points alone, to which next to nothing is added."""
@@ -162,10 +157,17 @@ def _factor(fisher: Array) -> Array:
 def _singular(factor: Array) -> bool:
     """Whether F is singular to working precision."""
     pivots: Array = np.diag(factor) ** 2 / np.square(factor).sum(axis=1)
-    return bool((pivots < SMALL**2).any())
+    return bool((pivots < SINGULAR).any())
 
 
-def greedy(columns: Array, count: int, fixed: Array, average: Average, first: NDArray[np.intp] | None = None) -> NDArray[np.intp]:
+def greedy(
+    columns: Array,
+    count: int,
+    fixed: Array,
+    average: Average,
+    aims: Sequence[Aim],
+    first: NDArray[np.intp] | None = None,
+) -> NDArray[np.intp]:
     """Candidates (count,) that are chosen one after the other, each as the best beside those before it and the `first` ones.
 
     Columns are (S, p, n, N) and `fixed` is (S, p, p), for S scenarios.
@@ -179,8 +181,10 @@ def greedy(columns: Array, count: int, fixed: Array, average: Average, first: ND
             fisher = fisher + own[:, :, place] @ own[:, :, place].T
         fishers.append(fisher)
     while len(chosen) < count:
-        log_dets = None if average.is_mean else np.array([np.linalg.slogdet(fisher)[1] for fisher in fishers])
-        ratios = average.ratios(log_dets, [gains(fisher, own) for fisher, own in zip(fishers, columns, strict=True)])
+        offsets = None
+        if not average.is_mean:
+            offsets = np.array([aim.offset(f, np.eye(len(f))) for aim, f in zip(aims, fishers, strict=True)])
+        ratios = average.ratios(offsets, [aim.added(f, own) for aim, f, own in zip(aims, fishers, columns, strict=True)])
         chosen.append(int(np.argmax(ratios)))
         fishers = [fisher + own[:, :, chosen[-1]] @ own[:, :, chosen[-1]].T for fisher, own in zip(fishers, columns, strict=True)]
     return np.array(chosen)

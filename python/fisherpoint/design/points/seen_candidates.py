@@ -2,29 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...information.output_covariance import criterion
-from ...information.point_information import PointInformation, with_covariance
+from ...information.point_information import PointInformation
 from ...information.problem import DesignProblem
-from ...points.status import Status
+from ...information.validity import Validity
 from ..efficiency import Bound
+from ..optimality.aims import Aim, LogDet, aim_of
+from ..optimality.asked import criterion as criterion_asked
 from ..optimality.candidate_rows import CandidateRows, Places
-from ..optimality.criteria import Determinant
+from ..optimality.criteria import ConditionNumber
 from ..optimality.estimable import estimable
 from ..optimality.weights import Weights, optimal_weights
 from ..over_prior import Scenarios
 from .over_bound import over_bound
 from .point_ascent import scenario_rows, whitened_rows
+from .told import NOT_TOLD
 
 MOST_NUMBERS = 10_000_000
 """Numbers of sensitivities that are kept, of 8 bytes each, of all scenarios; candidates after these are not."""
 
-TOLERANCE = 5e-4
-"""By which share the sensitivity function may exceed its level over the candidates."""
+TOLERANCE, OF_KINKS = 5e-4, 2e-3
+"""By which share the sensitivity function may exceed its level over the candidates; and for a criterion with kinks, where less
+takes long."""
 
 
 LOOKS = 6
@@ -38,12 +43,14 @@ class _Best(NamedTuple):
 
 
 class SeenCandidates:
-    """What was valid at the prior mean."""
+    """What was valid at the prior mean; `aims` is what is maximised in each scenario, log det F where none are given."""
 
-    def __init__(self, problem: DesignProblem, threads: int) -> None:
+    def __init__(self, problem: DesignProblem, threads: int, aims: Sequence[Aim] | None = None) -> None:
         self._problem, self._threads = problem, threads
+        self.aims = (aim_of(criterion_asked(problem)),) if aims is None else tuple(aims)
         self._seen: list[PointInformation] = []
         self._numbers = 0
+        self.validity = Validity(problem, threads)
 
     def add(self, information: PointInformation) -> None:
         """Keep these, as long as there is room."""
@@ -53,29 +60,32 @@ class SeenCandidates:
 
     def include(self, other: SeenCandidates) -> None:
         """Keep those of another search too."""
+        self.validity.include(other.validity)
         for information in other._seen:
             self.add(information)
 
     def bound(self, design: PointInformation, previous: PointInformation | None) -> Bound | None:
-        """What bounds designs of as many points, beside the previous ones; None where no candidates determine all parameters.
+        """What bounds designs of as many points, beside the previous ones; None where no candidates determine what is asked.
 
-        Maximised is log det of M = sum_i w_i F_i over weights that sum to 1, which every design of these candidates is a case of;
-        the equivalence theorem bounds the maximum (Kiefer and Wolfowitz 1960). Candidates that no design may have, as plants of the
-        prior cannot run them, are left out where they would have a weight.
+        Maximised is the criterion of M = sum_i w_i F_i over weights that sum to 1, which every design of these candidates is a case
+        of; the equivalence theorem bounds the maximum (Kiefer and Wolfowitz 1960, Pukelsheim 1993). Candidates that no design may
+        have, as plants of the prior cannot run them, are left out where they would have a weight. "ME" has no bound.
         """
         best = self._best_weights(design, previous)
         if best is None:
             return None
         everything, candidates, found = best
-        sign, log_det = np.linalg.slogdet(candidates.information(found.chosen, found.weights))
-        if not sign > 0 or not found.efficiency > 0:
+        value = self.aims[0].value(candidates.information(found.chosen, found.weights))
+        if not np.isfinite(value) or not found.efficiency > 0:
             return None
-        p, count = candidates.rows.shape[2], len(design)
+        level, count = self.aims[0].level, len(design)
         total = count + (0 if previous is None else len(previous))
-        return Bound(float(log_det + p * np.log(2 * count / total) - p * np.log(found.efficiency)), len(everything) - count)
+        return Bound(float(value + level * np.log(2 * count / total) - level * np.log(found.efficiency)), len(everything) - count)
 
     def bound_over(self, design: PointInformation, previous: PointInformation | None, over: Scenarios) -> Bound | None:
         """The same for a criterion over the prior."""
+        if isinstance(self.aims[0].criterion, ConditionNumber):
+            return None
         everything, count = PointInformation.join([design, *self._seen]), len(design)
         noise = criterion(self._problem, everything, self._threads, "noise")
         rows = scenario_rows(noise, everything)
@@ -87,11 +97,10 @@ class SeenCandidates:
                 known[s] = flat.T @ flat / count
 
         def runs_everywhere(places: Places) -> NDArray[np.bool_]:
-            _, status = with_covariance(self._problem, everything[places], self._threads)
-            return np.asarray(status == Status.ok)
+            return self.validity.of(everything[places])
 
-        value = over_bound(rows, known, over.average, count, runs_everywhere)
-        return None if value is None else Bound(float(value + p * np.log(2 * count / total)), len(everything) - count)
+        value, level = over_bound(rows, known, over.average, count, runs_everywhere, self.aims), self.aims[0].level
+        return None if value is None else Bound(float(value + level * np.log(2 * count / total)), len(everything) - count)
 
     def best(self, design: PointInformation, previous: PointInformation | None, most: int) -> PointInformation | None:
         """Those with the largest sensitivity under the best weights; None where they do not determine all parameters.
@@ -105,8 +114,7 @@ class SeenCandidates:
         taken, have = [], 0
         for first in range(0, min(len(order), LOOKS * most), most):
             some = order[first : first + most]
-            _, status = with_covariance(self._problem, best.everything[some], self._threads)
-            taken.append(some[status == Status.ok])
+            taken.append(some[self.validity.of(best.everything[some])])
             have += len(taken[-1])
             if have >= most:
                 break
@@ -122,21 +130,21 @@ class SeenCandidates:
             flat = whitened_rows(noise, previous).reshape(-1, p)
             known = flat.T @ flat / count
         candidates = CandidateRows(rows, known)
-        space = estimable(candidates.triangle())
-        if space.rank < p:
+        space, aim = estimable(candidates.triangle()), self.aims[0]
+        lost = space.rank < p if isinstance(aim, LogDet) else aim.criterion.outside(space) > NOT_TOLD
+        if lost or isinstance(aim.criterion, ConditionNumber):
             return None
         valid = np.arange(len(rows)) < count
 
         def runs_everywhere(places: Places) -> NDArray[np.bool_]:
             unknown = places[~valid[places]]
-            _, status = with_covariance(self._problem, everything[unknown], self._threads)
-            valid[unknown] = status == Status.ok
+            valid[unknown] = self.validity.of(everything[unknown])
             return valid[places]
 
         found = optimal_weights(
             candidates,
-            Determinant("D", np.eye(p), True),
-            tolerance=TOLERANCE,
+            aim.criterion,
+            tolerance=OF_KINKS if aim.criterion.kinked else TOLERANCE,
             space=space,
             first=np.arange(count),
             allowed=runs_everywhere,

@@ -6,22 +6,25 @@ import warnings
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from ...basics.checks import as_floats, check_type
+from ...basics.checks import check_type
 from ...basics.values import Array, FrozenMapping
 from ...engine.levels import kernels
 from ...information.evaluation import evaluate_design
 from ...information.feasibility import feasibility
+from ...information.point_information import PointInformation
 from ...information.previous import Previous, previous_information
 from ...information.problem import DesignProblem
 from ...information.run_information import checked_problem, information_matrices
 from ...points.run_region import RunRegion
 from ...points.settings import resolve_threads
+from ..average import Average
 from ..found import DRAWS, UNSEEN
+from ..over_prior import OverPrior, moved_problems
+from ..scenario_values import scenario_values
 from ..settings import RunSettings
 from .run_design import RunDesign
-from .run_references import classical_log_dets
+from .run_references import ClassicalRuns, classical_runs
 from .run_search import RunProgress, RunSearch
 
 
@@ -32,12 +35,12 @@ def design_runs(
     n_starts: int = 8,
     n_candidates: int = 500,
     confidence: float | None = 0.99,
-    plants: ArrayLike | None = None,
     seed: int = 0,
     threads: int | None = None,
     time_limit: float | None = None,
     progress: Callable[[RunProgress], None] | None = None,
     previous: Previous | None = None,
+    over: OverPrior | None = None,
 ) -> RunDesign:
     """Find the runs with the largest det F that enough of the prior's plants can run.
 
@@ -56,8 +59,6 @@ def design_runs(
         Random runs to begin with.
     confidence : float or None
         Share of the plants that the prior allows which must reach the ends of all runs. None asks it of the prior mean alone.
-    plants : array_like, (R, p), optional
-        Parameters of the model over which log det F is averaged, each a plant. Default: the prior mean alone.
     seed : int
         The same seed gives the same design, for any number of threads, unless a time limit ends the search.
     threads : int, optional
@@ -68,6 +69,9 @@ def design_runs(
         Called with a `RunProgress` after each start.
     previous : Measurements, Experiments, Runs, a design, or a sequence of these, optional
         What is already measured, or planned: its information counts beside that of the runs.
+    over : OverPrior, optional
+        A criterion over the prior in the place of log det F at its mean; the time is that of one scenario times their number. Runs
+        must reach their ends in every scenario.
 
     Returns
     -------
@@ -91,26 +95,25 @@ def design_runs(
         seed=seed,
         confidence=confidence,
         time_limit=time_limit,
+        over=over,
     )
     if progress is not None and not callable(progress):
         raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
     threads = resolve_threads(threads)
-    theta = _plants(problem, plants)
+    problems, average = ((problem,), Average.of_all(1)) if settings.over is None else moved_problems(problem, settings.over)
+    theta = np.array([moved.theta for moved in problems])
     known, left_out = previous_information(problem, previous, threads)
     if left_out:
         reasons = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
         warnings.warn(f"previous: expected what is valid at the prior mean, left out {reasons}", stacklevel=2)
-    p = len(problem.estimated)
-    there = np.zeros((p, p))
-    if known is not None:
-        measured = known.sensitivity if known.measured is None else np.where(known.measured[:, :, None], known.sensitivity, 0.0)
-        there = information_matrices(problem, measured[None])[0]
+    there = np.array([_known_there(moved, problem, known, previous, threads) for moved in problems])
     search = RunSearch(
         problem,
         problem.region,
         settings.n_runs,
         theta,
-        np.tile(there, (len(theta), 1, 1)),
+        average,
+        there,
         confidence=settings.confidence,
         n_starts=settings.n_starts,
         n_candidates=settings.n_candidates,
@@ -120,19 +123,24 @@ def design_runs(
     )
     stop_reason = search.run(progress)
     runs, seconds = search.runs(), search.seconds
-    classical: dict[str, float] = {}
+    classical: dict[str, ClassicalRuns] = {}
     if stop_reason != "interrupted" and not search.pool.singular and problem.model.kernels is kernels:
         try:
-            classical = classical_log_dets(search.objective, settings.n_runs, problem.region.samples, settings.seed)
+            samples = problem.region.samples
+            classical = classical_runs(search.objective, search.guard, settings.n_runs, samples, settings.seed)
         except KeyboardInterrupt:
             stop_reason = "interrupted"
+    scenarios = None
+    if settings.over is not None:
+        of_each = [evaluate_design(moved, runs, threads=threads, previous=previous) for moved in problems]
+        scenarios = scenario_values(problems, average, of_each)
     return RunDesign(
         problem=problem,
         settings=settings,
         runs=runs,
         evaluation=evaluate_design(problem, runs, threads=threads, previous=previous),
         log_det=-np.inf if search.pool.singular else search.best.value,
-        plants=theta,
+        scenarios=scenarios,
         ends=tuple(-np.inf if search.pool.singular else end.value for end in search.ends),
         again=search.again,
         feasibility=feasibility(problem, runs, draws=DRAWS, seed=settings.seed + UNSEEN, threads=threads),
@@ -140,14 +148,18 @@ def design_runs(
         drawn=search.pool.drawn,
         rejected=FrozenMapping(dict(search.pool.rejected)),
         seconds=seconds,
-        classical=FrozenMapping(classical),
+        classical=FrozenMapping({name: one.log_det for name, one in classical.items()}),
+        classical_shares=FrozenMapping({name: one.share for name, one in classical.items()}),
     )
 
 
-def _plants(problem: DesignProblem, given: ArrayLike | None) -> Array:
-    if given is None:
-        return problem.theta[None]
-    theta = as_floats(given, "plants")
-    if theta.ndim != 2 or not len(theta) or theta.shape[1] != len(problem.theta):
-        raise ValueError(f"plants: expected shape (R, {len(problem.theta)}), given {theta.shape}")
-    return problem.model.theta(theta)
+def _known_there(
+    moved: DesignProblem, problem: DesignProblem, known: PointInformation | None, previous: Previous | None, threads: int
+) -> Array:
+    """F (p, p) of what is already measured, or planned, in a scenario."""
+    if known is not None and moved is not problem:
+        known, _ = previous_information(moved, previous, threads)
+    if known is None:
+        return np.zeros((len(problem.estimated), len(problem.estimated)))
+    measured = known.sensitivity if known.measured is None else np.where(known.measured[:, :, None], known.sensitivity, 0.0)
+    return np.asarray(information_matrices(moved, measured[None])[0])

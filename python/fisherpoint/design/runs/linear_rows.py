@@ -1,4 +1,5 @@
-"""log det F of runs or points near given ones: rows and distances to limits to first order, F and costs exactly from these.
+"""log det F, or another criterion, of runs or points near given ones: rows and distances to limits to first order, F and costs
+exactly from these.
 
 F is the square of rows J, and a cost the square of what a distance to a limit is short of. So the criterion bends by itself where J
 and the distances change in proportion to the free numbers, as in the method of Gauss and Newton: its maximum within some distance
@@ -8,7 +9,7 @@ is near the true one, much further than along the gradient.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ..average import Average
+from ..optimality.aims import log_det_slopes
 from .run_margins import WEIGHT
 
 ITERATIONS, PAIRS = 50, 20
@@ -47,6 +49,9 @@ class LinearRows:
     kappa : float
     variable : ndarray of int, (L, d)
         Which variable each number is; runs may share one. -1 of those that stay.
+    slopes : callable
+        Of matrices F (R, p, p) and rows (R, k, p), the criterion (R,) and its derivatives by F times the rows; None where an F is
+        singular.
     """
 
     rows: Array
@@ -57,6 +62,7 @@ class LinearRows:
     average: Average
     kappa: float
     variable: NDArray[np.intp]
+    slopes: Callable[[Array, Array], tuple[Array, Array] | None] = log_det_slopes
 
     def value_and_gradient(self, step: Array) -> tuple[float, Array]:
         """The criterion less costs after a step (n,) of all variables, and its gradient (n,); -inf where F is singular."""
@@ -66,11 +72,11 @@ class LinearRows:
         rows = _sum(of_runs, slopes).reshape(runs, plants, m, p).swapaxes(0, 1) + self.rows
         rows = rows.reshape(plants, runs * m, p)
         f = rows.swapaxes(1, 2) @ rows + self.previous
-        sign, log_det = np.linalg.slogdet(f)
-        if not (sign > 0).all():
+        found = self.slopes(f, rows)
+        if found is None:
             return -np.inf, np.zeros(len(step))
-        value, parts = self.average.softened(log_det)
-        by_rows = (2 / plants * parts)[:, None, None] * np.linalg.solve(f, rows.swapaxes(1, 2)).swapaxes(1, 2)
+        value, parts = self.average.softened(found[0])
+        by_rows = (2 / plants * parts)[:, None, None] * found[1]
         by_rows = by_rows.reshape(plants, runs, m, p).swapaxes(0, 1).reshape(runs, -1)
         gradient = _products(slopes, by_rows)
         if self.distances.size:
@@ -129,6 +135,7 @@ class LinearRows:
             self.average,
             self.kappa,
             self.variable,
+            self.slopes,
         )
 
 

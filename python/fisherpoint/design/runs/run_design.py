@@ -11,7 +11,7 @@ from ...basics.checks import as_path
 from ...basics.extras import needed_for
 from ...basics.files import write_together
 from ...basics.kept import Codec, Kept
-from ...basics.values import Array, FrozenMapping
+from ...basics.values import FrozenMapping
 from ...information.codec import evaluation_from_json, evaluation_to_json, problem_from_json, problem_to_json
 from ...information.evaluation import Evaluation
 from ...information.feasibility import Feasibility
@@ -22,6 +22,8 @@ from ...points.run_files import plan_csv, runs_csv
 from ...points.runs import Runs
 from ...show.section import Report, Section
 from ...show.shown import Plots, Shown
+from ..over_prior import OverPrior
+from ..scenario_values import ScenarioValues, scenario_values_from_json, scenario_values_to_json
 from ..settings import RunSettings
 from .run_report import run_report, segments_table
 
@@ -46,10 +48,8 @@ class RunDesign(Shown, Kept):
     evaluation : Evaluation
         Of the runs, and of previous points and runs with them, at the prior mean.
     log_det : float
-        What was maximised: log det F in its sum form, parameters standardised by the prior; with `plants` its mean over these. -inf
-        where no runs of the region determine all parameters.
-    plants : ndarray, (R, p)
-        Parameters over which it is averaged; one row, the prior mean, where none were given.
+        What was maximised: log det F in its sum form, parameters standardised by the prior, or its average over the scenarios of a
+        criterion over the prior. -inf where no runs of the region determine all parameters.
     ends : tuple of float
         log det F that each start of the search came to, in the order in which they were followed.
     again : int
@@ -63,6 +63,10 @@ class RunDesign(Shown, Kept):
     seconds : float
     classical : mapping of profile to float
         log det F of the best of a hundred random runs of each classical profile, steps for one, whether plants can run them or not.
+    classical_shares : mapping of profile to float
+        The share of the plants that can run these.
+    scenarios : ScenarioValues or None
+        What the runs are worth in the scenarios of a criterion over the prior; None where it is of the prior mean.
     """
 
     problem: DesignProblem
@@ -70,7 +74,6 @@ class RunDesign(Shown, Kept):
     runs: Runs
     evaluation: Evaluation
     log_det: float
-    plants: Array
     ends: tuple[float, ...]
     again: int
     feasibility: Feasibility
@@ -79,12 +82,17 @@ class RunDesign(Shown, Kept):
     rejected: Mapping[str, int]
     seconds: float
     classical: Mapping[str, float] = FrozenMapping({})
+    classical_shares: Mapping[str, float] = FrozenMapping({})
+    scenarios: ScenarioValues | None = None
 
     _INSIDE = (RunSettings, Feasibility)
+    _GONE = ("plants",)
     _CODEC: ClassVar[Codec] = {
         DesignProblem: (problem_to_json, problem_from_json),
         Runs: (runs_to_json, runs_from_json),
         Evaluation: (evaluation_to_json, lambda data: evaluation_from_json(data, data["n_points"])),
+        OverPrior: (OverPrior.to_json, OverPrior.from_json),
+        ScenarioValues: (scenario_values_to_json, lambda data: scenario_values_from_json(data, tuple(data["standard_errors"]))),
     }
 
     @property

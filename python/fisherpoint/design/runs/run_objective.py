@@ -1,4 +1,4 @@
-"""log det of the information in runs as a function of their free numbers, less what runs cost that come near limits."""
+"""What runs are worth by their free numbers: an average over plants of log det F, less what runs cost that come near limits."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from ...points.run_region import RunCoordinates
 from ...points.runs import Runs
 from ...points.settings import Settings
 from ...points.status import Status
+from ..average import Average
 from .run_margins import RunMargins, costs_of
 
 LOOKS, MORE_LOOKS = 2, 4
@@ -47,7 +48,7 @@ class Judged:
 
 
 class RunObjective:
-    """The mean over plants of log det F, F the sum over L runs, each described by its free numbers, less what runs cost.
+    """An average over plants of log det F, F the sum over L runs, each described by its free numbers, less what runs cost.
 
     Parameters
     ----------
@@ -55,6 +56,8 @@ class RunObjective:
     coordinates : RunCoordinates
     plants : ndarray, (R, p)
         Parameters of the model.
+    average : Average
+        Over these.
     previous : ndarray, (R, p, p)
         Information that is there without the runs.
     settings : Settings
@@ -69,9 +72,16 @@ class RunObjective:
     """
 
     def __init__(
-        self, problem: DesignProblem, coordinates: RunCoordinates, plants: Array, previous: Array, settings: Settings
+        self,
+        problem: DesignProblem,
+        coordinates: RunCoordinates,
+        plants: Array,
+        average: Average,
+        previous: Array,
+        settings: Settings,
     ) -> None:
         self.problem, self.coordinates, self.plants, self.previous = problem, coordinates, plants, previous
+        self.average = average
         self.kappa, self.looks, self.settings = 0.0, LOOKS, settings
         self.margins = RunMargins(problem)
         self._parallel = problem.model.kernels is kernels  # functions of Python need not bear several threads
@@ -91,9 +101,9 @@ class RunObjective:
         return np.moveaxis(f.reshape(len(self.plants), *runs.dt.shape, *f.shape[1:]), 0, 2)
 
     def log_dets(self, total: Array) -> Array:
-        """The mean over the plants of log det of F (..., R, p, p); -inf where one is singular."""
+        """The average over the plants of log det of F (..., R, p, p); -inf where one that counts is singular."""
         sign, value = np.linalg.slogdet(total)
-        return np.asarray(np.where(sign > 0, value, -np.inf).mean(axis=-1))
+        return self.average.value(np.moveaxis(np.where(sign > 0, value, -np.inf), -1, 0))
 
     def of(self, judged: Judged) -> float:
         """The criterion of runs together, less their costs."""

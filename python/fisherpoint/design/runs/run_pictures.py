@@ -11,13 +11,16 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ...basics.checks import check_choice
+from ...basics.quantity import names_of
 from ...basics.values import Array
+from ...information.evaluation import Evaluation
 from ...information.problem import DesignProblem
 from ...information.run_information import run_rows, run_settings
 from ...points.run_trajectories import checked_run_trajectories
 from ...points.runs import Runs
 from ...points.status import Status
 from ...show.numbers import counted
+from ...show.run_time import LOOKS, SHARES, RunTime
 from ...show.shown import Plots
 from ...show.style import NOISE, PRIOR, STYLE, TEXT, scale, telling
 from .run_plants import RunPlants
@@ -25,11 +28,6 @@ from .run_report import HasRuns
 
 DRAWN = 100
 """Plants whose outputs show the spread."""
-
-SHARES = (1e-5, 1e-4, 1e-3, 3e-3, 0.01, 0.02, 0.04, 0.08, 0.15, 0.25, 0.4, 0.6, 0.8, 1.0)
-"""Of each segment, at which outputs are drawn: behind a change of the inputs they may change fast."""
-
-LOOKS = len(SHARES)
 
 NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"
 
@@ -44,11 +42,16 @@ def plot_of(design: HasRuns, kind: str) -> Figure:
 
 def plots_of(design: HasRuns) -> Plots:
     """Every picture of a design of runs."""
+    return evaluation_plots(design.problem, design.runs, design.evaluation)
+
+
+def evaluation_plots(problem: DesignProblem, runs: Runs, evaluation: Evaluation) -> Plots:
+    """Every picture of runs that were evaluated."""
     return {
-        "runs": partial(plot_runs, design.problem, design.runs),
-        "information": partial(plot_information, design.problem, design.runs),
-        "standard_errors": partial(design.evaluation.plot, "standard_errors"),
-        "correlation": partial(design.evaluation.plot, "correlation"),
+        "runs": partial(plot_runs, problem, runs),
+        "information": partial(plot_information, problem, runs),
+        "standard_errors": partial(evaluation.plot, "standard_errors"),
+        "correlation": partial(evaluation.plot, "correlation"),
     }
 
 
@@ -60,37 +63,38 @@ def plot_runs(problem: DesignProblem, runs: Runs) -> Figure:
     mean = checked_run_trajectories(model, fine, problem.theta, settings)
     plants = RunPlants(problem, DRAWN, np.random.default_rng(0), settings)
     spread, reached = plants.outputs(fine)
-    limits = limits_of(problem)
+    limits = {name: values for name, values in limits_of(problem).items() if name in names_of(model.outputs)}
     rows, columns = len(model.inputs) + len(model.outputs), len(shown)
+    times = [RunTime(dt[:n]) for dt, n in zip(shown.dt, shown.segments.tolist(), strict=True)]
+    width = max(4.2, *(time.width for time in times))
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(1.5 + 4.2 * columns, 0.6 + 1.5 * rows), layout="constrained")
+        figure = Figure(figsize=(1.5 + width * columns, 0.6 + 1.5 * rows), layout="constrained")
         grid = figure.subplots(rows, columns, squeeze=False, sharex="col", sharey="row")
-        for k in range(columns):
+        for k, time in enumerate(times):
             n = int(shown.segments[k])
-            t, ends = np.concatenate([[0.0], shown.t[k, :n]]), fine.t[k, : n * LOOKS]
-            factor_t, unit_t = _time(float(t[-1]))
+            t, looks = time(time.ends), time.within(np.array(SHARES))
             for i, quantity in enumerate(model.inputs):
                 factor, unit = scale(quantity, shown.u[:, :, i])
                 held = factor * np.append(shown.u[k, :n, i], shown.u[k, n - 1, i])
-                grid[i, k].step(factor_t * t, held, where="post", color=TEXT, linewidth=1.2)
+                grid[i, k].step(t, held, where="post", color=TEXT, linewidth=1.2)
                 grid[i, 0].set_ylabel(f"{quantity.name} [{unit}]")
             for j, quantity in enumerate(model.outputs):
                 axes: Any = grid[len(model.inputs) + j, k]
                 factor, unit = scale(quantity, mean.y[:, :, j])
                 if reached[:, k].any():
                     low, high = np.quantile(spread[reached[:, k], k, : n * LOOKS, j], [0.05, 0.95], axis=0)
-                    axes.fill_between(factor_t * ends, factor * low, factor * high, color=PRIOR, alpha=0.35, linewidth=0)
+                    axes.fill_between(looks, factor * low, factor * high, color=PRIOR, alpha=0.35, linewidth=0)
                 for limit in limits.get(quantity.name, ()):
                     axes.axhline(factor * limit, color=TEXT, linewidth=0.8, linestyle="--")
-                (line,) = axes.plot(factor_t * ends, factor * mean.y[k, : n * LOOKS, j], color=NOISE, linewidth=1.2)
+                (line,) = axes.plot(looks, factor * mean.y[k, : n * LOOKS, j], color=NOISE, linewidth=1.2)
                 samples = counted(int(shown.measured[k, :n].sum()), "sample")
                 telling([line], f"run {k + 1}: {quantity.name} [{unit}] at the prior mean, {samples}", f"{k}-{j}")
                 at = np.flatnonzero(shown.measured[k, :n])
                 sampled = mean.y[k, at * LOOKS + LOOKS - 1, j]
-                axes.plot(factor_t * shown.t[k, at], factor * sampled, "o", color=NOISE, markersize=3.2)
+                axes.plot(t[at + 1], factor * sampled, "o", color=NOISE, markersize=3.2)
                 grid[len(model.inputs) + j, 0].set_ylabel(f"{quantity.name} [{unit}]")
             grid[0, k].set_title(f"run {k + 1}")
-            grid[-1, k].set_xlabel(f"time [{unit_t}]")
+            time.mark(grid[:, k])
         more = f"; {len(runs) - columns} further runs are not shown" if len(runs) > columns else ""
         marks = f"dots: samples{', dashed: limits' if limits else ''}{more}"
         title = f"At the prior mean, and 90 % of the prior's plants (grey)\n{marks}"
@@ -143,11 +147,3 @@ def _told(problem: DesignProblem, sensitivity: Array, measured: Array) -> Array:
     white = sensitivity / np.sqrt(np.diag(problem.noise_covariance))[:, None]
     told: Array = np.square(white).sum(axis=2)[measured]
     return told
-
-
-def _time(longest: float) -> tuple[float, str]:
-    """Factor and unit in which times are easy to read."""
-    for seconds, unit in ((86400.0, "d"), (3600.0, "h"), (60.0, "min")):
-        if longest >= 3 * seconds:
-            return 1 / seconds, unit
-    return (1.0, "s") if longest >= 1.0 else (1e3, "ms")

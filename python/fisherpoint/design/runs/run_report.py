@@ -17,7 +17,10 @@ from ...points.runs import Runs
 from ...show.numbers import computed, counted, number, percent
 from ...show.section import Report, Section
 from ..efficiency import d_efficiency
+from ..over_prior import OverPrior
+from ..over_report import over_sections
 from ..report import ROWS_OF_PAGES, plants_sections
+from ..scenario_values import ScenarioValues
 
 _ROWS = 40  # runs shown of a longer list
 
@@ -27,6 +30,8 @@ class Settings(Protocol):
     def n_starts(self) -> int: ...
     @property
     def confidence(self) -> float | None: ...
+    @property
+    def over(self) -> OverPrior | None: ...
 
 
 class HasRuns(Protocol):
@@ -65,6 +70,10 @@ class Reported(HasRuns, Protocol):
     def seconds(self) -> float: ...
     @property
     def classical(self) -> Mapping[str, float]: ...
+    @property
+    def scenarios(self) -> ScenarioValues | None: ...
+    @property
+    def classical_shares(self) -> Mapping[str, float]: ...
 
 
 def run_report(design: Reported) -> Report:
@@ -77,7 +86,8 @@ def run_report(design: Reported) -> Report:
     )
     inner = design.evaluation.report()
     plants = plants_sections(design.feasibility, design.settings.confidence)
-    sections = [_runs_table(problem, runs), *inner.sections, *plants, _search(design), *_classical(design)]
+    over = over_sections(design, _maximised(design))
+    sections = [_runs_table(problem, runs), *inner.sections, *over, *plants, _search(design), *_classical(design)]
     return Report(headline, sections, [*_warnings(design), *inner.warnings])
 
 
@@ -119,11 +129,17 @@ def segments_table(model: Model, runs: Runs, title: str = "Segments of the runs"
     return Section(title, columns, rows, notes=notes)
 
 
+def _maximised(design: Reported) -> str:
+    over = design.settings.over
+    return "log det F" if over is None else over.described
+
+
 def _search(design: Reported) -> Section:
     told = {"all_starts": "every start was followed", "time_limit": "the time was up", "interrupted": "interrupted"}
     singular = not np.isfinite(design.log_det)
+    what = f"{_maximised(design)}, sum over samples"
     facts = [
-        ("log det F, sum over samples", "-inf: singular" if singular else computed(design.log_det, 6)),
+        (what, "-inf: singular" if singular else computed(design.log_det, 6)),
         ("starts followed", f"{len(design.ends)} of {design.settings.n_starts}"),
         ("that ended as well as the best", f"{design.again} of {len(design.ends)}"),
         ("end of the search", told[design.stop_reason]),
@@ -131,7 +147,8 @@ def _search(design: Reported) -> Section:
         ("time", f"{design.seconds:.1f} s"),
     ]
     others = sorted((end for end in design.ends if np.isfinite(end)), reverse=True)
-    note = f"Starts ended at log det F = {', '.join(computed(end, 5) for end in others[:8])}{' ...' if len(others) > 8 else ''}."
+    values = ", ".join(computed(end, 5) for end in others[:8]) + (" ..." if len(others) > 8 else "")
+    note = f"Starts ended at {_maximised(design)} = {values}."
     if len(others) < len(design.ends):
         note += f" {len(design.ends) - len(others)} ended at runs that touch a surface at the problem's tolerance."
     return Section("Search", (), facts, notes=[] if singular else [note])
@@ -144,11 +161,13 @@ def _classical(design: Reported) -> Iterator[Section]:
     rows = []
     for name, value in sorted(design.classical.items(), key=lambda one: -one[1]):
         efficiency = d_efficiency(value, design.log_det, len(design.evaluation.parameters))
-        rows.append((name, "-inf: singular" if not np.isfinite(value) else computed(value, 5), percent(efficiency or 0.0)))
+        share = percent(design.classical_shares.get(name, np.nan))
+        rows.append((name, "-inf: singular" if not np.isfinite(value) else computed(value, 5), percent(efficiency or 0.0), share))
     note = (
-        "The best of a hundred random ones of each kind, or of fewer where they are long; whether plants can run them is not asked."
+        "The best of a hundred random ones of each kind at the prior mean, or of fewer where they are long. They may tell more than"
+        " the design where fewer plants can run them."
     )
-    yield Section("Beside classical runs", ("inputs", "log det F, sum", "D-efficiency"), rows, notes=[note])
+    yield Section("Beside classical runs", ("inputs", "log det F, sum", "D-efficiency", "plants that can"), rows, notes=[note])
 
 
 def _warnings(design: Reported) -> Iterator[str]:

@@ -20,6 +20,7 @@ from ...information.problem import DesignProblem
 from ...information.run_information import run_rows, run_settings
 from ...points.run_region import RunCoordinates, RunRegion
 from ...points.runs import Runs
+from ..average import Average
 from .run_ascent import Peak, ascend
 from .run_moves import moved_runs
 from .run_objective import MORE_LOOKS, RunObjective
@@ -91,6 +92,8 @@ class RunSearch:
     n_runs : int
     plants : ndarray, (R, p)
         Parameters of the model over which log det F is averaged.
+    average : Average
+        How.
     previous : ndarray, (R, p, p)
     confidence : float or None
         Share of the prior's plants that must be able to run the design.
@@ -111,6 +114,7 @@ class RunSearch:
         region: RunRegion,
         n_runs: int,
         plants: Array,
+        average: Average,
         previous: Array,
         *,
         confidence: float | None,
@@ -125,10 +129,10 @@ class RunSearch:
         self.coordinates: RunCoordinates = region.coordinates(problem.model)
         self._settings = run_settings(problem, threads)
         finer = (min(self._settings[0], FINE), *self._settings[1:])
-        self.objective = RunObjective(problem, self.coordinates, plants, previous, finer)
+        self.objective = RunObjective(problem, self.coordinates, plants, average, previous, finer)
         self._rng = np.random.default_rng(seed)
         self._confidence = confidence
-        self._guard = RunPlants(problem, PLANTS, np.random.default_rng([seed, 1]), self._settings)
+        self.guard = RunPlants(problem, PLANTS, np.random.default_rng([seed, 1]), self._settings)
         self.ends: list[Found] = []
         self._sketched: list[Found] = []
         wanted = max(4 * n_runs, 20, min(n_candidates, MOST_SEGMENTS_OF_POOL // (region.segments * len(plants))))
@@ -142,7 +146,7 @@ class RunSearch:
 
     def _easy(self) -> bool:
         """Whether enough plants can run the best single runs of the pool as they are: then limits hardly matter."""
-        _, able = self._guard.outputs(self.pool.best(LOOKED_AT))
+        _, able = self.guard.outputs(self.pool.best(LOOKED_AT))
         return all(self._enough(share) for share in able.mean(axis=0))
 
     def _enough(self, share: float) -> bool:
@@ -247,7 +251,7 @@ class RunSearch:
             return Found(z, selected, -np.inf, 0.0, False)
         judged = self.objective.judged(self.objective.tried(z, selected))
         value = self.objective.of(judged) + float(judged.costs.sum())
-        share = float(self._guard.can_run(planned).mean())
+        share = float(self.guard.can_run(planned).mean())
         return Found(z, selected, value, share, self._enough(share))
 
     def _chosen_samples(self, z: Array) -> NDArray[np.bool_] | None:

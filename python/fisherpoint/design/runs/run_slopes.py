@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from ...basics.values import Array
 from ...information.run_tangents import RunTangents, tangents_from
 from ...points.status import Status
-from ..average import Average
 from .linear_rows import LinearRows
 from .run_objective import RunObjective
 
@@ -94,7 +93,7 @@ def linear_rows(
         here.distances,
         _by_run(by_distances, run, number, z.shape),
         objective.previous,
-        Average.of_all(len(here.rows)),
+        objective.average,
         objective.kappa,
         variable,
     )

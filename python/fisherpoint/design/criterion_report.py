@@ -1,0 +1,72 @@
+"""What a design was asked for, in words and in units of the criterion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..show.numbers import computed, percent
+from .found import FoundDesign
+from .optimality.asked import named
+
+
+def asked_for(design: FoundDesign) -> str:
+    """The end of a headline; nothing for log det F, which is the usual one."""
+    name, of = design.settings.criterion, design.settings.of
+    return "" if name == "D" else f"; chosen by criterion {name}, {named(name, of)}"
+
+
+def maximised(design: FoundDesign) -> str:
+    """What stands at the axis of a picture, and in sentences about what is proven."""
+    settings, over = design.settings, design.settings.over
+    what = "log det F"
+    if settings.criterion != "D":
+        sign = "-" if settings.criterion in ("A", "c", "I", "ME") else ""
+        what = named(settings.criterion, settings.of)
+        what = what if settings.criterion == "Ds" else f"{sign}log({what})"
+    return what if over is None else over.described_with(what)
+
+
+def facts_asked(design: FoundDesign) -> Iterator[tuple[str, str]]:
+    """The criterion and its value; nothing for log det F, which is told anyway."""
+    settings = design.settings
+    if settings.criterion == "D":
+        return
+    yield "criterion", f"{settings.criterion}: {named(settings.criterion, settings.of)}"
+    value = computed(design.value, 6) if math.isfinite(design.value) else "infinite: not determined"
+    if settings.criterion in ("c", "I") and math.isfinite(design.value):
+        value += f", standard deviation {computed(math.sqrt(design.value), 4)}"
+    if settings.scale is not None:
+        value += f", with errors in units of {', '.join(f'{size:g} ({name})' for name, size in settings.scale.items())}"
+    elif settings.criterion in ("A", "E", "ME"):
+        value += ", parameters in units of their prior std"
+    yield "its value with these points", value
+    if settings.criterion in ("A", "E", "ME") and design.evaluation.null_directions:
+        yield "asked for", "what the points determine; below stands what none of the region tells about"
+
+
+def told(design: FoundDesign, value: float) -> str:
+    """What is maximised at the prior mean, (7), as the criterion tells it for all measurements."""
+    if design.settings.criterion == "D":
+        return f"{value:.4f}"
+    criterion = design.criterion
+    log_phi = value / criterion.level + criterion.degree * float(np.log(design.evaluation.n_points / 2))
+    return computed(criterion.of_log_phi(log_phi), 6)
+
+
+def at_least(share: float) -> str:
+    """A proven share in percent, rounded down."""
+    return f"at least {percent(math.floor(share * 1e4) / 1e4 if share < 9 else share)}"
+
+
+def bound_of(design: FoundDesign, value: float) -> str:
+    """The bound of what is maximised, as the criterion tells it."""
+    settings = design.settings
+    if settings.over is not None:
+        return f"{maximised(design)} over the scenarios at most {value:.4f}"
+    if settings.criterion == "D":
+        return f"log det at most {value:.4f}"
+    side = "at least" if settings.criterion in ("A", "c", "I") else "at most"
+    return f"{named(settings.criterion, settings.of)} {side} {told(design, value)}"

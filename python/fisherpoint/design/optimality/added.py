@@ -1,0 +1,116 @@
+"""What an information matrix F becomes worth when any of many candidates is added: criteria of F + W_i W_i^T, all side by side.
+
+W_i (p, n) are the whitened rows of a candidate as columns. With F = L L^T and G_i = L^-1 W_i,
+
+    det(F + W W^T) / det F          = det(I + G^T G)                                   (the matrix determinant lemma)
+    K^T (F + W W^T)^-1 K            = H^T H - H^T G (I + G^T G)^-1 G^T H,  H = L^-1 K  (Woodbury).
+
+Columns of all candidates lie side by side, (p, n, N), so that each operation is one over all of them, and no library starts threads
+for it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...basics.values import Array
+
+FEW = 20_000
+"""Numbers of columns up to which the linear algebra library divides them, without threads."""
+
+
+def divided(factor: Array, columns: Array) -> Array:
+    """L^-1 W of columns (p, ...), by substitution; L (p, p) is a lower triangle."""
+    if columns.size < FEW:
+        return np.asarray(np.linalg.solve(factor, columns.reshape(len(factor), -1)), dtype=np.float64).reshape(columns.shape)
+    result = np.empty_like(columns)
+    for i in range(len(factor)):
+        rest = columns[i].copy()
+        for j in range(i):
+            rest -= factor[i, j] * result[j]
+        result[i] = rest / factor[i, i]
+    return result
+
+
+def gains(fisher: Array, columns: Array) -> Array:
+    """det(F + W W^T) / det F, (N,), of columns (p, n, N)."""
+    factor = np.asarray(np.linalg.cholesky(fisher), dtype=np.float64)
+    g = divided(factor, columns)
+    p, n = g.shape[:2]
+    if n > p:
+        return _determinants(np.einsum("pnk,qnk->pqk", g, g) + np.eye(p)[:, :, None])
+    return _determinants(np.einsum("pnk,pmk->nmk", g, g) + np.eye(n)[:, :, None])
+
+
+def variances(fisher: Array, columns: Array, k: Array) -> Array:
+    """tr(K^T (F + W W^T)^-1 K), (N,), of columns (p, n, N) and K (p, q)."""
+    factor = np.asarray(np.linalg.cholesky(fisher), dtype=np.float64)
+    g, h = divided(factor, columns), np.linalg.solve(factor, k)
+    p, n, count = g.shape
+    if n > p:
+        lower = _factored(np.einsum("pnk,qnk->pqk", g, g) + np.eye(p)[:, :, None])
+        return _squares(lower, np.broadcast_to(h.T[:, :, None], (*h.T.shape, count)))
+    lower = _factored(np.einsum("pnk,pmk->nmk", g, g) + np.eye(n)[:, :, None])
+    before = float(np.square(h).sum())
+    told = _squares(lower, np.einsum("pq,pnk->qnk", h, g))
+    return np.maximum(before - told, np.finfo(float).eps * before)
+
+
+def smallest_at_most(fisher: Array, columns: Array) -> Array:
+    """What the smallest eigenvalue of F + W W^T, (N,), is at most: that in the plane of the two smallest of F."""
+    values, vectors = np.linalg.eigh(fisher)
+    return _of_a_plane(values[:2], vectors[:, :2], columns, -1.0)
+
+
+def largest_at_least(fisher: Array, columns: Array) -> Array:
+    """What the largest eigenvalue of F + W W^T, (N,), is at least: that in the plane of the two largest of F."""
+    values, vectors = np.linalg.eigh(fisher)
+    return _of_a_plane(values[-2:], vectors[:, -2:], columns, 1.0)
+
+
+def eigenvalues(fisher: Array, columns: Array) -> Array:
+    """The eigenvalues of F + W W^T, (N, p), ascending."""
+    w = columns.transpose(2, 0, 1)
+    return np.asarray(np.linalg.eigvalsh(fisher + w @ w.swapaxes(1, 2)), dtype=np.float64)
+
+
+def _of_a_plane(values: Array, vectors: Array, columns: Array, side: float) -> Array:
+    """The smaller (-1) or larger (1) eigenvalue of F + W W^T as seen in the plane, or on the line, of some eigenvectors of F."""
+    across = np.einsum("pq,pnk->qnk", vectors, columns)
+    square = np.einsum("qnk,qnk->qk", across, across) + values[:, None]
+    if len(values) == 1:
+        return np.asarray(square[0])
+    mixed = np.einsum("nk,nk->k", across[0], across[1])
+    half = (square[0] - square[1]) / 2
+    return np.asarray((square[0] + square[1]) / 2 + side * np.sqrt(half * half + mixed * mixed))
+
+
+def _determinants(matrices: Array) -> Array:
+    """Of positive definite matrices (n, n, N), which are overwritten."""
+    result: Array = matrices[0, 0].copy()
+    for k in range(len(matrices) - 1):
+        for i in range(k + 1, len(matrices)):
+            matrices[i, k + 1 :] -= matrices[i, k] / matrices[k, k] * matrices[k, k + 1 :]
+        result *= matrices[k + 1, k + 1]
+    return result
+
+
+def _factored(matrices: Array) -> Array:
+    """Lower triangles L of positive definite matrices (n, n, N), which are overwritten; what is above them is not zeroed."""
+    for k in range(len(matrices)):
+        matrices[k, k] = np.sqrt(matrices[k, k])
+        matrices[k + 1 :, k] /= matrices[k, k]
+        for i in range(k + 1, len(matrices)):
+            matrices[i, k + 1 : i + 1] -= matrices[i, k] * matrices[k + 1 : i + 1, k]
+    return matrices
+
+
+def _squares(lower: Array, sides: Array) -> Array:
+    """|L^-1 B|^2, (N,), of triangles (n, n, N) and B as rows (q, n, N)."""
+    solved = np.empty(sides.shape)
+    for i in range(len(lower)):
+        rest = sides[:, i].copy()
+        for j in range(i):
+            rest -= lower[i, j] * solved[:, j]
+        solved[:, i] = rest / lower[i, i]
+    return np.asarray(np.einsum("qnk,qnk->k", solved, solved))

@@ -1,0 +1,206 @@
+"""What a search for points maximises: log det F, or another criterion in the same form.
+
+With the information function phi of a criterion the search maximises `level` log phi(F), which is log det F for "D", with the level
+p. So what a search gains means the same for all of them: log phi by 1e-4 is one measurement in ten thousand.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...basics.values import Array
+from ...engine import _core
+from .added import eigenvalues, gains, largest_at_least, smallest_at_most, variances
+from .criteria import ConditionNumber, Criterion, Determinant, SmallestEigenvalue, Variance
+
+SOFTNESS = 0.02
+"""Of eigenvalues, as shares: where several are about the smallest, ascents need a derivative."""
+
+TINY = 1e-12
+"""What ascents add to the diagonal of F, as a share: where a criterion does not ask for everything, F may be singular."""
+
+
+class Aim(ABC):
+    """A criterion as a search asks for it, at one place of the parameters.
+
+    Attributes
+    ----------
+    level : int
+    least, small : float
+        Multiples of the identity that are added to an F of about the identity where a point leaves it, and where it is singular.
+    bounded : bool
+        Whether `added` are upper bounds, of which `added_exactly` has the values.
+    """
+
+    bounded = False
+    least, small = 1e-8, 1e-8  # so that neither they nor rounding matter in differences of variances
+
+    def __init__(self, criterion: Criterion) -> None:
+        self.criterion, self.level = criterion, criterion.level
+
+    def value(self, fisher: Array) -> float:
+        """`level` log phi(F); -inf where F does not determine what is asked."""
+        return self.level * self.criterion.log_phi(fisher)
+
+    @abstractmethod
+    def added(self, fisher: Array, columns: Array) -> Array:
+        """exp of the value at F + W W^T (N,) less `offset`, of columns (p, n, N)."""
+
+    def added_exactly(self, fisher: Array, columns: Array) -> Array:
+        """The same where `added` are bounds."""
+        return self.added(fisher, columns)
+
+    def offset(self, fisher: Array, factor: Array) -> float:
+        """What the logarithms of `added` are less than the values; `factor` is L of the coordinates."""
+        return 0.0
+
+    @abstractmethod
+    def within(self, factor: Array) -> Aim:
+        """The same for matrices L^-1 F L^-T."""
+
+    @abstractmethod
+    def slope(self, fisher: Array, rows: Array) -> tuple[float, Array]:
+        """The value, or what is near to it and smooth, and its derivative by F times rows (k, p)."""
+
+
+class LogDet(Aim):
+    """log det F."""
+
+    least, small = 1e-10, 1e-4
+
+    def value(self, fisher: Array) -> float:
+        return _core.log_det(fisher)
+
+    def added(self, fisher: Array, columns: Array) -> Array:
+        return gains(fisher, columns)
+
+    def offset(self, fisher: Array, factor: Array) -> float:
+        return 2 * float(np.log(np.diag(factor)).sum()) + float(np.linalg.slogdet(fisher)[1])
+
+    def within(self, factor: Array) -> Aim:
+        return self
+
+    def slope(self, fisher: Array, rows: Array) -> tuple[float, Array]:
+        return float(np.linalg.slogdet(fisher)[1]), np.asarray(np.linalg.solve(fisher, rows.T).T)
+
+
+class _Sloped(Aim):
+    """With the slope that the criterion has."""
+
+    def slope(self, fisher: Array, rows: Array) -> tuple[float, Array]:
+        slope = self.criterion.slope(fisher + TINY * np.diag(np.diag(fisher)))
+        return self.level * slope.log_phi, self.level * (rows @ slope.half) @ slope.half.T
+
+
+class LogSubsetDet(_Sloped):
+    """log det of the information about some parameters: a ratio of the determinants of all and of the others."""
+
+    def __init__(self, criterion: Determinant) -> None:
+        super().__init__(criterion)
+        self._k = criterion.k
+        self._others = np.linalg.qr(self._k, mode="complete")[0][:, self._k.shape[1] :]
+
+    def added(self, fisher: Array, columns: Array) -> Array:
+        others = np.einsum("pq,pnk->qnk", self._others, columns)
+        return gains(fisher, columns) / gains(self._others.T @ fisher @ self._others, others)
+
+    def offset(self, fisher: Array, factor: Array) -> float:
+        return self.value(fisher)
+
+    def within(self, factor: Array) -> Aim:
+        return LogSubsetDet(Determinant(self.criterion.name, _solved(factor, self._k), False))
+
+
+class LogVariance(_Sloped):
+    """-log tr(K^T F^-1 K)."""
+
+    def __init__(self, criterion: Variance) -> None:
+        super().__init__(criterion)
+        self._k = criterion.k
+
+    def added(self, fisher: Array, columns: Array) -> Array:
+        return 1 / variances(fisher, columns, self._k)
+
+    def within(self, factor: Array) -> Aim:
+        return LogVariance(Variance(self.criterion.name, _solved(factor, self._k)))
+
+
+class LogEigenvalue(Aim):
+    """log of the smallest eigenvalue of S F S, "E", or of its ratio to the largest, "ME"."""
+
+    bounded = True
+
+    def __init__(self, criterion: SmallestEigenvalue | ConditionNumber) -> None:
+        super().__init__(criterion)
+        self._k, self._relative = criterion.k, isinstance(criterion, ConditionNumber)
+
+    def added(self, fisher: Array, columns: Array) -> Array:
+        seen = self._k.T @ fisher @ self._k, np.einsum("pq,pnk->qnk", self._k, columns)
+        smallest = np.maximum(smallest_at_most(*seen), 0.0)
+        return smallest / largest_at_least(*seen) if self._relative else smallest
+
+    def added_exactly(self, fisher: Array, columns: Array) -> Array:
+        values = eigenvalues(self._k.T @ fisher @ self._k, np.einsum("pq,pnk->qnk", self._k, columns))
+        smallest = np.maximum(values[:, 0], 0.0)
+        return smallest / values[:, -1] if self._relative else smallest
+
+    def within(self, factor: Array) -> Aim:
+        kind = ConditionNumber if self._relative else SmallestEigenvalue
+        return LogEigenvalue(kind(factor.T @ self._k))
+
+    def slope(self, fisher: Array, rows: Array) -> tuple[float, Array]:
+        """Of (sum_j lambda_j^-q)^(-1/q), which is concave as the smallest is, and of the like for the largest; q = 1 / softness."""
+        values, vectors = np.linalg.eigh(self._k.T @ fisher @ self._k)
+        if not values[0] > 0:
+            raise np.linalg.LinAlgError("not positive definite")
+        logs = np.log(values)
+        value, by_value = _soft(logs, values, -1.0)
+        if self._relative:
+            largest, by_largest = _soft(logs, values, 1.0)
+            value, by_value = value - largest, by_value - by_largest
+        directions = self._k @ vectors
+        return value, np.asarray((rows @ directions * by_value) @ directions.T)
+
+
+def _solved(factor: Array, k: Array) -> Array:
+    return np.asarray(np.linalg.solve(factor, k), dtype=np.float64)
+
+
+def _soft(logs: Array, values: Array, side: float) -> tuple[float, Array]:
+    """A smooth form of the smallest (-1) or largest (1) of logarithms, and its derivatives by the values themselves."""
+    far = side * logs / SOFTNESS
+    shares = np.exp(far - far.max())
+    value = side * SOFTNESS * float(far.max() + np.log(shares.sum()))
+    return value, shares / shares.sum() / values
+
+
+def aim_of(criterion: Criterion) -> Aim:
+    """The form in which a search asks for a criterion."""
+    if isinstance(criterion, Determinant):
+        return LogDet(criterion) if criterion.whole else LogSubsetDet(criterion)
+    if isinstance(criterion, Variance):
+        return LogVariance(criterion)
+    assert isinstance(criterion, SmallestEigenvalue | ConditionNumber)
+    return LogEigenvalue(criterion)
+
+
+def log_det_slopes(fishers: Array, rows: Array) -> tuple[Array, Array] | None:
+    """log det F (S,) of matrices (S, p, p), and F^-1 J^T of rows (S, k, p), transposed; None where one is singular."""
+    sign, log_det = np.linalg.slogdet(fishers)
+    if not (sign > 0).all():
+        return None
+    return log_det, np.asarray(np.linalg.solve(fishers, rows.swapaxes(1, 2)).swapaxes(1, 2), dtype=np.float64)
+
+
+def slopes_of(aims: Sequence[Aim], fishers: Array, rows: Array) -> tuple[Array, Array] | None:
+    """The same for the aims of S scenarios."""
+    if all(isinstance(aim, LogDet) for aim in aims):
+        return log_det_slopes(fishers, rows)
+    try:
+        found = [aim.slope(fisher, own) for aim, fisher, own in zip(aims, fishers, rows, strict=True)]
+    except np.linalg.LinAlgError:
+        return None
+    return np.array([value for value, _ in found]), np.stack([slope for _, slope in found])

@@ -1,0 +1,103 @@
+"""Few nodes of a rule that tell most of the points that the prior cannot run.
+
+Most points that a search would like to have are not valid on all nodes of its rule, and mostly on the same few nodes. So these are
+asked first, which costs a tenth of all nodes. What they let pass is tried on all.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..basics.quantity import names_of
+from ..basics.values import Array, IntArray
+from ..engine.levels import kernels
+from ..points.experiments import Experiments
+from ..points.predictive import nodes_of
+from ..points.settings import Settings
+from ..points.status import Status
+from ..prior.rules import Linearized
+from .problem import DesignProblem
+
+FATAL = (Status.left_domain, Status.met_jump, Status.not_finite)
+"""What makes a node lost however its trajectory is computed."""
+
+FEW, MOST = 12, 1000
+"""Nodes that are asked, and those of a rule up to which it is worth to look for them."""
+
+LEARNT, AGAIN = 200, 4
+"""Failed points of which the nodes are found, and the growth of their number after which they are looked for again."""
+
+LOSS = 1.001
+"""Times the allowed loss, at which a point has failed."""
+
+
+class NodeSieve:
+    """Which nodes of a problem's rule fail first.
+
+    Parameters
+    ----------
+    problem : DesignProblem
+    settings : Settings
+        Of the trajectories.
+    """
+
+    def __init__(self, problem: DesignProblem, settings: Settings) -> None:
+        self._problem, self._settings, rule = problem, settings, problem.rule
+        self._failed: list[Array] = []
+        self._next, self._chosen = LEARNT, np.empty(0, dtype=np.intp)
+        self._theta: Array | None = None
+        if isinstance(rule, Linearized) or problem.model.kernels is not kernels or rule.size(problem.prior) > MOST:
+            return
+        theta, weights = nodes_of(rule, problem.prior, names_of(problem.model.parameters), problem.estimated).nodes()
+        if len(theta) > 2 * FEW:
+            self._theta, self._weights = theta, np.abs(weights) / np.abs(weights).sum()
+
+    def statuses(self, points: Experiments) -> IntArray:
+        """Ok where the few nodes let a point (K,) pass, else the status of a node on which it fails."""
+        result = np.zeros(len(points), dtype=np.int32)
+        if not len(self._chosen) or not len(points):
+            return result
+        assert self._theta is not None
+        status = self._on_nodes(points, self._chosen)
+        lost = np.isin(status, FATAL)
+        failed = lost @ self._weights[self._chosen] > LOSS * self._problem.rule.max_lost_weight
+        result[failed] = status[failed, np.argmax(lost[failed], axis=1)]
+        return result
+
+    def learn(self, failed: Experiments) -> None:
+        """Take in points that all nodes have told to be none."""
+        if self._theta is None or not len(failed):
+            return
+        self._failed.append(failed.table)
+        count = sum(map(len, self._failed))
+        if count < self._next:
+            return
+        self._next = AGAIN * count
+        table = np.concatenate(self._failed)[-LEARNT:]
+        points = Experiments.of_table(self._problem.model, table)
+        self._chosen = self._fewest(np.isin(self._on_nodes(points, np.arange(len(self._theta))), FATAL))
+
+    def _fewest(self, lost: NDArray[np.bool_]) -> NDArray[np.intp]:
+        """Nodes, one after the other, that tell most of the points that are left; of points (K, nodes) that fail."""
+        allowed = LOSS * self._problem.rule.max_lost_weight + 1e-300
+        shares = lost * self._weights / allowed
+        told, chosen = np.zeros(len(lost)), list[int]()
+        for _ in range(FEW):
+            gained = np.minimum(told[:, None] + shares, 1.0 + 1e-9).sum(axis=0) - np.minimum(told, 1.0 + 1e-9).sum()
+            gained[chosen] = 0.0
+            best = int(np.argmax(gained))
+            if not gained[best] > 0:
+                break
+            chosen.append(best)
+            told += shares[:, best]
+        return np.array(chosen, dtype=np.intp)
+
+    def _on_nodes(self, points: Experiments, nodes: NDArray[np.intp]) -> IntArray:
+        """Statuses (K, n) of points on some nodes."""
+        assert self._theta is not None
+        model, count = self._problem.model, len(nodes)
+        rows = np.repeat(np.arange(len(points)), count)
+        theta = np.tile(self._theta[nodes], (len(points), 1))
+        _, _, status = model.kernels.simulate(model.core, points.x0[rows], points.u[rows], points.dt[rows], theta, *self._settings)
+        return np.asarray(status).reshape(len(points), count)

@@ -1,0 +1,61 @@
+"""Which points are valid on all nodes of a rule, with what is remembered of them and told by few nodes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..basics.values import IntArray
+from ..points.settings import check_jumps, check_kinks, resolve_threads
+from ..points.status import Status
+from .node_sieve import NodeSieve
+from .point_information import PointInformation, with_covariance
+from .problem import DesignProblem
+
+
+class Validity:
+    """Tries points on the nodes of a problem's rule.
+
+    Parameters
+    ----------
+    problem : DesignProblem
+    threads : int or None
+    """
+
+    def __init__(self, problem: DesignProblem, threads: int | None) -> None:
+        self._problem, self._threads = problem, threads
+        settings = float(problem.rtol), check_kinks(problem.kinks), check_jumps(problem.jumps), "fastest", resolve_threads(threads)
+        self._sieve = NodeSieve(problem, settings)
+        self._known: dict[bytes, bool] = {}  # by the numbers of a point
+
+    def tried(self, points: PointInformation) -> tuple[PointInformation, IntArray]:
+        """The points (K,) with their predictive covariances, zero where they are not valid, and their statuses."""
+        status = self._sieve.statuses(points.experiments)
+        passed = np.flatnonzero(status == Status.ok)
+        found, there = with_covariance(self._problem, points[passed], self._threads)
+        self._sieve.learn(found.experiments[np.flatnonzero(there)])
+        status[passed] = there
+        self._known.update(zip(_numbers(points), (status == Status.ok).tolist(), strict=True))
+        if len(passed) == len(points):
+            return found, status
+        covariance = np.zeros((len(points), *found.covariance.shape[1:]))
+        covariance[passed] = found.covariance
+        return replace(points, covariance=covariance), status
+
+    def of(self, points: PointInformation) -> NDArray[np.bool_]:
+        """Which points (K,) are valid; those of which it is not known are tried."""
+        numbers = _numbers(points)
+        new = [k for k, key in enumerate(numbers) if key not in self._known]
+        if new:
+            self.tried(points[np.array(new)])
+        return np.array([self._known[key] for key in numbers], dtype=bool)
+
+    def include(self, other: Validity) -> None:
+        """Remember what another has tried of the same problem."""
+        self._known.update(other._known)
+
+
+def _numbers(points: PointInformation) -> list[bytes]:
+    return [row.tobytes() for row in points.experiments.table]

@@ -1,0 +1,65 @@
+"""Which points and runs are outside of a region, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from operator import itemgetter
+
+import numpy as np
+
+from ..basics.messages import shown
+from ..basics.quantity import names_of
+from ..basics.values import Array
+from ..models import Model
+from .experiments import Experiments
+from .region import ExperimentRegion
+from .run_region import RunRegion
+from .runs import Runs
+
+ROUNDING = 1e-9
+"""Share of a bound, or of the width, by which a number from a file may be beyond it."""
+
+
+def outside(model: Model, region: ExperimentRegion | RunRegion | None, points: Experiments | Runs) -> Iterator[str]:
+    """Each point that is beyond a bound or against a constraint, with the quantity; of runs each start and each segment."""
+    if region is None:
+        return
+    if isinstance(points, Runs):
+        yield from _runs(model, region, points)
+        return
+    columns = dict(zip(names_of(model.axes), points.table.T, strict=False))
+    found = list(_beyond(model, region, columns))
+    for constraint in region.constraints if isinstance(region, ExperimentRegion) else ():
+        holds = ExperimentRegion(region.bounds, [constraint]).satisfied(model, points)
+        found += [(k, f"against the constraint {shown(constraint)}") for k in np.flatnonzero(~holds).tolist()]
+    yield from (f"point {k + 1}: {what}" for k, what in sorted(found, key=itemgetter(0)))
+
+
+def few(places: list[str], most: int = 3) -> str:
+    """The first of many places, and how many more there are."""
+    more = f"; and {len(places) - most} more" if len(places) > most else ""
+    return "; ".join(places[:most]) + more
+
+
+def _runs(model: Model, region: ExperimentRegion | RunRegion, runs: Runs) -> Iterator[str]:
+    if runs.rests is None:  # where runs start at rest, bounds of states tell where to look for it
+        starts = dict(zip(names_of(model.states), runs.x0.T, strict=True))
+        yield from (f"run {k + 1}: {what}" for k, what in _beyond(model, region, starts))
+    k, n = np.nonzero(runs.dt)
+    held = dict(zip(names_of(model.inputs), runs.u[k, n].T, strict=True)) | {"dt": runs.dt[k, n]}
+    yield from (f"run {k[i] + 1}, segment {n[i] + 1}: {what}" for i, what in _beyond(model, region, held))
+
+
+def _beyond(model: Model, region: ExperimentRegion | RunRegion, columns: dict[str, Array]) -> Iterator[tuple[int, str]]:
+    """Rows that are beyond a bound, with what is."""
+    units = {quantity.name: quantity.unit for quantity in model.axes}
+    for name, values in columns.items():
+        if name not in region.bounds:
+            continue
+        low, high = region.bounds[name]
+        slack = ROUNDING * max(abs(low), abs(high), high - low)
+        unit = "" if units.get(name, "1") == "1" else f" {units[name]}"
+        for k in np.flatnonzero(values < low - slack).tolist():
+            yield k, f"{name} = {values[k]:g}{unit}, below {low:g}"
+        for k in np.flatnonzero(values > high + slack).tolist():
+            yield k, f"{name} = {values[k]:g}{unit}, above {high:g}"

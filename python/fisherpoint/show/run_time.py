@@ -1,0 +1,83 @@
+"""The time axis of a run's picture: time itself, or segment beside segment where some are too short to be seen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from ..basics.values import Array
+
+SHARES = (1e-5, 1e-4, 1e-3, 3e-3, 0.01, 0.02, 0.04, 0.08, 0.15, 0.25, 0.4, 0.6, 0.8, 1.0)
+"""Of each segment, at which outputs are drawn: behind a change of the inputs they may change fast."""
+
+LOOKS = len(SHARES)
+
+SHORTEST = 0.01
+"""Share of a run below which a segment is no more than a line in a picture of the whole."""
+
+WIDTH = 0.42
+"""Inches of a segment with its duration below it."""
+
+_UNITS = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"), (1.0, "s"), (1e-3, "ms"), (1e-6, "µs"))
+
+
+class RunTime:
+    """Where the instants of a run are drawn.
+
+    A run with a segment below `SHORTEST` of it has an axis on which all segments are equally wide, with their durations written
+    below; within a segment it is linear. Any other run has an ordinary axis.
+    """
+
+    def __init__(self, durations: Array) -> None:
+        self.durations = durations
+        self.ends = np.concatenate([[0.0], np.cumsum(durations)])
+        self.by_segment = bool(durations.min() < SHORTEST * self.ends[-1])
+        self.factor, self.unit = _time(float(self.ends[-1]))
+
+    @property
+    def width(self) -> float:
+        """Inches that the axis needs."""
+        return WIDTH * len(self.durations) if self.by_segment else 0.0
+
+    def __call__(self, t: Array) -> Array:
+        """Positions of instants, which are in s from the start of the run."""
+        if self.by_segment:
+            return np.asarray(np.interp(t, self.ends, np.arange(len(self.ends))))
+        return self.factor * t
+
+    def within(self, shares: Array) -> Array:
+        """Positions of these shares of every segment, also where a segment is too short for the digits of the run's time."""
+        if self.by_segment:
+            return np.asarray((np.arange(len(self.durations))[:, None] + shares).ravel())
+        return np.asarray(self.factor * (self.ends[:-1, None] + self.durations[:, None] * shares).ravel())
+
+    def mark(self, panels: Iterable[Any]) -> None:
+        """Ticks and name of the axis that the panels of a column share; the last one is the lowest."""
+        *_, lowest = panels = list(panels)
+        if not self.by_segment:
+            lowest.set_xlabel(f"time [{self.unit}]")
+            return
+        n = len(self.durations)
+        labels = [duration(float(d)) for d in self.durations]
+        lowest.set_xticks(np.arange(n + 1), [""] * (n + 1))
+        lowest.set_xticks(np.arange(n) + 0.5, labels, minor=True, rotation=90 if n > 6 else 0)
+        lowest.set_xlim(-0.1, n + 0.1)
+        lowest.set_xlabel("segments and their durations, not to scale")
+        for panel in panels:
+            panel.tick_params(axis="x", which="minor", length=0)
+
+
+def duration(seconds: float) -> str:
+    """A duration in a unit that is easy to read, with three digits."""
+    factor, unit = next(((factor, unit) for factor, unit in _UNITS if seconds >= factor), _UNITS[-1])
+    return f"{seconds / factor:.3g} {unit}"
+
+
+def _time(longest: float) -> tuple[float, str]:
+    """Factor and unit in which times are easy to read."""
+    for seconds, unit in _UNITS[:3]:
+        if longest >= 3 * seconds:
+            return 1 / seconds, unit
+    return (1.0, "s") if longest >= 1.0 else (1e3, "ms")

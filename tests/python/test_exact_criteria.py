@@ -1,0 +1,468 @@
+"""Exact designs for criteria other than log det F: the numbers of the search, designs against enumeration, and what is proven."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given as drawn_from
+from hypothesis import settings as examples
+from hypothesis import strategies as st
+
+import fisherpoint as fp
+from fisherpoint.design.average import Average
+from fisherpoint.design.configuration import ConfigError, load_config
+from fisherpoint.design.optimality import added
+from fisherpoint.design.optimality.aims import SOFTNESS, Aim, aim_of, slopes_of
+from fisherpoint.design.optimality.candidate_rows import CandidateRows
+from fisherpoint.design.optimality.weights import optimal_weights
+from fisherpoint.design.points.over_bound import over_bound
+from fisherpoint.design.points.pool_exchange import PoolExchange, greedy
+from test_known_designs import ONE_FACTOR, SOON, SQUARE, ZERO, absorption, quadratic
+from test_known_designs import problem as known_problem
+from test_optimality import CONVEX, NAMES, P, criteria
+
+MICHAELIS_MENTEN = Path(__file__).parents[2] / "examples" / "michaelis_menten.toml"
+OTHERS = ("Ds", "A", "c", "I", "E", "ME")
+QUICK: dict[str, Any] = {"n_candidates": 20, "max_iterations": 40}
+
+
+def aims(seed: int = 0) -> dict[str, Aim]:
+    return {name: aim_of(one) for name, one in criteria(np.random.default_rng(seed)).items()}
+
+
+def columns(seed: int, outputs: int, count: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return rng.standard_normal((P, outputs, count)) * rng.uniform(0.3, 2.0, (1, 1, count))
+
+
+def information_of(w: np.ndarray, chosen: Any) -> np.ndarray:
+    own = w[:, :, list(chosen)]
+    return np.asarray(np.einsum("pnk,qnk->pq", own, own))
+
+
+# --- what F + W W^T is worth, for all W at once ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("outputs", [1, 2, 5])
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_added_is_what_the_criterion_says_of_each_sum(name: str, outputs: int) -> None:
+    w, aim = columns(1, outputs, 40), aims()[name]
+    f = information_of(w, range(6))
+    factor = np.linalg.cholesky(information_of(w, range(3, 12)))
+    for one, matrix, seen, offset in (
+        (aim, f, w, aim.offset(f, np.eye(P))),
+        (
+            aim.within(factor),
+            np.linalg.solve(factor, np.linalg.solve(factor, f).T),
+            added.divided(factor, w),
+            None,
+        ),
+    ):
+        offset = one.offset(matrix, factor) if offset is None else offset
+        values = offset + np.log(one.added_exactly(matrix, seen))
+        expected = [aim.value(f + w[:, :, k] @ w[:, :, k].T) for k in range(40)]
+        np.testing.assert_allclose(values, expected, rtol=1e-9, atol=1e-9)
+        bounds = offset + np.log(one.added(matrix, seen))
+        assert (bounds >= values - 1e-9).all()
+        assert one.bounded or np.array_equal(bounds, values)
+
+
+@pytest.mark.parametrize("name", ("E", "ME"))
+def test_the_bounds_of_eigenvalues_leave_few_to_be_looked_at(name: str) -> None:
+    """Only so is an exchange over thousands of candidates quick."""
+    w, aim = columns(2, 2, 3000), aims()[name]
+    f = information_of(w, range(5))
+    bounds, exact = aim.added(f, w), aim.added_exactly(f, w)
+    assert (bounds > exact.max()).sum() < 300
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_slope_is_a_difference(name: str) -> None:
+    w, aim = columns(3, 2, 9), aims()[name]
+    f, rows = information_of(w, range(9)), np.eye(P)
+    value, slope = aim.slope(f, rows)
+    assert value == pytest.approx(aim.value(f), abs=2 * SOFTNESS * np.log(P) if aim.bounded else 1e-9)
+    for k, m in itertools.combinations_with_replacement(range(P), 2):
+        step = np.zeros((P, P))
+        step[k, m] = step[m, k] = 1e-5
+        difference = (aim.slope(f + step, rows)[0] - aim.slope(f - step, rows)[0]) / 2e-5
+        assert (2 if k != m else 1) * slope[k, m] == pytest.approx(difference, rel=1e-5, abs=1e-7)
+    together = slopes_of([aim, aim], np.stack([f, 2 * f]), np.stack([rows, rows]))
+    assert together is not None and together[0][0] == pytest.approx(value)
+    np.testing.assert_allclose(together[1][0], slope, rtol=1e-9, atol=1e-12)
+    assert slopes_of([aim], np.zeros((1, P, P)), rows[None]) is None
+
+
+# --- exchange over a pool -----------------------------------------------------------------------------------------------------
+
+
+def exchanged(w: np.ndarray, size: int, aim: Aim, starts: int) -> Iterator[np.ndarray]:
+    rng, nothing, mean = np.random.default_rng(7), np.zeros((1, P, P)), Average.of_all(1)
+    for start in range(starts):
+        first = rng.integers(w.shape[2], size=(0, size // 2, size)[start % 3])
+        chosen = greedy(w[None], size, nothing, mean, [aim], first)
+        exchange = PoolExchange(w[None], chosen, nothing, mean, [aim])
+        exchange.run(np.arange(w.shape[2]), lambda: False)
+        yield exchange.chosen
+
+
+@pytest.mark.parametrize("name", OTHERS)
+@pytest.mark.parametrize("size", [4, 5])
+def test_an_exchange_ends_where_no_single_one_gains_and_some_start_finds_the_best(name: str, size: int) -> None:
+    """Of all designs of 12 candidates, by enumeration; also with as few points as parameters."""
+    w, aim = columns(4, 1, 12), aims()[name]
+    best = max(aim.value(information_of(w, chosen)) for chosen in itertools.combinations_with_replacement(range(12), size))
+    found = []
+    for chosen in exchanged(w, size, aim, 60):
+        found.append(aim.value(information_of(w, chosen)))
+        for place, other in itertools.product(range(size), range(12)):
+            changed = chosen.copy()
+            changed[place] = other
+            assert aim.value(information_of(w, changed)) <= found[-1] + 1e-5
+    assert max(found) == pytest.approx(best, abs=1e-5)
+
+
+@pytest.mark.parametrize("name", CONVEX)
+@examples(max_examples=20, deadline=None)
+@drawn_from(st.integers(0, 10**6), st.integers(P, 9), st.integers(1, 3))
+def test_no_design_is_better_than_the_best_weights(name: str, seed: int, size: int, outputs: int) -> None:
+    w, aim = columns(seed, outputs, 30), aims(seed)[name]
+    candidates = CandidateRows(np.ascontiguousarray(w.transpose(2, 1, 0)))
+    found = optimal_weights(candidates, aim.criterion, tolerance=1e-3)
+    bound = aim.value(candidates.information(found.chosen, found.weights)) - aim.level * np.log(found.efficiency)
+    for chosen in exchanged(w, size, aim, 2):
+        assert np.exp((aim.value(information_of(w, chosen) / size) - bound) / aim.level) <= 1 + 1e-9
+
+
+@pytest.mark.parametrize("name", CONVEX)
+def test_the_bound_over_scenarios_is_near_what_weights_reach(name: str) -> None:
+    """With one scenario that of the interior point method; with two, no mixture is better."""
+    w, rng = columns(5, 2, 25), np.random.default_rng(5)
+    aim, rows = aims()[name], np.ascontiguousarray(w.transpose(2, 1, 0))
+    nothing = np.zeros((1, P, P))
+
+    def everywhere(places: np.ndarray) -> np.ndarray:
+        return np.ones(len(places), dtype=bool)
+
+    one = over_bound(rows[None], nothing, Average.of_all(1), 8, everywhere, [aim])
+    exact = optimal_weights(CandidateRows(rows), aim.criterion)
+    best = aim.value(CandidateRows(rows).information(exact.chosen, exact.weights))
+    assert one is not None and best - 1e-6 <= one < best + aim.level * (0.2 if name == "E" else 0.02)
+    both, average = np.stack([rows, rows[:, :, ::-1]]), Average(np.ones(2))
+    two = over_bound(both, np.zeros((2, P, P)), average, 8, everywhere, [aim, aim])
+    assert two is not None
+    for weights in rng.dirichlet(np.full(25, 0.2), 300):
+        assert np.mean([aim.value(CandidateRows(own).information(np.arange(25), weights)) for own in both]) <= two + 1e-9
+
+
+# --- known designs ------------------------------------------------------------------------------------------------------------
+
+GRID = np.array(list(itertools.product((-1.0, 0.0, 1.0), repeat=2)))
+
+
+def of_quadratic(name: str) -> dict[str, Any]:
+    options: dict[str, dict[str, Any]] = {
+        "Ds": {"of": ["c_3", "c_4", "c_5"]},
+        "c": {"of": "c_0 + c_1 + 2*c_3"},
+        "I": {"of": "y", "conditions": fp.Experiments(np.zeros((9, 0)), GRID)},
+    }
+    return options.get(name, {})
+
+
+@pytest.mark.parametrize(
+    ("name", "count"), [("A", 6), ("A", 7), ("A", 8), ("A", 9), *((name, 7) for name in ("Ds", "c", "I", "E", "ME"))]
+)
+def test_designs_of_a_quadratic_in_two_factors_are_the_best_of_all(name: str, count: int) -> None:
+    """Of all multisets of the nine settings, whose criteria come from matrices that are made here."""
+    given = known_problem(quadratic, ZERO, SQUARE)
+    a, b = GRID.T
+    rows = np.column_stack([np.ones(9), a, b, a * a, b * b, a * b]) * given.std
+    criterion = fp.criterion(given, name, **of_quadratic(name))
+    best = -np.inf
+    for chosen in itertools.combinations_with_replacement(range(9), count):
+        own = rows[list(chosen)]
+        f = own.T @ own
+        if name in ("A", "E", "ME"):
+            if np.linalg.matrix_rank(own) < 6:
+                continue
+            if name == "A":
+                value = -np.log(np.trace(np.linalg.solve(f, np.eye(6))))
+            else:
+                low, *_, high = np.linalg.eigvalsh(f)
+                value = np.log(low) if name == "E" else np.log(low / high)
+        else:
+            value = criterion.log_phi(f)
+        best = max(best, value)
+    design = fp.exchange(given, count, criterion=name, n_candidates=20, max_iterations=60, **of_quadratic(name))
+    found = criterion.log_phi(design.evaluation.information)
+    assert found == pytest.approx(best, abs=1e-6)
+    assert design.value == pytest.approx(criterion.value(design.evaluation.information))
+    assert design.efficiency is not None
+    if name == "ME":
+        assert design.efficiency.at_most is None and design.efficiency.at_least is None
+    else:
+        assert design.efficiency.at_least is not None and 0.3 < design.efficiency.at_least <= 1 + 1e-9
+
+
+def test_the_time_of_the_largest_concentration() -> None:
+    """c-optimal weights are .606 and .394 (Atkinson et al. 1993); of five samples three and two are best."""
+    model, mean, bounds, _ = ONE_FACTOR["one-compartment with absorption"]
+    assert model is absorption
+    design = fp.exchange(known_problem(model, mean, bounds), 5, criterion="c", of="log(k_a / k_e) / (k_a - k_e)", **QUICK)
+    assert 5 * design.value == pytest.approx(0.02813, rel=2e-3)  # the variance with five is not less than a fifth of the optimum's
+    assert 5 * design.value > 0.02813 * (1 - 1e-3)
+    early = design.points.dt < 1
+    assert early.sum() == 3 and design.points.dt[early] == pytest.approx(0.1793, abs=0.01)
+    assert design.points.dt[~early].mean() == pytest.approx(3.5671, abs=0.3)  # the later ones matter little one by one
+    assert design.efficiency is not None and design.efficiency.at_least is not None
+    assert 0.99 < design.efficiency.at_least <= 1 + 1e-6
+
+
+def test_all_parameters_as_a_subset_are_log_det() -> None:
+    model, mean, bounds, _ = ONE_FACTOR["Box-Lucas"]
+    given = known_problem(model, mean, bounds)
+    one, other, default = (
+        fp.exchange(given, 4, references=False, **QUICK, **asked)
+        for asked in ({"criterion": "D"}, {"criterion": "Ds", "of": ["k_1", "k_2"]}, {})
+    )
+    assert np.array_equal(one.points.table, other.points.table) and np.array_equal(one.points.table, default.points.table)
+    assert one.value == pytest.approx(one.evaluation.log_det + 2 * np.log(4 / 2))
+
+
+# --- what is proven -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ("Ds", "A", "c", "I", "E"))
+def test_a_poor_design_is_not_said_to_be_good(name: str) -> None:
+    """Random points: what is proven of them is clearly less than one, and no more than what holds against a better design."""
+    given, options = known_problem(quadratic, ZERO, SQUARE), of_quadratic(name)
+    poor = fp.exchange(given, 12, criterion=name, n_candidates=20, max_iterations=0, seed=3, **options)
+    good = fp.exchange(given, 12, criterion=name, n_candidates=20, max_iterations=60, seed=3, **options)
+    assert poor.efficiency is not None and poor.efficiency.at_least is not None
+    assert poor.efficiency.at_least < 0.95
+    against = good.criterion.efficiency(poor.evaluation.information, good.evaluation.information)
+    assert poor.efficiency.at_least <= against + 1e-6 and against < 0.97
+
+
+@pytest.mark.parametrize("name", ("Ds", "A", "c", "I", "E"))
+def test_the_bound_is_that_of_the_best_weights(name: str) -> None:
+    """Of the nine settings, which `fp.approximate` finds by another program."""
+    given, options = known_problem(quadratic, ZERO, SQUARE), of_quadratic(name)
+    design = fp.exchange(given, 9, criterion=name, **QUICK, **options)
+    weights = fp.approximate(given, fp.Experiments(np.zeros((9, 0)), GRID), criterion=name, **options)
+    assert design.efficiency is not None and design.efficiency.at_least is not None
+    assert design.efficiency.at_least == pytest.approx(weights.efficiency_of(design), abs=4e-3)
+
+
+@pytest.mark.parametrize("name", ("A", "c"))
+def test_over_the_prior_it_is_the_mean_of_the_logarithms(name: str) -> None:
+    model, mean, bounds, _ = ONE_FACTOR["Box-Lucas"]
+    given = known_problem(model, mean, bounds)
+    options: dict[str, Any] = {"of": "k_1 / k_2"} if name == "c" else {}
+    scenarios = [{}, {"k_1": 0.5}, {"k_2": 0.3}]
+    over = fp.OverPrior("log", scenarios=scenarios)
+    design = fp.exchange(given, 4, criterion=name, over=over, **QUICK, **options)
+    values = []
+    for one in scenarios:
+        there = given.replace(prior=fp.GaussianPrior(mean | one, std=dict(given.prior.std)))
+        f = fp.evaluate_design(there, design.points).fisher
+        values.append(fp.criterion(there, name, **options).log_phi(f))
+    assert design.scenarios is not None and design.efficiency is not None
+    assert design.scenarios.value == pytest.approx(np.mean(values), abs=1e-9)
+    assert design.efficiency.at_most is not None and design.scenarios.value <= design.efficiency.at_most + 1e-9
+    assert design.efficiency.at_least is not None and 0.8 < design.efficiency.at_least <= 1 + 1e-9
+    assert "over 3 scenarios" in str(design.report())
+
+
+# --- where not everything is determined ---------------------------------------------------------------------------------------
+
+BLIND = fp.SymbolicModel([], ["(a + b)*u + c*v"], {}, dict.fromkeys("uv", "1"), dict.fromkeys("abc", "1"), {"y": "1"})
+"""Only a + b can be told."""
+
+
+def blind() -> fp.DesignProblem:
+    prior = fp.GaussianPrior(mean=dict.fromkeys("abc", 1.0), std={"a": 1.0, "b": 2.0, "c": 0.5})
+    region = fp.ExperimentRegion({"u": (-1, 1), "v": (-1, 1)}, constraints=["u**2 + v**2 < 1"])
+    return fp.DesignProblem(BLIND, prior, region, noise_std={"y": 1.0})
+
+
+@pytest.mark.parametrize("name", ("A", "E", "ME"))
+def test_criteria_of_all_parameters_ask_for_what_is_estimable(name: str) -> None:
+    """By hand: in units of the prior the rows are u (1, 2, 0) + v (0, 0, 1/2), and the information has two eigenvalues."""
+    design = fp.exchange(blind(), 6, criterion=name, **QUICK)
+    rows = design.points.u @ np.array([[1.0, 2.0, 0.0], [0.0, 0.0, 0.5]])
+    _, low, high = np.linalg.eigvalsh(rows.T @ rows)
+    value = {"A": 1 / low + 1 / high, "E": low, "ME": high / low}[name]
+    assert design.value == pytest.approx(value, rel=1e-6)
+    assert design.evaluation.rank == 2 and len(design.evaluation.null_directions) == 1
+    # all on the rim of the circle: with shares w and 1 - w of u^2 and v^2 A is 1/(5 w) + 4/(1 - w), E the smaller of 5 w, (1 - w)/4
+    w = {"A": 1 / (1 + np.sqrt(20)), "E": 1 / 21, "ME": 1 / 21}[name]
+    best = {"A": 1 / (5 * w) + 4 / (1 - w), "E": 5 * w, "ME": 1.0}[name] * {"A": 1 / 6, "E": 6, "ME": 1}[name]
+    assert design.value == pytest.approx(best, rel=0.02)
+    report = str(design.report())
+    assert "determine what criterion" in report and "not determined (in prior std)" in report
+    if name != "ME":
+        assert design.efficiency is not None and design.efficiency.at_least is not None
+        assert 0.97 < design.efficiency.at_least <= 1 + 1e-9
+
+
+def test_a_function_of_what_is_estimable_has_its_design_and_another_one_error() -> None:
+    given = blind()
+    design = fp.exchange(given, 4, criterion="c", of="a + b", **QUICK)
+    assert design.value == pytest.approx(1 / (design.points.u[:, 0] ** 2).sum(), rel=1e-3)
+    assert design.value == pytest.approx(1 / 4, rel=0.01)
+    assert design.efficiency is not None and design.efficiency.at_least == pytest.approx(1, abs=0.01)
+    with pytest.raises(ValueError, match=r"^region: .*criterion 'c' asks, given none that tell about 1.00 a - 0.50 b"):
+        fp.exchange(given, 4, criterion="c", of="a - b", **QUICK)
+    with pytest.raises(ValueError, match=r"^region: .*criterion 'Ds'"):
+        fp.exchange(given, 4, criterion="Ds", of=["a", "c"], **QUICK)
+
+
+def test_too_few_points_for_what_is_asked_are_an_error() -> None:
+    for name in ("A", "E", "ME"):
+        with pytest.raises(ValueError, match=r"^n_experiments: .*2 parameters.* given 1, which determine 1 at most"):
+            fp.exchange(blind(), 1, criterion=name, **QUICK)
+    with pytest.raises(ValueError, match=r"^n_experiments: .*'I' asks, given 1"):
+        fp.exchange(blind(), 1, criterion="I", of="y", conditions=fp.Experiments(np.zeros((2, 0)), np.eye(2)), **QUICK)
+
+
+# --- beside the rest of the library -------------------------------------------------------------------------------------------
+
+
+def growth(**changes: Any) -> fp.DesignProblem:
+    model, mean, _, _ = ONE_FACTOR["saturating growth"]
+    return known_problem(model, mean, {"y": (0, 0), "dt": (SOON, 10)}, sigma=0.1, **changes)
+
+
+def at(*times: float) -> fp.Experiments:
+    return fp.Experiments(np.zeros((len(times), 1)), np.zeros((len(times), 0)), np.array(times))
+
+
+def test_previous_and_kept_points_count() -> None:
+    """The best next point for the trace, by a scan over the interval."""
+    given, before = growth(), at(1, 2, 3, 4, 5, 7.0)
+
+    def trace(t: float) -> float:
+        f = fp.evaluate_design(given, fp.Experiments.join([before, at(t)])).information
+        return float(np.trace(np.linalg.solve(f, np.eye(2))))
+
+    best = min(trace(t) for t in np.linspace(0.01, 10, 500))
+    for asked in ({"n_experiments": 1, "previous": before}, {"n_experiments": 7, "keep": before}):
+        design = fp.exchange(given, criterion="A", **asked, **QUICK)
+        assert design.value == pytest.approx(best, rel=1e-4)
+        assert design.efficiency is not None and design.efficiency.at_least is not None
+        assert 0.9 < design.efficiency.at_least <= 1 + 1e-9
+
+
+def test_the_same_bits_for_any_number_of_threads() -> None:
+    given = growth()
+    one, three = (fp.exchange(given, 4, criterion="E", threads=n, **QUICK) for n in (1, 3))
+    assert np.array_equal(one.points.table, three.points.table)
+
+
+def test_a_design_is_kept_with_what_was_asked(tmp_path: Path) -> None:
+    given = growth()
+    asked: list[dict[str, Any]] = [
+        {"criterion": "A", "scale": {"a": 1.0, "b": 0.1}},
+        {"criterion": "I", "of": "y", "conditions": at(2.0, 9.0)},
+        {"criterion": "Ds", "of": ["b"]},
+    ]
+    for number, options in enumerate(asked):
+        design = fp.exchange(given, 3, **options, **QUICK)
+        design.save(tmp_path / str(number))
+        again = fp.Design.load(tmp_path / str(number))
+        assert again.value == design.value and again.settings.criterion == options["criterion"]
+        assert str(again.report()) == str(design.report())
+        assert f"chosen by criterion {options['criterion']}" in str(design.report())
+        assert f"{options['criterion']}-efficiency" in str(design.report())
+        assert "log det at most" not in str(design.report())
+        assert design.plot("criterion").axes[0].get_ylabel().startswith(("-log(", "log det of the information about b"))
+
+
+def test_scales_say_which_errors_count() -> None:
+    given = growth()
+    of_b = fp.exchange(given, 6, criterion="A", scale={"a": 1e6, "b": 1.0}, references=False, **QUICK)
+    alone = fp.exchange(given, 6, criterion="c", of="b", references=False, **QUICK)
+    assert of_b.value == pytest.approx(alone.value, rel=1e-3)  # the variance of b in its own unit
+
+
+MISUSE: list[tuple[dict[str, Any], str]] = [
+    ({"criterion": "G"}, "criterion: expected "),
+    ({"criterion": "c"}, "of: expected "),
+    ({"criterion": "c", "of": "q"}, "of: "),
+    ({"criterion": "c", "of": 3}, "of: expected "),
+    ({"criterion": "Ds", "of": []}, "of: expected "),
+    ({"criterion": "I", "of": "y"}, "conditions: expected "),
+    ({"criterion": "I", "of": "y", "conditions": [1.0]}, "conditions: expected "),
+    ({"criterion": "A", "scale": {"a": 1.0}}, "scale: expected |scale.b|b: "),
+    ({"criterion": "A", "scale": {"a": -1.0, "b": 1.0}}, "scale"),
+    ({"of": "a"}, "of: expected none"),
+    ({"criterion": "A", "method": "paper"}, "criterion 'A': expected method"),
+]
+
+
+@pytest.mark.parametrize(("options", "message"), MISUSE)
+def test_misuse_is_one_clear_error(options: dict[str, Any], message: str) -> None:
+    with pytest.raises((ValueError, TypeError), match=message):
+        fp.exchange(growth(), 4, **options, **QUICK)
+
+
+@pytest.mark.parametrize("kind", ("region", "pooled", "pointwise"))
+def test_other_output_covariances_are_refused(kind: str) -> None:
+    with pytest.raises(ValueError, match=rf"^criterion 'E': expected .* output_covariance '{kind}'"):
+        fp.exchange(growth(output_covariance=kind), 4, criterion="E", **QUICK)
+
+
+def _with_keys(keys: str, directory: Path) -> Path:
+    """The example with other keys in [design], which stands last in it."""
+    path = directory / "problem.toml"
+    path.write_text(f"{MICHAELIS_MENTEN.read_text().split('[design]')[0]}[design]\n{keys}\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("keys", "asked"),
+    [
+        ('criterion = "c"\nof = "V / K"', {"criterion": "c", "of": "V / K"}),
+        ('criterion = "Ds"\nof = ["K"]', {"criterion": "Ds", "of": ["K"]}),
+        ('criterion = "A"\nscale = {V = 100.0, K = 0.01}', {"criterion": "A", "scale": {"V": 100.0, "K": 0.01}}),
+        ('criterion = "I"\nof = "rate"\nconditions = "where.csv"', {"criterion": "I", "of": "rate"}),
+    ],
+)
+def test_keys_of_a_file_are_the_arguments(keys: str, asked: dict[str, Any], tmp_path: Path) -> None:
+    path = _with_keys(f"{keys}\nn_experiments = 4\nmax_iterations = 10\n", tmp_path)
+    if asked["criterion"] == "I":
+        (tmp_path / "where.csv").write_text("s\n0.1\n1.0\n")
+        asked = asked | {"conditions": fp.Experiments(np.zeros((2, 0)), np.array([[0.1], [1.0]]))}
+    config = load_config(path)
+    design = fp.exchange(config.problem(), **config.exchange_settings())
+    same = fp.exchange(config.problem(), 4, max_iterations=10, **asked)
+    assert np.array_equal(design.points.table, same.points.table) and design.value == same.value
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ('criterion = "B"', "design.criterion: expected"),
+        ('criterion = "I"\nof = "rate"\nconditions = "nowhere.csv"', "design.conditions: expected a file of points"),
+        ('criterion = "A"\nscale = {V = -1.0, K = 0.01}', "design.scale.V: expected"),
+    ],
+)
+def test_mistakes_in_a_file_are_named(keys: str, message: str, tmp_path: Path) -> None:
+    path = _with_keys(keys, tmp_path)
+    with pytest.raises(ConfigError, match=message):
+        load_config(path).exchange_settings()
+
+
+def test_a_campaign_designs_its_batches_by_the_criterion() -> None:
+    given = fp.load_problem(MICHAELIS_MENTEN)
+    campaign = fp.Campaign(given, batch=3, criterion="c", of="V / K", max_iterations=10, n_candidates=20)
+    batch = campaign.next()
+    alone = fp.exchange(given, 3, criterion="c", of="V / K", max_iterations=200, references=False)
+    value = fp.criterion(given, "c", of="V / K").value
+    assert value(fp.evaluate_design(given, batch).information) < 1.1 * alone.value
