@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from contextvars import ContextVar
 from pathlib import Path
 
+from fisherpoint.basics.standard_input import STANDARD_INPUT
+
 ARGUMENTS: ContextVar[Sequence[str]] = ContextVar("ARGUMENTS", default=())
 
 
@@ -17,4 +19,4 @@ def repeated() -> str:
 
 def shell_line(*words: str | Path) -> str:
     """Words of a command, those in quotes that a shell would take apart."""
-    return shlex.join(map(str, words))
+    return shlex.join("-" if word == STANDARD_INPUT else str(word) for word in words)

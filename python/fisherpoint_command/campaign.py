@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,23 +15,38 @@ from fisherpoint.basics.messages import printable
 from .asked import shell_line
 from .exits import INTERRUPTED
 from .importing import importing
-from .options import NoPlots, Output, Quiet, Threads
+from .options import Check, NoPlots, Output, Quiet, Seed, Threads
+from .standard_input import one_from_standard_input
 
 if TYPE_CHECKING:
     from fisherpoint.design.configuration import Config
 
 
 def campaign(
-    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Model, prior, sensor noise, region and \\[campaign].")],
-    output: Output,
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE.toml",
+            callback=one_from_standard_input,
+            help="Model, prior, sensor noise, region and \\[campaign].",
+        ),
+    ],
+    output: Output = None,
     data: Annotated[
         Path | None,
         typer.Option(
             metavar="MEASURED.csv",
+            callback=one_from_standard_input,
             help="The measured batch: the columns of batch_<k>.csv, and y_<output> for each measured output.",
         ),
     ] = None,
+    size: Annotated[
+        int | None,
+        typer.Option("-L", "--size", min=1, metavar="N", help="Points, or runs, of a batch; overrides the file."),
+    ] = None,
+    seed: Seed = None,
     threads: Threads = None,
+    check: Check = False,
     no_plots: NoPlots = False,
     quiet: Quiet = False,
 ) -> int:
@@ -43,20 +58,31 @@ def campaign(
     with importing():
         import fisherpoint.campaign.campaign  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_whole
-        from fisherpoint.design.configuration import ConfigError, load_config
+        from fisherpoint.design.configuration import ConfigError
 
-        from .terminal import as_file, make_directory
+        from .alive import alive
+        from .results import check_directory, needed
+        from .terminal import as_file, read_config
         from .written import write_shown
-    config = load_config(file)
+    needed(output, check)
+    config = read_config(file)
+    settings = _settings(config, size, seed)
+    if output is not None:
+        check_directory(output)
+    if check:
+        return _tell(config, settings, file, output, data)
+    assert output is not None
     if not no_plots:
         with importing(), needed_for("pictures"):
             from fisherpoint.campaign import pictures as plots_campaign  # noqa: F401  what can fail for a trivial reason fails before the work
-    make_directory(output)
     try:
-        run = _opened(config, output, threads)
-        lines = [] if data is None else _taken(run, data)
+        measured = None if data is None else _read(config, data)
+        run = _opened(config, settings, output, threads)
+        with alive("estimating"):
+            lines = [] if data is None or measured is None else _taken(run, data, measured)
         if not run.done or run.planned is not None:
-            run.next()
+            with alive("searching for the next batch"):
+                run.next()
     except RuntimeError as error:  # another process
         raise ConfigError(str(error)) from error
     except KeyboardInterrupt:
@@ -66,7 +92,8 @@ def campaign(
         write_whole(output / "report.txt", as_file(run.report()))
         lines += ["", str(run)]
     written = ["report.txt"] if run.history else []
-    written += write_shown(run, output, {} if no_plots else run._plots(), file)
+    with alive("drawing"):
+        written += write_shown(run, output, {} if no_plots else run._plots(), file)
     lines += ["", f"Written to {output}: {', '.join(written)}"]
     if run.planned is not None:
         lines += ["", *_to_do(run, file, output)]
@@ -75,40 +102,75 @@ def campaign(
     return 0
 
 
-def _opened(config: Config, directory: Path, threads: int | None) -> fp.Campaign:
-    """The campaign in the directory, which must be the file's but for the targets; or a new one."""
-    from fisherpoint.information.codec import problem_to_json
-
+def _settings(config: Config, size: int | None, seed: int | None) -> dict[str, Any]:
+    """What a campaign is given beside its problem."""
     if config.region is None:
         raise config.error("region", "missing; expected a table with bounds of every state, every input and dt")
     settings, table = config.exchange_settings() if config.runs is None else config.run_settings(), config.campaign
     if "time_limit" in settings:
         raise config.error("design.time_limit", "expected none with a campaign, of which each run has to come to the same points")
     settings.pop("n_experiments" if config.runs is None else "n_runs", None)
-    if table.batch is not None:
-        settings["batch"] = table.batch
+    for name, value in (("batch", table.batch), ("batch", size), ("seed", seed)):
+        if value is not None:
+            settings[name] = value
+    return settings | {"targets": table.targets}
+
+
+def _tell(config: Config, settings: dict[str, Any], file: Path, output: Path | None, data: Path | None) -> int:
+    """Look at the campaign that there is, or would be, and at the data."""
+    from fisherpoint.show.numbers import counted, percent
+
+    from .checked import run_rows, search_rows, settings_of, tell
+
+    rows, files = [("campaign", "a new one")], [file]
+    if output is not None and fp.Campaign.is_in(output):
+        found = fp.Campaign.load(output)
+        _refuse_changes(config, fp.Campaign(config.problem(), **settings), found, output)
+        rows = [("campaign", f"the one in {output}, {counted(len(found.history), 'batch', 'batches')} measured")]
+    run = fp.Campaign(config.problem(), **settings)
+    if data is not None:
+        rows.append(("data", repr(_read(config, data))))
+        files.append(data)
+    given = vars(run.settings)
+    rows.append(("batch", str(run.batch)))
+    if run.targets:
+        rows.append(("targets", ", ".join(f"{name} {percent(target)}" for name, target in run.targets.items())))
+    if isinstance(run.settings, fp.ExchangeSettings):
+        rows += search_rows(run.problem, settings_of(run.problem, given))[1:]
+    else:
+        rows += run_rows(run.problem, given)
+    return tell(run.problem, files, rows, output)
+
+
+def _opened(config: Config, settings: dict[str, Any], directory: Path, threads: int | None) -> fp.Campaign:
+    """The campaign in the directory, which must be the file's but for the targets; or a new one."""
     if not fp.Campaign.is_in(directory):
-        return fp.Campaign(config.problem(), targets=table.targets, directory=directory, threads=threads, **settings)
-    given = fp.Campaign(config.problem(), targets=table.targets, **settings)
+        return fp.Campaign(config.problem(), directory=directory, threads=threads, **settings)
+    given = fp.Campaign(config.problem(), **settings)
     found = fp.Campaign.load(directory, threads=threads)
-    here, there = problem_to_json(given.problem), problem_to_json(found.problem)
-    other = [name for name in here if name != "derived" and here[name] != there[name]]
-    other += [name for name in ("batch", "settings") if getattr(given, name) != getattr(found, name)]
-    if other:
-        name, was = other[0], f"what the campaign in {directory} was started with"
-        if name in ("kinks", "jumps"):  # which the file may leave to a default
-            raise config.error(f"design.{name}", f'expected "{there[name]}", {was}, given "{here[name]}"')
-        raise config.error(name, f"expected {was}; another needs another directory")
+    _refuse_changes(config, given, found, directory)
     if found.targets != given.targets:
         found.targets = given.targets
     return found
 
 
-def _taken(run: fp.Campaign, path: Path) -> list[str]:
-    """Take the measured batch, but not twice: a command that was killed is given again."""
+def _refuse_changes(config: Config, given: fp.Campaign, found: fp.Campaign, directory: Path) -> None:
+    from .changed import first_difference
+
+    change = first_difference(given, found, directory)
+    if change is not None:
+        key, text = change
+        raise config.error(key, f"{text}; another needs another directory")
+
+
+def _read(config: Config, path: Path) -> fp.Measurements:
     from .terminal import read_data
 
-    data = read_data(path, "measurements", fp.Measurements.from_csv, run.problem.model)
+    return read_data(path, "measurements", fp.Measurements.from_csv, config.build_model())
+
+
+def _taken(run: fp.Campaign, path: Path, data: fp.Measurements) -> list[str]:
+    """Take the measured batch, but not twice: a command that was killed is given again."""
     before = run.told(data)
     if before is not None:
         return [f"{path}: these are the data of batch {before}, which were taken before"]

@@ -5,12 +5,16 @@ from __future__ import annotations
 import io
 import os
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 from inspect import getdoc
+from time import perf_counter
 from typing import Annotated
 
 import fisherpoint as fp
+from fisherpoint.basics.standard_input import hold_standard_input
 
+from .alive import Sign
 from .asked import ARGUMENTS
 from .exits import INTERRUPTED, MISUSE, READER_LEFT, complain, why_not_imported
 from .importing import importing
@@ -23,6 +27,7 @@ try:
     from .compare import compare
     from .design import design
     from .estimate import estimate
+    from .init import init
     from .points import evaluate, simulate
     from .sweep import sweep
     from .validate import validate
@@ -35,7 +40,7 @@ except ModuleNotFoundError as missing:
 app = typer.Typer(
     help="Which short experiments to run so that the parameters of a nonlinear state space model come out precise.",
     epilog="Example: fisherpoint design examples/cylinder.toml -o run/",
-    add_completion=False,
+    add_completion=True,
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
 )
@@ -81,6 +86,7 @@ COMMANDS: tuple[tuple[str, Callable[..., int], str], ...] = (
     ("estimate", estimate, "examples/cylinder.toml measured.csv -o fit/"),
     ("validate", validate, "examples/cylinder.toml run/design.csv -o validated/"),
     ("campaign", campaign, "examples/cylinder.toml -o run/ --data measured.csv"),
+    ("init", init, "--example exponential_decay"),
     ("open", browse, "run/"),
     ("info", info, ""),
 )
@@ -103,7 +109,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal that cannot show a line of a table shows a mark
     ARGUMENTS.set(arguments)
-    code = _run(arguments or ["--help"])
+    Sign.last = perf_counter()
+    hold_standard_input(None)
+    with warnings.catch_warnings():
+        warnings.showwarning = _show_warning
+        code = _run(arguments or ["--help"])
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
@@ -113,12 +123,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     sys.exit(code)
 
 
+def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
+    complain(f"warning: {message}")
+
+
+COMPLETING = "_FISHERPOINT_COMPLETE"
+
 HELP = {"-h", "--help", "--version"}
 
 
 def _run(arguments: list[str]) -> int:
     try:
         command = typer.main.get_command(app)
+        if COMPLETING in os.environ:  # a shell asks what may come next
+            command.main(arguments, prog_name="fisherpoint")
         if not HELP.intersection(arguments):
             with importing():
                 from pydantic import BaseModel, BeforeValidator, TypeAdapter  # noqa: F401  as typer does when a command begins
@@ -131,7 +149,9 @@ def _run(arguments: list[str]) -> int:
     except KeyboardInterrupt:
         return _interrupted()
     except typer.TyperException as error:
-        return _fail(f"{error.format_message().rstrip('.')}; try fisherpoint --help")
+        from .usage import told
+
+        return _fail(told(error))
     except ImportError as error:
         if _came_of_an_interrupt(error):
             return _interrupted()
@@ -139,10 +159,12 @@ def _run(arguments: list[str]) -> int:
         return _fail(f"{why}, or use --no-plots" if error.name == "matplotlib" else why)
     except BrokenPipeError:  # the reader of a pipe has left
         return READER_LEFT
+    except MemoryError:
+        return _fail("expected a task that fits into memory, given one that does not: fewer points, candidates or nodes")
     except OSError as error:
         return _fail(f"{error.filename or 'output'}: {error.strerror or error}")
     except (ValueError, TypeError) as error:
-        return _fail(str(error))
+        return _fail(*getattr(error, "lines", [str(error)]))
 
 
 def _interrupted() -> int:
@@ -157,8 +179,8 @@ def _came_of_an_interrupt(error: BaseException | None) -> bool:
     return error is not None
 
 
-def _fail(message: str) -> int:
-    complain(message)
+def _fail(*lines: str) -> int:
+    complain(*lines)
     return MISUSE
 
 

@@ -11,21 +11,25 @@ import fisherpoint as fp
 from fisherpoint.basics.extras import needed_for
 
 from .importing import importing
-from .options import Force, NoPlots, Threads
+from .options import Check, Designs, Force, NoPlots, OutputIfAny, Quiet, Threads
+from .standard_input import one_from_standard_input
+
+DRAWS = 1000
+"""Plants on which designs are tried, by default."""
 
 
 def compare(
-    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Model, prior and sensor noise.")],
-    designs: Annotated[
-        list[Path], typer.Argument(metavar="DESIGN.csv...", help="Points or runs, with the columns of a design.csv.")
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE.toml", callback=one_from_standard_input, help="Model, prior and sensor noise.")
     ],
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Directory for report, table and picture.")
-    ] = None,
+    designs: Designs,
+    output: OutputIfAny = None,
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="Of the plants on which the designs are tried.")] = 0,
     threads: Threads = None,
+    check: Check = False,
     no_plots: NoPlots = False,
     force: Force = False,
+    quiet: Quiet = False,
 ) -> int:
     """Tell what designs take and what they are worth, beside each other.
 
@@ -34,29 +38,40 @@ def compare(
     with importing():
         import fisherpoint.design.compare  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_together
-        from fisherpoint.design.configuration import load_config
 
-        from .results import make_free_directory, remove_old
+        from .alive import alive
+        from .checked import about, points_row, size_of, tell
+        from .results import free_directory, make_directory, remove_old
         from .runs import read_points
-        from .terminal import as_file, named_files, read_data, say, show
+        from .terminal import as_file, named_files, read_config, read_data, say, show, warn_of_outside
         from .written import PAGE, write_shown
-    config = load_config(file)
+    config = read_config(file)
     problem = config.problem()
     if problem.noise_std is None:
         raise config.error("noise_std", "missing; expected the noise of every output, by which designs are compared")
     points = {name: read_data(path, "points", read_points, problem.model) for name, path in named_files(designs).items()}
+    for path, given in zip(designs, points.values(), strict=True):
+        warn_of_outside(problem, path, given)
+    old = free_directory(output, force)
+    if check:
+        size = sum(map(size_of, points.values())) * DRAWS
+        rows = [*(points_row(name, given) for name, given in points.items()), about(size, f"{DRAWS} plants, seed {seed}")]
+        return tell(problem, [file, *designs], rows, output)
+    if output is not None and not no_plots:
+        with importing(), needed_for("pictures"):
+            from fisherpoint.design import compare_picture  # noqa: F401  what can fail for a trivial reason fails before the work
+    with alive("comparing"):
+        found = fp.compare(problem, points, seed=seed, threads=threads)
+    if not quiet:
+        show(found.report())
     if output is not None:
-        if not no_plots:
-            with importing(), needed_for("pictures"):
-                from fisherpoint.design import compare_picture  # noqa: F401  what can fail for a trivial reason fails before the work
-        old = make_free_directory(output, force)
-    found = fp.compare(problem, points, seed=seed, threads=threads)
-    show(found.report())
-    if output is not None:
+        make_directory(output)
         contents = {"comparison.csv": found.to_pandas().to_csv(), "report.txt": as_file(found.report())}
         written = [path.name for path in write_together(output, contents, stale=["comparison.png", PAGE])]
-        written += write_shown(found, output, {} if no_plots else found._plots(), file)
-        print()
-        say(f"Written to {output}: {', '.join(written)}")
-        remove_old(output, old, written)
+        with alive("drawing"):
+            written += write_shown(found, output, {} if no_plots else found._plots(), file)
+        if not quiet:
+            print()
+            say(f"Written to {output}: {', '.join(written)}")
+        remove_old(output, old, written, quiet)
     return 0

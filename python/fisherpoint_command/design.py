@@ -15,7 +15,8 @@ from fisherpoint.basics.extras import needed_for
 from .asked import shell_line
 from .exits import INTERRUPTED, complain
 from .importing import importing
-from .options import File, Force, NoPlots, Output, Previous, Quiet, Threads
+from .options import Check, File, Force, NoPlots, Output, Previous, Quiet, Seed, Threads
+from .standard_input import one_from_standard_input
 
 
 class Method(StrEnum):
@@ -35,18 +36,27 @@ class Over(StrEnum):
 
 def design(
     file: File,
-    output: Output,
-    threads: Threads = None,
-    seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Overrides the value in the file.")] = None,
+    output: Output = None,
+    size: Annotated[
+        int | None, typer.Option("-L", "--size", min=1, metavar="N", help="Points, or runs; overrides the value in the file.")
+    ] = None,
+    seed: Seed = None,
     max_iterations: Annotated[int | None, typer.Option(min=1, metavar="N", help="Overrides the value in the file.")] = None,
     method: Annotated[Method | None, typer.Option(help="Overrides the value in the file.")] = None,
     over: Annotated[
         Over | None, typer.Option(help="A criterion over the prior, not at its mean alone; overrides the value in the file.")
     ] = None,
     keep: Annotated[
-        Path | None, typer.Option(metavar="POINTS.csv", help="Points that the design must have; they count as its first.")
+        Path | None,
+        typer.Option(
+            metavar="POINTS.csv",
+            callback=one_from_standard_input,
+            help="Points that the design must have; they count as its first.",
+        ),
     ] = None,
     previous: Previous = None,
+    threads: Threads = None,
+    check: Check = False,
     no_plots: NoPlots = False,
     force: Force = False,
     quiet: Quiet = False,
@@ -61,43 +71,58 @@ def design(
 
         import fisherpoint.design.exchange  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_whole
-        from fisherpoint.design.configuration import ConfigError, load_config
+        from fisherpoint.design.configuration import ConfigError
+        from fisherpoint.points.outside import few, outside
 
-        from .results import make_free_directory, remove_old
+        from .alive import alive
+        from .checked import points_row, search_rows, settings_of, tell
+        from .results import free_directory, make_directory, needed, remove_old
         from .runs import design_of_runs, read_told
-        from .terminal import as_file, read_data, say, show
+        from .terminal import as_file, read_config, read_data, say, show
         from .written import write_shown
-    config = load_config(file)
+    needed(output, check)
+    config = read_config(file)
     if config.region is None:
         raise config.error("region", "missing; expected a table with bounds of every state, every input and dt")
     if config.runs is not None:
-        for option, paths in (("--keep", keep), ("--previous", previous)):
-            if paths:
-                raise ConfigError(f"{option}: expected a file with points to design; {file} has a table [runs]")
-        return design_of_runs(config, file, output, seed, threads, no_plots, force, quiet)
-    problem, settings = config.problem(), config.exchange_settings()
+        of_points = {"--keep": keep, "--previous": previous, "--method": method, "--max-iterations": max_iterations}
+        for option in (option for option, given in of_points.items() if given):
+            raise ConfigError(f"{option}: expected a file with points to design; {file} has a table [runs]")
+        settings = _with_over(config.run_settings(), over)
+        return design_of_runs(config, settings, file, output, size, seed, threads, check, no_plots, force, quiet)
+    problem, settings = config.problem(), _with_over(config.exchange_settings(), over)
     chosen = None if method is None else method.value
-    for name, value in (("seed", seed), ("max_iterations", max_iterations), ("method", chosen)):
+    for name, value in (("n_experiments", size), ("seed", seed), ("max_iterations", max_iterations), ("method", chosen)):
         if value is not None:
             settings[name] = value
-    if over is not None:
-        in_file = settings.get("over")
-        settings["over"] = fp.OverPrior(over.value) if in_file is None else replace(in_file, kind=over.value)
+    files = [file]
     if keep is not None:
-        settings["keep"] = read_data(keep, "points", fp.Experiments.from_csv, problem.model)
+        kept = settings["keep"] = read_data(keep, "points", fp.Experiments.from_csv, problem.model)
+        if places := list(outside(problem.model, problem.region, kept)):
+            raise ConfigError(f"{keep}: expected points of the region, given {few(places)}")
+        files.append(keep)
     if previous:
         settings["previous"] = [read_data(path, "points or measurements", read_told, problem.model) for path in previous]
+        files += previous
+    planned = settings_of(problem, settings)
+    if keep is not None and not len(kept) < planned.n_experiments:
+        raise ConfigError(f"{keep}: expected fewer points than the design has, {planned.n_experiments}; given {len(kept)}")
+    old = [] if output is None else free_directory(output, force)
+    if check:
+        given = [points_row(f"kept, of {keep}", kept)] if keep is not None else []
+        return tell(problem, files, [*given, *search_rows(problem, planned)], output)
+    assert output is not None
     # What can fail for a trivial reason fails before the work, not after it.
     if not no_plots:
         with importing(), needed_for("pictures"):
             from fisherpoint.design.pictures import plots_of
-    old = make_free_directory(output, force)
 
     try:
         found = _exchange(problem, settings, threads, show=not quiet)
     except KeyboardInterrupt:
         complain("interrupted before a design was found; nothing was saved")
         return INTERRUPTED
+    make_directory(output)
     found.save(output)
     report = found.report()
     write_whole(output / "report.txt", as_file(report))
@@ -105,7 +130,8 @@ def design(
         show(report)
     interrupted = found.stop_reason == "interrupted"
     plots = {} if no_plots or interrupted else plots_of(found)  # who interrupts wants an end
-    written = ["design.csv", "design.json", "report.txt", *write_shown(found, output, plots, file)]
+    with alive("drawing"):
+        written = ["design.csv", "design.json", "report.txt", *write_shown(found, output, plots, file)]
     if not quiet:
         print()
         say(f"Written to {output}: {', '.join(written)}")
@@ -116,8 +142,15 @@ def design(
     return INTERRUPTED if interrupted else 0
 
 
+def _with_over(settings: dict[str, Any], over: Over | None) -> dict[str, Any]:
+    if over is None:
+        return settings
+    in_file = settings.get("over")
+    return settings | {"over": fp.OverPrior(over.value) if in_file is None else replace(in_file, kind=over.value)}
+
+
 def _exchange(problem: fp.DesignProblem, settings: dict[str, Any], threads: int | None, show: bool) -> fp.Design:
-    """Run the exchange under a progress bar on standard error."""
+    """Run the exchange under a progress bar on standard error, which fits into 80 columns."""
     with importing():
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -126,7 +159,7 @@ def _exchange(problem: fp.DesignProblem, settings: dict[str, Any], threads: int 
     bar = Progress(
         TextColumn("iteration"),
         MofNCompleteColumn(),
-        BarColumn(bar_width=20),
+        BarColumn(bar_width=12),
         TextColumn("{task.fields[state]}"),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
@@ -136,13 +169,13 @@ def _exchange(problem: fp.DesignProblem, settings: dict[str, Any], threads: int 
     )
     with bar:
         task = bar.add_task("design", total=None, state="drawing the first points")
+        what = "log det" if settings.get("criterion", "D") == "D" else "log of the criterion"
 
         def progress(now: fp.Progress) -> None:
             rate = now.drawn / now.seconds if now.seconds > 0 else 0.0
-            rejected = now.rejected / now.drawn if now.drawn else 0.0
-            state = f"log det {now.log_det:.3f}, {now.exchanges} exchanges, {rate:.0f} candidates/s, {rejected:.0%} rejected"
+            state = f"{what} {now.log_det:.3f}, {rate:.0f} points/s"
             if now.iteration == now.max_iterations:
-                state = "proving how good it is, and comparing with random designs"
+                state = "proving how good it is"
             bar.update(task, completed=now.iteration, total=now.max_iterations, state=state)
 
         return fp.exchange(problem, **settings, threads=threads, progress=progress)

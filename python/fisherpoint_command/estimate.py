@@ -12,20 +12,27 @@ import fisherpoint as fp
 from fisherpoint.basics.extras import needed_for
 
 from .importing import importing
-from .options import Force, Noise, NoPlots, Output, Quiet, Threads
+from .options import Check, Force, Noise, NoPlots, Output, Quiet, Threads
+from .standard_input import from_standard_input, one_from_standard_input
+
+STARTS, ITERATIONS = 8, 20
+"""Of an estimate: by default, and about."""
 
 
 def estimate(
-    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Model, prior and sensor noise.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE.toml", callback=one_from_standard_input, help="Model, prior and sensor noise.")
+    ],
     data: Annotated[
         list[Path],
         typer.Argument(
             metavar="DATA.csv...",
+            callback=from_standard_input,
             help="Measurements: the columns of a design.csv, or of a file of runs, and y_<output> for each measured output; with a "
             "column t, a record.",
         ),
     ],
-    output: Output,
+    output: Output = None,
     noise: Annotated[
         Noise | None, typer.Option(help="Known: \\[noise_std]; estimated: from the residuals. Default: known if the file has it.")
     ] = None,
@@ -37,6 +44,7 @@ def estimate(
     ] = False,
     profiles: Annotated[bool, typer.Option("--profiles", help="Also compute confidence intervals by profile likelihood.")] = False,
     threads: Threads = None,
+    check: Check = False,
     no_plots: NoPlots = False,
     force: Force = False,
     quiet: Quiet = False,
@@ -46,14 +54,19 @@ def estimate(
     Writes estimate.csv, residuals.csv, fit.json, report.txt, pictures, and report.html, which shows all of it in a browser.
     """
     with importing():
+        import numpy as np
+
         import fisherpoint.estimation.estimate  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_whole
-        from fisherpoint.design.configuration import ConfigError, load_config
+        from fisherpoint.design.configuration import ConfigError
 
-        from .results import make_free_directory, remove_old
-        from .terminal import as_file, read_data, say, show
+        from .alive import alive
+        from .checked import about, tell
+        from .results import free_directory, make_directory, needed, remove_old
+        from .terminal import as_file, read_config, read_data, say, show
         from .written import write_shown
-    config = load_config(file)
+    needed(output, check)
+    config = read_config(file)
     problem = config.problem()
     if noise is Noise.known and problem.noise_std is None:
         raise config.error("noise_std", "missing; expected the noise of every measured output with --noise known")
@@ -61,30 +74,29 @@ def estimate(
     for path in (path for k, path in enumerate(data) if path.resolve() in [other.resolve() for other in data[:k]]):
         raise ConfigError(f"DATA.csv: expected each file once, given {path} twice")
     parts = [read_data(path, "measurements", _read, problem.model) for path in data]
+    noise_std = _measured_noise(problem, parts) if known else None
+    old = free_directory(output, force)
+    if check:
+        rows = [(str(path), repr(part)) for path, part in zip(data, parts, strict=True)]
+        rows.append(("noise in the fit", "as given" if known else "estimated from the residuals"))
+        rows.append(("prior in the fit", "as a start alone" if no_prior else "as information"))
+        size = sum(1 if isinstance(part, fp.Record) else int(np.isfinite(part.samples).any(axis=-1).sum()) for part in parts)
+        return tell(problem, [file, *data], [*rows, about(size * STARTS * ITERATIONS, f"{STARTS} starts")], output)
+    assert output is not None
     if not no_plots:
         with importing(), needed_for("pictures"):
             from fisherpoint.estimation.pictures import plots_of  # what can fail for a trivial reason fails before the work
-    old = make_free_directory(output, force)
-    fit = fp.estimate(
-        problem.model,
-        parts,
-        None if no_prior else problem.prior,
-        start=problem.prior if no_prior else None,
-        parameters=problem.parameters,
-        noise_std=_measured_noise(problem, parts) if known else None,
-        # Noise that is estimated has what is assumed in it.
-        uncertain=problem.uncertain if known else None,
-        initial_state_std=problem.initial_state_std if known else None,
-        assumed_rule=problem.assumed_rule,
-        threads=threads,
-    )
-    found = [fit.profile(name) for name in fit.parameters] if profiles else []
+    with alive("estimating"):
+        fit = _estimate(problem, parts, no_prior, known, noise_std, threads)
+        found = [fit.profile(name) for name in fit.parameters] if profiles else []
     report = fit.report(profiles=found)
+    make_directory(output)
     written = [path.name for path in fit.save(output)]
     write_whole(output / "report.txt", as_file(report))
     written.append("report.txt")
     plots = {} if no_plots else plots_of(fit, found)
-    written += write_shown(fit, output, plots, file, report)
+    with alive("drawing"):
+        written += write_shown(fit, output, plots, file, report)
     if not quiet:
         show(report)
         print()
@@ -93,12 +105,38 @@ def estimate(
     return 0
 
 
+def _estimate(
+    problem: fp.DesignProblem,
+    parts: list[Any],
+    no_prior: bool,
+    known: bool,
+    noise_std: Mapping[str, float] | None,
+    threads: int | None,
+) -> fp.Fit:
+    return fp.estimate(
+        problem.model,
+        parts,
+        None if no_prior else problem.prior,
+        start=problem.prior if no_prior else None,
+        parameters=problem.parameters,
+        noise_std=noise_std,
+        # Noise that is estimated has what is assumed in it.
+        uncertain=problem.uncertain if known else None,
+        initial_state_std=problem.initial_state_std if known else None,
+        assumed_rule=problem.assumed_rule,
+        threads=threads,
+    )
+
+
 def _read(path: Path, model: fp.Model) -> fp.Measurements | fp.Record:
     """Measurements of points or runs, or a record where the file has a column t that is not the model's."""
     from fisherpoint.basics.csv_table import CsvTable
 
-    axes = {quantity.name for quantity in (*model.axes, *model.outputs)}
-    if "t" in CsvTable(path).names and "t" not in axes:
+    axes, names = {quantity.name for quantity in (*model.axes, *model.outputs)}, CsvTable(path).names
+    if "t" in names and "t" not in axes:
+        states = {quantity.name for quantity in model.states} - {"T"}
+        if "T" in axes.difference(names) and ("T" in {q.name for q in model.inputs} or states | {"dt"} & set(names)):
+            raise ValueError("expected the column T of the model, given t, which is the time of a record")
         return fp.Record.from_csv(path, model)
     return fp.Measurements.from_csv(path, model)
 

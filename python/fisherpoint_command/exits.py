@@ -16,7 +16,8 @@ READER_LEFT, MISUSE, INTERRUPTED = 1, 2, 130
 
 def leave(*_: object) -> NoReturn:
     """End at once."""
-    os.write(2, b"fisherpoint: interrupted\n")
+    erase = b"\r\x1b[K" if os.isatty(2) else b""  # a sign of life that stands there
+    os.write(2, erase + b"fisherpoint: interrupted\n")
     os._exit(INTERRUPTED)
 
 
@@ -30,9 +31,10 @@ def why_not_imported(error: ImportError) -> str:
     return f"expected an installation that can be imported, given: {message}; reinstall fisherpoint"
 
 
-def complain(message: str) -> None:
-    """Print a line on standard error."""
+def complain(*lines: str) -> None:
+    """Print lines on standard error."""
     from fisherpoint.basics.messages import printable
 
     with suppress(OSError):
-        print(f"fisherpoint: {printable(' '.join(message.split()))}", file=sys.stderr)
+        for line in lines:
+            print(f"fisherpoint: {printable(' '.join(line.split()))}", file=sys.stderr)

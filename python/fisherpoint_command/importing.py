@@ -7,6 +7,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from .alive import alive
 from .exits import leave
 
 
@@ -18,7 +19,8 @@ def importing() -> Iterator[None]:
     if heard:
         signal.signal(signal.SIGINT, leave)
     try:
-        yield
+        with alive("starting"):
+            yield
     finally:
         if heard:
             signal.signal(signal.SIGINT, signal.default_int_handler)

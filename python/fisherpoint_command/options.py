@@ -8,19 +8,47 @@ from typing import Annotated
 
 import typer
 
-Output = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Directory for what is written; made where needed.")]
+from .standard_input import from_standard_input, one_from_standard_input
+
+Output = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", metavar="DIR", help="Directory for what is written; needed but for --check, made where needed."),
+]
+OutputIfAny = Annotated[
+    Path | None, typer.Option("-o", "--output", metavar="DIR", help="Directory for what is written; made where needed.")
+]
 Threads = Annotated[int | None, typer.Option(min=1, metavar="N", help="Number of threads; does not change the result.")]
+Seed = Annotated[int | None, typer.Option(min=0, metavar="N", help="Overrides the value in the file.")]
 NoPlots = Annotated[bool, typer.Option("--no-plots", help="Draw no pictures.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace a result that is in the directory.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print no progress bar and no report.")]
+Check = Annotated[
+    bool, typer.Option("--check", help="Only look for mistakes in what is given, and say what would be done; write nothing.")
+]
 
 Previous = Annotated[
     list[Path] | None,
-    typer.Option(metavar="DATA.csv", help="What is already measured, or planned besides: adds to what designs tell."),
+    typer.Option(
+        metavar="DATA.csv",
+        callback=from_standard_input,
+        help="What is already measured, or planned besides: adds to what designs tell.",
+    ),
 ]
 
-File = Annotated[Path, typer.Argument(metavar="FILE.toml", help="Model, prior, sensor noise and region.")]
-Points = Annotated[Path, typer.Argument(metavar="POINTS.csv", help="Points, with the columns of a design.csv.")]
+File = Annotated[
+    Path,
+    typer.Argument(
+        metavar="FILE.toml", callback=one_from_standard_input, help="Model, prior, sensor noise and region; - for standard input."
+    ),
+]
+Points = Annotated[
+    Path,
+    typer.Argument(metavar="POINTS.csv", callback=one_from_standard_input, help="Points, with the columns of a design.csv."),
+]
+Designs = Annotated[
+    list[Path],
+    typer.Argument(metavar="DESIGN.csv...", callback=from_standard_input, help="Points or runs, with the columns of a design.csv."),
+]
 
 
 class Noise(StrEnum):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -11,50 +12,75 @@ import fisherpoint as fp
 from fisherpoint.basics.extras import needed_for
 
 from .importing import importing
-from .options import File, Force, Points
+from .options import Check, File, Force, NoPlots, OutputIfAny, Points, Quiet, Threads
 
 
 def evaluate(
     file: File,
     points: Points,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Directory for report, table and pictures.")
-    ] = None,
+    output: OutputIfAny = None,
+    threads: Threads = None,
+    check: Check = False,
+    no_plots: NoPlots = False,
     force: Force = False,
+    quiet: Quiet = False,
 ) -> int:
-    """Tell what given experiment points are worth: standard errors, correlation, what they do not determine."""
+    """Tell what given experiment points are worth: standard errors, correlation, what they do not determine.
+
+    With -o, writes parameters.csv, report.txt, pictures, and report.html, which shows all of it in a browser.
+    """
     with importing():
         from fisherpoint.basics.files import write_together
-        from fisherpoint.design.configuration import load_config
         from fisherpoint.design.evaluated import evaluate_points
         from fisherpoint.design.files import PICTURES
         from fisherpoint.design.report import evaluation_report
         from fisherpoint.information.problem_report import problem_sections
+        from fisherpoint.points.outside import few, outside
 
-        from .results import make_free_directory, remove_old
+        from .alive import alive
+        from .checked import about, points_row, size_of, tell
+        from .results import free_directory, make_directory, remove_old
         from .runs import evaluate_runs, read_points
-        from .terminal import as_file, read_data, show
+        from .terminal import as_file, read_config, read_data, say, show
         from .written import PAGE, write_page
-    config = load_config(file)
+    config = read_config(file)
     problem = config.problem()
+    experiments = read_data(points, "points", read_points, problem.model)
+    old = free_directory(output, force)
+    if check:
+        nodes = problem.rule.size(problem.prior)
+        trajectories = about(size_of(experiments) * (2 + nodes), f"{nodes} nodes of the prior, and the mean")
+        return tell(problem, [file, points], [points_row("points", experiments), trajectories], output)
+    drawn = output is not None and not no_plots
     if output:
         with importing(), needed_for("tables and pictures"):
             from fisherpoint.design.frames import parameter_frame
-            from fisherpoint.design.pictures import plots_of
-    experiments = read_data(points, "points", read_points, config.build_model())
-    old: list[str] = []
+        if drawn:
+            with importing(), needed_for("pictures"):
+                from fisherpoint.design.pictures import plots_of
+    with alive("evaluating"):
+        if isinstance(experiments, fp.Runs):
+            evaluation = fp.evaluate_design(problem, experiments, threads=threads)
+            report = evaluation.report()
+            if places := list(outside(problem.model, problem.region, experiments)):
+                report = replace(report, warnings=[*report.warnings, f"Outside of the region: {few(places, 10)}."])
+        else:
+            evaluated = evaluate_points(problem, experiments, threads)
+            report = evaluation_report(evaluated)
+    if not quiet:
+        show(report)
     if output:
-        old = make_free_directory(output, force)
-    if isinstance(experiments, fp.Runs):
-        return evaluate_runs(problem, experiments, file, output, old)
-    evaluated = evaluate_points(problem, experiments)
-    report = evaluation_report(evaluated)
-    show(report)
-    if output:
+        make_directory(output)
+        if isinstance(experiments, fp.Runs):
+            return evaluate_runs(problem, experiments, evaluation, report, file, output, old, quiet)
         table = parameter_frame(problem, evaluated.under_noise).to_csv()
         write_together(output, {"parameters.csv": table, "report.txt": as_file(report)}, stale=[PAGE, *PICTURES[1:]])
-        written = write_page(report, problem_sections(problem), output, plots_of(evaluated), file)
-        remove_old(output, old, ["report.txt", *written])
+        with alive("drawing"):
+            written = write_page(report, problem_sections(problem), output, plots_of(evaluated) if drawn else {}, file)
+        if not quiet:
+            print()
+            say(f"Written to {output}: {', '.join(['parameters.csv', 'report.txt', *written])}")
+        remove_old(output, old, ["report.txt", *written], quiet)
     return 0
 
 
@@ -62,35 +88,76 @@ def simulate(
     file: File,
     points: Points,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE.csv", help="File for points, outputs and statuses.")
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE.csv", help="File for points, outputs and statuses; - for standard output."),
     ] = None,
+    noise: Annotated[
+        bool,
+        typer.Option("--noise", help="Virtual data, which estimate reads: with noise by \\[noise_std] and \\[initial_state_std]."),
+    ] = False,
+    seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Of the noise; default 0.")] = None,
+    threads: Threads = None,
+    check: Check = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace a file that is there.")] = False,
+    quiet: Quiet = False,
 ) -> int:
     """Simulate given experiment points at the prior mean: the outputs after dt, and what went wrong where.
 
-    Kinks and jumps are crossed or not as the file says.
+    Kinks and jumps are crossed or not as the file says. With --noise, these are virtual measurements: they cross all that can be
+    crossed, and a point that does not reach its end has no outputs.
     """
     with importing():
-        import numpy as np
-
         from fisherpoint.basics.files import write_whole
-        from fisherpoint.design.configuration import load_config
+        from fisherpoint.design.configuration import ConfigError
         from fisherpoint.design.report import simulation_report
 
-        from .runs import read_points, simulate_runs
-        from .terminal import check_file, read_data, show
+        from .alive import alive
+        from .checked import about, points_row, size_of, tell
+        from .runs import read_points, run_report, run_simulation_csv
+        from .terminal import check_file, read_config, read_data, show
+        from .virtual import measured
     if output:
         with importing(), needed_for("tables"):
             from fisherpoint.design.frames import simulation_frame
-    config = load_config(file)
-    model, prior = config.build_model(), config.build_prior()
-    experiments = read_data(points, "points", read_points, config.build_model())
-    if output:
-        check_file(output)
-    theta = np.array([prior.mean[quantity.name] for quantity in model.parameters])
-    if isinstance(experiments, fp.Runs):
-        return simulate_runs(model, experiments, theta, config.crossings(), output)
-    done = fp.simulate(model, experiments, theta, **config.crossings())
-    show(simulation_report(model, experiments, done.y, done.status))
-    if output:
-        write_whole(output, simulation_frame(model, experiments, done.y, done.status).to_csv(index=False))
+    if seed is not None and not noise:
+        raise ConfigError(f"--seed: expected only with --noise, whose random numbers it gives; given {seed} without")
+    config = read_config(file)
+    problem = config.problem()
+    if noise and problem.noise_std is None:
+        raise config.error("noise_std", "missing; expected the noise of every output with --noise")
+    model = problem.model
+    experiments = read_data(points, "points", read_points, model)
+    to_standard_output = output is not None and str(output) == "-"
+    if output is not None and not to_standard_output:
+        check_file(output, force)
+    if check:
+        virtual = [("noise", f"by [noise_std], seed {seed or 0}")] if noise else []
+        return tell(problem, [file, points], [points_row("points", experiments), *virtual, about(size_of(experiments))], output)
+    if noise:
+        text, headline = measured(problem, experiments, seed or 0)
+        if not quiet and not to_standard_output and output is not None:
+            print(headline)
+        if output is None and not quiet:
+            print(text, end="")
+    else:
+        crossings = config.crossings()
+        with alive("simulating"):
+            if isinstance(experiments, fp.Runs):
+                along = fp.simulate(model, experiments, problem.theta, threads=threads, **crossings)
+            else:
+                done = fp.simulate(model, experiments, problem.theta, threads=threads, **crossings)
+        if isinstance(experiments, fp.Runs):
+            text = run_simulation_csv(model, experiments, along)
+            if not quiet and not to_standard_output:
+                print(run_report(experiments, along))
+                if output is None:
+                    print(text, end="")
+        else:
+            if not quiet and not to_standard_output:
+                show(simulation_report(model, experiments, done.y, done.status))
+            text = simulation_frame(model, experiments, done.y, done.status).to_csv(index=False) if output else ""
+    if to_standard_output:
+        print(text, end="")
+    elif output:
+        write_whole(output, text)
     return 0

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection
 from pathlib import Path
 
+from fisherpoint.basics.files import check_writable
 from fisherpoint.basics.messages import listed
 from fisherpoint.design.configuration import ConfigError
 from fisherpoint.design.files import PICTURES as OF_POINTS
 from fisherpoint.design.runs.run_design import PICTURES as OF_RUNS
 from fisherpoint.estimation.fit_files import PICTURES as OF_A_FIT
 
-from .terminal import make_directory, say
+from .terminal import say
 from .written import PAGE
 
 MAIN = ("design.json", "fit.json", "campaign.json", "report.txt")
@@ -23,14 +24,50 @@ SHOWN = dict.fromkeys(
 """What is made of a result for people."""
 
 
-def make_free_directory(path: Path, force: bool) -> list[str]:
-    """Make a directory for a result, and return what is shown there of another one, which `remove_old` is to remove."""
-    make_directory(path)
+def needed(output: Path | None, check: bool) -> None:
+    """Raise where there is no directory for a result, unless nothing is to be written."""
+    if output is None and not check:
+        raise ConfigError("--output: missing; expected a directory for what is written, as -o run/")
+
+
+def free_directory(path: Path | None, force: bool) -> list[str]:
+    """Make sure that a result can be written to a directory, and return what `remove_old` is to remove of another one there.
+
+    Nothing is made yet: what fails later is to leave nothing behind.
+    """
+    if path is None:
+        return []
+    check_directory(path)
     there = [name for name in MAIN if (path / name).exists()]
     if there and not force:
         given = f"{path}, which has {listed(there)}"
         raise ConfigError(f"--output: expected a directory without a result, given {given}; --force replaces it")
     return [name for name in SHOWN if there and (path / name).exists()]
+
+
+def check_directory(path: Path) -> None:
+    """Raise where files cannot be made in a directory, or in the one in which it would be made: before the work, not after it."""
+    if str(path) == "-":
+        raise ConfigError("--output: expected a directory, given -, which is standard output")
+    try:
+        above = path
+        while not above.exists() and not above.is_symlink() and above != above.parent:
+            above = above.parent
+        if not above.is_dir():
+            raise ConfigError(f"--output: expected a directory, given {path}, which is or lies under a file")
+        check_writable(above)
+    except NotADirectoryError:
+        raise ConfigError(f"--output: expected a directory, given {path}, which is or lies under a file") from None
+    except OSError as error:
+        raise ConfigError(f"--output: expected a directory to write to, given {path}: {error.strerror}") from None
+
+
+def make_directory(path: Path) -> None:
+    """Make a directory that `free_directory` has found to be free, with those above it."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"--output: expected a directory to write to, given {path}: {error.strerror}") from None
 
 
 def remove_old(path: Path, old: Collection[str], written: Collection[str], quiet: bool = False) -> None:

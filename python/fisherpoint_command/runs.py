@@ -7,51 +7,70 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 
 import fisherpoint as fp
 from fisherpoint.basics.csv_table import CsvTable, csv_text
 from fisherpoint.basics.extras import needed_for
 from fisherpoint.basics.files import write_together, write_whole
-from fisherpoint.basics.values import Array
 from fisherpoint.design.configuration import Config
+from fisherpoint.design.runs.run_design import PICTURES
 from fisherpoint.information.problem_report import problem_sections
 from fisherpoint.points.run_files import RUN, SEGMENT
+from fisherpoint.points.run_trajectories import RunTrajectories
+from fisherpoint.show.section import Report
 
+from .alive import alive
+from .checked import run_rows, tell
 from .exits import INTERRUPTED
-from .results import make_free_directory, remove_old
+from .results import free_directory, make_directory, remove_old
 from .terminal import as_file, say, show
 from .written import PAGE, write_page, write_shown
 
 
 def design_of_runs(
-    config: Config, file: Path, output: Path, seed: int | None, threads: int | None, no_plots: bool, force: bool, quiet: bool
+    config: Config,
+    settings: dict[str, Any],
+    file: Path,
+    output: Path | None,
+    size: int | None,
+    seed: int | None,
+    threads: int | None,
+    check: bool,
+    no_plots: bool,
+    force: bool,
+    quiet: bool,
 ) -> int:
     """Search for runs; write design.csv, plan.csv, design.json, report.txt, pictures and report.html."""
-    problem, settings = config.problem(), config.run_settings()
+    problem = config.problem()
     if problem.noise_std is None:
         raise config.error("noise_std", "missing; expected the noise of every output, which runs are designed for")
-    if seed is not None:
-        settings["seed"] = seed
+    for name, value in (("n_runs", size), ("seed", seed)):
+        if value is not None:
+            settings[name] = value
+    old = [] if output is None else free_directory(output, force)
+    if check:
+        return tell(problem, [file], run_rows(problem, settings), output)
+    assert output is not None
     if not no_plots:
         with needed_for("pictures"):
             from fisherpoint.design.runs.run_pictures import plots_of  # what can fail for a trivial reason fails before the work
-    old = make_free_directory(output, force)
 
-    console = Console(stderr=True)
+    with alive("searching for runs") as sign:
 
-    def progress(now: fp.RunProgress) -> None:
-        if not quiet and console.is_terminal:
-            found = f"log det {now.log_det:.3f}, best {now.best:.3f}"
-            console.print(f"start {now.start} of {now.n_starts}: {found}, {now.seconds:.0f} s", highlight=False)
+        def progress(now: fp.RunProgress) -> None:
+            if sign is not None:
+                found = f"log det {now.log_det:.3f}, best {now.best:.3f}"
+                sign.print(f"start {now.start} of {now.n_starts}: {found}, {now.seconds:.0f} s")
 
-    found = fp.design_runs(problem, **settings, threads=threads, progress=progress)
+        found = fp.design_runs(problem, **settings, threads=threads, progress=progress)
+    make_directory(output)
     found.save(output)
     report = found.report()
     write_whole(output / "report.txt", as_file(report))
     interrupted = found.stop_reason == "interrupted"
     plots = {} if no_plots or interrupted else plots_of(found)
-    shown = write_shown(found, output, plots, file)
+    with alive("drawing"):
+        shown = write_shown(found, output, plots, file)
     written = ["design.csv", "plan.csv", "design.json", "report.txt", *shown]
     if not quiet:
         show(report)
@@ -61,21 +80,39 @@ def design_of_runs(
     return INTERRUPTED if interrupted else 0
 
 
-def evaluate_runs(problem: fp.DesignProblem, runs: fp.Runs, file: Path, output: Path | None, old: Collection[str]) -> int:
-    """Tell what given runs are worth; write report.txt, parameters.csv and report.html."""
-    evaluation = fp.evaluate_design(problem, runs)
-    report = evaluation.report()
-    show(report)
-    if output:
-        write_together(output, {"parameters.csv": evaluation.to_pandas().to_csv(), "report.txt": as_file(report)}, stale=[PAGE])
-        written = write_page(report, problem_sections(problem), output, {}, file)
-        remove_old(output, old, ["report.txt", *written])
+def evaluate_runs(
+    problem: fp.DesignProblem,
+    runs: fp.Runs,
+    evaluation: fp.Evaluation,
+    report: Report,
+    file: Path,
+    output: Path,
+    old: Collection[str],
+    quiet: bool,
+) -> int:
+    """Write what given runs are worth: report.txt, parameters.csv, pictures and report.html."""
+    with needed_for("pictures"):
+        from fisherpoint.design.runs.run_pictures import evaluation_plots
+    tables = {"parameters.csv": evaluation.to_pandas().to_csv(), "report.txt": as_file(report)}
+    write_together(output, tables, stale=[PAGE, *PICTURES])
+    with alive("drawing"):
+        plots = evaluation_plots(problem, runs, evaluation)
+        written = ["report.txt", *write_page(report, problem_sections(problem), output, plots, file)]
+    if not quiet:
+        print()
+        say(f"Written to {output}: {', '.join(['parameters.csv', *written])}")
+    remove_old(output, old, written, quiet)
     return 0
 
 
-def simulate_runs(model: fp.Model, runs: fp.Runs, theta: Array, crossings: dict[str, Any], output: Path | None) -> int:
-    """Simulate given runs: the outputs at the end of each segment."""
-    done = fp.simulate(model, runs, theta, **crossings)
+def run_report(runs: fp.Runs, done: RunTrajectories) -> str:
+    """How many runs reach their ends."""
+    failed = int((done.status != fp.Status.ok).sum())
+    return f"{len(runs)} runs, {failed} of which do not reach their ends"
+
+
+def run_simulation_csv(model: fp.Model, runs: fp.Runs, done: RunTrajectories) -> str:
+    """The outputs at the end of each segment, as a table."""
     run, segment = np.nonzero(runs.dt)
     reached = segment < done.reached[run]
     names = [f"y_{quantity.name}" for quantity in model.outputs]
@@ -85,14 +122,7 @@ def simulate_runs(model: fp.Model, runs: fp.Runs, theta: Array, crossings: dict[
         [str(k + 1), str(n + 1), t, *values, state]
         for k, n, t, values, state in zip(run, segment, runs.t[run, segment].tolist(), y.tolist(), states, strict=True)
     ]
-    text = csv_text((RUN.name, SEGMENT.name, "t", *names, "status"), rows)
-    failed = int((done.status != fp.Status.ok).sum())
-    say(f"{len(runs)} runs, {failed} of which do not reach their ends")
-    if output:
-        write_whole(output, text)
-    else:
-        print(text, end="")
-    return 0
+    return csv_text((RUN.name, SEGMENT.name, "t", *names, "status"), rows)
 
 
 def read_told(path: Path, model: fp.Model) -> fp.Experiments | fp.Runs | fp.Measurements:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -12,22 +13,32 @@ from fisherpoint.basics.extras import needed_for
 
 from .exits import INTERRUPTED, complain
 from .importing import importing
-from .options import Force, NoPlots, Output, Previous, Quiet, Threads
+from .options import Check, Force, NoPlots, Output, Previous, Quiet, Seed, Threads
+from .standard_input import one_from_standard_input
+
+MOST_SIZES = 1000
+"""Of one sweep."""
 
 SETTINGS = ("n_candidates", "max_iterations", "seed", "time_limit", "method")
 """Keys of [design] that hold for every size."""
 
 
 def sweep(
-    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Model, prior, sensor noise, region, and costs.")],
-    output: Output,
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE.toml", callback=one_from_standard_input, help="Model, prior, sensor noise, region, and costs."
+        ),
+    ],
     sizes: Annotated[str, typer.Option("-L", "--sizes", metavar="SIZES", help="Points of the designs, as 9:30 or 6,9,12.")],
+    output: Output = None,
     budget: Annotated[
         float | None, typer.Option(metavar="COST", help="What a design may cost, by the file's table of costs.")
     ] = None,
     previous: Previous = None,
-    seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Overrides the value in the file.")] = None,
+    seed: Seed = None,
     threads: Threads = None,
+    check: Check = False,
     no_plots: NoPlots = False,
     force: Force = False,
     quiet: Quiet = False,
@@ -43,34 +54,47 @@ def sweep(
 
         import fisherpoint.design.sweep  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_together
-        from fisherpoint.design.configuration import ConfigError, load_config
+        from fisherpoint.design.configuration import ConfigError
         from fisherpoint.points.experiments import points_csv
 
-        from .results import make_free_directory, remove_old
+        from .alive import alive
+        from .checked import search_rows, settings_of, tell
+        from .results import free_directory, make_directory, needed, remove_old
         from .runs import read_told
-        from .terminal import as_file, read_data, say, show
+        from .terminal import as_file, read_config, read_data, say, show
         from .written import PAGE, write_shown
-    config = load_config(file)
+    needed(output, check)
+    config = read_config(file)
     if config.region is None or config.runs is not None:
         raise config.error("region", "expected bounds of every state, every input and dt, without a table [runs]")
     problem, cost = config.problem(), config.build_cost()
     if problem.noise_std is None:
         raise config.error("noise_std", "missing; expected the noise of every output, by which sizes are compared")
+    if budget is not None and not budget >= 0:
+        raise ConfigError(f"--budget: expected a cost of at least 0, given {budget:g}")
     if budget is not None and cost is None:
         raise config.error("cost", "missing; expected a table [cost] with --budget")
     if config.design.over is not None:
         raise config.error("design.over", "expected none with designs of several sizes, which are for the prior mean")
+    if config.design.criterion not in (None, "D"):
+        raise config.error("design.criterion", "expected none with designs of several sizes, which are compared by log det F")
     settings = {name: value for name, value in config.exchange_settings().items() if name in SETTINGS}
     if seed is not None:
         settings["seed"] = seed
     counts = _sizes(sizes)
     if counts is None:
-        raise ConfigError(f"--sizes: expected whole numbers, as 9:30 or 6,9,12; given {sizes}")
+        raise ConfigError(f"--sizes: expected whole numbers, at most {MOST_SIZES} of them, as 9:30 or 6,9,12; given {sizes}")
     told = [read_data(path, "points or measurements", read_told, problem.model) for path in previous or []]
+    planned = settings_of(problem, settings | {"n_experiments": counts[-1]})
+    old = free_directory(output, force)
+    if check:
+        *_, method, (_, each) = search_rows(problem, planned)
+        rows = [("sizes", f"{len(counts)}, from {counts[0]} to {counts[-1]} points"), method, ("trajectories of a size", each)]
+        return tell(problem, [file, *(previous or [])], rows, output)
+    assert output is not None
     if not no_plots:
         with importing(), needed_for("pictures"):
             from fisherpoint.design import sweep_picture  # noqa: F401  what can fail for a trivial reason fails before the work
-    old = make_free_directory(output, force)
 
     console = Console(stderr=True)
     columns = (TextColumn("sizes"), MofNCompleteColumn(), BarColumn(bar_width=20), TextColumn("{task.fields[state]}"))
@@ -87,6 +111,7 @@ def sweep(
             complain("interrupted before the first size was done; nothing was saved")
             return INTERRUPTED
 
+    make_directory(output)
     report = found.report()
     tables = {f"design_{len(of.points)}.csv": points_csv(of.points, problem.model) for of in found.designs}
     contents = {"sweep.csv": found.to_pandas().to_csv(), **tables, "report.txt": as_file(report)}
@@ -95,8 +120,9 @@ def sweep(
     found.save(output / "sweep.json")
     interrupted = found.stop_reason == "interrupted"
     plots = {} if no_plots or interrupted else found._plots()  # who interrupts wants an end
-    tell = f"design_<size>.csv of {len(tables)} sizes"
-    written = ["sweep.csv", "sweep.json", "report.txt", *write_shown(found, output, plots, file)]
+    tables_told = f"design_<size>.csv of {len(tables)} sizes"
+    with alive("drawing"):
+        written = ["sweep.csv", "sweep.json", "report.txt", *write_shown(found, output, plots, file)]
     if not quiet:
         show(report)
         print()
@@ -104,18 +130,19 @@ def sweep(
             size = found.within(budget)
             enough = f"the design of {size} points tells most" if size else "none of these sizes is enough"
             say(f"Within a budget of {budget:g}: {enough}.")
-        say(f"Written to {output}: {', '.join([*written, tell])}")
+        say(f"Written to {output}: {', '.join([*written, tables_told])}")
     remove_old(output, old, written, quiet)
     return INTERRUPTED if interrupted else 0
 
 
 def _sizes(text: str) -> list[int] | None:
+    sizes: Sequence[int]
     try:
         if ":" in text:
             first, last = map(int, text.split(":"))
-            sizes = list(range(first, last + 1))
+            sizes = range(first, last + 1)
         else:
             sizes = sorted({int(size) for size in text.split(",")})
     except ValueError:
         return None
-    return sizes if sizes and sizes[0] >= 1 else None
+    return list(sizes) if 0 < len(sizes) <= MOST_SIZES and sizes[0] >= 1 else None

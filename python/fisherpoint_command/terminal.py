@@ -13,10 +13,14 @@ from rich.console import Console
 import fisherpoint as fp
 from fisherpoint.basics.files import check_writable
 from fisherpoint.basics.messages import listed, printable
-from fisherpoint.design.configuration import ConfigError
+from fisherpoint.design.configuration import Config, ConfigError, load_config
+from fisherpoint.points.outside import few, outside
 from fisherpoint.show.console import to_rich
 from fisherpoint.show.section import Report
 from fisherpoint.show.text import to_text
+
+from .alive import alive
+from .exits import complain
 
 Read = TypeVar("Read")
 
@@ -42,29 +46,29 @@ def say(line: str) -> None:
     print(printable(line), flush=True)
 
 
-def make_directory(path: Path) -> None:
-    """Make a directory for the files of a command, with those above it, and make sure that files can be made in it.
-
-    What cannot be written is to be told before the work, not after it.
-    """
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        check_writable(path)
-    except (FileExistsError, NotADirectoryError):
-        raise ConfigError(f"--output: expected a directory, given {path}, which is or lies under a file") from None
-    except OSError as error:
-        raise ConfigError(f"--output: expected a directory to write to, given {path}: {error.strerror}") from None
-
-
-def check_file(path: Path) -> None:
-    """Make sure, as `make_directory` does, that a command can write its file."""
+def check_file(path: Path, force: bool) -> None:
+    """Make sure, before the work, that a command can write its file."""
     try:
         if path.is_dir():
             raise ConfigError(f"--output: expected a file, given the directory {path}")
+        if path.is_file() and not force:
+            raise ConfigError(f"--output: expected a file that is not there yet, given {path}; --force replaces it")
         if path.is_file() or not path.exists():  # a terminal or a pipe is written as it is
             check_writable(Path(os.path.realpath(path)).parent)
     except OSError as error:
         raise ConfigError(f"--output: expected a file in a directory to write to, given {path}: {error.strerror}") from None
+
+
+def warn_of_outside(problem: fp.DesignProblem, path: Path, points: fp.Experiments | fp.Runs) -> None:
+    """Say on standard error which points are outside of the region, if any are."""
+    if places := list(outside(problem.model, problem.region, points)):
+        complain(f"warning: {path}: outside of the region: {few(places)}")
+
+
+def read_config(path: Path) -> Config:
+    """The configuration in a file; equations take a while to be read."""
+    with alive(f"reading {printable(path)}"):
+        return load_config(path)
 
 
 def read_data(path: Path, what: str, read: Callable[[Path, fp.Model], Read], model: fp.Model) -> Read:
@@ -73,6 +77,10 @@ def read_data(path: Path, what: str, read: Callable[[Path, fp.Model], Read], mod
         return read(path, model)
     except FileNotFoundError:
         raise ConfigError(f"{path}: expected a CSV file of {what}, found no such file") from None
+    except IsADirectoryError:
+        raise ConfigError(f"{path}: expected a CSV file of {what}, given a directory") from None
+    except OSError as error:
+        raise ConfigError(f"{path}: expected a readable CSV file of {what}, given: {error.strerror}") from None
     except (ValueError, TypeError) as error:
         message = str(error)
         raise ConfigError(message if printable(path) in message else f"{path}: {message}") from error

@@ -13,7 +13,11 @@ from fisherpoint.basics.extras import needed_for
 
 from .exits import INTERRUPTED
 from .importing import importing
-from .options import Force, Noise, NoPlots, Output, Quiet, Threads
+from .options import Check, Designs, Force, Noise, NoPlots, Output, Quiet, Threads
+from .standard_input import one_from_standard_input
+
+ITERATIONS = 8
+"""Of a fit, about."""
 
 
 class Truth(StrEnum):
@@ -24,15 +28,20 @@ class Truth(StrEnum):
 
 
 def validate(
-    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Model, prior and sensor noise.")],
-    designs: Annotated[list[Path], typer.Argument(metavar="DESIGN.csv...", help="Points, with the columns of a design.csv.")],
-    output: Output,
-    runs: Annotated[int, typer.Option("-n", "--runs", min=1, metavar="N", help="Virtual experiments with each design.")] = 1000,
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE.toml", callback=one_from_standard_input, help="Model, prior and sensor noise.")
+    ],
+    designs: Designs,
+    output: Output = None,
+    runs: Annotated[
+        int, typer.Option("-n", "--runs", min=1, max=10**6, metavar="N", help="Virtual experiments with each design.")
+    ] = 1000,
     theta: Annotated[Truth, typer.Option(help="True parameters: drawn from the prior for each run, or its mean.")] = Truth.prior,
     noise: Annotated[Noise, typer.Option(help="Whether the fits know \\[noise_std] or estimate it.")] = Noise.known,
     use_prior: Annotated[bool, typer.Option("--use-prior", help="Use the prior in the fits and in the promise.")] = False,
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="The same seed gives the same figures.")] = 0,
     threads: Threads = None,
+    check: Check = False,
     no_plots: NoPlots = False,
     force: Force = False,
     quiet: Quiet = False,
@@ -45,27 +54,39 @@ def validate(
     with importing():
         import fisherpoint.validation.validate  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_together
-        from fisherpoint.design.configuration import load_config
 
-        from .results import make_free_directory, remove_old
+        from .alive import alive
+        from .checked import about, points_row, size_of, tell
+        from .results import free_directory, make_directory, needed, remove_old
         from .runs import read_points
-        from .terminal import as_file, named_files, read_data, say, show
+        from .terminal import as_file, named_files, read_config, read_data, say, show, warn_of_outside
         from .written import PAGE, write_shown
-    config = load_config(file)
+    needed(output, check)
+    config = read_config(file)
     problem = config.problem()
     if problem.noise_std is None:
         raise config.error("noise_std", "missing; expected the noise of every output, from which the promise is computed")
     points = {name: read_data(path, "points", read_points, problem.model) for name, path in named_files(designs).items()}
+    for path, given in zip(designs, points.values(), strict=True):
+        warn_of_outside(problem, path, given)
+    old = free_directory(output, force)
+    if check:
+        rows = [points_row(name, given) for name, given in points.items()]
+        rows.append(("virtual experiments", f"{runs} of each, seed {seed}, noise {noise.value} to the fits"))
+        size = sum(map(size_of, points.values())) * runs
+        return tell(problem, [file, *designs], [*rows, about(size * ITERATIONS, f"{ITERATIONS} iterations of each fit")], output)
+    assert output is not None
     if not no_plots:
         with importing(), needed_for("pictures"):
             from fisherpoint.validation import pictures as plots_validation  # noqa: F401  what can fail for a trivial reason fails before the work
-    old = make_free_directory(output, force)
     settings = {"runs": runs, "theta": theta.value, "seed": seed, "noise": noise.value, "use_prior": use_prior, "threads": threads}
     found = _validate(problem, points, settings, show=not quiet)
+    make_directory(output)
     contents = {"validation.csv": found.to_pandas().to_csv(), "report.txt": as_file(found.report())}
     written = [path.name for path in write_together(output, contents, stale=["validation.png", PAGE])]
     plots = {} if no_plots or found.interrupted else found._plots()  # who interrupts wants an end
-    written += write_shown(found, output, plots, file)
+    with alive("drawing"):
+        written += write_shown(found, output, plots, file)
     if not quiet:
         show(found.report())
         print()

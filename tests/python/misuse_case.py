@@ -28,5 +28,5 @@ def case(call: Callable[..., Any], **arguments: Argument) -> Case:
 
 
 def within(path: Any) -> Any:
-    """A path below that of the files, where it is a text for a name."""
-    return files() / path if isinstance(path, str) and path.isalnum() else path
+    """A path below that of the files, where it is a name: what is written there does not stay behind."""
+    return files() / path if isinstance(path, str) and path.replace(".", "").isalnum() else path

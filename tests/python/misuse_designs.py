@@ -44,12 +44,12 @@ def design_cases() -> dict[str, Case]:
             n_starts=(1, INT),
             n_candidates=(20, INT),
             confidence=(0.9, NUMBER, NONE),
-            plants=(None, NONE, ARRAY),
+            over=(None, NONE),
             seed=(0, INT),
             threads=threads,
             time_limit=(1.0, NUMBER, NONE),
-            progress=(None, NONE),
-            previous=(None, NONE),
+            progress=(None, NONE, FUNCTION),
+            previous=(None, NONE, POINTS, ARRAY, NAMES),
         ),
         "pieces": case(
             fp.pieces,
@@ -150,7 +150,7 @@ def design_cases() -> dict[str, Case]:
             n_experiments=([2], ARRAY),
             cost=(fp.Cost(), NONE),
             n_candidates=(2, INT),
-            max_iterations=(1, INT),
+            max_iterations=(1, NONE, INT),
             seed=(0, INT),
             threads=threads,
             time_limit=(1.0, NONE, NUMBER),
@@ -178,7 +178,7 @@ def design_cases() -> dict[str, Case]:
             problem=(problem(),),
             n_experiments=(2, INT),
             n_candidates=(2, INT),
-            max_iterations=(1, INT),
+            max_iterations=(1, NONE, INT),
             seed=(0, INT),
             threads=threads,
             progress=(None, NONE, FUNCTION),
@@ -191,6 +191,28 @@ def design_cases() -> dict[str, Case]:
             method=("paper", TEXT),
             previous=(None, NONE, POINTS, ARRAY, NAMES),
             over=(None, NONE),
+            criterion=("D",),
+            of=(None, NONE),
+            conditions=(None, NONE),
+            scale=(None, NONE),
+        ),
+        "exchange for a function": case(
+            lambda criterion, of: fp.exchange(
+                problem(), 4, n_candidates=5, max_iterations=1, references=False, criterion=criterion, of=of
+            ),
+            criterion=("c", TEXT),
+            of=("a", TEXT, TERM),
+        ),
+        "exchange for predictions": case(
+            lambda of, conditions: fp.exchange(
+                problem(), 4, n_candidates=5, max_iterations=1, references=False, criterion="I", of=of, conditions=conditions
+            ),
+            of=("y", TEXT),
+            conditions=(points(), POINTS),
+        ),
+        "exchange with scales": case(
+            lambda scale: fp.exchange(problem(), 4, n_candidates=5, max_iterations=1, references=False, criterion="A", scale=scale),
+            scale=({"k": 0.1, "a": 0.1}, MAP, NONE),
         ),
         "exchange over the prior": case(
             lambda scenarios: fp.exchange(
@@ -227,7 +249,7 @@ def design_cases() -> dict[str, Case]:
         ),
         "Campaign directory": case(
             lambda directory: fp.Campaign(
-                problem(), directory=tempfile.mkdtemp(dir=files()) if directory is NEW else directory, batch=2
+                problem(), directory=tempfile.mkdtemp(dir=files()) if directory is NEW else within(directory), batch=2
             ),
             directory=(NEW, PATH, NONE),
         ),

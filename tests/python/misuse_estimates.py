@@ -77,7 +77,7 @@ def estimate_cases() -> dict[str, Case]:
         ),
         "validate, runs": case(
             fp.validate,
-            designs=({"one": runs()},),
+            designs=({"one": runs()}, POINTS),
             problem=(problem(),),
             noise_std=(NOISE, NONE),
             runs=(2, INT),
@@ -96,7 +96,7 @@ def estimate_cases() -> dict[str, Case]:
         ),
         "validate": case(
             fp.validate,
-            designs=({"one": points()},),
+            designs=({"one": points()}, POINTS),
             problem=(problem(),),
             noise_std=(NOISE, NONE),
             runs=(2, INT),

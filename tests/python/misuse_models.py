@@ -73,6 +73,13 @@ def model_cases() -> dict[str, Case]:
             **quantities | {"name": ("tank", TEXT, NONE)},
         ),
         "load_problem": case(fp.load_problem, path=(files() / "problem.toml", TEXT, PATH)),
+        "convert": case(
+            fp.convert,
+            values=(1.0, NUMBER, INT, ARRAY, TERM),
+            given=("mm", TEXT),
+            wanted=("m", TEXT),
+            width=(False, FLAG),
+        ),
         "load_model": case(fp.load_model, path=(files() / "model.toml", TEXT, PATH)),
         "Quantity": case(fp.Quantity, name=("h", TEXT), unit=("m", TEXT), description=("level", TEXT), scale=(1.0, NUMBER, NONE)),
         "GaussianPrior": case(fp.GaussianPrior, mean=(THETA,), std=std, log=(["k"], NAMES)),

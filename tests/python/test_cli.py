@@ -219,7 +219,9 @@ def test_simulate(run: Any, file: Path, tmp_path: Path) -> None:
     assert "met_jump" not in result.out
     assert list(pd.read_csv(tmp_path / "outputs.csv").status) == ["ok", "ok"]
 
-    result = run("simulate", file, points, "-o", tmp_path / "outputs.csv")  # the paper's, which excludes jumps
+    result = run("simulate", file, points, "-o", tmp_path / "outputs.csv")
+    assert result.code == 2 and "expected a file that is not there yet" in result.err
+    result = run("simulate", file, points, "-o", tmp_path / "outputs.csv", "--force")  # the paper's, which excludes jumps
     assert (result.code, result.err) == (0, "")
     assert "met_jump" in result.out and "jumps='exclude'" in result.out
     table = pd.read_csv(tmp_path / "outputs.csv")

@@ -124,8 +124,8 @@ def test_mistakes_are_one_line_and_code_2(tmp_path: Path, measured: Path, capsys
         ((DECAY, broken, "-o", tmp_path / "fit"), "broken.csv: row"),
         ((DECAY, measured, "-o", tmp_path / "fit", "--noise", "perhaps"), "perhaps"),
         ((DECAY, measured, tmp_path / "." / measured.name, "-o", tmp_path / "fit"), "DATA.csv: expected each file once"),
-        ((DECAY, measured), "Missing option"),
-        ((DECAY, "-o", tmp_path / "fit"), "Missing argument"),
+        ((DECAY, measured), "--output: missing; expected a directory"),
+        ((DECAY, "-o", tmp_path / "fit"), "DATA.csv...: missing; expected a file or directory: Measurements"),
     ]
     for arguments, message in cases:
         assert run(*arguments) == 2

@@ -9,6 +9,7 @@ import pytest
 
 import fisherpoint as fp
 from fisherpoint.design.configuration import ConfigError, load_config, load_problem
+from fisherpoint.design.runs.run_design import PICTURES
 from fisherpoint_command.cli import main
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -47,7 +48,9 @@ def test_other_commands_take_runs(reactor: Path, capsys: pytest.CaptureFixture[s
     assert run("evaluate", file, table, "-o", reactor / "evaluated") == 0
     assert "Information about 4 parameters" in capsys.readouterr().out
     assert (reactor / "evaluated" / "parameters.csv").read_text().count("\n") == 5
-    assert "Information about 4 parameters" in (reactor / "evaluated" / "report.html").read_text()
+    page = (reactor / "evaluated" / "report.html").read_text()
+    assert "Information about 4 parameters" in page and page.count("<figure>") == 4
+    assert {path.name for path in (reactor / "evaluated").glob("*.png")} == set(PICTURES)
     assert run("simulate", file, table, "-o", reactor / "outputs.csv") == 0
     rows = (reactor / "outputs.csv").read_text().splitlines()
     assert rows[0] == "run,segment,t,y_A,y_B,y_C,status" and len(rows) == 9 and rows[8].startswith("1,8,1.0,")
@@ -96,8 +99,8 @@ def test_the_examples_describe_regions_of_runs(name: str) -> None:
     [
         ("segments = 0", "runs.segments"),
         ("segments = 3\nlead_in = 3", "runs.lead_in: expected fewer than all 3 segments"),
-        ("segments = 3\nlevels = { T = [100.0] }", "runs: levels\\['T'\\]: expected values within 300 and 700"),
-        ("segments = 3\nconstant = ['w']", "runs: constant"),
+        ("segments = 3\nlevels = { T = [100.0] }", "runs.levels.T: expected values within 300 and 700"),
+        ("segments = 3\nconstant = ['w']", "runs.constant: "),
         ("segments = 3\nsegment = 3", "unknown key segment|runs.segment"),
         ("lead_in = 1", "runs.segments"),
     ],

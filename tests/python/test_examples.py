@@ -17,13 +17,14 @@ from fisherpoint_command import cli
 from oracle import Floats
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
-RUNS = ["battery", "cylinder_runs", "reactor", "tclab"]
+RUNS = ["battery", "cylinder_runs", "reactor", "robot_joint", "tclab"]
 """Examples of runs: `test_cli_runs.py` and `test_design_runs.py` look at these."""
 
 FILES = sorted(path for path in EXAMPLES.glob("*.toml") if path.stem not in RUNS)
 DATA = EXAMPLES.parents[1] / "shared" / "data"
 
 NEW = [
+    "alpha_pinene",
     "box_lucas",
     "cascaded_tanks",
     "dc_motor",

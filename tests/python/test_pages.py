@@ -5,6 +5,8 @@ from __future__ import annotations
 import ast
 import re
 import shutil
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -31,7 +33,13 @@ def beside_examples(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A directory to run in that has the examples, with short searches."""
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     for path in (tmp_path / "examples").glob("*.toml"):
-        path.write_text(re.sub(r"^max_iterations = \d+", "max_iterations = 20", path.read_text(), flags=re.MULTILINE))
+        text = re.sub(r"^max_iterations = \d+", "max_iterations = 20", path.read_text(), flags=re.MULTILINE)
+        if "\n[runs]\n" in text:
+            text = re.sub(r"^n_starts = .*\n|^time_limit = .*\n", "", text, flags=re.MULTILINE)
+            text = text.replace("\n[runs]\n", "\n[runs]\nn_starts = 1\n")
+            head, _, tail = text.partition("\n[design]\n")
+            text = f"{head}\n[design]\ntime_limit = 3\n{tail}"
+        path.write_text(text)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -86,6 +94,14 @@ def test_links_from_outside_the_documentation_lead_somewhere() -> None:
             assert (ROOT / link).exists(), (path.name, link)
 
 
+@pytest.mark.parametrize("script", ["configuration", "gallery", "tutorials"])
+def test_pages_that_are_written_by_a_script_are_up_to_date(script: str) -> None:
+    done = subprocess.run(
+        [sys.executable, DOCS / "scripts" / f"{script}.py", "--check"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
 # --- what is listed -----------------------------------------------------------------------------------------------------
 
 
@@ -101,7 +117,8 @@ def test_every_function_of_equations_is_in_the_reference() -> None:
 
 
 @pytest.mark.parametrize(
-    "command", ["design", "evaluate", "compare", "simulate", "estimate", "validate", "campaign", "open", "info"]
+    "command",
+    ["design", "evaluate", "compare", "sweep", "simulate", "estimate", "validate", "campaign", "init", "open", "info"],
 )
 def test_the_options_of_a_command_are_those_it_takes(
     command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -1,0 +1,75 @@
+"""What in a file differs from what a campaign was started with, by the keys of the file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import zip_longest
+from typing import Any
+
+import fisherpoint as fp
+from fisherpoint.basics.messages import listed, shortened
+from fisherpoint.basics.toml_messages import toml
+from fisherpoint.information.codec import problem_to_json
+
+OF_DESIGN = ("output_covariance", "parameters", "kinks", "jumps", "rtol", "assumed_covariance", "along")
+"""Parts of a problem that the table [design] has."""
+
+OF_RUNS = ("n_starts", "confidence")
+"""Settings that the table [runs] has."""
+
+Difference = tuple[str, Any, Any]
+"""A key of the file, what the campaign was started with, and what the file has."""
+
+
+def first_difference(given: fp.Campaign, found: fp.Campaign, directory: object) -> tuple[str, str] | None:
+    """The key and the text of a message, or None where the file is that of the campaign."""
+    changes = list(differences(given, found))
+    if not changes:
+        return None
+    (key, there, here), *others = changes
+    text = f"expected {_shown(there)}, what the campaign in {directory} was started with, given {_shown(here)}"
+    return key, text + (f" (also: {listed([name for name, _, _ in others])})" if others else "")
+
+
+def differences(given: fp.Campaign, found: fp.Campaign) -> Iterator[Difference]:
+    """All that differs, one key after the other."""
+    here, there = problem_to_json(given.problem), problem_to_json(found.problem)
+    of_runs = isinstance(given.problem.region, fp.RunRegion)
+    for path, was, now in _changes(there, here):
+        if path[0] != "derived":
+            yield _key(path, of_runs), was, now
+    for name, now in vars(given.settings).items():
+        was = getattr(found.settings, name)
+        if was != now:
+            size = name in ("n_experiments", "n_runs")
+            yield "campaign.batch" if size else f"runs.{name}" if name in OF_RUNS else f"design.{name}", was, now
+
+
+def _changes(there: Any, here: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
+    if there == here:
+        return
+    if isinstance(there, Mapping) and isinstance(here, Mapping):
+        for name in dict.fromkeys([*there, *here]):
+            yield from _changes(there.get(name), here.get(name), (*path, name))
+    elif path[-1:] == ("toml",):
+        lines = zip_longest(str(there).splitlines(), str(here).splitlines(), fillvalue="")
+        yield path, *next((was, now) for was, now in lines if was != now)
+    else:
+        yield path, there, here
+
+
+def _key(path: tuple[str, ...], of_runs: bool) -> str:
+    head, *rest = path
+    if head in OF_DESIGN:
+        return f"design.{head}"
+    if head == "model" and rest == ["toml"]:
+        return "model"
+    if head == "prior" and len(rest) == 2:
+        return f"prior.{rest[1]}.{rest[0]}"
+    if head == "region" and rest and rest[0] == "bounds":
+        return ".".join(["region", *rest[1:]])
+    return ".".join(["runs" if head == "region" and of_runs else head, *rest])
+
+
+def _shown(value: Any) -> str:
+    return "nothing" if value is None else shortened(value, 100) if isinstance(value, str) and "=" in value else toml(value)

@@ -1,0 +1,128 @@
+"""``--check``: what is given has no mistake, and what the command would do with it, in a few lines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
+from inspect import signature
+from pathlib import Path
+from typing import Any
+
+import fisherpoint as fp
+from fisherpoint.basics.messages import listed
+from fisherpoint.show.numbers import counted, number
+from fisherpoint.show.section import Report, Section
+
+from .terminal import show
+
+Row = tuple[str, str]
+
+
+def tell(problem: fp.DesignProblem, files: Sequence[Path], work: Iterable[Row], output: Path | None) -> int:
+    """Print what a command would do, and return its exit code."""
+    rows = [*problem_rows(problem), *work]
+    if output is not None:
+        rows.append(("would write to", str(output)))
+    show(Report(f"No mistake found in {listed(files)}; nothing was computed.", [Section("", (), rows)]))
+    return 0
+
+
+def problem_rows(problem: fp.DesignProblem) -> list[Row]:
+    """Model, what is estimated, noise, region, and how expectations are taken."""
+    model, region = problem.model, problem.region
+    noise = problem.noise_std or {}
+    rule = problem.rule
+    rows = [
+        ("model", f"{model.name}: {_kinds(model)}"),
+        ("estimated", listed(problem.estimated)),
+        ("noise", _values(model.outputs, {name: number(std) for name, std in noise.items()}) or "not given"),
+    ]
+    if region is not None:
+        bounds = {
+            name: f"{number(low)} to {number(high)}" if low < high else number(low) for name, (low, high) in region.bounds.items()
+        }
+        rows.append(("region", _values(model.axes, bounds)))
+        if isinstance(region, fp.ExperimentRegion) and region.constraints:
+            rows.append(("constraints", "; ".join(map(str, region.constraints))))
+    rows.append(("output covariance", str(problem.output_covariance)))
+    rows.append(("rule", f"{rule}, {counted(rule.size(problem.prior), 'node')}"))
+    return rows
+
+
+def about(trajectories: float, what: str = "") -> Row:
+    """About how many trajectories a command would compute, to two digits."""
+    rounded = float(f"{trajectories:.2g}")
+    return "trajectories", f"about {rounded:,.0f}{f': {what}' if what else ''}"
+
+
+def settings_of(problem: fp.DesignProblem, given: Mapping[str, Any]) -> fp.ExchangeSettings:
+    """The settings of a search for points, with its defaults for what is not given; raise as the search does."""
+    from fisherpoint.design.exchange import exchange
+    from fisherpoint.design.settings import check_asked, most_iterations
+
+    defaults = {name: one.default for name, one in signature(exchange).parameters.items()}
+    asked = {one.name: given.get(one.name, defaults[one.name]) for one in fields(fp.ExchangeSettings)}
+    asked["max_iterations"] = most_iterations(asked["max_iterations"], asked["method"], problem)
+    settings = fp.ExchangeSettings(**asked)
+    check_asked(settings, problem)
+    return settings
+
+
+def search_rows(problem: fp.DesignProblem, settings: fp.ExchangeSettings) -> list[Row]:
+    """How points would be searched for."""
+    from fisherpoint.design.points.auto_search import MOST_POOL, NEAR, POOL
+    from fisherpoint.design.settings import searched_by
+    from fisherpoint.information.output_covariance import needs_covariances
+
+    method = searched_by(settings.method, problem)
+    over = "" if settings.over is None else f", over the prior: {settings.over}"
+    rows = [
+        ("points", str(settings.n_experiments)),
+        ("criterion", f"{settings.criterion}{over}"),
+        ("method", f"{method}, at most {counted(settings.max_iterations, 'iteration')}"),
+    ]
+    m, iterations = settings.n_candidates, settings.max_iterations
+    drawn: float
+    if method == "auto":
+        drawn = min(MOST_POOL, POOL * m) + iterations * max(NEAR * m, 4 * settings.n_experiments)
+    else:
+        drawn = settings.n_experiments + iterations * m * (1 + settings.local)
+    nodes = problem.rule.size(problem.prior) if needs_covariances(str(problem.output_covariance)) else 0
+    return [*rows, about(drawn * (1 + nodes), "at most, if the search takes all its iterations")]
+
+
+def run_rows(problem: fp.DesignProblem, given: Mapping[str, Any]) -> list[Row]:
+    """How runs would be searched for."""
+    from fisherpoint.design.runs.design_runs import design_runs
+
+    defaults = {name: one.default for name, one in signature(design_runs).parameters.items()}
+    settings = fp.RunSettings(**{one.name: given.get(one.name, defaults[one.name]) for one in fields(fp.RunSettings)})
+    assert isinstance(problem.region, fp.RunRegion)
+    n = problem.region.segments
+    over = [] if settings.over is None else [("criterion", f"D, over the prior: {settings.over}")]
+    return [
+        *over,
+        ("runs", f"{settings.n_runs} of {counted(n, 'segment')}"),
+        ("method", f"{counted(settings.n_starts, 'start')} from a pool of {counted(settings.n_candidates, 'random run')}"),
+        about(settings.n_candidates * n, "segments of the pool; ascents take as many again and more"),
+    ]
+
+
+def points_row(name: str, points: fp.Experiments | fp.Runs) -> Row:
+    """How many points there are in a file."""
+    return name, counted(len(points), "run" if isinstance(points, fp.Runs) else "point")
+
+
+def size_of(points: fp.Experiments | fp.Runs) -> int:
+    """Trajectories of points, or segments of runs."""
+    return len(points) if isinstance(points, fp.Experiments) else int((points.dt > 0).sum())
+
+
+def _kinds(model: fp.Model) -> str:
+    counts = (("state", model.states), ("input", model.inputs), ("parameter", model.parameters), ("output", model.outputs))
+    return ", ".join(counted(len(given), kind) for kind, given in counts if given)
+
+
+def _values(quantities: Iterable[object], values: dict[str, str]) -> str:
+    units = {getattr(q, "name", ""): getattr(q, "unit", "1") for q in quantities}
+    return ", ".join(f"{name} {value} {units.get(name, '')}".removesuffix(" 1").rstrip() for name, value in values.items())
