@@ -29,7 +29,10 @@ A TOML file describes the model, the prior, the sensors, the region and the sett
 `examples/cylinder.toml` is a commented file to copy. An unknown key, a wrong type or a missing entry is reported in one line that
 names the key.
 
-All values are in SI units. A `unit` is compared with the model's unit and never converted. Outside `[model]` it may be left out.
+A model's equations are written in the units of its quantities, which are SI units as a rule; a number without a `unit` is in that
+of the model. Outside `[model]` another `unit` of the same dimension may be given, as `bounds = [5, 60], unit = "min"` for a `dt` in
+s, and is converted; one of another dimension is refused. Temperatures in degC differ from those in K by 273.15, standard deviations
+do not. Limits, constraints, `[runs]` and `[cost]` are in the model's units, and so are results.
 
 Tables marked *by name* have one entry for each quantity. An entry that only has a value can be written without braces: `x_v = 1e-3`
 is short for `x_v = { value = 1e-3 }`, as is `u = [-1, 1]` in `[region]` for its bounds, and `u = "V"` in `[model.inputs]` for its
@@ -56,6 +59,8 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "outputs": "The outputs, by name. An output with the name of a state and no equation is that state.",
             "equations": "By name: the rate of each state, and each output that is not simply a state.",
             "domain": "Expressions that have to stay positive.",
+            "check_units": "Whether a warning names places of the equations where"
+            " [units do not fit](../how_to/models.md#units-that-do-not-fit).",
         },
     ),
     "model.states": (
@@ -99,8 +104,8 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
         {
             "mean": "The mean.",
             "std": "The standard deviation.",
-            "relative_std": "The standard deviation as a share of the mean.",
-            "unit": "The unit.",
+            "relative_std": "The standard deviation as a share of the mean, 0.2 for 20 %; at most 3.",
+            "unit": "The unit, where it is not the model's.",
             "log": "Whether the logarithm is normally distributed; the parameter is then positive.",
         },
     ),
@@ -114,18 +119,18 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
         "Standard deviation of the sensor noise, by name of the output. With this table every output needs an entry; without the"
         " table no standard errors are computed.",
         '[noise_std]\nq = { value = 5e-6, unit = "m" }\np_A = 2e4\np_B = 2e4\nx_v = 1e-3\n',
-        {"value": "The standard deviation.", "unit": "The unit."},
+        {"value": "The standard deviation.", "unit": "The unit, where it is not the model's."},
     ),
     "uncertain": (
         "Standard deviations of constants, and of parameters that are not estimated, by name."
         " [Uncertain constants and starts](../how_to/assumptions.md) explains their effect.",
         '[uncertain]\nT_1 = { value = 2.2e-4, unit = "s" }\n',
-        {"value": "The standard deviation.", "unit": "The unit."},
+        {"value": "The standard deviation.", "unit": "The unit, where it is not the model's."},
     ),
     "initial_state_std": (
         "Standard deviations by which the true start of a point differs from the planned one, by name of the state.",
         '[initial_state_std]\nv = { value = 2e-3, unit = "m/s" }\n',
-        {"value": "The standard deviation.", "unit": "The unit."},
+        {"value": "The standard deviation.", "unit": "The unit, where it is not the model's."},
     ),
     "region": (
         "Which experiments are possible: bounds of every state, every input and, for models with states, `dt`, by name. A pair of"
@@ -133,7 +138,7 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
         '[region]\nq = { bounds = [0.03, 0.27], unit = "m" }\nx_v = [-1.0, 1.0]\nconstraints = ["p_A + p_B < 30e6"]\n',
         {
             "bounds": "Lower and upper bound; equal bounds fix the value.",
-            "unit": "The unit.",
+            "unit": "The unit, where it is not the model's.",
             "constraints": "Relations that every point has to satisfy.",
         },
     ),
@@ -188,11 +193,16 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             " scenarios, the smallest, or the mean of the worst `share` of them.",
             "scenarios": "Number of these scenarios, a power of two; nodes of a Sobol rule.",
             "share": 'Share of the scenarios of `"cvar"`.',
+            "criterion": "[What the points are to be good for](../how_to/criteria.md): log det F, or another criterion.",
+            "of": 'For `"c"` a function of the parameters; for `"Ds"` names of parameters; for `"I"` the name of an output.',
+            "conditions": 'For `"I"`, a CSV file beside this one with the points at which the output is predicted.',
+            "scale": 'For `"A"`, `"E"` and `"ME"`, what errors of the parameters are compared with, by name.',
             "output_covariance": "The [form of D](../explanation/output_covariance.md).",
             "parameters": "The parameters to estimate; the others are taken as known.",
             "kinks": 'Whether trajectories may cross kinks; `"exclude"` leaves out points that do.',
             "jumps": "Whether trajectories may cross jumps, or slide along them;"
             ' `"exclude"`, the reading of the paper, leaves out points that meet one.',
+            "rtol": "Tolerance of the trajectories, in units of the states' natural sizes.",
             "assumed_covariance": "How the effect of `[uncertain]` and `[initial_state_std]` is computed: by tangents at the mean,"
             " or by the rule.",
             "along": "Limits along the way: comparisons of states and inputs that whole trajectories keep, as"
@@ -215,7 +225,8 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
         "[campaign]\nbatch = 6\ntargets = { c_L = 0.02, m_q = 0.01 }\n",
         {
             "batch": "Points per batch, or runs.",
-            "targets": "Relative standard errors to reach, one for all parameters or by name. Without them it never ends.",
+            "targets": "Relative standard errors to reach, 0.05 for 5 %, one for all parameters or by name. Without them it never"
+            " ends.",
         },
     ),
 }
@@ -232,6 +243,7 @@ SAID: dict[str, str] = {
     "cost.per_change": "none",
     "campaign.batch": "`6` points, or `1` run",
     "campaign.targets": "none",
+    "design.max_iterations": '`400`, with the search `"paper"` `200`',
     "model.states.scale": "1",
     "model.parameters.scale": "none",
     "model.outputs.scale": "none",
