@@ -70,6 +70,7 @@ docs: $(VENV)/.developer
 # The page that is made from the program.
 docs-pages: $(VENV)/.developer
 	$(BIN)/python docs/scripts/configuration.py
+	$(BIN)/python docs/scripts/tutorials.py
 
 # What is missing is found by use, not by package name: a compiler or Python from elsewhere serves as well.
 $(VENV)/.system:

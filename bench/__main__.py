@@ -5,7 +5,7 @@
 ``python -m bench validation`` times a thousand fits next to a loop over SciPy's `least_squares`, and compares the minima;
 ``python -m bench campaign`` compares experiments that are designed in batches with as many that are designed at once;
 ``python -m bench stiff`` compares stiff models with CVODES;
-``python -m bench runs`` compares designs of runs with published ones;
+``python -m bench runs`` compares designs of runs with published ones, and ``python -m bench.windows`` one with windows;
 ``python -m bench pieces`` picks the best windows of a log of a million samples;
 ``python -m bench approximate`` finds optimal weights of a million candidates;
 ``python -m bench packs`` for what the core's packs could be made of;

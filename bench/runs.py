@@ -84,8 +84,9 @@ def yeast() -> RunProblem:
     box: dict[str, Any] = {"X": (1, 10), "S": 0.1, "D": (0.05, 0.2), "S_in": (5, 35), "dt": 2.0}
     region = fp.RunRegion(box, 5, constant=("D", "S_in"))
     problem = _problem(model, mean, {"x": 0.2, "s": 0.2}, region)
-    points = qmc.Sobol(4, scramble=False).random_base2(8)[1:129]
-    return RunProblem("yeast, 128 plants", problem, 5, 44.8997, 3, {"plants": problem.theta * (0.6 + 0.8 * points), "n_starts": 4})
+    points = problem.theta * (0.6 + 0.8 * qmc.Sobol(4, scramble=False).random_base2(8)[1:129])
+    over = fp.OverPrior("log", scenarios=[dict(zip(mean, row, strict=True)) for row in points.tolist()])
+    return RunProblem("yeast, 128 plants", problem, 5, 44.8997, 3, {"over": over, "n_starts": 4})
 
 
 def cylinder() -> RunProblem:
