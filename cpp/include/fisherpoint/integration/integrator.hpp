@@ -188,13 +188,15 @@ class Integrator {
         at_kink = at_kink | landed_[m] | crossed;
       } else if (m < f_.jumps_end && crosses(m)) {
         const P slope = 4.0 * (h.b4 - h.b3);
-        landed_[m] = good & !(ends_ & (h.b4 > zero)) & ((abs(h.b4) <= -landing_ * slope) | (crossed & tiny_step));
+        // Within rounding of the jump no step is short enough to end on it.
+        const Mask there = tiny_step & (crossed | (h.b1 < 0.875 * h.b0));
+        landed_[m] = good & !(ends_ & (h.b4 > zero)) & ((abs(h.b4) <= -landing_ * slope) | there);
         crossed = crossed & !landed_[m];
-        unclear = unclear & !landed_[m];
+        unclear = (unclear | (landed_[m] & !clear)) & !(landed_[m] & tiny_step);  // it may have been there before
         if (any(crossed | unclear)) {
           // Off a slide the trajectory rises like a parabola, from what rounding has left of zero.
           unclear = unclear & !(leaving_[m] & (min(h.b2, h.b3) > zero));
-          stop((crossed | unclear) & !slides(side_[m]) & drowned(m, y), Status::grazes_jump);
+          stop((crossed | unclear) & !landed_[m] & !slides(side_[m]) & drowned(m, y), Status::grazes_jump);
           next_cap = select(crossed, min(next_cap, h.zero() * step_), next_cap);
         }
         const Mask turns = good & !(landed_[m] | crossed | unclear | leaving_[m]) & (h.b1 <= h.b0) & (h.b3 <= h.b4);
@@ -226,6 +228,7 @@ class Integrator {
     if (any(stopped)) stop_crossed(stopped);
     unsure = unsure & !to_surface;
     next_cap = select(unsure, 0.5 * step_, next_cap);
+    const Mask unseen = any(unsure) ? unsure & poorly_seen() : Lanes::none();
 
     const Mask taken = good & running_ & !to_surface & !unsure;
     if (any(at_jump & taken)) land_on_first(taken, duration);
@@ -246,6 +249,10 @@ class Integrator {
     const P grown = factor * step_;
     step_size_ = select(bad, min(grown, 0.9 * step_),
                         select(taken, select(step_ < step_size_, max(grown, step_size_), grown), step_size_));
+    if (any(unseen)) {  // a longer step may see as much of the surface by chance
+      step_size_ = select(unseen, 0.5 * step_, step_size_);
+      wished_ = select(unseen, 0.5 * step_, wished_);
+    }
     rejected_ = (bad | (rejected_ & !taken)) & running_;
     broken_ = broken_ | (bad & !(squared_error_ < P(infinity)));
     cap_ = select(taken, P(infinity), select(bad, cap_, next_cap));
@@ -273,6 +280,7 @@ class Integrator {
 
   // Along surfaces, away from them, onto them, and over them: surfaces.hpp.
   [[gnu::noinline]] void look_beside(const Mask& lanes, const State& y, const State& middle);
+  [[gnu::noinline]] Mask poorly_seen() const;
   [[gnu::noinline]] P growth_of_distance() const;
   [[gnu::noinline]] void settle(const Mask& taken);
   [[gnu::noinline]] void turn(const State& y, const Mask& taken);
@@ -347,7 +355,7 @@ class Integrator {
   Surfaces end_value_, end_rate_;
   // Of every surface along the step, positive on its own side; and where the step ends next to a kink.
   Retyped<Surfaces, Quartic<P>> along_;
-  Surfaces beside_;  // how far the surfaces' values were seen off that
+  Surfaces beside_;  // how far the surfaces' values were seen off that, where they were
   Retyped<Side, Mask> landed_;
 };
 

@@ -73,7 +73,7 @@ inline constexpr double least_error = 0.004;
 
 // What depends on the distance to a surface like a root is not smooth within a step over which that grows or falls by more than
 // this factor: S takes several steps there.
-inline constexpr double far_away = 4.0;
+inline constexpr double smooth_growth = 4.0;
 
 // From one step to the next, what the error asks for grows by no more than this. Of 10^5 trajectories of x' = p x (1 - x) +
 // cos(20 x) one in a thousand was off by more than a hundred tolerances without; with it, fewer steps are tried.

@@ -1,5 +1,5 @@
-// How the stepping loop lands on surfaces and turns their sides: members of Integrator (integrator.hpp, which includes it at
-// its end), for kinks and jumps alike; jumps.hpp has what jumps need besides.
+// How the stepping loop looks along surfaces, lands on them and turns their sides: members of Integrator (integrator.hpp, at
+// whose end it is included), for kinks and jumps alike; jumps.hpp has what jumps need besides.
 #pragma once
 
 #include "fisherpoint/integration/step_control.hpp"
@@ -46,6 +46,14 @@ void Integrator<Equation, Method>::look_beside(const Mask& lanes, const State& y
     for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { beside_[m] = select(slides(side_[m]), P(0.0), beside_[m]); });
 }
 
+// Where a surface may lie, or was seen, far beside its quartic.
+template <class Equation, class Method>
+auto Integrator<Equation, Method>::poorly_seen() const -> Mask {
+  Mask seen = Lanes::none();
+  for_each_index(f_.surfaces, [&](auto m) { seen = seen | (max(beside_[m], along_[m].margin()) > 0.1 * along_[m].change()); });
+  return seen;
+}
+
 // By which factor the distance to a surface grows over the step, or minus that by which it falls; 0 where it is none to speak
 // of.
 template <class Equation, class Method>
@@ -54,8 +62,8 @@ auto Integrator<Equation, Method>::growth_of_distance() const -> P {
   for_each_index(f_.jumps_end, f_.surfaces, [&](auto m) {
     if (!f_.dependence.rough(m)) return;
     const Quartic<P>& h = along_[m];
-    const Mask away = (h.b0 > P(0.0)) & (h.b4 > far_away * h.b0) & !behind_kink_;
-    Mask towards = (h.b4 > P(0.0)) & (h.b0 > far_away * h.b4);
+    const Mask away = (h.b0 > P(0.0)) & (h.b4 > smooth_growth * h.b0) & !behind_kink_;
+    Mask towards = (h.b4 > P(0.0)) & (h.b0 > smooth_growth * h.b4);
     if (m < f_.kinks_end) towards = towards & !landed_[m];
     if (!any(away | towards)) return;
     const P grown = h.b4 / h.b0, fallen = h.b0 / h.b4;

@@ -18,18 +18,20 @@ struct Quartic {
 
   P least_inside() const { return min(min(b1, b2), b3); }
 
-  // Whether the curve stays positive between its ends, with a margin for what lies beside a quartic: a quarter of what the
-  // quartic adds to the cubic through both ends, and by how much the function was seen to be beside it.
-  auto clear(const P& beside = P(0.0)) const {
-    return least_inside() > 0.25 * abs(b2 - (1.0 / 6.0) * (4.0 * (b1 + b3) - b0 - b4)) + beside;
-  }
+  // What may lie beside a quartic: a quarter of what it adds to the cubic through both ends.
+  P margin() const { return 0.25 * abs(b2 - (1.0 / 6.0) * (4.0 * (b1 + b3) - b0 - b4)); }
+
+  // Whether the curve stays positive between its ends, with its margin and by how much the function was seen to be beside it.
+  auto clear(const P& beside = P(0.0)) const { return least_inside() > margin() + beside; }
+
+  P least() const { return min(min(b0, b4), least_inside()); }
+  P change() const { return max(max(b0, b4), max(max(b1, b2), b3)) - least(); }
 
   // Whether it changes by a good part of what it is, and bends like something that goes up and down: what lies beside it
   // matters.
   auto wavers() const {
-    const P least = min(min(b0, b4), least_inside()), most = max(max(b0, b4), max(max(b1, b2), b3));
-    const P third = abs(b3 - b0 + 3.0 * (b1 - b2)) + abs(b4 - b1 + 3.0 * (b2 - b3)), change = most - least;
-    return (least < change) & (third > 0.1 * change);
+    const P third = abs(b3 - b0 + 3.0 * (b1 - b2)) + abs(b4 - b1 + 3.0 * (b2 - b3));
+    return (least() < 2.0 * change()) & (third > 0.1 * change());
   }
 
   // Its value at a share t of the step.
