@@ -20,6 +20,7 @@ from reading import Floats, Reading, side_of
 
 RTOL, FINE = 1e-10, 1e-12  # of states in units of their sizes; for differences
 MOST_STEPS, MOST_STIFF_STEPS, MOST_CROSSINGS = 600, 150, 60
+LONGEST = 1 / 25  # step of models with surfaces, as a share of dt
 LOOKS = 8  # at the dense output of a step
 SAME = 1e-8  # relative difference of f up to which its two sides at a surface are the same
 ROUNDING = 1e-13  # of the largest rate on the way
@@ -84,22 +85,30 @@ class _Ended(Exception):
 
 
 def course(
-    reading: Reading, x0: Floats, u: Floats, p: Floats, dt: float, size: Floats, careful: bool = True, longest: float = 1.0 / 25
+    reading: Reading, x0: Floats, u: Floats, p: Floats, dt: float, size: Floats, careful: bool = True, longest: float = LONGEST
 ) -> Course:
     """The trajectory from x0 over dt; states are measured by `size` (n_x,). Careful: less exact, but least distances too.
 
     With surfaces no step is longer than `longest`, as a share of dt.
     """
-    walk = _Walk(reading, np.asarray(x0, float), tuple(map(float, u)), tuple(map(float, p)), float(dt), size, careful)
-    walk.longest = longest
-    return walk.run()
+    return _Walk(
+        reading, np.asarray(x0, float), tuple(map(float, u)), tuple(map(float, p)), float(dt), size, careful, longest
+    ).run()
 
 
 class _Walk:
     def __init__(
-        self, reading: Reading, x0: Floats, u: tuple[float, ...], p: tuple[float, ...], dt: float, size: Floats, careful: bool
+        self,
+        reading: Reading,
+        x0: Floats,
+        u: tuple[float, ...],
+        p: tuple[float, ...],
+        dt: float,
+        size: Floats,
+        careful: bool,
+        longest: float,
     ) -> None:
-        self.careful, self.longest = careful, 1.0 / 25
+        self.careful, self.longest = careful, longest
         self.reading, self.x0, self.u, self.p, self.dt, self.size = reading, x0, u, p, dt, size
         self.done = Course(x0.copy(), largest=np.abs(x0))
         self.sides: list[int] = []

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import warnings
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +39,14 @@ def workload() -> dict[str, Floats]:
         pytest.skip("shared/reference/workload.npz is not beside the project")
     with np.load(path) as arrays:
         return {name: arrays[name] for name in arrays}
+
+
+@pytest.fixture
+def quiet() -> Iterator[None]:
+    """For tests of `CallableModel` that are not about what is said of its cost."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "CallableModel", UserWarning)
+        yield
 
 
 def experiments(cases: list[dict[str, Any]]) -> fp.Experiments:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import warnings
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -13,53 +11,25 @@ import pytest
 import fisherpoint as fp
 from conftest import random_points
 from defaults import MODEL
-from fisherpoint.models.callable import integration, tangents
-
-STATES, INPUTS, PARAMETERS, OUTPUTS = {"h1": "m", "h2": "m"}, {"u": "V"}, dict.fromkeys(("k1", "k2", "k3", "k4"), "1"), {"y": "m"}
-NOMINAL = {"k1": 0.5, "k2": 0.4, "k3": 0.3, "k4": 0.2}
-PRIOR = fp.GaussianPrior(NOMINAL, relative_std=dict.fromkeys(NOMINAL, 0.1))
-REGION = fp.ExperimentRegion({"h1": (0.3, 1.0), "h2": (0.3, 1.0), "u": (0.0, 3.0), "dt": (0.5, 2.0)})
-
-
-def rates(x: Any, u: Any, p: Any) -> Any:
-    return [-p.k1 * np.sqrt(x.h1) + p.k4 * u.u, p.k2 * np.sqrt(x.h1) - p.k3 * np.sqrt(x.h2)]
-
-
-def real_rates(x: Any, u: Any, p: Any) -> Any:
-    """Drops the imaginary part without a word."""
-    x, p = np.real(np.asarray(x)), np.real(np.asarray(p))
-    flow, out = np.sqrt(x[:, 0]), np.sqrt(x[:, 1])
-    return np.column_stack([-p[:, 0] * flow + p[:, 3] * u[:, 0], p[:, 1] * flow - p[:, 2] * out])
-
-
-def level(x: Any, u: Any, p: Any) -> Any:
-    return x.h2
-
-
-def upper(x: Any, u: Any, p: Any) -> Any:
-    return x.h1
-
-
-DOMAIN = {"h1": upper, "h2": level}
-
-
-def tanks(f: Any = rates, **changes: Any) -> fp.CallableModel:
-    arguments: dict[str, Any] = {"domain": DOMAIN, "name": "tanks", "nominal": NOMINAL}
-    return fp.CallableModel(f, level, STATES, INPUTS, PARAMETERS, OUTPUTS, **(arguments | changes))
+from fisherpoint.models.callable import integration
+from tank_functions import (
+    INPUTS,
+    NOMINAL,
+    OUTPUTS,
+    PARAMETERS,
+    PRIOR,
+    REGION,
+    STATES,
+    rates,
+    real_rates,
+    tanks,
+)
 
 
 @pytest.fixture(scope="module")
 def equations() -> fp.SymbolicModel:
     f = ["-k1*sqrt(h1) + k4*u", "k2*sqrt(h1) - k3*sqrt(h2)"]
     return fp.SymbolicModel(f, ["h2"], STATES, INPUTS, PARAMETERS, OUTPUTS, name="tanks", nominal=NOMINAL)
-
-
-@pytest.fixture
-def quiet() -> Iterator[None]:
-    """For tests that are not about what is said of the cost."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "CallableModel", UserWarning)
-        yield
 
 
 def points(count: int, seed: int = 0) -> fp.Experiments:
@@ -308,60 +278,6 @@ def test_trouble_is_a_status_and_never_nan(monkeypatch: pytest.MonkeyPatch) -> N
     assert end(scalar(lambda x, u, p: -1e3 * p.k * (x.c - 1)), 2.0, 1.0).status == [fp.Status.step_limit]
 
 
-# --- derivatives ------------------------------------------------------------------------------------------------------------
-
-
-def kind_of_derivative(f: Any) -> str:
-    with pytest.warns(UserWarning, match="CallableModel 'tanks': sensitivities by ") as said:
-        fp.sensitivities(tanks(f), points(2), NOMINAL)
-    return "complex step" if "complex step:" in str(said[0].message) else "central differences"
-
-
-def test_complex_step_is_taken_where_the_functions_keep_complex_numbers() -> None:
-    def with_abs(x: Any, u: Any, p: Any) -> Any:
-        return rates(x, u, p)[0] * np.abs(x.h1) / x.h1, rates(x, u, p)[1]
-
-    def with_float(x: Any, u: Any, p: Any) -> Any:
-        return np.asarray(rates(x, u, p)).astype(float).T
-
-    def with_refusal(x: Any, u: Any, p: Any) -> Any:
-        if np.iscomplexobj(x):
-            raise NotImplementedError
-        return rates(x, u, p)
-
-    assert kind_of_derivative(rates) == "complex step"
-    for lossy in (with_abs, with_float, with_refusal, real_rates):
-        assert kind_of_derivative(lossy) == "central differences"
-
-
-def test_a_function_that_is_no_complex_one_behind_a_branch_is_found(quiet: None) -> None:
-    """np.sign of a complex number is z / |z|, which shows only where z2 is above 1.2: not where the trajectory begins."""
-    model = fp.CallableModel(
-        lambda x, u, p: [-p.k * x.z1, 1.0 + 0 * x.z2],
-        lambda x, u, p: np.sign(x.z1) * np.maximum(x.z2 - 1.2, 0.0),
-        {"z1": "1", "z2": "1"},
-        {},
-        {"k": "1"},
-        {"y": "1"},
-    )
-    done = fp.sensitivities(model, fp.Experiments([[1.9, 1.1]], [[]], [1.0]), [2.0])
-    assert done.y[0, 0] == pytest.approx(0.9) and done.dy_dtheta[0, 0, 0] == pytest.approx(0.0, abs=1e-8)
-    assert model.core.by_complex_step is False
-
-
-def test_the_cost_is_said_once() -> None:
-    model, given = tanks(), points(2)
-    with pytest.warns(UserWarning) as said:
-        fp.sensitivities(model, given, NOMINAL)
-        fp.sensitivities(model, given, NOMINAL)
-        fp.predictive_covariance(model, given, PRIOR, fp.SparseGaussHermite(1))
-        fp.predictive_covariance(model, given, PRIOR, fp.SparseGaussHermite(1))
-    first, second = (str(one.message) for one in said)
-    assert "1 integration of 10 states per point, with 5 rows per evaluation" in first and " ms per point" in first
-    assert "predictive covariances: 9 integrations per point" in second
-    assert all(one.filename == __file__ for one in said)
-
-
 # --- the model as an object -------------------------------------------------------------------------------------------------
 
 
@@ -415,57 +331,11 @@ def test_misuse_is_named(changes: dict[str, Any], message: str) -> None:
         tanks(**changes)
 
 
-def test_a_difference_of_two_infinities_is_no_warning() -> None:
-    def huge(x: Any, u: Any, p: Any) -> Any:
-        return np.full_like(x, np.inf)
-
-    one = np.ones(1)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        _, derivatives = tangents.tangents(huge, one, np.ones((1, 1)), one, one, one, one, by_complex_step=False)
-    assert np.isnan(derivatives).all()  # which the kernels give a status
-
-
-def test_derivatives_that_overflow_warn_of_nothing() -> None:
-    one = np.ones(1)
-    rate, slope = tangents.tangents(lambda x, u, p: np.exp(709 * x) * p, one, one[None], one, one, one, one, by_complex_step=True)
-    assert np.isfinite(rate).all() and np.isinf(slope).all()
-
-
 def test_the_search_of_functions_is_that_of_the_paper(quiet: None) -> None:
     """That of "auto" would take hundreds of thousands of trajectories."""
     problem = fp.DesignProblem(tanks(), PRIOR, REGION, noise_std={"y": 0.01}, rule=fp.Linearized())
     auto, paper = (fp.exchange(problem, 5, n_candidates=5, max_iterations=2, references=False, method=m) for m in ("auto", "paper"))
     np.testing.assert_array_equal(auto.points.table, paper.points.table)
-
-
-def growing(slope: float, pull: float) -> fp.CallableModel:
-    """z' = slope z + pull k: a function that loses complex numbers, of a state that leaves its natural size far behind."""
-    return fp.CallableModel(
-        lambda x, u, p: np.asarray(slope * x.z + pull * p.k).astype(float)[:, None],
-        lambda x, u, p: x.z,
-        {"z": ("1", 1.0)},
-        {},
-        {"k": "1"},
-        {"y": "1"},
-    )
-
-
-@pytest.mark.parametrize("dt", [1.0, 10.0, 13.0])
-def test_differences_of_a_state_that_has_grown_are_those_of_its_size(quiet: None, dt: float) -> None:
-    """Steps of the size with which it began are lost in its rounding at 1e11."""
-    done = fp.sensitivities(growing(2.0, -0.7), fp.Experiments([[1.1]], [[]], [dt]), [0.85])
-    assert done.status[0] == 0
-    np.testing.assert_allclose(done.dy_dtheta[0, 0, 0], -0.7 * np.expm1(2 * dt) / 2, rtol=1e-6)
-
-
-def test_sensitivities_that_rounding_has_eaten_are_not_ok(quiet: None) -> None:
-    """A change of 1e-10 of what f is: differences have six digits of it at first, and none when z has reached 1e11."""
-    model, done = growing(2.0, 1e-10), []
-    for dt in (0.5, 13.0):
-        done.append(fp.sensitivities(model, fp.Experiments([[1.1]], [[]], [dt]), [0.85]))
-    assert [fp.Status(one.status[0]).name for one in done] == ["ok", "step_limit"]
-    assert done[1].dy_dtheta[0, 0, 0] == 0 and np.isfinite(done[1].y).all()
 
 
 @pytest.mark.parametrize("method", ["fastest", "RK45"])

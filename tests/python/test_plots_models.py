@@ -125,7 +125,14 @@ def test_shares_along_a_logarithmic_axis_have_their_digits() -> None:
 
 @pytest.mark.parametrize(
     ("largest", "factor", "unit"),
-    [(2e5, 1 / 3600, "h"), (1e3, 1 / 60, "min"), (200.0, 1.0, "s"), (0.05, 1e3, "ms")],
+    [
+        (2e5, 1 / 3600, "h"),
+        (1e3, 1 / 60, "min"),
+        (200.0, 1 / 60, "min"),
+        (100.0, 1.0, "s"),
+        (4e5, 1 / 86400, "d"),
+        (0.05, 1e3, "ms"),
+    ],
 )
 def test_times_have_units_that_are_easy_to_read(largest: float, factor: float, unit: str) -> None:
     assert scale(fp.Quantity("dt", "s"), [0.0, largest]) == (pytest.approx(factor), unit)

@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from ..basics.quantity import Quantity
 from ..basics.values import Array
+from .style import TIMES, scale
 
 SHARES = (1e-5, 1e-4, 1e-3, 3e-3, 0.01, 0.02, 0.04, 0.08, 0.15, 0.25, 0.4, 0.6, 0.8, 1.0)
 """Of each segment, at which outputs are drawn: behind a change of the inputs they may change fast."""
@@ -19,8 +21,6 @@ SHORTEST = 0.01
 
 WIDTH = 0.42
 """Inches of a segment with its duration below it."""
-
-_UNITS = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"), (1.0, "s"), (1e-3, "ms"), (1e-6, "µs"))
 
 
 class RunTime:
@@ -34,7 +34,7 @@ class RunTime:
         self.durations = durations
         self.ends = np.concatenate([[0.0], np.cumsum(durations)])
         self.by_segment = bool(durations.min() < SHORTEST * self.ends[-1])
-        self.factor, self.unit = _time(float(self.ends[-1]))
+        self.factor, self.unit = scale(Quantity("t", "s"), self.ends[-1])
 
     @property
     def width(self) -> float:
@@ -71,13 +71,5 @@ class RunTime:
 
 def duration(seconds: float) -> str:
     """A duration in a unit that is easy to read, with three digits."""
-    factor, unit = next(((factor, unit) for factor, unit in _UNITS if seconds >= factor), _UNITS[-1])
+    factor, unit = next(((factor, unit) for factor, unit in TIMES if seconds >= factor), TIMES[-1])
     return f"{seconds / factor:.3g} {unit}"
-
-
-def _time(longest: float) -> tuple[float, str]:
-    """Factor and unit in which times are easy to read."""
-    for seconds, unit in _UNITS[:3]:
-        if longest >= 3 * seconds:
-            return 1 / seconds, unit
-    return (1.0, "s") if longest >= 1.0 else (1e3, "ms")

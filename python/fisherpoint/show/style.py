@@ -40,6 +40,9 @@ STYLE: dict[Any, Any] = {
 }
 
 
+TIMES = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"), (1.0, "s"), (1e-3, "ms"), (1e-6, "µs"))
+"""Units of time, in s."""
+
 TELLS = "tells-"
 """What the ids of curves start with whose labels a page shows where the mouse is."""
 
@@ -55,8 +58,8 @@ def scale(quantity: Quantity, values: ArrayLike) -> tuple[float, str]:
     """Factor and unit that make the values easy to read: MPa for 2e7 Pa, ms for 0.01 s, h for 2e5 s."""
     largest = float(np.nanmax(np.abs(np.asarray(values)), initial=0.0))
     if quantity.unit == "s":
-        for seconds, unit in ((3600.0, "h"), (60.0, "min")):
-            if largest >= 5 * seconds:
+        for seconds, unit in TIMES[:3]:
+            if largest >= 3 * seconds:
                 return 1 / seconds, unit
     for factor, prefix in ((1e-6, "M"), (1e-3, "k"), (1.0, ""), (1e3, "m"), (1e6, "µ")):
         if quantity.unit == "s" and factor < 1:

@@ -1,0 +1,153 @@
+"""Criteria in the search for exact designs: what columns add to them, exchange over a pool, and bounds over scenarios."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given as drawn_from
+from hypothesis import settings as examples
+from hypothesis import strategies as st
+
+from fisherpoint.design.average import Average
+from fisherpoint.design.optimality import added
+from fisherpoint.design.optimality.aims import SOFTNESS, Aim, aim_of, slopes_of
+from fisherpoint.design.optimality.candidate_rows import CandidateRows
+from fisherpoint.design.optimality.weights import optimal_weights
+from fisherpoint.design.points.over_bound import over_bound
+from fisherpoint.design.points.pool_exchange import PoolExchange, greedy
+from test_optimality import CONVEX, NAMES, P, criteria
+
+OTHERS = ("Ds", "A", "c", "I", "E", "ME")
+
+
+def aims(seed: int = 0) -> dict[str, Aim]:
+    return {name: aim_of(one) for name, one in criteria(np.random.default_rng(seed)).items()}
+
+
+def columns(seed: int, outputs: int, count: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return rng.standard_normal((P, outputs, count)) * rng.uniform(0.3, 2.0, (1, 1, count))
+
+
+def information_of(w: np.ndarray, chosen: Any) -> np.ndarray:
+    own = w[:, :, list(chosen)]
+    return np.asarray(np.einsum("pnk,qnk->pq", own, own))
+
+
+# --- what F + W W^T is worth, for all W at once ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("outputs", [1, 2, 5])
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_added_is_what_the_criterion_says_of_each_sum(name: str, outputs: int) -> None:
+    w, aim = columns(1, outputs, 40), aims()[name]
+    f = information_of(w, range(6))
+    factor = np.linalg.cholesky(information_of(w, range(3, 12)))
+    for one, matrix, seen, offset in (
+        (aim, f, w, aim.offset(f, np.eye(P))),
+        (
+            aim.within(factor),
+            np.linalg.solve(factor, np.linalg.solve(factor, f).T),
+            added.divided(factor, w),
+            None,
+        ),
+    ):
+        offset = one.offset(matrix, factor) if offset is None else offset
+        values = offset + np.log(one.added_exactly(matrix, seen))
+        expected = [aim.value(f + w[:, :, k] @ w[:, :, k].T) for k in range(40)]
+        np.testing.assert_allclose(values, expected, rtol=1e-9, atol=1e-9)
+        bounds = offset + np.log(one.added(matrix, seen))
+        assert (bounds >= values - 1e-9).all()
+        assert one.bounded or np.array_equal(bounds, values)
+
+
+@pytest.mark.parametrize("name", ("E", "ME"))
+def test_the_bounds_of_eigenvalues_leave_few_to_be_looked_at(name: str) -> None:
+    """Only so is an exchange over thousands of candidates quick."""
+    w, aim = columns(2, 2, 3000), aims()[name]
+    f = information_of(w, range(5))
+    bounds, exact = aim.added(f, w), aim.added_exactly(f, w)
+    assert (bounds > exact.max()).sum() < 300
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_slope_is_a_difference(name: str) -> None:
+    w, aim = columns(3, 2, 9), aims()[name]
+    f, rows = information_of(w, range(9)), np.eye(P)
+    value, slope = aim.slope(f, rows)
+    assert value == pytest.approx(aim.value(f), abs=2 * SOFTNESS * np.log(P) if aim.bounded else 1e-9)
+    for k, m in itertools.combinations_with_replacement(range(P), 2):
+        step = np.zeros((P, P))
+        step[k, m] = step[m, k] = 1e-5
+        difference = (aim.slope(f + step, rows)[0] - aim.slope(f - step, rows)[0]) / 2e-5
+        assert (2 if k != m else 1) * slope[k, m] == pytest.approx(difference, rel=1e-5, abs=1e-7)
+    together = slopes_of([aim, aim], np.stack([f, 2 * f]), np.stack([rows, rows]))
+    assert together is not None and together[0][0] == pytest.approx(value)
+    np.testing.assert_allclose(together[1][0], slope, rtol=1e-9, atol=1e-12)
+    assert slopes_of([aim], np.zeros((1, P, P)), rows[None]) is None
+
+
+# --- exchange over a pool -----------------------------------------------------------------------------------------------------
+
+
+def exchanged(w: np.ndarray, size: int, aim: Aim, starts: int) -> Iterator[np.ndarray]:
+    rng, nothing, mean = np.random.default_rng(7), np.zeros((1, P, P)), Average.of_all(1)
+    for start in range(starts):
+        first = rng.integers(w.shape[2], size=(0, size // 2, size)[start % 3])
+        chosen = greedy(w[None], size, nothing, mean, [aim], first)
+        exchange = PoolExchange(w[None], chosen, nothing, mean, [aim])
+        exchange.run(np.arange(w.shape[2]), lambda: False)
+        yield exchange.chosen
+
+
+@pytest.mark.parametrize("name", OTHERS)
+@pytest.mark.parametrize("size", [4, 5])
+def test_an_exchange_ends_where_no_single_one_gains_and_some_start_finds_the_best(name: str, size: int) -> None:
+    """Of all designs of 12 candidates, by enumeration; also with as few points as parameters."""
+    w, aim = columns(4, 1, 12), aims()[name]
+    best = max(aim.value(information_of(w, chosen)) for chosen in itertools.combinations_with_replacement(range(12), size))
+    found = []
+    for chosen in exchanged(w, size, aim, 60):
+        found.append(aim.value(information_of(w, chosen)))
+        for place, other in itertools.product(range(size), range(12)):
+            changed = chosen.copy()
+            changed[place] = other
+            assert aim.value(information_of(w, changed)) <= found[-1] + 1e-5
+    assert max(found) == pytest.approx(best, abs=1e-5)
+
+
+@pytest.mark.parametrize("name", CONVEX)
+@examples(max_examples=20, deadline=None)
+@drawn_from(st.integers(0, 10**6), st.integers(P, 9), st.integers(1, 3))
+def test_no_design_is_better_than_the_best_weights(name: str, seed: int, size: int, outputs: int) -> None:
+    w, aim = columns(seed, outputs, 30), aims(seed)[name]
+    candidates = CandidateRows(np.ascontiguousarray(w.transpose(2, 1, 0)))
+    found = optimal_weights(candidates, aim.criterion, tolerance=1e-3)
+    bound = aim.value(candidates.information(found.chosen, found.weights)) - aim.level * np.log(found.efficiency)
+    for chosen in exchanged(w, size, aim, 2):
+        assert np.exp((aim.value(information_of(w, chosen) / size) - bound) / aim.level) <= 1 + 1e-9
+
+
+@pytest.mark.parametrize("name", CONVEX)
+def test_the_bound_over_scenarios_is_near_what_weights_reach(name: str) -> None:
+    """With one scenario that of the interior point method; with two, no mixture is better."""
+    w, rng = columns(5, 2, 25), np.random.default_rng(5)
+    aim, rows = aims()[name], np.ascontiguousarray(w.transpose(2, 1, 0))
+    nothing = np.zeros((1, P, P))
+
+    def everywhere(places: np.ndarray) -> np.ndarray:
+        return np.ones(len(places), dtype=bool)
+
+    one = over_bound(rows[None], nothing, Average.of_all(1), 8, everywhere, [aim])
+    exact = optimal_weights(CandidateRows(rows), aim.criterion)
+    best = aim.value(CandidateRows(rows).information(exact.chosen, exact.weights))
+    assert one is not None and best - 1e-6 <= one < best + aim.level * (0.2 if name == "E" else 0.02)
+    both, average = np.stack([rows, rows[:, :, ::-1]]), Average(np.ones(2))
+    two = over_bound(both, np.zeros((2, P, P)), average, 8, everywhere, [aim, aim])
+    assert two is not None
+    for weights in rng.dirichlet(np.full(25, 0.2), 300):
+        assert np.mean([aim.value(CandidateRows(own).information(np.arange(25), weights)) for own in both]) <= two + 1e-9
