@@ -5,6 +5,7 @@
 
 #include "arrays.hpp"
 #include "fisherpoint/compiled/compiled_model.hpp"
+#include "fisherpoint/kernels/column_division.hpp"
 #include "fisherpoint/kernels/kernel_models.hpp"
 #include "fisherpoint/kernels/predictive_covariance.hpp"
 #include "fisherpoint/kernels/run_sensitivities.hpp"
@@ -210,6 +211,40 @@ void bind_model(py::module_& m) {
       "lost shares of the absolute weight.");
 }
 
+void bind_columns(py::module_& m) {
+  using namespace py::literals;
+
+  const auto checked = [](const Input& factor, const Input& columns) {
+    const py::ssize_t p = factor.ndim() == 2 ? factor.shape(0) : -1;
+    check_shape(factor, {p, p}, "factor");
+    check_shape(columns, {p, -1, -1}, "columns");
+    return CandidateColumns{static_cast<int>(p), static_cast<int>(columns.shape(1)), static_cast<std::size_t>(columns.shape(2)),
+                            columns.data()};
+  };
+  m.def(
+      "divided",
+      [checked](const Input& factor, const Input& columns) {
+        const CandidateColumns of = checked(factor, columns);
+        auto result = empty({columns.shape(0), columns.shape(1), columns.shape(2)});
+        double* const out = result.mutable_data();
+        const py::gil_scoped_release unlocked;
+        divide_columns(of, factor.data(), out);
+        return result;
+      },
+      "factor"_a, "columns"_a, "L^-1 W of columns (p, n, N), side by side; L (p, p) is a lower triangle.");
+  m.def(
+      "determinant_gains",
+      [checked](const Input& factor, const Input& columns) {
+        const CandidateColumns of = checked(factor, columns);
+        auto result = empty({columns.shape(2)});
+        double* const out = result.mutable_data();
+        const py::gil_scoped_release unlocked;
+        determinant_gains(of, factor.data(), out);
+        return result;
+      },
+      "factor"_a, "columns"_a, "det(F + W W^T) / det F (N,) of columns (p, n, N), with F = L L^T.");
+}
+
 }  // namespace
 }  // namespace fisherpoint::bindings
 
@@ -218,4 +253,5 @@ PYBIND11_MODULE(FISHERPOINT_MODULE, m) {
   fisherpoint::bindings::bind_model<fisherpoint::HydraulicCylinder>(m);
   fisherpoint::bindings::bind_model<fisherpoint::CompiledModel>(m);  // before the tape, which it is too
   fisherpoint::bindings::bind_model<fisherpoint::TapeModel>(m);
+  fisherpoint::bindings::bind_columns(m);
 }

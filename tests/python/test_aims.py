@@ -13,12 +13,12 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 
 from fisherpoint.design.average import Average
-from fisherpoint.design.optimality import added
 from fisherpoint.design.optimality.aims import SOFTNESS, Aim, aim_of, slopes_of
 from fisherpoint.design.optimality.candidate_rows import CandidateRows
 from fisherpoint.design.optimality.weights import optimal_weights
 from fisherpoint.design.points.over_bound import over_bound
 from fisherpoint.design.points.pool_exchange import PoolExchange, greedy
+from fisherpoint.engine.levels import kernels
 from test_optimality import CONVEX, NAMES, P, criteria
 
 OTHERS = ("Ds", "A", "c", "I", "E", "ME")
@@ -52,7 +52,7 @@ def test_what_is_added_is_what_the_criterion_says_of_each_sum(name: str, outputs
         (
             aim.within(factor),
             np.linalg.solve(factor, np.linalg.solve(factor, f).T),
-            added.divided(factor, w),
+            kernels.divided(factor, w),
             None,
         ),
     ):

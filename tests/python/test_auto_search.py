@@ -17,10 +17,11 @@ import fisherpoint as fp
 from conftest import REGION
 from defaults import MODEL, problem, same_bits
 from fisherpoint.design.average import Average
-from fisherpoint.design.optimality.added import divided, gains
+from fisherpoint.design.optimality.added import gains
 from fisherpoint.design.optimality.aims import aim_of
 from fisherpoint.design.optimality.criteria import Determinant
 from fisherpoint.design.points.pool_exchange import PoolExchange, greedy
+from fisherpoint.engine.levels import kernels
 from test_known_designs import CASES, ONE_FACTOR, SOON, SQUARE, ZERO, linear, log_det_m, quadratic
 from test_known_designs import problem as known_problem
 
@@ -45,7 +46,7 @@ def test_gains_are_ratios_of_determinants(p: int, n: int, count: int) -> None:
     expected = [np.linalg.slogdet(fisher + w[:, :, k] @ w[:, :, k].T)[1] - np.linalg.slogdet(fisher)[1] for k in some]
     np.testing.assert_allclose(np.log(found[some]), expected, rtol=1e-8, atol=1e-10)
     factor = np.linalg.cholesky(fisher)
-    np.testing.assert_allclose(np.tensordot(factor, divided(factor, w), 1), w, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(np.tensordot(factor, kernels.divided(factor, w), 1), w, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("fixed", [0.0, 2.0])

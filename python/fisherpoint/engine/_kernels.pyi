@@ -4,7 +4,31 @@ import numpy
 import numpy.typing
 import typing
 
-__all__: list[str] = ["predictive_covariance", "run_sensitivities", "sensitivities", "simulate", "simulate_runs"]
+__all__: list[str] = [
+    "determinant_gains",
+    "divided",
+    "predictive_covariance",
+    "run_sensitivities",
+    "sensitivities",
+    "simulate",
+    "simulate_runs",
+]
+
+def determinant_gains(
+    factor: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    columns: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+) -> numpy.typing.NDArray[numpy.float64]:
+    """
+    det(F + W W^T) / det F (N,) of columns (p, n, N), with F = L L^T.
+    """
+
+def divided(
+    factor: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    columns: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+) -> numpy.typing.NDArray[numpy.float64]:
+    """
+    L^-1 W of columns (p, n, N), side by side; L (p, p) is a lower triangle.
+    """
 
 @typing.overload
 def predictive_covariance(

@@ -5,8 +5,7 @@ W_i (p, n) are the whitened rows of a candidate as columns. With F = L L^T and G
     det(F + W W^T) / det F          = det(I + G^T G)                                   (the matrix determinant lemma)
     K^T (F + W W^T)^-1 K            = H^T H - H^T G (I + G^T G)^-1 G^T H,  H = L^-1 K  (Woodbury).
 
-Columns of all candidates lie side by side, (p, n, N), so that each operation is one over all of them, and no library starts threads
-for it.
+Columns of all candidates lie side by side, (p, n, N), so that each operation is one over all of them.
 """
 
 from __future__ import annotations
@@ -14,38 +13,18 @@ from __future__ import annotations
 import numpy as np
 
 from ...basics.values import Array
-
-FEW = 20_000
-"""Numbers of columns up to which the linear algebra library divides them, without threads."""
-
-
-def divided(factor: Array, columns: Array) -> Array:
-    """L^-1 W of columns (p, ...), by substitution; L (p, p) is a lower triangle."""
-    if columns.size < FEW:
-        return np.asarray(np.linalg.solve(factor, columns.reshape(len(factor), -1)), dtype=np.float64).reshape(columns.shape)
-    result = np.empty_like(columns)
-    for i in range(len(factor)):
-        rest = columns[i].copy()
-        for j in range(i):
-            rest -= factor[i, j] * result[j]
-        result[i] = rest / factor[i, i]
-    return result
+from ...engine.levels import kernels
 
 
 def gains(fisher: Array, columns: Array) -> Array:
     """det(F + W W^T) / det F, (N,), of columns (p, n, N)."""
-    factor = np.asarray(np.linalg.cholesky(fisher), dtype=np.float64)
-    g = divided(factor, columns)
-    p, n = g.shape[:2]
-    if n > p:
-        return _determinants(np.einsum("pnk,qnk->pqk", g, g) + np.eye(p)[:, :, None])
-    return _determinants(np.einsum("pnk,pmk->nmk", g, g) + np.eye(n)[:, :, None])
+    return kernels.determinant_gains(np.linalg.cholesky(fisher), columns)
 
 
 def variances(fisher: Array, columns: Array, k: Array) -> Array:
     """tr(K^T (F + W W^T)^-1 K), (N,), of columns (p, n, N) and K (p, q)."""
     factor = np.asarray(np.linalg.cholesky(fisher), dtype=np.float64)
-    g, h = divided(factor, columns), np.linalg.solve(factor, k)
+    g, h = kernels.divided(factor, columns), np.linalg.solve(factor, k)
     p, n, count = g.shape
     if n > p:
         lower = _factored(np.einsum("pnk,qnk->pqk", g, g) + np.eye(p)[:, :, None])
@@ -83,16 +62,6 @@ def _of_a_plane(values: Array, vectors: Array, columns: Array, side: float) -> A
     mixed = np.einsum("nk,nk->k", across[0], across[1])
     half = (square[0] - square[1]) / 2
     return np.asarray((square[0] + square[1]) / 2 + side * np.sqrt(half * half + mixed * mixed))
-
-
-def _determinants(matrices: Array) -> Array:
-    """Of positive definite matrices (n, n, N), which are overwritten."""
-    result: Array = matrices[0, 0].copy()
-    for k in range(len(matrices) - 1):
-        for i in range(k + 1, len(matrices)):
-            matrices[i, k + 1 :] -= matrices[i, k] / matrices[k, k] * matrices[k, k + 1 :]
-        result *= matrices[k + 1, k + 1]
-    return result
 
 
 def _factored(matrices: Array) -> Array:

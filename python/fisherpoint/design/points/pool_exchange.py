@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
+from ...engine.levels import kernels
 from ..average import Average
-from ..optimality.added import divided
 from ..optimality.aims import Aim
 
 LEAST_RATIO = 1 + 1e-6
@@ -71,7 +71,7 @@ class PoolExchange:
 
     def run(self, among: NDArray[np.intp], late: Callable[[], bool]) -> None:
         """Replace points by the best of some candidates, its own ones with them, until none raises the criterion any more."""
-        columns = [np.ascontiguousarray(taken) for taken in self._taken(among)]
+        columns = self._taken(among)
         for _ in range(MOST_PASSES):
             changed = False
             for own in self._distinct():
@@ -90,14 +90,14 @@ class PoolExchange:
         return np.sort(np.unique(self.chosen, return_index=True)[1])
 
     def _taken(self, among: NDArray[np.intp]) -> list[Array]:
-        return [part.columns[:, :, among] for part in self._parts]
+        return [part.columns.take(among, axis=2) for part in self._parts]
 
     def _ratios(self, place: int, columns: Sequence[Array], here: int, most: int) -> Array:
         """By how much each of some columns raises the criterion without the point at a place, next to each other.
 
         Where the criterion has bounds for all, what cannot be among the `most` best is 0, but for that which is `here` now.
         """
-        rest = np.delete(self.chosen, place)
+        rest = np.concatenate([self.chosen[:place], self.chosen[place + 1 :]])
         without = [part.without(rest) for part in self._parts]
         offsets = None
         if not self._average.is_mean:
@@ -135,16 +135,17 @@ class _Part:
         if _singular(factor):  # then in those of the candidates, and with more of I, so that it can be told what is missing
             factor = _factor(np.einsum("pnk,qnk->pq", columns, columns) * len(chosen) / columns.shape[2] + fixed)
             least = aim.small
-        self.columns = divided(factor, columns)
+        self.columns = kernels.divided(factor, columns)
         half = np.linalg.solve(factor, fixed)
         self._fixed = np.linalg.solve(factor, half.T) + least * np.eye(len(fixed))
         self.aim, self.factor = aim.within(factor), factor
 
     def without(self, rest: NDArray[np.intp]) -> Array:
         """F of some points alone, to which next to nothing is added."""
-        columns = self.columns[:, :, rest]
-        fisher = np.einsum("pnk,qnk->pq", columns, columns) + self._fixed
-        return np.asarray(fisher + TINY * np.diag(np.diag(fisher)))
+        columns = self.columns.take(rest, axis=2).reshape(len(self._fixed), -1)
+        fisher = columns @ columns.T + self._fixed
+        fisher.flat[:: len(fisher) + 1] *= 1 + TINY
+        return fisher
 
 
 def _factor(fisher: Array) -> Array:
