@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 import fisherpoint as fp
+from fisherpoint.basics.values import Array
 
 from .algorithm_cases import CASES, Case
 
@@ -71,20 +72,31 @@ def table(trials: Iterable[Trial]) -> str:
             shares = np.exp([(one.log_det - best) / one.parameters for one in some])
             cpu, wall, drawn = (np.median([getattr(one, key) for one in some]) for key in ("cpu", "wall", "drawn"))
             lines.append(
-                f"| {name} | {method} | {max(one.log_det for one in some):.2f} | {shares.min():.3f} | {np.median(shares):.3f} "
-                f"| {int((shares >= GOOD).sum())} of {len(some)} | {drawn:.0f} | {cpu:.1f} | {cpu / wall:.1f} |"
+                f"| {name} | {method} | {max(one.log_det for one in some):.2f} | {summary(shares)} "
+                f"| {drawn:.0f} | {cpu:.1f} | {cpu / wall:.1f} |"
             )
     return "\n".join(lines)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="three seeds, the first few cases")
+def summary(shares: Array) -> str:
+    """Three cells of efficiencies: the least, the median, and how many are good."""
+    return f"{shares.min():.3f} | {np.median(shares):.3f} | {int((shares >= GOOD).sum())} of {len(shares)}"
+
+
+def arguments(description: str | None) -> argparse.ArgumentParser:
+    """What studies over seeds are asked for at the command line."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="three seeds, and the first few cases where there are many")
     parser.add_argument("--seeds", type=int, default=SEEDS)
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--case", action="append", help="the beginning of names; default: all")
-    parser.add_argument("--method", action="append", choices=METHODS)
     parser.add_argument("--json", type=Path, help="where trials are kept; those that are there are not done again")
+    return parser
+
+
+def main() -> None:
+    parser = arguments(__doc__)
+    parser.add_argument("--method", action="append", choices=METHODS)
     given = parser.parse_args()
     cases = [case for case in CASES if given.case is None or case.name.startswith(tuple(given.case))]
     if given.quick:

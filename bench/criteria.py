@@ -7,10 +7,8 @@ which the better one would do. "Proven" is what the report of the first seed's d
 
 from __future__ import annotations
 
-import argparse
 import json
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from time import process_time
 from typing import Any
 
@@ -19,6 +17,7 @@ import numpy as np
 import fisherpoint as fp
 
 from .algorithm_cases import CASES
+from .algorithms import GOOD, QUICK_SEEDS, arguments, summary
 
 ASKED: tuple[tuple[str, str, dict[str, Any]], ...] = (
     ("Michaelis-Menten", "A", {}),
@@ -32,8 +31,6 @@ ASKED: tuple[tuple[str, str, dict[str, Any]], ...] = (
     ("cylinder, noise", "c", {"of": "E_oil"}),
     ("cylinder, noise", "E", {}),
 )
-SEEDS, QUICK_SEEDS = 20, 3
-GOOD = 0.98
 
 
 @dataclass
@@ -74,20 +71,15 @@ def table(found: list[Trials]) -> str:
         shares = np.exp(np.array(one.log_phi) - best)
         proven = np.exp(one.log_phi[0] - one.at_most)
         lines.append(
-            f"| {one.case} | {one.criterion}{one.of and ' of ' + one.of} | {shares.min():.3f} | {np.median(shares):.3f} "
-            f"| {int((shares >= GOOD).sum())} of {len(shares)} | {proven:.3f} | {np.median(one.cpu):.1f} |"
+            f"| {one.case} | {one.criterion}{one.of and ' of ' + one.of} | {summary(shares)} "
+            f"| {proven:.3f} | {np.median(one.cpu):.1f} |"
         )
     return "\n".join(lines)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="three seeds")
-    parser.add_argument("--seeds", type=int, default=SEEDS)
-    parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--case", action="append", help="the beginning of names; default: all")
+    parser = arguments(__doc__)
     parser.add_argument("--criterion", action="append")
-    parser.add_argument("--json", type=Path, help="where trials are kept; those that are there are not done again")
     given = parser.parse_args()
     found: list[Trials] = []
     if given.json is not None and given.json.exists():
