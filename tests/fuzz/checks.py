@@ -33,6 +33,8 @@ METHODS = ("RK45", "DOP853", "Radau")
 ALLOWED = 100.0
 CLOSE = 1000.0  # times rtol: nearer to a surface than this, nobody can tell
 ROUNDING = 1e-12  # of the largest number on the way
+LOOKED_AROUND, TURNS = 301, 8  # places around a state, and signs of its rate that change there
+NEXT_TO = 0.02  # of a state's size
 CHANCE = "states off by a chance of the error's estimate"
 LOOSE = 1e-4
 CHANCES = 5e-5  # of all trajectories, the share of which that may be true
@@ -326,6 +328,9 @@ def judge_state(bench: Bench, k: int, true: Course, x: Floats, rtol: float, call
     if error > ALLOWED * rtol and by_chance(bench, k, true, rtol, growth, method):
         bench.figures.count(CHANCE)
         return
+    if error > ALLOWED * rtol and turns_within(bench, k, true, rtol):
+        bench.figures.count("rates that change their sign again and again within what is allowed")
+        return
     if error > ALLOWED * rtol and missed_by_a_peer(bench, k, true, rtol, method):
         bench.figures.count("rates that turn faster than steps of the tolerance see, by SciPy's pair too")
         return
@@ -381,6 +386,25 @@ def missed_by_a_peer(bench: Bench, k: int, true: Course, rtol: float, method: st
         )
         if done.status == 0 and state_error(bench, done.y[:, -1] * size, true.x) > ALLOWED * rtol:
             return True
+    return False
+
+
+def turns_within(bench: Bench, k: int, true: Course, rtol: float) -> bool:
+    """Whether a rate changes its sign many times within what is allowed of its state, as sin(tan(x)) next to a pole of tan.
+
+    Where it is stiff, next to the state: from one rest to the next it is no more than what a step is off that sees few of them, and
+    SciPy's methods go astray as often.
+    """
+    u, p = bench.points.u[k].tolist(), bench.theta[k].tolist()
+    for x in (bench.points.x0[k], true.x):
+        sides = [side_of(height) for height in bench.reading.heights(x.tolist(), u, p)]
+        for i, size in enumerate(bench.case.sizes):
+            around = np.tile(x, (LOOKED_AROUND, 1))
+            around[:, i] += max(ALLOWED * rtol, NEXT_TO if true.stiff else 0.0) * size * np.linspace(-1, 1, LOOKED_AROUND)
+            rates = [bench.reading.held(near, u, p, sides) for near in around.tolist()]
+            signs = np.sign([rate[i] for rate in rates if rate is not None])
+            if np.count_nonzero(np.diff(signs)) >= TURNS:
+                return True
     return False
 
 
