@@ -243,7 +243,7 @@ SAID: dict[str, str] = {
     "cost.per_change": "none",
     "campaign.batch": "`6` points, or `1` run",
     "campaign.targets": "none",
-    "design.max_iterations": '`400`, with the search `"paper"` `200`',
+    "design.max_iterations": '`800`, with the search `"paper"` `200`',
     "model.states.scale": "1",
     "model.parameters.scale": "none",
     "model.outputs.scale": "none",

@@ -30,7 +30,7 @@ from .over_prior import OverPrior
 
 Kind = TypeVar("Kind")
 METHODS = ("paper", "auto")
-ITERATIONS, OF_AUTO = 200, 400
+ITERATIONS, OF_AUTO = 200, 800
 """Of a search, at most, where no other number is given; "auto" ends by itself where nothing gains any more."""
 _LEAST = {"n_experiments": 1, "n_candidates": 1, "max_iterations": 0, "seed": 0, "patience": 1, "max_redraws": 0}
 MOST = {"n_experiments": 10**6, "n_candidates": 10**6, "max_iterations": 10**9, "patience": 10**9, "max_redraws": 10**6}

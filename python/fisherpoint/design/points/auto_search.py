@@ -2,8 +2,8 @@
 
 Every start chooses one point after the other from a part of a pool of random candidates, and exchanges them over it. In each round
 candidates are drawn near the points of the design, and all of its points are exchanged over all of these together. The points of
-all starts are then a pool themselves, of which an exchange makes the design that is followed to its end: rounds, and between them
-an ascent.
+a few starts are then a pool themselves, of which an exchange makes a design that is followed further: rounds, and between them
+ascents. All that several such groups have found is the pool of the design that is followed to its end.
 
 A pool is evaluated at the prior mean, or in all scenarios of a criterion over the prior. What would raise the criterion is tried on
 all nodes of the rule before it may enter.
@@ -11,7 +11,7 @@ all nodes of the rule before it may enter.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,10 +34,14 @@ NEAR, LEAST_NEAR = 24, 4
 PART, LEAST_PART, MOST_WORK = 0.3, 300, 200_000
 """Share of the pool from which a start chooses; how many at least; and points times candidates of an exchange at most."""
 
-STARTS, SKETCH, OF_SKETCH = 16, 12, 0.5
-"""Starts, and rounds of each, half of the iterations at most; and the share of the candidates that rounds of several starts draw.
+GROUPS, STARTS, SKETCH, FURTHER = 6, 3, 12, 2
+"""Groups, starts of each, rounds of each start, and cycles of what a group's starts have found."""
 
-Many starts with few candidates each: what a start has missed, as peaks that are narrow, another one has, and merging takes it over.
+OF_SKETCH = 0.5
+"""The share of the candidates that the rounds of several starts and groups draw.
+
+What a start has missed, as peaks that are narrow, another one has, and merging takes it over. Designs that are followed further
+before they are merged have more that is worth taking over: six groups of three starts end in better designs than 16 starts do.
 """
 
 AGREE, ALIKE = 3, 3e-4
@@ -100,33 +104,46 @@ class AutoSearch(PointSearch):
     def _all_rounds(self) -> Iterator[None]:
         """The whole search, round by round."""
         settings = self.settings
-        starts = int(np.clip(settings.max_iterations // (2 * SKETCH), 1, STARTS))
-        share = OF_SKETCH if starts > 1 else 1.0
         random = self.best.information
         count = max(1, round(self._drawn_share * min(MOST_POOL, POOL * settings.n_candidates)))
         pool = self._pool(PointInformation.join([random, self.source.draw(count)]))
         pool.valid[: len(random)] = 1
         self._ask_for_what_is_told(pool)
+        groups = min(GROUPS, settings.max_iterations // (2 * (STARTS * SKETCH + FURTHER * CYCLE)))
+        starts = STARTS if groups else int(np.clip(settings.max_iterations // (2 * SKETCH), 1, STARTS))
+        share = OF_SKETCH if starts > 1 else 1.0
         ends: list[PointInformation] = []
-        for start in range(starts):
-            design = self._start(pool, at_random=start % 2 == 1)
-            for _ in range(SKETCH):
-                design = self._round(design, share)
-                yield
-            ends.append(design)
+        for _ in range(max(groups, 1)):
+            for start in range(starts):
+                design = self._start(pool, at_random=start % 2 == 1)
+                for _ in range(SKETCH):
+                    design = self._round(design, share)
+                    yield
+                ends.append(design)
             values = np.array([self._value(end) for end in ends])
             if int((values > values.max() - ALIKE * self._level).sum()) >= AGREE:
                 break
+            if groups > 1:
+                own = ends[-starts:]
+                design, found = max(own, key=self._value), self._pool(PointInformation.join(own), 1)
+                for _ in range(FURTHER):
+                    design = yield from self._cycle(design, found, share)
+                ends.append(design)
         design, found = max(ends, key=self._value), self._pool(PointInformation.join(ends), 1)
         idle, before = 0, self._value(design)
         while idle < MOST_IDLE:
-            design = self._kept(self._ascended(self._kept(self._exchanged(design, found))))
-            for _ in range(CYCLE):
-                yield
-                design = self._round(design)
+            design = yield from self._cycle(design, found)
             value = self._value(design)
             idle = idle + 1 if value - before < LEAST_GAIN * self._level else 0
             before = value
+
+    def _cycle(self, design: PointInformation, found: Pool, share: float = 1.0) -> Generator[None, None, PointInformation]:
+        """An exchange over what was found before, an ascent, and rounds."""
+        design = self._kept(self._ascended(self._kept(self._exchanged(design, found))))
+        for _ in range(CYCLE):
+            yield
+            design = self._round(design, share)
+        return design
 
     def _ask_for_what_is_told(self, pool: Pool) -> None:
         """Where no candidate tells about some parameters, ask for the others."""
