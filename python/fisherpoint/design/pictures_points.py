@@ -271,7 +271,7 @@ def _number_points(axes: Axes, x: Floats, y: Floats) -> None:
         gaps = [np.min(np.hypot(*np.maximum(np.abs(here + offset - others) - half, 0.0).T), initial=12.0) for offset in offsets]
         outside = np.maximum(lowest - (here + offsets - half), here + offsets + half - highest)
         offset = offsets[int(np.argmax(gaps - 2.0 * np.maximum(outside, 0.0).sum(axis=1)))]  # beyond the axes are other labels
-        occupied.append(here + offset)
+        occupied += [here + offset + np.array([along * half[0], 0.0]) for along in (-1, 0, 1)]
         label = axes.annotate(text, (x[k, 0], y[k, 0]), offset, textcoords="offset points", ha="center", va="center", zorder=4)
         label.set_path_effects([withStroke(linewidth=2, foreground="white")])
 
