@@ -1,6 +1,6 @@
 // det(F + W W^T) / det F of many W (p, n), which is what an exchange asks of all candidates: with F = L L^T and G = L^-1 W it
-// is det(I + G^T G), the matrix determinant lemma. CandidateColumns of all candidates lie side by side, (p, n, N): a lane for
-// each candidate.
+// is det(I + G^T G), the matrix determinant lemma. Columns of all candidates lie side by side, (p, n, N): a lane for each
+// candidate.
 #pragma once
 
 #include <algorithm>
@@ -56,9 +56,8 @@ class ColumnDivision {
   template <int m>
   void substitute(Count<m>, int a, std::size_t first, std::size_t lanes) {
     for (int i = 0; i < p_; ++i) {
-      const double *const row = columns_.data + (std::size_t(i) * n_ + a) * columns_.count + first, *const l =
-                                                                                                        factor_ +
-                                                                                                        std::size_t(i) * p_;
+      const double* const row = columns_.data + (std::size_t(i) * n_ + a) * columns_.count + first;
+      const double* const l = factor_ + std::size_t(i) * p_;
       P rest[m];
       for (int k = 0; k < m; ++k) rest[k] = load(row + k * columns_.count, lanes);
       for (int j = 0; j < i; ++j)
