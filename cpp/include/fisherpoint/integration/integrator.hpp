@@ -188,8 +188,9 @@ class Integrator {
         at_kink = at_kink | landed_[m] | crossed;
       } else if (m < f_.jumps_end && crosses(m)) {
         const P slope = 4.0 * (h.b4 - h.b3);
-        // Within rounding of the jump no step is short enough to end on it.
-        const Mask there = tiny_step & (crossed | (h.b1 < 0.875 * h.b0));
+        Mask there = crossed & tiny_step;
+        const Mask nearly = good & tiny_step & (h.b1 < 0.875 * h.b0);
+        if (any(nearly)) there = there | (nearly & drowned(m, y));  // no step is short enough to end on it
         landed_[m] = good & !(ends_ & (h.b4 > zero)) & ((abs(h.b4) <= -landing_ * slope) | there);
         crossed = crossed & !landed_[m];
         unclear = (unclear | (landed_[m] & !clear)) & !(landed_[m] & tiny_step);  // it may have been there before
