@@ -26,7 +26,8 @@ from typing import Any
 
 import fisherpoint as fp
 from check_bits import Levels
-from checks import CHANCE, CHANCES, TIGHT
+from check_states import CHANCE, CHANCES
+from checks import TIGHT
 from figures import Figures, Finding
 from random_models import Case
 from rounds import Round, run_round

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 import fisherpoint as fp
-from checks import OK, Bench, judge
+from check_states import judge
+from checks import OK, Bench
 from reading import Floats
 from scipy_route import End
 

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 import fisherpoint as fp
-from checks import ALLOWED, OK, TIGHT, Bench, compare, judge, magnification
+from check_states import judge
+from checks import ALLOWED, OK, TIGHT, Bench, compare, magnification
 from reading import Floats, Reading
 from room import FEW_ROUNDINGS, output_slopes, output_undecided, slope_room
 from scipy_route import End

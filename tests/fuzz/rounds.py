@@ -20,7 +20,8 @@ from check_callables import check_callable
 from check_covariances import check_covariance
 from check_records import check_record
 from check_sensitivities import check_sensitivities
-from checks import Bench, check_functions, check_states, check_static
+from check_states import check_states
+from checks import Bench, check_functions, check_static
 from figures import Figures, Finding
 from random_cylinders import cylinders
 from random_models import Case, cases

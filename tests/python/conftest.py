@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import json
+import sys
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,6 +14,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
+from fisherpoint_command import cli
 from oracle import Floats
 
 REGION = {
@@ -47,6 +50,22 @@ def quiet() -> Iterator[None]:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "CallableModel", UserWarning)
         yield
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Run a command in this process; gives its exit code and what it printed on the two streams."""
+
+    def call(*arguments: object, stdin: str | None = None) -> tuple[int, str, str]:
+        if stdin is not None:
+            monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(stdin.encode())))
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as caught:
+            cli.main([str(argument) for argument in arguments])
+        told = capsys.readouterr()
+        return int(caught.value.code or 0), told.out, told.err
+
+    return call
 
 
 def experiments(cases: list[dict[str, Any]]) -> fp.Experiments:

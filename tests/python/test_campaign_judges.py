@@ -12,7 +12,8 @@ import fisherpoint as fp
 from check_bits import compare_numbers
 from check_records import check_derivatives
 from check_sensitivities import check_output_sensitivities
-from checks import CHANCE, Bench, check_functions, judge
+from check_states import CHANCE, judge
+from checks import Bench, check_functions
 from figures import Figures
 from given_cases import At
 from reading import Reading

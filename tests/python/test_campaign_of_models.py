@@ -12,7 +12,8 @@ import fisherpoint as fp
 from check_bits import Levels, compare_numbers
 from check_covariances import check_covariance
 from check_sensitivities import check_sensitivities, largest_column
-from checks import Bench, check_functions, judge
+from check_states import judge
+from checks import Bench, check_functions
 from figures import Figures
 from given_cases import At
 from random_cylinders import MEAN, RATES, CylinderCase

@@ -13,23 +13,8 @@ import pytest
 import fisherpoint as fp
 from fisherpoint.basics.files import sealed_json
 from fisherpoint.design.configuration import ConfigError, load_config
-from fisherpoint_command import cli
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
-
-
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Any:
-    """Run a command in this process; returns its exit code and what it printed on the two streams."""
-
-    def call(*arguments: object) -> tuple[int, str, str]:
-        capsys.readouterr()
-        with pytest.raises(SystemExit) as caught:
-            cli.main([str(argument) for argument in arguments])
-        captured = capsys.readouterr()
-        return int(caught.value.code or 0), captured.out, captured.err
-
-    return call
 
 
 @pytest.fixture

@@ -14,15 +14,23 @@ from fisherpoint.points.outside import outside
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 DIFFUSION = fp.SymbolicModel(["-sqrt(k)*x"], ["c*x"], {"x": "1"}, {}, {"k": "1/s2", "c": "1"}, nominal={"k": 4.0, "c": 1.0})
-REACTION = fp.SymbolicModel(
-    ["-k1*A", "k1*A - k2*B", "k2*B"],
-    ["A", "B", "C"],
-    {"A": "mol/m3", "B": "mol/m3", "C": "mol/m3"},
-    {},
-    {"k1": "1/s", "k2": "1/s"},
-    {"A": "mol/m3", "B": "mol/m3", "C": "mol/m3"},
-    nominal={"k1": 1.0, "k2": 0.5},
-)
+
+
+def reaction(outputs: dict[str, str]) -> fp.SymbolicModel:
+    """A -> B -> C."""
+    concentrations = dict.fromkeys("ABC", "mol/m3")
+    return fp.SymbolicModel(
+        ["-k1*A", "k1*A - k2*B", "k2*B"],
+        list(outputs.values()),
+        concentrations,
+        {},
+        {"k1": "1/s", "k2": "1/s"},
+        dict.fromkeys(outputs, "mol/m3"),
+        nominal={"k1": 1.0, "k2": 0.5},
+    )
+
+
+REACTION = reaction({name: name for name in "ABC"})
 
 
 def test_at_the_mean_of_a_log_normal_prior_an_estimate_is_off_by_nothing() -> None:
@@ -66,15 +74,7 @@ def test_a_mass_balance_in_the_output_covariance_is_named() -> None:
     problem = fp.DesignProblem(REACTION, prior, region, output_covariance="pooled")
     with pytest.raises(ValueError, match=r"singular in A, B, C: A \+ B \+ C hardly varies over the prior, as where a mass balance"):
         fp.exchange(problem, n_experiments=4, max_iterations=1)
-    doubled = fp.SymbolicModel(
-        ["-k1*A", "k1*A - k2*B", "k2*B"],
-        ["A", "B", "-2*C"],
-        {"A": "mol/m3", "B": "mol/m3", "C": "mol/m3"},
-        {},
-        {"k1": "1/s", "k2": "1/s"},
-        {"y_A": "mol/m3", "y_B": "mol/m3", "y_C": "mol/m3"},
-        nominal={"k1": 1.0, "k2": 0.5},
-    )
+    doubled = reaction({"y_A": "A", "y_B": "B", "y_C": "-2*C"})
     with pytest.raises(ValueError, match=re.escape(": y_A + y_B - 0.5 y_C hardly varies")):
         fp.exchange(fp.DesignProblem(doubled, prior, region, output_covariance="pooled"), n_experiments=4, max_iterations=1)
 
