@@ -125,7 +125,7 @@ REFUSED = {
     "((x**1000)**1000)**1000": "expected exponents of at most 1000",
     "": "column 1: expected names",
     "x +": "column",
-    "x\0": "column",
+    "x\0": "column 2: expected names",
     "x;y": "column",
     "(x) + y)": "column 8",
     "\ud800x": "expected names",

@@ -66,6 +66,8 @@ class Formula:
                 unopened = column
             if len(opened) > MAX_DEPTH:
                 self._refuse(_TOO_DEEP, column)
+            if character == "\0":  # of which versions of Python tell in different ways
+                self._refuse(_EXPECTED, column)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
