@@ -1,5 +1,6 @@
 #include <doctest/doctest.h>
 
+#include <array>
 #include <atomic>
 #include <stdexcept>
 #include <thread>
@@ -39,4 +40,38 @@ TEST_CASE("an interrupt stops the work within a moment") {
   CHECK_THROWS_AS(workers.for_each(1 << 20, [](std::size_t) { std::this_thread::sleep_for(std::chrono::milliseconds(1)); }),
                   Interrupted);
   CHECK(std::chrono::steady_clock::now() - started < std::chrono::seconds(5));
+}
+
+TEST_CASE("threads are kept, and serve callers side by side") {
+  std::vector<std::jthread> callers;
+  std::array<std::atomic<long>, 4> sums{};
+  for (std::size_t caller = 0; caller < sums.size(); ++caller)
+    callers.emplace_back([&sums, caller] {
+      for (int call = 0; call < 200; ++call)
+        Workers(3).for_each(20, [&](std::size_t i) { sums[caller] += static_cast<long>(i); });
+    });
+  callers.clear();
+  for (const auto& sum : sums) CHECK(sum == 200 * 190);
+}
+
+TEST_CASE("who comes late finds the work closed, and nobody waits for him") {
+  int parts = 0;
+  SharedWork work([&] { ++parts; });
+  work.take_part();
+  work.close();
+  work.take_part();
+  CHECK(parts == 1);
+}
+
+TEST_CASE("work is closed when all who take part have left") {
+  std::atomic<bool> begun = false, left = false;
+  SharedWork work([&] {
+    begun = true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    left = true;
+  });
+  const std::jthread other([&] { work.take_part(); });
+  while (!begun) std::this_thread::yield();
+  work.close();
+  CHECK(left);
 }

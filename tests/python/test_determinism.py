@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,24 @@ def output_sensitivities(model: fp.Model, points: fp.Experiments, theta: Any, th
 def test_threads_do_not_change_trajectories(function: Any, kinks: str) -> None:
     points, theta = random_points(np.random.default_rng(0), 301), random_theta(301, 1)
     assert all_same([function(MODEL, points, theta, threads=n, kinks=kinks) for n in THREADS])
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="asks a fork")
+def test_a_fork_computes_with_threads_of_its_own() -> None:
+    """Those that wait for work in its parent are not in it."""
+    points, theta = random_points(np.random.default_rng(0), 301), random_theta(301, 1)
+    before = fp.sensitivities(MODEL, points, theta, threads=2)
+    child = os.fork()
+    if not child:
+        os._exit(0 if all_same([before, fp.sensitivities(MODEL, points, theta, threads=2)]) else 1)
+    assert os.waitpid(child, 0)[1] == 0
+
+
+def test_calls_side_by_side_do_not_meet() -> None:
+    points, theta = random_points(np.random.default_rng(0), 301), random_theta(301, 1)
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(lambda _: tuple(fp.sensitivities(MODEL, points, theta, threads=3)), range(12)))
+    assert all_same(found)
 
 
 @pytest.mark.parametrize("rule", [SMALL, fp.TensorGrid(3, span=1.5)], ids=["27 nodes", "19683 nodes"])

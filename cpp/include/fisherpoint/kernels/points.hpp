@@ -72,10 +72,14 @@ void store_ends(const auto& x, const auto& y, const auto& status, std::span<cons
   }
 }
 
-// work(rows) for all points in packs of `width`, in the given order.
+// work(rows) for all points in packs of `width`, in the given order; the last packs first, as they take longest, so that no
+// thread is left alone with one of them at the end.
 inline void in_packs(const Workers& workers, std::span<const std::size_t> order, std::size_t width, auto&& work) {
-  workers.for_each((order.size() + width - 1) / width,
-                   [&](std::size_t item) { work(order.subspan(item * width, std::min(width, order.size() - item * width))); });
+  const std::size_t packs = (order.size() + width - 1) / width;
+  workers.for_each(packs, [&](std::size_t item) {
+    const std::size_t first = (packs - 1 - item) * width;
+    work(order.subspan(first, std::min(width, order.size() - first)));
+  });
 }
 
 // The points' numbers, by increasing duration: what takes alike many steps shares a pack.

@@ -2,8 +2,6 @@
 // reduced in item order afterwards, so that they are the same to the last bit for any number of threads.
 #pragma once
 
-#include <sys/mman.h>
-
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -12,32 +10,14 @@
 #include <functional>
 #include <memory>
 #include <mutex>
-#include <new>
-#include <system_error>
-#include <thread>
-#include <vector>
 
+#include "fisherpoint/kernels/thread_pool.hpp"
 #include "fisherpoint/numbers/shelves.hpp"
 
 namespace fisherpoint {
 
 struct Interrupted : std::exception {
   const char* what() const noexcept override { return "interrupted"; }
-};
-
-// Address space that is kept free for a thread to begin with: one that finds no memory for its own variables ends the process.
-class Room {
- public:
-  Room() : at_(mmap(nullptr, size, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0)) {
-    if (at_ == MAP_FAILED) throw std::bad_alloc();
-  }
-  ~Room() { munmap(at_, size); }
-  Room(const Room&) = delete;
-  Room& operator=(const Room&) = delete;
-
- private:
-  static constexpr std::size_t size = 1 << 20;
-  void* at_;
 };
 
 class Workers {
@@ -78,19 +58,14 @@ class Workers {
         stop = true;
       }
     };
-    {
-      std::vector<std::jthread> others;
-      const std::size_t wanted = items > 1 && threads_ > 1 ? std::min(std::size_t(threads_), items) - 1 : 0;
-      try {
-        for (std::size_t i = 0; i < wanted; ++i)
-          others.emplace_back([&drain, room = std::make_unique<Room>()]() mutable {
-            room.reset();
-            drain({});
-          });
-      } catch (const std::system_error&) {
-      } catch (const std::bad_alloc&) {
-      }
+    const std::size_t others = std::min(std::size_t(std::max(threads_, 1)), std::max<std::size_t>(items, 1)) - 1;
+    if (others == 0) {
       drain(interrupted_);
+    } else {
+      const auto work_of_all = std::make_shared<SharedWork>([&drain] { drain({}); });
+      ThreadPool::here().offer(work_of_all, others);
+      drain(interrupted_);
+      ThreadPool::here().withdraw(work_of_all);
     }
     if (failure) std::rethrow_exception(failure);
   }

@@ -1,0 +1,134 @@
+// Threads that are kept between calls and wait for work. To start one costs as much as a dozen trajectories, and on a busy
+// machine it may be milliseconds until it runs: so nobody waits for a thread that has not begun.
+#pragma once
+
+#include <pthread.h>
+#include <sys/mman.h>
+
+#include <algorithm>
+#include <atomic>
+#include <condition_variable>
+#include <cstddef>
+#include <deque>
+#include <exception>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <new>
+#include <system_error>
+#include <thread>
+
+#include "fisherpoint/numbers/shelves.hpp"
+
+namespace fisherpoint {
+
+// Address space that is kept free for a thread to begin with: one that finds no memory for its own variables ends the process.
+class Room {
+ public:
+  Room() : at_(mmap(nullptr, size, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0)) {
+    if (at_ == MAP_FAILED) throw std::bad_alloc();
+  }
+  ~Room() { munmap(at_, size); }
+  Room(const Room&) = delete;
+  Room& operator=(const Room&) = delete;
+
+ private:
+  static constexpr std::size_t size = 1 << 20;
+  void* at_;
+};
+
+// What several threads do together. Who comes while it is open takes part; to close it waits for those who do.
+class SharedWork {
+ public:
+  explicit SharedWork(std::function<void()> part) : part_(std::move(part)) {}
+
+  void take_part() {
+    {
+      const std::lock_guard lock(mutex_);
+      if (closed_) return;
+      ++inside_;
+    }
+    part_();
+    const std::lock_guard lock(mutex_);
+    if (--inside_ == 0) left_.notify_all();
+  }
+  void close() {
+    std::unique_lock lock(mutex_);
+    closed_ = true;
+    left_.wait(lock, [&] { return inside_ == 0; });
+  }
+
+ private:
+  std::function<void()> part_;  // throws nothing
+  std::mutex mutex_;
+  std::condition_variable left_;
+  int inside_ = 0;
+  bool closed_ = false;
+};
+
+class ThreadPool {
+ public:
+  // The one of this process, which lasts as long as it does: threads that wait need not be ended. A fork has none of them, and
+  // begins with another one.
+  static ThreadPool& here() {
+    static const int forks [[maybe_unused]] = pthread_atfork(nullptr, nullptr, [] { current_ = nullptr; });
+    if (ThreadPool* const pool = current_.load()) return *pool;
+    auto made = std::make_unique<ThreadPool>();
+    ThreadPool* expected = nullptr;
+    return *(current_.compare_exchange_strong(expected, made.get()) ? made.release() : expected);
+  }
+
+  // Asks so many threads to take part, which are started where too few wait, or as many as the system lets start.
+  void offer(const std::shared_ptr<SharedWork>& work, std::size_t threads) {
+    {
+      const std::lock_guard lock(mutex_);
+      offers_.insert(offers_.end(), threads, work);
+      try {
+        for (; waiting_ < offers_.size(); ++waiting_)
+          std::thread([this, room = std::make_unique<Room>()]() mutable { run(std::move(room)); }).detach();
+      } catch (const std::system_error&) {
+      } catch (const std::bad_alloc&) {
+      }
+    }
+    threads == 1 ? offered_.notify_one() : offered_.notify_all();
+  }
+  // No thread begins with it any more, and none that has is left.
+  void withdraw(const std::shared_ptr<SharedWork>& work) {
+    {
+      const std::lock_guard lock(mutex_);
+      std::erase(offers_, work);
+    }
+    work->close();
+  }
+
+ private:
+  [[noreturn]] void run(std::unique_ptr<Room> room) {
+    room.reset();
+    {
+      const Shelves shelves;                                                  // makes what is this thread's own
+      [[maybe_unused]] const volatile int none = std::uncaught_exceptions();  // and what a first exception would make
+    }
+    for (;;) {
+      std::shared_ptr<SharedWork> work;
+      {
+        std::unique_lock lock(mutex_);
+        offered_.wait(lock, [&] { return !offers_.empty(); });
+        work = std::move(offers_.front());
+        offers_.pop_front();
+          --waiting_;
+      }
+      work->take_part();
+      work.reset();
+      const std::lock_guard lock(mutex_);
+      ++waiting_;
+    }
+  }
+
+  static inline std::atomic<ThreadPool*> current_ = nullptr;
+  std::mutex mutex_;
+  std::condition_variable offered_;
+  std::deque<std::shared_ptr<SharedWork>> offers_;
+  std::size_t waiting_ = 0;  // threads, with those that have not begun yet
+};
+
+}  // namespace fisherpoint
