@@ -25,7 +25,7 @@ from ..show.shown import Plots, Shown
 from .combinations import combination
 from .nearby import Nearby, nearby_of
 from .null_space import column_scaled_svd, unscaled
-from .output_covariance import Criterion, cholesky_factor, criterion, needs_covariances
+from .output_covariance import Criterion, cholesky_factor, criterion, needs_covariances, whitened
 from .point_information import PointInformation, point_information
 from .previous import Previous, previous_information
 from .problem import DesignProblem
@@ -256,7 +256,7 @@ def evaluate_information(problem: DesignProblem, information: PointInformation, 
     fisher = finite_fisher(accumulator.fisher(covariance_of_outputs))
     log_det = _core.log_det(fisher)
 
-    white = np.asarray(np.linalg.solve(factor, prepared.sensitivity), dtype=np.float64).reshape(-1, len(names))
+    white = whitened(factor, prepared.sensitivity).reshape(-1, len(names))
     singular_values, directions, length = column_scaled_svd(white)
     share = singular_values / max(singular_values.max(), 1e-300)
     rank = int((share > RANK_TOLERANCE).sum())

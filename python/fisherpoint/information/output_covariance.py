@@ -60,8 +60,8 @@ class Criterion:
                 check_regular(d, self.names, self.kind)
             if measured is not None:  # D_k of the measured outputs alone, with ones in the places of the others
                 d = np.where(measured[:, :, None] & measured[:, None, :], d, np.eye(len(self.names)))
-            whitened = np.asarray(np.linalg.solve(cholesky_factor(d, self.names, self.kind), sensitivity), dtype=np.float64)
-            return PointInformation(reduced.points, whitened, np.zeros_like(reduced.covariance))
+            white = whitened(cholesky_factor(d, self.names, self.kind), sensitivity)
+            return PointInformation(reduced.points, white, np.zeros_like(reduced.covariance))
         if reduced.assumed is None and measured is None:
             return reduced
         covariance = reduced.covariance if reduced.assumed is None else reduced.covariance + reduced.assumed
@@ -170,6 +170,15 @@ def cholesky_factor(d: Array, names: tuple[str, ...], kind: str) -> Array:
     except np.linalg.LinAlgError:
         check_regular(d, names, kind)
         raise ValueError(f"output_covariance {kind!r}: expected a regular D, given one that is not: give noise_std") from None
+
+
+def whitened(factor: Array, sensitivity: Array) -> Array:
+    """L^-1 dy/dtheta (K, n, p), for one L (n, n), or one of each point."""
+    if factor.ndim == 3:
+        return np.asarray(np.linalg.solve(factor, sensitivity), dtype=np.float64)
+    rows = sensitivity.swapaxes(0, 1)  # side by side, as else L would be factored for each point
+    found = np.linalg.solve(factor, rows.reshape(len(factor), -1)).reshape(rows.shape)
+    return np.ascontiguousarray(found.swapaxes(0, 1))
 
 
 def region_mean(problem: DesignProblem, threads: int | None) -> Array:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ...information.candidates import surviving
-from ...information.output_covariance import cholesky_factor, criterion
+from ...information.output_covariance import cholesky_factor, criterion, whitened
 from ...information.point_information import MOST_POINTS, PointInformation, with_covariance
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
@@ -66,4 +66,4 @@ class PointRows:
         """dy/dtheta times the prior std, in units of the noise (K, n, p)."""
         d = criterion(self.problem, information, self._threads)
         prepared = d.prepare(information)
-        return np.asarray(np.linalg.solve(cholesky_factor(d.given, d.names, d.kind), prepared.sensitivity), dtype=np.float64)
+        return whitened(cholesky_factor(d.given, d.names, d.kind), prepared.sensitivity)

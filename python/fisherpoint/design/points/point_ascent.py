@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...basics.quantity import names_of
 from ...basics.values import Array
 from ...information.candidates import CandidateSource
-from ...information.output_covariance import Criterion, cholesky_factor
+from ...information.output_covariance import Criterion, cholesky_factor, whitened
 from ...information.point_information import PointInformation, point_sensitivities
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
@@ -169,7 +169,7 @@ class PointAscent:
 def whitened_rows(criterion: Criterion, information: PointInformation) -> Array:
     """Rows (K, n, p) of which the squares are the information of each point, for a D that does not depend on the others."""
     factor = cholesky_factor(criterion.given, criterion.names, criterion.kind)
-    return np.asarray(np.linalg.solve(factor, criterion.prepare(information).sensitivity), dtype=np.float64)
+    return whitened(factor, criterion.prepare(information).sensitivity)
 
 
 def scenario_rows(criterion: Criterion, information: PointInformation) -> Array:

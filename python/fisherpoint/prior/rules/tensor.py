@@ -9,6 +9,7 @@ from math import prod
 from typing import ClassVar
 
 import numpy as np
+from numpy.polynomial.hermite_e import hermegauss
 
 from ...basics.checks import as_floats, as_positive, by_name, check_names, check_positive_int, check_type
 from ...basics.messages import shown
@@ -153,9 +154,7 @@ class GaussHermite(Rule):
 @lru_cache
 def hermite(levels: int) -> tuple[Array, Array]:
     """Nodes and weights of the Gauss-Hermite rule for the standard normal distribution, symmetric to the last bit."""
-    from scipy.special import roots_hermitenorm
-
-    z, weights = roots_hermitenorm(levels)
+    z, weights = hermegauss(levels)
     z, weights = (z - z[::-1]) / 2, (weights + weights[::-1]) / 2
     return np.asarray(z), np.asarray(weights / weights.sum())
 
