@@ -118,6 +118,8 @@ class _Judge:
         open_ = _dummies(pairs, surface)
         if not open_:
             return self._same_for_outcome(pairs, surface)
+        if self._differ_where_it_is_no_surface(pairs, surface):
+            return False
         components = self._undecided(pairs, surface)
         # Not only 1 and -1, but anything in between: where that makes no difference, no outcome does.
         if all(self._vanish(undecided, factor, real=False) for factor, undecided in components):
@@ -129,6 +131,14 @@ class _Judge:
             if not self._same_for_outcome(*_replaced(pairs, surface, outcome)):
                 return False
         return True
+
+    def _differ_where_it_is_no_surface(self, pairs: Pairs, surface: Any) -> bool:
+        """Whether an outcome of other branches makes it zero everywhere, as heaviside(x)*x is for x < 0, and not the pairs equal."""
+        read = _dummies([], surface)
+        if len(read) > _OUTCOMES:
+            return True
+        outcomes = (dict(zip(read, signs, strict=True)) for signs in product(_SIGNS, repeat=len(read)))
+        return any(left and zero == 0 for left, zero in (_replaced(pairs, surface, outcome) for outcome in outcomes))
 
     def _same_for_outcome(self, pairs: Pairs, surface: Any) -> bool:
         return all(self._vanish(undecided, factor, real=True) for factor, undecided in self._undecided(pairs, surface))
