@@ -52,8 +52,8 @@ def trial(case: Case, method: str, seed: int, threads: int, before: Iterable[Tri
     """Design once; as long as another method took `before`, with the same seed."""
     problem, settings = case.problem(), dict(METHODS[method])
     if method == "paper, as long":
-        cpu = {one.method: one.cpu for one in before if (one.case, one.seed) == (case.name, seed)}
-        settings["max_iterations"] = max(OF_PAPER, round(OF_PAPER * cpu["auto"] / cpu["paper"]))
+        seconds = {one.method: one.cpu for one in before if (one.case, one.seed) == (case.name, seed)}
+        settings["max_iterations"] = max(OF_PAPER, round(OF_PAPER * seconds["auto"] / seconds["paper"]))
     wall, cpu = perf_counter(), process_time()
     design = fp.exchange(problem, case.n_experiments, seed=seed, threads=threads, references=False, **settings)
     cpu, wall, p = process_time() - cpu, perf_counter() - wall, len(problem.estimated)

@@ -133,7 +133,7 @@ class _Judge:
         return True
 
     def _differ_where_it_is_no_surface(self, pairs: Pairs, surface: Any) -> bool:
-        """Whether an outcome of other branches makes it zero everywhere, as heaviside(x)*x is for x < 0, and not the pairs equal."""
+        """Whether some outcome of other branches makes it zero everywhere, as heaviside(x)*x for x < 0, and pairs differ there."""
         read = _dummies([], surface)
         if len(read) > _OUTCOMES:
             return True
