@@ -115,7 +115,7 @@ class ThreadPool {
         offered_.wait(lock, [&] { return !offers_.empty(); });
         work = std::move(offers_.front());
         offers_.pop_front();
-          --waiting_;
+        --waiting_;
       }
       work->take_part();
       work.reset();
