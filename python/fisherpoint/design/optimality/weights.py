@@ -23,6 +23,9 @@ from .interior import best_weights, mean_of
 FIRST, ADDED = 96, 48
 """Candidates of the first working set, and most that each round adds."""
 
+ENOUGH = 6
+"""Candidates that a round adds at least, where so many that would help may have a weight."""
+
 NEAR, MUCH_CLOSER = 4096, 0.3
 """Candidates that are looked at alone, and what they may leave of the gap of all before all are asked again."""
 
@@ -148,24 +151,21 @@ class _Search:
             asked = near or _Near(self.stored, self.places)
             along = asked.candidates.along(self.space.into @ slope.half)
             along[self.excluded[asked.places]] = -np.inf
+            added = self._added(along, asked.places)
             gap = max(float(along.max()) - 1.0, 0.0)
-            places = asked.places
             if near is None:
                 of_all = gap
                 idle = 0 if gap < 0.9 * smallest else idle + 1
                 if gap < smallest:
                     smallest, self.best = gap, _Raw(working, weights, slope)
                 if self.deletes:
-                    along, places = self._delete(along, gap), self.places
+                    along = self._delete(along, gap)
                 near = self._near(along)
             elif gap <= max(0.5 * self.tolerance, MUCH_CLOSER * of_all):
                 near = None
             kept = (slope.along(matrices) > 1.0 - max(10 * gap, 1e-3)) | (weights > 1e-4)
             if len(working) > LARGE and np.linalg.eigvalsh(matrices[kept].mean(axis=0))[0] > REGULAR:
                 working = working[kept]
-            wanted = places[_added(along)]
-            added = self._taken(wanted)
-            idle = idle if len(added) == len(wanted) else 0
             working = np.union1d(working, added)
 
     def _near(self, along: Array) -> _Near | None:
@@ -189,6 +189,21 @@ class _Search:
                 taken = self._taken(np.array([np.argmax(along)]))
             working = np.union1d(working, taken)
         return working
+
+    def _added(self, along: Array, places: Places) -> Places:
+        """Candidates that would help and may have a weight; what may not is -inf in `along` from now on.
+
+        Where most may not, more are asked for: without any the weights would stay as they are, and be computed once more.
+        """
+        added, left = np.empty(0, dtype=np.intp), along.copy()
+        while len(added) < ENOUGH and len(wanted := _helpful(left)):
+            taken = self._taken(places[wanted])
+            added = np.union1d(added, taken)
+            if len(taken) == len(wanted):
+                break
+            left[wanted] = -np.inf
+        along[self.excluded[places]] = -np.inf
+        return added
 
     def _taken(self, wanted: Places) -> Places:
         """Those that may have a weight; the others are left out from now on."""
@@ -283,7 +298,7 @@ def least_sensitivity(gap: float, p: int) -> float:
     return max(0.0, 1.0 + e / 2 - float(np.sqrt(e * (4.0 + e - 4.0 / p))) / 2)
 
 
-def _added(along: Array) -> Places:
+def _helpful(along: Array) -> Places:
     """Candidates that would help: the largest of each part of the list, so that they differ, and the largest of all."""
     size = -(-len(along) // ADDED)
     padded = np.full(size * -(-len(along) // size), -np.inf)
