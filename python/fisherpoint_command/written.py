@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fisherpoint.basics.files import read_bytes, write_whole
 from fisherpoint.show.page import PagePicture, to_page
@@ -11,6 +13,10 @@ from fisherpoint.show.section import Report, Section
 from fisherpoint.show.shown import Plots, Shown
 
 from .asked import repeated
+from .side_by_side import side_by_side
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 PAGE = "report.html"
 
@@ -30,14 +36,21 @@ def write_page(report: Report, asked: Sequence[Section], directory: Path, plots:
 
 
 def _drawn(plots: Plots, directory: Path) -> Mapping[str, PagePicture]:
+    pictures = {}
+    for name, (png, picture) in zip(
+        plots, side_by_side([partial(_encoded, name, plot) for name, plot in plots.items()]), strict=True
+    ):
+        write_whole(directory / f"{name}.png", png)
+        pictures[f"{name}.png"] = picture
+    return pictures
+
+
+def _encoded(name: str, plot: Callable[[], Figure]) -> tuple[bytes, PagePicture]:
+    """A picture as a file, and for the page."""
     from fisherpoint.show.page_pictures import for_page
     from fisherpoint.show.style import encoded, settle
 
-    pictures = {}
-    for name, plot in plots.items():
-        figure = plot()
-        settle(figure)
-        png = encoded(figure, "png")
-        write_whole(directory / f"{name}.png", png)
-        pictures[f"{name}.png"] = for_page(name, figure, png)
-    return pictures
+    figure = plot()
+    settle(figure)
+    png = encoded(figure, "png")
+    return png, for_page(name, figure, png)
