@@ -62,6 +62,39 @@ def test_a_function_that_is_no_complex_one_behind_a_branch_is_found(quiet: None)
     assert model.core.by_complex_step is False
 
 
+@pytest.mark.parametrize(
+    "root",
+    [
+        lambda z: np.abs(np.minimum(np.maximum(z - 1, 0), 0.1) - 5),
+        lambda z: np.abs(np.where(z > 1, np.where(z < 1.1, z - 6, -4.9), -5.0)),
+        lambda z: abs(np.stack([np.clip(z, 1.0, 1.1), z])[0] - 6),
+        lambda z: np.linalg.norm(np.stack([np.clip(z, 1.0, 1.1) - 6]), axis=0),
+        lambda z: (6 - np.clip(z, 1.0, 1.1)) * np.sign(1.05 - np.clip(z, 1.0, 1.1)) * np.sign(1.05 - np.clip(z, 1.0, 1.1)),
+    ],
+    ids=["abs", "abs of where", "built in", "norm", "sign"],
+)
+def test_no_complex_step_is_taken_through_abs_and_sign_of_what_rarely_depends_on_the_state(quiet: None, root: Any) -> None:
+    """Found by a random campaign: between 1 and 1.1, where no state had been tried, the derivative of abs was lost."""
+    kinks = {"above": lambda x, u, p: x.z - 1, "beyond": lambda x, u, p: x.z - 1.1}
+    start = fp.Experiments([[0.6]], [[]], [0.2])
+    pieces = fp.SymbolicModel(
+        ["k*z**2 + (6 - min(max(z, 1), 1.1))*(2*z - 0.98)"], ["z"], {"z": "1"}, {}, {"k": "1"}, {"y": "1"}, check_units=False
+    )
+    expected = fp.sensitivities(pieces, start, [0.36], rtol=1e-10).dy_dtheta
+    assert expected[0, 0, 0] == pytest.approx(0.420, abs=1e-3)
+    model = fp.CallableModel(
+        lambda x, u, p: p.k * x.z**2 + root(x.z) * (2 * x.z - 0.98),
+        lambda x, u, p: x.z,
+        {"z": "1"},
+        {},
+        {"k": "1"},
+        {"y": "1"},
+        kinks=kinks,
+    )
+    np.testing.assert_allclose(fp.sensitivities(model, start, [0.36]).dy_dtheta, expected, rtol=1e-3)
+    assert model.core.by_complex_step is False
+
+
 def test_the_cost_is_said_once() -> None:
     model, given = tanks(), points(2)
     with pytest.warns(UserWarning) as said:

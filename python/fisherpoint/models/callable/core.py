@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextvars import ContextVar
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,8 @@ class Columns(np.ndarray[Any, Any]):
     def __new__(cls, rows: NDArray[Any], names: Sequence[str], constants: Mapping[str, float] | None = None) -> Columns:
         plain = np.asarray(rows)
         self = plain.view(cls)
-        self.__dict__.update(_rows=plain, _places={name: j for j, name in enumerate(names)}, _constants=constants or {})
+        rows = plain if cls is Columns else plain.view(cls)
+        self.__dict__.update(_rows=rows, _places={name: j for j, name in enumerate(names)}, _constants=constants or {})
         return self
 
     def __getattribute__(self, name: str) -> Any:
@@ -44,6 +46,33 @@ class Columns(np.ndarray[Any, Any]):
         raise AttributeError(f"expected one of {names}; given unknown {shown(name)}")
 
 
+class Watched(Columns):
+    """Columns that note what functions ask of complex numbers and no complex step comes through, also where it is not seen yet.
+
+    np.abs drops the imaginary part and np.sign turns it, which shows only where their argument depends on what is stepped along.
+    Both may be used elsewhere than where a function is tried: all are noted.
+    """
+
+    lossy = frozenset({np.absolute, np.sign, np.linalg.norm, np.real})
+    met: ContextVar[list[str]] = ContextVar("met")
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: Any, *inputs: Any, out: Any = None, **options: Any) -> Any:
+        if ufunc in self.lossy and np.iscomplexobj(inputs[0]):
+            self.met.get().append(ufunc.__name__)
+        given = [np.asarray(one) if isinstance(one, np.ndarray) else one for one in inputs]
+        into = {} if out is None else {"out": tuple(np.asarray(one) for one in out)}
+        return self._watched(getattr(ufunc, method)(*given, **into, **options))
+
+    def __array_function__(self, function: Any, types: Any, given: Any, options: Any) -> Any:
+        if function in self.lossy and np.iscomplexobj(given[0]):
+            self.met.get().append(function.__name__)
+        return self._watched(super().__array_function__(function, types, given, options))
+
+    @staticmethod
+    def _watched(result: Any) -> Any:
+        return result.view(Watched) if isinstance(result, np.ndarray) else result
+
+
 class CallableCore:
     """A model's functions on plain arrays of rows, real or complex."""
 
@@ -58,6 +87,7 @@ class CallableCore:
         self.scale = np.array([q.scale or 1.0 for q in model.states])
         self.by_complex_step: bool | None = None  # not tried yet
         self.warned: set[str] = set()
+        self._columns = Columns
 
     def check(self) -> None:
         """Raise where a function fails, or returns another shape, on rows of ordinary numbers."""
@@ -87,7 +117,14 @@ class CallableCore:
     def takes_complex(self, x: Array, u: Array, theta: Array) -> bool:
         """Whether f and g take complex numbers; found out at some of the first rows."""
         if self.by_complex_step is None and len(x):
-            self.by_complex_step = complex_step_works((self.rhs, self.output), self.scale, x[:64], u[:64], theta[:64])
+            met: list[str] = []
+            self._columns, token = Watched, Watched.met.set(met)
+            try:
+                works = complex_step_works((self.rhs, self.output), self.scale, x[:64], u[:64], theta[:64])
+            finally:
+                self._columns = Columns
+                Watched.met.reset(token)
+            self.by_complex_step = works and not met
         return bool(self.by_complex_step)
 
     def switching(self, x: NDArray[Any], u: NDArray[Any], theta: NDArray[Any]) -> NDArray[Any]:
@@ -113,7 +150,8 @@ class CallableCore:
         return np.hstack(values) if values else np.empty((len(rows[0]), 0))
 
     def _call(self, function: Function, label: str, n: int, x: NDArray[Any], u: NDArray[Any], theta: NDArray[Any]) -> NDArray[Any]:
-        arguments = Columns(x, self._states), Columns(u, self._inputs), Columns(theta, self._parameters, self._constants)
+        of = self._columns
+        arguments = of(x, self._states), of(u, self._inputs), of(theta, self._parameters, self._constants)
         count = len(x)
         try:
             with np.errstate(all="ignore"):

@@ -98,8 +98,7 @@ def rounding(t: Array, x: Array, s: Array, rates: Array, scale: Array) -> float:
 def complex_step_works(functions: Sequence[Callable[..., Any]], scale: Array, x: Array, u: Array, theta: Array) -> bool:
     """Whether functions take complex numbers, and give the derivatives that central differences give, at rows (K, ...).
 
-    Others at random are tried too, as a branch may hide at the given ones what is taken later: np.sign and np.abs of complex
-    numbers are not what they are of real ones.
+    Others at random are tried too, as a branch may hide at the given ones what is taken later.
     """
     n_x, p = x.shape[1], theta.shape[1]
     random = np.random.default_rng(0)
