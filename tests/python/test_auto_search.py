@@ -19,8 +19,10 @@ from fisherpoint.design.average import Average
 from fisherpoint.design.optimality.added import gains
 from fisherpoint.design.optimality.aims import aim_of
 from fisherpoint.design.optimality.criteria import Determinant
+from fisherpoint.design.points import auto_search
 from fisherpoint.design.points.pool_exchange import PoolExchange, greedy
 from fisherpoint.engine.levels import kernels
+from fit_cases import EXAMPLES
 from test_known_designs import CASES, ONE_FACTOR, SOON, SQUARE, ZERO, linear, log_det_m, quadratic
 from test_known_designs import problem as known_problem
 
@@ -155,6 +157,19 @@ def test_points_obey_constraints_and_survive_on_all_nodes(jumps: str) -> None:
     assert np.all(design.points.x0[:, 2] + design.points.x0[:, 3] < 1.5e7)
     assert not fp.predictive_covariance(MODEL, design.points, given.prior, given.rule, jumps=jumps).status.any()
     assert design.rejected["constraint"] > 0
+
+
+def test_candidates_that_plants_cannot_run_are_sampled_earlier(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The best points lie where some plants just can run them; few of what is drawn near them does. Some seeds find less, too."""
+    given = fp.load_problem(EXAMPLES / "cylinder.toml").replace(jumps="exclude")
+
+    def found() -> float:
+        some = [fp.exchange(given, 12, seed=s, n_candidates=50, max_iterations=80, references=False) for s in range(1, 4)]
+        return float(np.mean([design.evaluation.log_det for design in some]))
+
+    earlier = found()
+    monkeypatch.setattr(auto_search, "EARLIER", 0)
+    assert earlier > found() + 0.1
 
 
 def test_an_ascent_moves_points_and_keeps_them_valid() -> None:

@@ -40,7 +40,7 @@ def test_patience(patience: int) -> None:
 
 @pytest.mark.parametrize("references", [False, True])
 def test_a_time_limit_bounds_the_whole_call(references: bool) -> None:
-    started = time.perf_counter()
+    started = time.process_time()
     design = fp.exchange(
         problem(output_covariance="pooled"),
         9,
@@ -49,11 +49,12 @@ def test_a_time_limit_bounds_the_whole_call(references: bool) -> None:
         time_limit=0.3,
         references=references,
         patience=None,
+        threads=1,
     )
     assert design.stop_reason == "time_limit"
     assert design.trace[-1].seconds >= 0.3
-    # The references are a second search and the random designs: as long again, with time to spare on a busy machine.
-    assert time.perf_counter() - started < 5.0
+    # The references are a second search and the random designs: as long again. Of the processor, as the machine may be busy.
+    assert time.process_time() - started < 5.0
 
 
 def test_progress_is_called_once_per_iteration() -> None:

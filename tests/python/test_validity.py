@@ -75,3 +75,21 @@ def test_rules_of_many_or_few_nodes_are_asked_as_they_are(problem: fp.DesignProb
     np.testing.assert_array_equal(status, expected)
     np.testing.assert_array_equal(found.covariance, information.covariance)
     assert validity._sieve._theta is None
+
+
+def test_what_is_lost_is_sampled_as_late_as_the_nodes_allow(problem: fp.DesignProblem) -> None:
+    validity, shortest = Validity(problem, None), 1e-3
+    new = candidates(problem, 1000, 7).experiments
+    cut, places, status = validity.cut_short(new, shortest)
+    assert not len(cut) and not len(places) and not status.any()  # nothing is known of the nodes yet
+    for seed in range(12):
+        validity.tried(candidates(problem, 3 * LEARNT, seed))
+    sieve = validity._sieve
+    cut, places, status = validity.cut_short(new, shortest)
+    np.testing.assert_array_equal(status, sieve.statuses(new))
+    assert status.any() and set(places) <= set(np.flatnonzero(status)) and len(places) > 0.7 * (status != 0).sum()
+    np.testing.assert_array_equal(cut.table[:, :-1], new.table[places, :-1])
+    assert not sieve.statuses(cut).any() and (cut.dt < new.dt[places]).all() and (cut.dt >= shortest).all()
+    # A third less cut off is too little, but for what is lost by less than can be told.
+    less = new.dt[places] - (new.dt[places] - cut.dt) / 1.4
+    assert (sieve.statuses(fp.Experiments(cut.x0, cut.u, less)) != 0).mean() > 0.95

@@ -114,6 +114,21 @@ class CandidateSource:
         survivors, kept = self.survivors(self._region.draw_near(self._problem.model, points[near], seed=self._rng))
         return survivors, near[kept]
 
+    def sampled_earlier(self, points: Experiments) -> tuple[PointInformation, IntArray, IntArray]:
+        """Return points that some plants cannot run for so long, sampled as late as these can: what is valid at the prior mean.
+
+        With their places among the given ones, and the places of all that some plants cannot run; these are counted as rejected.
+        """
+        shortest, longest = self._region.bounds.get("dt", (0.0, 0.0))
+        if not shortest < longest:
+            nothing = np.empty(0, dtype=np.int32)
+            return self.survivors(points[nothing])[0], nothing, nothing
+        cut, places, status = self._validity.cut_short(points, shortest)
+        if status.any():
+            self.rejected.update(failures_of(status))
+        survivors, kept = self.survivors(cut)
+        return survivors, places[kept], np.flatnonzero(status).astype(np.int32)
+
     def confirm(self, chosen: PointInformation) -> PointInformation:
         """Return those that are valid on all nodes of the rule, with their covariances; count the others as rejected."""
         information, valid = self.confirmed(chosen)

@@ -53,6 +53,9 @@ TRIES = 6
 PROMISING, LOOKS = 4, 2
 """Candidates in the place of each point that are tried on all nodes, and how often more of them in each exchange."""
 
+EARLIER = 6
+"""Candidates in the place of each point that are sampled earlier where some plants cannot run them to their end."""
+
 CYCLE, CLIMB = 8, 20
 """Rounds after which all numbers ascend together, and iterations of that ascent."""
 
@@ -75,6 +78,16 @@ class Pool:
     def __init__(self, information: PointInformation, columns: Array, valid: int = 0) -> None:
         self.information, self.columns = information, columns
         self.valid = np.full(len(information), valid, dtype=np.int8)
+
+    def with_more(self, other: Pool) -> Pool:
+        """These candidates and then those of another pool."""
+        if not len(other.information):
+            return self
+        both = Pool(
+            PointInformation.join([self.information, other.information]), np.concatenate([self.columns, other.columns], axis=3)
+        )
+        both.valid = np.concatenate([self.valid, other.valid])
+        return both
 
 
 class AutoSearch(PointSearch):
@@ -206,7 +219,23 @@ class AutoSearch(PointSearch):
         places = np.sort(np.unique(points.table, axis=0, return_index=True)[1])
         each = max(LEAST_NEAR, int(share * self._drawn_share * NEAR * self.settings.n_candidates) // len(places))
         near, of = self.source.draw_near(points[places], each)
-        return self._kept(self._exchanged(design, self._pool(near), place=places[of])) if len(near) else design
+        if not len(near):
+            return design
+        pool, place = self._with_sampled_earlier(design, self._pool(near), places[of])
+        return self._kept(self._exchanged(design, pool, place=place))
+
+    def _with_sampled_earlier(self, design: PointInformation, pool: Pool, place: NDArray[np.intp]) -> tuple[Pool, NDArray[np.intp]]:
+        """The pool, and beside its best candidates that some plants cannot run the same for a shorter time; the place of each.
+
+        What tells most lies where some plants just can run it, and of what is near such a point the best is mostly beyond.
+        """
+        count = len(design)
+        columns = np.concatenate([self._columns(design), pool.columns], axis=3)
+        exchange = PoolExchange(columns, np.arange(count), self._fixed, self.over.average, self.aims)
+        wanted = exchange.promising(count + np.arange(len(place)), EARLIER, place) - count
+        earlier, of, lost = self.source.sampled_earlier(pool.information.experiments[wanted])
+        pool.valid[wanted[lost]] = -1
+        return pool.with_more(self._pool(earlier)), np.append(place, place[wanted[of]])
 
     def _exchanged(
         self,
