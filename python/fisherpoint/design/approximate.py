@@ -31,7 +31,7 @@ from .settings import ExchangeSettings
 
 MOST_CANDIDATES = 10**6
 
-MORE_POINTS, SEARCH, SEARCHED = 3, 120, 2000
+MORE_POINTS, SEARCH, SEARCHED = 3, 600, 2000
 """Points beyond the parameters of a design that is searched for first, its iterations, and how many of its candidates are taken."""
 
 SAMPLE = 2000
