@@ -421,6 +421,9 @@ class _Walk:
         if f is None or np.max(np.abs(z)) > 1e6 * (1 + np.max(np.abs(self.x0 / self.size))):
             self.end(End.blow_up, t, z)
         assert f is not None
+        here, beside = (self.reading.heights(at.tolist(), self.u, self.p) for at in (x, x + f * 1e-6 * self.dt))
+        if any(a * b < 0 for a, b in zip(here, beside, strict=True)):  # past a kink that is met with it a limit may be none
+            self.end(End.unknown, t, z)
         for k, value in self.reading.look(x.tolist(), self.u, self.p, self.sides).items():
             step = 1e-7 * self.dt
             ahead = self.reading.look((x + f * step).tolist(), self.u, self.p, self.sides).get(k, math.nan)

@@ -18,6 +18,7 @@ from figures import Figures
 from given_cases import At
 from reading import Reading
 from room import output_slopes
+from scipy_route import End
 
 pytestmark = pytest.mark.kernels
 
@@ -143,3 +144,19 @@ def test_a_pair_of_kinks_that_a_long_step_misses_is_a_chance_of_loose_tolerances
     assert true.crossed
     judge(bench, 0, int(fp.Status.ok), np.add(true.x, [0.0, 2.0]), rtol, "", "RK45")
     assert kinds(bench) == known and bench.figures.counts[CHANCE] == (not known)
+
+
+@pytest.mark.parametrize(
+    ("base", "ends"), [("max(x1 - 0.02, 0)*max(u1 - 0.3, 0)", "unknown"), ("(x1 - 0.02)*max(u1 - 0.3, 0)", "domain")]
+)
+def test_a_limit_that_is_met_with_a_kink_is_left_open(base: str, ends: str) -> None:
+    """A product of maxima is zero there for good, and has a power of 1.5; a product that becomes negative has none."""
+    case = At(
+        ("3*x2", "-3*x1", f"({base})**1.5"),
+        ("x3",),
+        (1.0, 1.0, 1.0),
+        (1.0,),
+        (1.0,),
+        given=(([[1.175, -0.083, 0.0]], [[0.9616]], [1.0]), [[1.0]]),
+    )
+    assert Bench(case, Figures()).course(0).end is End[ends]
