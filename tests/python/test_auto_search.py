@@ -20,13 +20,29 @@ from fisherpoint.design.optimality.added import gains
 from fisherpoint.design.optimality.aims import aim_of
 from fisherpoint.design.optimality.criteria import Determinant
 from fisherpoint.design.points import auto_search
+from fisherpoint.design.points.auto_search import PEAKS, AutoSearch
+from fisherpoint.design.points.pool import APART, best_of_each, far_apart
 from fisherpoint.design.points.pool_exchange import PoolExchange, greedy
+from fisherpoint.design.settings import ExchangeSettings
 from fisherpoint.engine.levels import kernels
+from fisherpoint.information.candidates import CandidateSource
 from fit_cases import EXAMPLES
 from test_known_designs import CASES, ONE_FACTOR, SOON, SQUARE, ZERO, linear, log_det_m, quadratic
 from test_known_designs import problem as known_problem
 
 QUICK: dict[str, Any] = {"method": "auto", "n_experiments": 9, "n_candidates": 8, "max_iterations": 24, "references": False}
+
+SETTINGS: dict[str, Any] = {
+    "n_experiments": 9,
+    "n_candidates": 8,
+    "max_iterations": 0,
+    "seed": 0,
+    "patience": None,
+    "time_limit": None,
+    "max_redraws": 1,
+    "references": False,
+    "method": "auto",
+}
 
 
 # --- exchange over a pool ----------------------------------------------------------------------------------------------
@@ -73,6 +89,77 @@ def test_an_exchange_ends_where_no_single_one_gains(size: int, fixed: float) -> 
             assert value(changed) <= value(exchange.chosen) + 1e-5
     best = max(value(np.array(chosen)) for chosen in itertools.combinations_with_replacement(range(25), size))
     assert value(exchange.chosen) > best - 0.5
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5])
+def test_what_candidates_gain_beside_a_design(share: float) -> None:
+    """In two scenarios, of which the mean counts or the worse one."""
+    rng = np.random.default_rng(3)
+    w = np.stack([columns(rng, 3, 2, 30) for _ in range(2)])
+    known, aims = np.zeros((2, 3, 3)), [aim_of(Determinant("D", np.eye(3), True))] * 2
+    exchange = PoolExchange(w, np.arange(5), known, Average(np.ones(2), share), aims)
+
+    def value(k: int | None) -> float:
+        chosen = [*range(5), *([] if k is None else [k])]
+        own = [one[:, :, chosen].reshape(3, -1) for one in w]
+        log_dets = [np.linalg.slogdet(f @ f.T)[1] for f in own]
+        return float(np.mean(log_dets) if share == 1.0 else min(log_dets))
+
+    found = np.log(exchange.gains(np.arange(30)))
+    np.testing.assert_allclose(found, [value(k) - value(None) for k in range(30)], rtol=1e-7, atol=1e-9)
+
+
+# --- candidates that climb ------------------------------------------------------------------------------------------------
+
+
+def test_peaks_are_the_best_that_are_far_apart() -> None:
+    rng = np.random.default_rng(0)
+    table, gains, width = rng.random((500, 3)) * [1.0, 10.0, 0.0], rng.random(500), np.array([1.0, 10.0, 0.0])
+    chosen = far_apart(table, width, gains, 500)
+    assert chosen[0] == np.argmax(gains) and (np.diff(gains[chosen]) <= 0).all()
+
+    def near(k: int, other: np.ndarray) -> np.ndarray:
+        return (np.abs((table[other] - table[k])[:, :2] / width[:2]) <= APART).all(axis=1)
+
+    for place, k in enumerate(chosen):
+        assert near(k, chosen).sum() == 1
+        # Whatever gains more than the next one is near to one that was chosen before.
+        before = np.flatnonzero(gains > gains[k])
+        assert all(near(other, chosen[:place]).any() for other in before)
+    np.testing.assert_array_equal(far_apart(table, width, gains, 3), chosen[:3])
+
+
+def test_the_best_of_each() -> None:
+    gains, of = np.array([3.0, 5.0, 4.0, 1.0, 2.0, 9.0]), np.array([0, 0, 0, 1, 1, 2])
+    least, usable = np.array([3.0, 0.0, 9.0]), np.array([True, True, True, True, False, True])
+    assert sorted(best_of_each(gains, of, least, 1, usable)) == [1, 3]
+    assert sorted(best_of_each(gains, of, least, 2, usable)) == [1, 2, 3]
+    assert sorted(best_of_each(gains, of, 0 * least, 9, usable)) == [0, 1, 2, 3, 5]
+
+
+def test_candidates_climb_and_stay_valid(monkeypatch: pytest.MonkeyPatch) -> None:
+    given = problem(region=fp.ExperimentRegion(REGION, constraints=["p_A + p_B < 1.5e7"]), jumps="exclude")
+
+    def climbed(rounds: int) -> tuple[np.ndarray, fp.Experiments]:
+        """Gains and points of what is valid after so many rounds."""
+        monkeypatch.setattr(auto_search, "CLIMB_ROUNDS", rounds)
+        search = AutoSearch(given, ExchangeSettings(**SETTINGS), 1)
+        design, pool = search.best.information, search._pool(search.source.draw_at_edges(1000))
+        climbing = search._climbed(design, pool)
+        for _ in range(rounds):
+            next(climbing)
+        with pytest.raises(StopIteration) as end:
+            next(climbing)
+        peaks = end.value.value
+        assert len(peaks) <= PEAKS * SETTINGS["n_candidates"]
+        peaks = peaks[np.flatnonzero(peaks.valid == 1)]
+        return search._gains(design, peaks.columns), peaks.information.experiments
+
+    before, _ = climbed(0)
+    after, points = climbed(10)
+    assert len(after) >= len(before) > 5 and np.median(after) > 1.5 * np.median(before)
+    assert np.all(points.x0[:, 2] + points.x0[:, 3] < 1.5e7)
+    assert not fp.predictive_covariance(MODEL, points, given.prior, given.rule, jumps="exclude").status.any()
 
 
 # --- known designs ------------------------------------------------------------------------------------------------------
@@ -160,7 +247,7 @@ def test_points_obey_constraints_and_survive_on_all_nodes(jumps: str) -> None:
 
 
 def test_candidates_that_plants_cannot_run_are_sampled_earlier(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The best points lie where some plants just can run them; few of what is drawn near them does. Some seeds find less, too."""
+    """The best points start at edges of the region and lie where some plants just can run them; few of what is drawn does."""
     given = fp.load_problem(EXAMPLES / "cylinder.toml").replace(jumps="exclude")
 
     def found() -> float:
@@ -169,26 +256,13 @@ def test_candidates_that_plants_cannot_run_are_sampled_earlier(monkeypatch: pyte
 
     earlier = found()
     monkeypatch.setattr(auto_search, "EARLIER", 0)
+    monkeypatch.setattr(CandidateSource, "draw_at_edges", CandidateSource.draw)
     assert earlier > found() + 0.1
 
 
 def test_an_ascent_moves_points_and_keeps_them_valid() -> None:
-    from fisherpoint.design.points.auto_search import AutoSearch
-    from fisherpoint.design.settings import ExchangeSettings
-
     given = problem(region=fp.ExperimentRegion(REGION, constraints=["p_A + p_B < 1.5e7"]))
-    settings = ExchangeSettings(
-        n_experiments=9,
-        n_candidates=8,
-        max_iterations=0,
-        seed=0,
-        patience=None,
-        time_limit=None,
-        max_redraws=1,
-        references=False,
-        method="auto",
-    )
-    search = AutoSearch(given, settings, 1)
+    search = AutoSearch(given, ExchangeSettings(**SETTINGS), 1)
     points = search._ascended(search.best.information).experiments
     assert fp.evaluate_design(given, points).log_det > search.best.log_det + 1
     assert np.all(points.x0[:, 2] + points.x0[:, 3] < 1.5e7)

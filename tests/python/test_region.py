@@ -18,6 +18,7 @@ from fisherpoint.basics.formulas import ARGUMENTS
 from fisherpoint.models.expressions import symbol
 from fisherpoint.models.text import parse_equation
 from fisherpoint.points.constraints import parse_constraint
+from fisherpoint.points.region import EDGE, LONGEST, NEXT_TO_ZERO
 
 NAMES = tuple(REGION)
 
@@ -55,6 +56,33 @@ def test_equal_bounds_fix_a_value_exactly(value: float, name: str, seed: int) ->
     value = abs(value) + 1e-9 if name == "dt" else value
     points = fp.ExperimentRegion(REGION | {name: (value, value)}).draw(MODEL, 10, seed=seed)
     np.testing.assert_array_equal(points.table[:, NAMES.index(name)], value)
+
+
+@given(st.lists(pairs, min_size=6, max_size=6), st.tuples(positive, positive).map(sorted), st.integers(0, 2**32))
+@settings(deadline=None, max_examples=50)
+def test_draws_at_edges_lie_inside(bounds: list[list[float]], dt: list[float], seed: int) -> None:
+    table = fp.ExperimentRegion(dict(zip(NAMES, [*bounds, dt], strict=True))).draw_at_edges(MODEL, 20, seed=seed).table
+    low, high = np.array([*bounds, dt]).T
+    assert table.shape == (20, 7) and np.all((table >= low) & (table <= high))
+
+
+def test_draws_at_edges_are_on_bounds_and_next_to_zero() -> None:
+    count = 20_000
+    table = fp.ExperimentRegion(REGION).draw_at_edges(MODEL, count, seed=1).table
+    low, high = np.array([REGION[name] for name in NAMES]).T
+    on_low, on_high = (table == low).mean(axis=0), (table == high).mean(axis=0)
+    np.testing.assert_allclose(on_low[:-1], EDGE, atol=0.02)
+    np.testing.assert_allclose(on_high[:-1], EDGE, atol=0.02)
+    assert on_high[-1] == pytest.approx(LONGEST, abs=0.02)
+    with_zero = (low < 0) & (high > 0)
+    farthest, nearest = NEXT_TO_ZERO
+    share = np.abs(table) / (high - low)
+    near = (share >= 0.99 * nearest) & (share <= 1.01 * farthest)
+    assert (near[:, with_zero].mean(axis=0) > EDGE - 0.02).all()
+    assert with_zero.any() and (table[:, with_zero] != 0).all()
+    # Every order of magnitude alike.
+    small = (near & (share < np.sqrt(farthest * nearest)))[:, with_zero].sum() / near[:, with_zero].sum()
+    assert 0.4 < small < 0.55
 
 
 def test_draws_fill_the_box_evenly() -> None:

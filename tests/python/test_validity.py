@@ -11,6 +11,7 @@ import fisherpoint as fp
 from fisherpoint.information.node_sieve import FEW, LEARNT
 from fisherpoint.information.point_information import PointInformation, point_sensitivities, with_covariance
 from fisherpoint.information.validity import Validity
+from fisherpoint.points.status import Status
 from fit_cases import EXAMPLES
 
 
@@ -89,7 +90,40 @@ def test_what_is_lost_is_sampled_as_late_as_the_nodes_allow(problem: fp.DesignPr
     np.testing.assert_array_equal(status, sieve.statuses(new))
     assert status.any() and set(places) <= set(np.flatnonzero(status)) and len(places) > 0.7 * (status != 0).sum()
     np.testing.assert_array_equal(cut.table[:, :-1], new.table[places, :-1])
-    assert not sieve.statuses(cut).any() and (cut.dt < new.dt[places]).all() and (cut.dt >= shortest).all()
-    # A third less cut off is too little, but for what is lost by less than can be told.
-    less = new.dt[places] - (new.dt[places] - cut.dt) / 1.4
-    assert (sieve.statuses(fp.Experiments(cut.x0, cut.u, less)) != 0).mean() > 0.95
+    assert (sieve.statuses(cut) != 0).mean() < 0.003 and (cut.dt < new.dt[places]).all() and (cut.dt >= shortest).all()
+    longer = np.minimum(cut.dt + 0.012 * (new.dt[places] - shortest), new.dt[places])
+    assert (sieve.statuses(fp.Experiments(cut.x0, cut.u, longer)) != 0).mean() > 0.99
+
+
+def test_what_the_mean_cannot_run_is_sampled_earlier(problem: fp.DesignProblem) -> None:
+    """With nothing known of the nodes."""
+    other, shortest = problem.replace(jumps="exclude"), 1e-3
+    assert isinstance(other.region, fp.ExperimentRegion)
+    given = other.region.draw(other.model, 1000, seed=3)
+    cut, places, status = Validity(other, None).cut_short(given, shortest)
+    _, expected = point_sensitivities(other, given, None)
+    np.testing.assert_array_equal(status != 0, expected != 0)
+    assert (expected[places] != 0).all() and len(places) > 0.5 * (expected != 0).sum()
+    _, after = point_sensitivities(other, cut, None)
+    assert (after != 0).mean() < 0.003
+    longer = np.minimum(cut.dt + 0.012 * (given.dt[places] - shortest), given.dt[places])
+    _, beyond = point_sensitivities(other, fp.Experiments(cut.x0, cut.u, longer), None)
+    assert (beyond != 0).mean() > 0.99
+    assert not len(Validity(other, None).cut_short(given[:0], shortest)[0])
+
+
+def test_what_was_learnt_stays_learnt(problem: fp.DesignProblem, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What fails later has passed the nodes that were chosen before; nodes for it alone would let pass what failed first."""
+    assert isinstance(problem.region, fp.ExperimentRegion)
+    sieve, points = Validity(problem, None)._sieve, problem.region.draw(problem.model, 6 * LEARNT, seed=1)
+    first, later = (np.flatnonzero((points.x0[:, 1] < 0) == side) for side in (True, False))
+
+    def on_nodes(some: fp.Experiments, nodes: np.ndarray) -> np.ndarray:
+        """Some fail on nodes up to 40, the others beyond."""
+        return np.where((some.x0[:, 1] < 0)[:, None] == (nodes <= 40), Status.left_domain, Status.ok)
+
+    monkeypatch.setattr(sieve, "_on_nodes", on_nodes)
+    sieve.learn(points[first[:LEARNT]])
+    assert (sieve.statuses(points[first]) != 0).all() and not sieve.statuses(points[later]).any()
+    sieve.learn(points[np.tile(later, 2)])
+    assert (sieve.statuses(points) != 0).all()

@@ -108,6 +108,14 @@ class CandidateSource:
             self._keep(information)
         return information, kept
 
+    def draw_at_edges(self, count: int) -> PointInformation:
+        """Return what is valid at the prior mean of `count` candidates at the region's edges, sampled as late as plants allow."""
+        points = self._region.draw_at_edges(self._problem.model, count, seed=self._rng)
+        if (shortest := self._shortest) is not None:
+            cut, _, status = self._validity.cut_short(points, shortest)
+            points = Experiments.join([points[np.flatnonzero(status == Status.ok)], cut])
+        return self.survivors(points)[0]
+
     def draw_near(self, points: Experiments, each: int) -> tuple[PointInformation, IntArray]:
         """Return what is valid at the prior mean of `each` candidates near every point, and the point of each."""
         near = np.repeat(np.arange(len(points), dtype=np.int32), each)
@@ -119,8 +127,7 @@ class CandidateSource:
 
         With their places among the given ones, and the places of all that some plants cannot run; these are counted as rejected.
         """
-        shortest, longest = self._region.bounds.get("dt", (0.0, 0.0))
-        if not shortest < longest:
+        if (shortest := self._shortest) is None:
             nothing = np.empty(0, dtype=np.int32)
             return self.survivors(points[nothing])[0], nothing, nothing
         cut, places, status = self._validity.cut_short(points, shortest)
@@ -128,6 +135,12 @@ class CandidateSource:
             self.rejected.update(failures_of(status))
         survivors, kept = self.survivors(cut)
         return survivors, places[kept], np.flatnonzero(status).astype(np.int32)
+
+    @property
+    def _shortest(self) -> float | None:
+        """The shortest dt; None where all are as long, or there is none."""
+        shortest, longest = self._region.bounds.get("dt", (0.0, 0.0))
+        return shortest if shortest < longest else None
 
     def confirm(self, chosen: PointInformation) -> PointInformation:
         """Return those that are valid on all nodes of the rule, with their covariances; count the others as rejected."""

@@ -45,8 +45,10 @@ class NodeSieve:
     def __init__(self, problem: DesignProblem, settings: Settings) -> None:
         self._problem, self._settings, rule = problem, settings, problem.rule
         self._failed: list[Array] = []
+        self._told = np.empty((0, len(names_of(problem.model.axes))))
         self._next, self._chosen = LEARNT, np.empty(0, dtype=np.intp)
         self._theta: Array | None = None
+        self._weights = np.empty(0)
         if isinstance(rule, Linearized) or problem.model.kernels is not kernels or rule.size(problem.prior) > MOST:
             return
         theta, weights = nodes_of(rule, problem.prior, names_of(problem.model.parameters), problem.estimated).nodes()
@@ -65,6 +67,13 @@ class NodeSieve:
         result[failed] = status[failed, np.argmax(lost[failed], axis=1)]
         return result
 
+    @property
+    def nodes(self) -> tuple[Array, Array]:
+        """Parameters (m, p) and weights (m,) of the few nodes, none as long as nothing is known of them."""
+        if self._theta is None:
+            return np.empty((0, len(self._problem.theta))), self._weights
+        return self._theta[self._chosen], self._weights[self._chosen]
+
     def learn(self, failed: Experiments) -> None:
         """Take in points that all nodes have told to be none."""
         if self._theta is None or not len(failed):
@@ -74,8 +83,9 @@ class NodeSieve:
         if count < self._next:
             return
         self._next = AGAIN * count
-        table = np.concatenate(self._failed)[-LEARNT:]
-        points = Experiments.of_table(self._problem.model, table)
+        # What fails now has passed the nodes that were chosen before, and the others would pass without these.
+        self._told = np.concatenate([self._told, np.concatenate(self._failed)[-LEARNT:]])
+        points = Experiments.of_table(self._problem.model, self._told)
         self._chosen = self._fewest(np.isin(self._on_nodes(points, np.arange(len(self._theta))), FATAL))
 
     def _fewest(self, lost: NDArray[np.bool_]) -> NDArray[np.intp]:

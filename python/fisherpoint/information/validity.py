@@ -7,16 +7,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..basics.values import Array, IntArray
+from ..basics.values import IntArray
 from ..points.experiments import Experiments
 from ..points.settings import check_jumps, check_kinks, resolve_threads
 from ..points.status import Status
-from .node_sieve import NodeSieve
+from .longest import longest
+from .node_sieve import FATAL, NodeSieve
 from .point_information import PointInformation, with_covariance
 from .problem import DesignProblem
-
-LEAST_CUT, CUTS = -12.0, 5
-"""log2 of the least share of dt that is cut off, and how often it is halved in the search for what is needed."""
 
 
 class Validity:
@@ -31,6 +29,7 @@ class Validity:
     def __init__(self, problem: DesignProblem, threads: int | None) -> None:
         self._problem, self._threads = problem, threads
         settings = float(problem.rtol), check_kinks(problem.kinks), check_jumps(problem.jumps), "fastest", resolve_threads(threads)
+        self._settings = settings
         self._sieve = NodeSieve(problem, settings)
         self._known: dict[bytes, bool] = {}  # by the numbers of a point
 
@@ -57,10 +56,7 @@ class Validity:
         return np.array([self._known[key] for key in numbers], dtype=bool)
 
     def cut_short(self, points: Experiments, shortest: float) -> tuple[Experiments, IntArray, IntArray]:
-        """Of points (K,), those that few nodes show to be lost, with the longest dt at which these nodes let them pass.
-
-        What a trajectory meets by some time it meets by any later one, so that there is such a dt. It is searched for by halving
-        the logarithm of what is cut off, as most points fail by little.
+        """Of points (K,), those that are lost at the prior mean or on few nodes, with the longest dt at which these let them pass.
 
         Returns
         -------
@@ -68,22 +64,18 @@ class Validity:
         places : ndarray of int
             Of these points among the given ones.
         status : ndarray of int, (K,)
-            Of the given points: that of a node on which they fail, or ok.
+            Of the given points: that at the mean or of a node on which they fail, or ok.
         """
-        status = self._sieve.statuses(points)
+        model, theta = self._problem.limited, self._problem.theta
+        _, _, status = model.kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *self._settings)
+        status = np.where(np.isin(status, FATAL), status, np.int32(Status.ok))
+        passed = np.flatnonzero(status == Status.ok)
+        status[passed] = self._sieve.statuses(points[passed])
         lost = np.flatnonzero(status)
-        given, longest = points[lost], points.dt[lost]
-
-        def cut(exponent: Array) -> Experiments:
-            return Experiments(given.x0, given.u, longest - np.exp2(exponent) * (longest - shortest), columns=given.columns)
-
-        low, high = np.full(len(lost), LEAST_CUT), np.zeros(len(lost))  # log2 of the share that is cut off
-        passes = np.zeros(len(lost), dtype=bool)
-        for _ in range(CUTS if len(lost) else 0):
-            middle = (low + high) / 2
-            well = self._sieve.statuses(cut(middle)) == Status.ok
-            low, high, passes = np.where(well, low, middle), np.where(well, middle, high), passes | well
-        return cut(high)[passes], lost[passes].astype(np.int32), status
+        given = points[lost]
+        dt, found = longest(self._problem, given, shortest, self._sieve.nodes, self._settings)
+        cut = Experiments(given.x0, given.u, dt, columns=given.columns)
+        return cut[np.flatnonzero(found)], lost[found].astype(np.int32), status
 
     def include(self, other: Validity) -> None:
         """Remember what another has tried of the same problem."""

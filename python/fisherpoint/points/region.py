@@ -31,6 +31,13 @@ MOST_DRAWN = 10**7
 NEAREST = 1e4
 """The width of the region over the shortest typical step of `ExperimentRegion.draw_near`."""
 
+EDGE, LONGEST = 0.3, 0.8
+"""How often `ExperimentRegion.draw_at_edges` puts a number on its lower bound, on its upper bound and next to zero; and dt on its
+longest."""
+
+NEXT_TO_ZERO = 0.1, 1e-4
+"""How far from zero that is, as shares of the region's width, every order of magnitude alike."""
+
 
 class ExperimentRegion:
     """A box in start state, input and duration, cut by constraints.
@@ -102,6 +109,25 @@ class ExperimentRegion:
         table = lower + (upper - lower) * share
         if decades and model.states and upper[-1] > 10.001 * lower[-1]:
             table[:, -1] = lower[-1] * (upper[-1] / lower[-1]) ** share[:, -1]
+        return Experiments.of_table(model, np.clip(table, lower, upper))
+
+    def draw_at_edges(self, model: Model, count: int, *, seed: int | np.random.Generator = 0) -> Experiments:
+        """Draw points of which most numbers are on their bounds or next to zero; the constraints are not looked at.
+
+        What tells most of a model mostly starts there: from rest, with a valve that is shut or wide open, under full pressure. In
+        several numbers at once uniform draws are hardly ever near such a corner.
+        """
+        rng = as_generator(seed)
+        lower, upper = np.array([self.bounds[name] for name in names_of(model.axes)]).T
+        width, share = upper - lower, rng.random((count, len(lower)))
+        table = lower + width * share
+        farthest, nearest = NEXT_TO_ZERO
+        distance = width * farthest * (nearest / farthest) ** share * rng.choice([-1.0, 1.0], share.shape)
+        kind = rng.random(share.shape)
+        near_zero = (kind > 1 - EDGE) & (lower < 0) & (upper > 0)
+        table = np.select([kind < EDGE, kind < 2 * EDGE, near_zero], [np.broadcast_to(lower, share.shape), upper, distance], table)
+        if model.states:
+            table[:, -1] = np.where(kind[:, -1] < LONGEST, upper[-1], lower[-1] + width[-1] * share[:, -1])
         return Experiments.of_table(model, np.clip(table, lower, upper))
 
     def draw_near(self, model: Model, points: Experiments, *, seed: int | np.random.Generator = 0) -> Experiments:

@@ -99,7 +99,7 @@ class _Box:
     @property
     def difference(self) -> float:
         """Half the distance of central differences: trajectories are known to the tolerance only."""
-        return 1e-4 if not self.model.states else float(np.clip(0.3 * np.cbrt(self.source.problem.rtol), 1e-4, 3e-3))
+        return 1e-5 if not self.model.states else float(np.clip(0.3 * np.cbrt(self.source.problem.rtol), 1e-4, 3e-3))
 
 
 class _Refining:
@@ -198,7 +198,7 @@ class _Refining:
                 some = self._polished(some, tolerance)
                 if some.weights.log_phi >= self.weights.log_phi - MERGING_COSTS:
                     return some
-        return best
+        return self._polished(best, tolerance)
 
     def _weights_of(self, points: Experiments, rows: Array, tolerance: float) -> _Support:
         """The best weights of these points; where they do not determine what is asked, of some candidates beside them."""

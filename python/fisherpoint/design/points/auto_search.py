@@ -1,9 +1,10 @@
-"""The search of method "auto": exchange over pools of evaluated candidates, from several starts, and an ascent of all numbers.
+"""The search of method "auto": exchange over pools of evaluated candidates, which climb to peaks, and an ascent of all numbers.
 
-Every start chooses one point after the other from a part of a pool of random candidates, and exchanges them over it. In each round
-candidates are drawn near the points of the design, and all of its points are exchanged over all of these together. The points of
-a few starts are then a pool themselves, of which an exchange makes a design that is followed further: rounds, and between them
-ascents. All that several such groups have found is the pool of the design that is followed to its end.
+Each of a few groups chooses one point after the other from a part of a pool, and exchanges them over it. Candidates of the pool
+that would raise the criterion and are far apart climb then, each to what is near it and would raise it more: a peak that tells
+much is mostly narrow, and a random candidate on its slope cannot compete with points that have been followed to their peaks. The
+design takes over what it can use of them, and in rounds candidates are drawn near its own points. All that the groups have found
+is the pool of the design that is followed to its end, by such rounds and ascents.
 
 A pool is evaluated at the prior mean, or in all scenarios of a criterion over the prior. What would raise the criterion is tried on
 all nodes of the rule before it may enter.
@@ -18,37 +19,44 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ...information.point_information import PointInformation
+from ...points.region import ExperimentRegion
 from ..optimality.aims import LogDet
 from ..optimality.criteria import Determinant
 from .point_ascent import PointAscent, scenario_rows, whitened_rows
 from .point_search import RIDGE, PointSearch
+from .pool import Pool, best_of_each, far_apart
 from .pool_exchange import PoolExchange, greedy
 from .told import told_aims
 
 POOL, MOST_POOL = 200, 50_000
-"""Random candidates, as a multiple of `n_candidates`, and at most."""
+"""Candidates at the edges of the region for each group, as a multiple of `n_candidates`, and at most; half as many random ones."""
 
-NEAR, LEAST_NEAR = 24, 4
-"""Candidates near all points in each round after the starts, as a multiple of `n_candidates`, and near each point at least."""
+PEAKS, NEAR_PEAK = 3, 24
+"""Candidates that climb in each group, as a multiple of `n_candidates`; those that are drawn near each of them in a round."""
+
+NEAR, LEAST_NEAR = 12, 4
+"""Candidates near all points in each round, as a multiple of `n_candidates`, and near each point at least."""
 
 PART, LEAST_PART, MOST_WORK = 0.3, 300, 200_000
-"""Share of the pool from which a start chooses; how many at least; and points times candidates of an exchange at most."""
+"""Share of the pool from which a group begins; how many at least; and points times candidates of an exchange at most."""
 
-GROUPS, STARTS, SKETCH, FURTHER = 6, 3, 12, 2
-"""Groups, starts of each, rounds of each start, and cycles of what a group's starts have found."""
+GROUPS, FIRST_ROUNDS, CLIMB_ROUNDS, ROUNDS = 5, 2, 10, 6
+"""Groups, and in each the rounds of its first design, of the climbing candidates, and of what the design becomes with them.
 
-OF_SKETCH = 0.5
-"""The share of the candidates that the rounds of several starts and groups draw.
-
-What a start has missed, as peaks that are narrow, another one has, and merging takes it over. Designs that are followed further
-before they are merged have more that is worth taking over: six groups of three starts end in better designs than 16 starts do.
+What a group has missed another one has, and merging takes it over.
 """
 
+LEAST_ROUNDS = 24
+"""Iterations for each group; with less there are fewer groups."""
+
 AGREE, ALIKE = 3, 3e-4
-"""No more starts follow where so many are as good as the best of them but for so much for each parameter: the problem is easy."""
+"""No more groups follow where so many are as good as the best of them but for so much for each parameter: the problem is easy."""
 
 TRIES = 6
-"""Choices of half of the points at random, for every second start; each is exchanged over the least part of the pool."""
+"""Choices of half of the points at random, for every second group; each is exchanged over the least part of the pool."""
+
+TAUGHT = 1000
+"""Candidates of the pool that are tried on all nodes at the beginning, to learn which of the nodes tell most."""
 
 PROMISING, LOOKS = 4, 2
 """Candidates in the place of each point that are tried on all nodes, and how often more of them in each exchange."""
@@ -56,7 +64,7 @@ PROMISING, LOOKS = 4, 2
 EARLIER = 6
 """Candidates in the place of each point that are sampled earlier where some plants cannot run them to their end."""
 
-CYCLE, CLIMB = 8, 20
+CYCLE, ASCENT = 8, 20
 """Rounds after which all numbers ascend together, and iterations of that ascent."""
 
 AS_MANY = 4
@@ -68,26 +76,8 @@ LEAST_SHARE = 0.1
 LEAST_GAIN, MOST_IDLE = 1e-4, 2
 """The search ends after so many cycles in a row that gain less for each parameter."""
 
-
-class Pool:
-    """Candidates, and their whitened rows in each scenario as columns (S, p, n, N).
-
-    `valid` is 1 of those that are valid on all nodes of the rule, -1 of those that are not, and 0 where it is not known.
-    """
-
-    def __init__(self, information: PointInformation, columns: Array, valid: int = 0) -> None:
-        self.information, self.columns = information, columns
-        self.valid = np.full(len(information), valid, dtype=np.int8)
-
-    def with_more(self, other: Pool) -> Pool:
-        """These candidates and then those of another pool."""
-        if not len(other.information):
-            return self
-        both = Pool(
-            PointInformation.join([self.information, other.information]), np.concatenate([self.columns, other.columns], axis=3)
-        )
-        both.valid = np.concatenate([self.valid, other.valid])
-        return both
+LEAST_CLIMB = 1 + 1e-6
+"""By which a candidate that climbs must gain more."""
 
 
 class AutoSearch(PointSearch):
@@ -117,46 +107,79 @@ class AutoSearch(PointSearch):
     def _all_rounds(self) -> Iterator[None]:
         """The whole search, round by round."""
         settings = self.settings
-        random = self.best.information
         count = max(1, round(self._drawn_share * min(MOST_POOL, POOL * settings.n_candidates)))
-        pool = self._pool(PointInformation.join([random, self.source.draw(count)]))
-        pool.valid[: len(random)] = 1
-        self._ask_for_what_is_told(pool)
-        groups = min(GROUPS, settings.max_iterations // (2 * (STARTS * SKETCH + FURTHER * CYCLE)))
-        starts = STARTS if groups else int(np.clip(settings.max_iterations // (2 * SKETCH), 1, STARTS))
-        share = OF_SKETCH if starts > 1 else 1.0
-        ends: list[PointInformation] = []
-        for _ in range(max(groups, 1)):
-            for start in range(starts):
-                design = self._start(pool, at_random=start % 2 == 1)
-                for _ in range(SKETCH):
-                    design = self._round(design, share)
-                    yield
-                ends.append(design)
+        first = self.best.information
+        random = self._pool(PointInformation.join([first, self.source.draw(max(1, count // 2))]))
+        random.valid[: len(first)] = 1
+        self._confirm(random, np.arange(min(len(random), TAUGHT)))
+        self._ask_for_what_is_told(random)
+        groups = int(np.clip(settings.max_iterations // LEAST_ROUNDS, 1, GROUPS))
+        ends, found = list[PointInformation](), random[np.arange(len(first))]
+        for group in range(groups):
+            pool = random.with_more(self._pool(self.source.draw_at_edges(count)))
+            design = self._start(pool, at_random=group % 2 == 1)
+            for _ in range(FIRST_ROUNDS):
+                yield
+                design = self._round(design)
+            peaks = yield from self._climbed(design, pool)
+            design = self._kept(self._ascended(self._kept(self._exchanged(design, peaks))))
+            for _ in range(ROUNDS):
+                yield
+                design = self._round(design)
+            ends.append(design)
+            found = found.with_more(peaks).with_more(self._pool(design, 1))
             values = np.array([self._value(end) for end in ends])
             if int((values > values.max() - ALIKE * self._level).sum()) >= AGREE:
                 break
-            if groups > 1:
-                own = ends[-starts:]
-                design, found = max(own, key=self._value), self._pool(PointInformation.join(own), 1)
-                for _ in range(FURTHER):
-                    design = yield from self._cycle(design, found, share)
-                ends.append(design)
-        design, found = max(ends, key=self._value), self._pool(PointInformation.join(ends), 1)
+        design = max(ends, key=self._value)
         idle, before = 0, self._value(design)
         while idle < MOST_IDLE:
-            design = yield from self._cycle(design, found)
+            design = self._kept(self._ascended(self._kept(self._exchanged(design, found))))
+            for _ in range(CYCLE):
+                yield
+                design = self._round(design)
             value = self._value(design)
             idle = idle + 1 if value - before < LEAST_GAIN * self._level else 0
             before = value
 
-    def _cycle(self, design: PointInformation, found: Pool, share: float = 1.0) -> Generator[None, None, PointInformation]:
-        """An exchange over what was found before, an ascent, and rounds."""
-        design = self._kept(self._ascended(self._kept(self._exchanged(design, found))))
-        for _ in range(CYCLE):
+    def _climbed(self, design: PointInformation, pool: Pool) -> Generator[None, None, Pool]:
+        """Candidates that would raise the criterion and are far apart, each after some rounds in which it climbs."""
+        live = np.flatnonzero(pool.valid >= 0)
+        width = np.array([upper - lower for lower, upper in self._bounds])
+        table = pool.information.experiments.table[live, : len(width)]
+        most = max(1, round(self._drawn_share * PEAKS * self.settings.n_candidates))
+        peaks = pool[live[far_apart(table, width, self._gains(design, pool.columns[..., live]), most)]]
+        self._confirm(peaks, np.arange(len(peaks)))
+        for _ in range(CLIMB_ROUNDS):
             yield
-            design = self._round(design, share)
-        return design
+            peaks = self._higher(design, peaks)
+        return peaks
+
+    def _higher(self, design: PointInformation, peaks: Pool) -> Pool:
+        """Each candidate, or the best of what is drawn near it and of this sampled earlier, if that is valid on all nodes."""
+        near, place = self.source.draw_near(peaks.information.experiments, NEAR_PEAK)
+        pool, of = self._pool(near), place.astype(np.intp)
+        gains = self._gains(design, pool.columns)
+        least = LEAST_CLIMB * np.where(peaks.valid == 1, self._gains(design, peaks.columns), 1.0)
+        wanted = best_of_each(gains, of, least, EARLIER, np.ones(len(of), dtype=bool))
+        pool, of = self._with_sampled_earlier(pool, wanted, of)
+        gains = np.append(gains, self._gains(design, pool.columns[..., len(gains) :]))
+        for _ in range(LOOKS):
+            self._confirm(pool, best_of_each(gains, of, least, 1, pool.valid >= 0))
+        best = best_of_each(gains, of, least, 1, pool.valid == 1)
+        source = np.arange(len(peaks))
+        source[of[best]] = len(peaks) + best
+        return peaks.with_more(pool)[source]
+
+    def _gains(self, design: PointInformation, columns: Array) -> Array:
+        """By how much each candidate would raise the criterion beside the design, as a factor."""
+        count = len(design)
+        exchange = self._exchange(np.concatenate([self._columns(design), columns], axis=3), count)
+        return exchange.gains(count + np.arange(columns.shape[3]))
+
+    def _exchange(self, columns: Array, count: int) -> PoolExchange:
+        """Of a design whose points stand first."""
+        return PoolExchange(columns, np.arange(count), self._fixed, self.over.average, self.aims)
 
     def _ask_for_what_is_told(self, pool: Pool) -> None:
         """Where no candidate tells about some parameters, ask for the others."""
@@ -164,6 +187,12 @@ class AutoSearch(PointSearch):
         if aims != self.aims:
             self.aims = self.seen.aims = aims
             self.best = self._incumbent(self.best.information)
+
+    @property
+    def _bounds(self) -> list[tuple[float, float]]:
+        region = self.problem.region
+        assert isinstance(region, ExperimentRegion)
+        return [region.bounds[axis.name] for axis in self.problem.model.axes]
 
     @property
     def _ridge(self) -> float:
@@ -200,8 +229,7 @@ class AutoSearch(PointSearch):
         aims = self.aims if at_random and not self.aims[0].bounded else self._log_dets
         live = np.flatnonzero(pool.valid >= 0)
         size = int(max(LEAST_PART, min(PART * len(live), MOST_WORK / count)))
-        part = np.sort(rng.permutation(live)[:size])
-        designs = []
+        part, designs = np.sort(rng.permutation(live)[:size]), list[PointInformation]()
         for _ in range(TRIES if at_random else 1):
             some = np.sort(rng.permutation(part)[:LEAST_PART]) if at_random else part
             first = rng.integers(len(some), size=count // 2 if at_random else 0)
@@ -213,26 +241,26 @@ class AutoSearch(PointSearch):
             designs.append(self._exchanged(pool.information[chosen], pool, some))
         return self._kept(max(designs, key=self._value))
 
-    def _round(self, design: PointInformation, share: float = 1.0) -> PointInformation:
-        """Draw candidates near all points, a share of the usual number, and exchange the points over all of them."""
-        points = design.experiments
+    def _round(self, design: PointInformation) -> PointInformation:
+        """Draw candidates near all points, and exchange the points over all of them.
+
+        What tells most lies where some plants just can run it, and of what is near such a point the best is mostly beyond: the
+        best in the place of each point are sampled earlier where some plants cannot run them to their end.
+        """
+        points, count = design.experiments, len(design)
         places = np.sort(np.unique(points.table, axis=0, return_index=True)[1])
-        each = max(LEAST_NEAR, int(share * self._drawn_share * NEAR * self.settings.n_candidates) // len(places))
+        each = max(LEAST_NEAR, int(self._drawn_share * NEAR * self.settings.n_candidates) // len(places))
         near, of = self.source.draw_near(points[places], each)
         if not len(near):
             return design
-        pool, place = self._with_sampled_earlier(design, self._pool(near), places[of])
+        pool, place = self._pool(near), places[of]
+        exchange = self._exchange(np.concatenate([self._columns(design), pool.columns], axis=3), count)
+        wanted = exchange.promising(count + np.arange(len(place)), EARLIER, place) - count
+        pool, place = self._with_sampled_earlier(pool, wanted, place)
         return self._kept(self._exchanged(design, pool, place=place))
 
-    def _with_sampled_earlier(self, design: PointInformation, pool: Pool, place: NDArray[np.intp]) -> tuple[Pool, NDArray[np.intp]]:
-        """The pool, and beside its best candidates that some plants cannot run the same for a shorter time; the place of each.
-
-        What tells most lies where some plants just can run it, and of what is near such a point the best is mostly beyond.
-        """
-        count = len(design)
-        columns = np.concatenate([self._columns(design), pool.columns], axis=3)
-        exchange = PoolExchange(columns, np.arange(count), self._fixed, self.over.average, self.aims)
-        wanted = exchange.promising(count + np.arange(len(place)), EARLIER, place) - count
+    def _with_sampled_earlier(self, pool: Pool, wanted: NDArray[np.intp], place: NDArray[np.intp]) -> tuple[Pool, NDArray[np.intp]]:
+        """The pool, and beside wanted candidates that some plants cannot run the same for a shorter time; the place of each."""
         earlier, of, lost = self.source.sampled_earlier(pool.information.experiments[wanted])
         pool.valid[wanted[lost]] = -1
         return pool.with_more(self._pool(earlier)), np.append(place, place[wanted[of]])
@@ -252,7 +280,7 @@ class AutoSearch(PointSearch):
         live = np.arange(len(pool.valid)) if part is None else part
         live = live[pool.valid[live] >= 0]
         columns = np.concatenate([self._columns(design), pool.columns[..., live]], axis=3)
-        exchange = PoolExchange(columns, np.arange(count), self._fixed, self.over.average, self.aims)
+        exchange = self._exchange(columns, count)
         for look in range(LOOKS):
             unknown = np.flatnonzero(pool.valid[live] == 0)
             places = None if place is None else place[live[unknown]]
@@ -275,4 +303,4 @@ class AutoSearch(PointSearch):
 
     def _ascended(self, design: PointInformation) -> PointInformation:
         ascent = PointAscent(self.problem, self.source, self.criterion, self._fixed, self.threads, self.over, self.aims)
-        return ascent.run(design, CLIMB, self._late)
+        return ascent.run(design, ASCENT, self._late)

@@ -85,6 +85,20 @@ class PoolExchange:
             if not changed:
                 return
 
+    def gains(self, among: NDArray[np.intp]) -> Array:
+        """By how much each of some candidates raises the criterion beside all points of the design, as a factor."""
+        parts, offsets = self._beside(self.chosen, self._taken(among))
+        exactly = [part.aim.added_exactly(f, w) if self._bounded else part.aim.added(f, w) for part, f, w in parts]
+        return self._average.ratios(offsets, exactly)
+
+    def _beside(self, chosen: NDArray[np.intp], columns: Sequence[Array]) -> tuple[list[tuple[_Part, Array, Array]], Array | None]:
+        """Each scenario, with F of some points and the columns of candidates, and what the average needs to know of F."""
+        fishers = [part.of(chosen) for part in self._parts]
+        offsets = None
+        if not self._average.is_mean:
+            offsets = np.array([part.aim.offset(f, part.factor) for part, f in zip(self._parts, fishers, strict=True)])
+        return list(zip(self._parts, fishers, columns, strict=True)), offsets
+
     def _distinct(self) -> NDArray[np.intp]:
         """Places of the points, one of those that are the same."""
         return np.sort(np.unique(self.chosen, return_index=True)[1])
@@ -97,12 +111,7 @@ class PoolExchange:
 
         Where the criterion has bounds for all, what cannot be among the `most` best is 0, but for that which is `here` now.
         """
-        rest = np.concatenate([self.chosen[:place], self.chosen[place + 1 :]])
-        without = [part.without(rest) for part in self._parts]
-        offsets = None
-        if not self._average.is_mean:
-            offsets = np.array([part.aim.offset(f, part.factor) for part, f in zip(self._parts, without, strict=True)])
-        parts = list(zip(self._parts, without, columns, strict=True))
+        parts, offsets = self._beside(np.concatenate([self.chosen[:place], self.chosen[place + 1 :]]), columns)
         ratios = self._average.ratios(offsets, [part.aim.added(f, w) for part, f, w in parts])
         if not self._bounded:
             return ratios
@@ -140,9 +149,9 @@ class _Part:
         self._fixed = np.linalg.solve(factor, half.T) + least * np.eye(len(fixed))
         self.aim, self.factor = aim.within(factor), factor
 
-    def without(self, rest: NDArray[np.intp]) -> Array:
-        """F of some points alone, to which next to nothing is added."""
-        columns = self.columns.take(rest, axis=2).reshape(len(self._fixed), -1)
+    def of(self, chosen: NDArray[np.intp]) -> Array:
+        """F of some points, to which next to nothing is added."""
+        columns = self.columns.take(chosen, axis=2).reshape(len(self._fixed), -1)
         fisher = columns @ columns.T + self._fixed
         fisher.flat[:: len(fisher) + 1] *= 1 + TINY
         return fisher

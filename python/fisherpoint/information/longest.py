@@ -1,0 +1,68 @@
+"""The longest durations at which points can be run at the prior mean and on some nodes of a rule."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..basics.values import Array
+from ..points.experiments import Experiments
+from ..points.settings import Settings
+from .node_sieve import LOSS
+from .problem import DesignProblem
+
+FIRST = np.array([1e-9, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 0.95, 0.99, 0.998, 1.0])
+"""Shares of the way from the shortest duration to that of a point, at which all nodes are asked; many points fail by little."""
+
+SECOND = np.arange(12) / 12
+"""Shares of the way between two of these, at which the nodes are asked that fail on it."""
+
+
+def longest(
+    problem: DesignProblem, points: Experiments, shortest: float, nodes: tuple[Array, Array], settings: Settings
+) -> tuple[Array, NDArray[np.bool_]]:
+    """The longest dt (K,) that are found of points (K,), none longer than the given ones, and for which there is one.
+
+    What a trajectory meets by some time it meets by any later one. A run of short segments tells in one piece how far it gets.
+
+    Parameters
+    ----------
+    problem : DesignProblem
+    points : Experiments
+    shortest : float
+        dt that is tried first.
+    nodes : tuple of ndarray
+        Parameters (m, p) and weights (m,) of some nodes; of what lasts, those that are lost weigh no more than the rule allows.
+    settings : Settings
+        Of the trajectories.
+    """
+    theta = np.concatenate([problem.theta[None], nodes[0]])
+    weights = np.append(np.inf, nodes[1])
+    allowed = LOSS * problem.rule.max_lost_weight
+    way, core, kernels = (points.dt - shortest)[:, None], problem.limited.core, problem.limited.kernels
+
+    def reached(shares: Array, asked: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """How many of the shares (K, G) of the way each node gets to, (K, m); 0 of those that are not asked."""
+        result = np.zeros(asked.shape, dtype=np.int64)
+        k, m = np.nonzero(asked)
+        if len(k):
+            dt = np.diff(shortest + way * shares, axis=1, prepend=0.0)[k]
+            u = np.repeat(points.u[k][:, None], dt.shape[1], axis=1)
+            _, _, result[k, m] = kernels.simulate_runs(core, points.x0[k], u, dt, theta[m], *settings)
+        return result
+
+    def last(count: NDArray[np.int64], most: int) -> NDArray[np.intp]:
+        """The last of the shares that enough nodes get to, -1 for none."""
+        lost = np.where(count[:, :, None] <= np.arange(most), weights[:, None], 0.0).sum(axis=1)
+        return np.asarray((lost <= allowed).sum(axis=1) - 1)
+
+    everyone = np.ones((len(points), len(theta)), dtype=bool)
+    first = reached(np.broadcast_to(FIRST, (len(points), len(FIRST))), everyone)
+    place = last(first, len(FIRST))
+    low, high = FIRST[np.maximum(place, 0)], FIRST[np.minimum(place + 1, len(FIRST) - 1)]
+    shares = low[:, None] + np.outer(high - low, SECOND)
+    failing = place[:, None] + 1
+    second = reached(shares, first == failing)
+    second[first > failing] = len(SECOND)
+    share = np.take_along_axis(shares, np.maximum(last(second, len(SECOND)), 0)[:, None], axis=1)
+    return shortest + (way * share)[:, 0], place >= 0
