@@ -28,10 +28,10 @@ from .pool import Pool, best_of_each, far_apart
 from .pool_exchange import PoolExchange, greedy
 from .told import told_aims
 
-POOL, MOST_POOL = 200, 50_000
+POOL, MOST_POOL = 100, 50_000
 """Candidates at the edges of the region for each group, as a multiple of `n_candidates`, and at most; half as many random ones."""
 
-PEAKS, NEAR_PEAK = 3, 24
+PEAKS, NEAR_PEAK = 3, 16
 """Candidates that climb in each group, as a multiple of `n_candidates`; those that are drawn near each of them in a round."""
 
 NEAR, LEAST_NEAR = 12, 4
@@ -40,7 +40,7 @@ NEAR, LEAST_NEAR = 12, 4
 PART, LEAST_PART, MOST_WORK = 0.3, 300, 200_000
 """Share of the pool from which a group begins; how many at least; and points times candidates of an exchange at most."""
 
-GROUPS, FIRST_ROUNDS, CLIMB_ROUNDS, ROUNDS = 5, 2, 10, 6
+GROUPS, FIRST_ROUNDS, CLIMB_ROUNDS, ROUNDS = 6, 2, 10, 6
 """Groups, and in each the rounds of its first design, of the climbing candidates, and of what the design becomes with them.
 
 What a group has missed another one has, and merging takes it over.
@@ -113,19 +113,10 @@ class AutoSearch(PointSearch):
         random.valid[: len(first)] = 1
         self._confirm(random, np.arange(min(len(random), TAUGHT)))
         self._ask_for_what_is_told(random)
-        groups = int(np.clip(settings.max_iterations // LEAST_ROUNDS, 1, GROUPS))
         ends, found = list[PointInformation](), random[np.arange(len(first))]
-        for group in range(groups):
+        for group in range(int(np.clip(settings.max_iterations // LEAST_ROUNDS, 1, GROUPS))):
             pool = random.with_more(self._pool(self.source.draw_at_edges(count)))
-            design = self._start(pool, at_random=group % 2 == 1)
-            for _ in range(FIRST_ROUNDS):
-                yield
-                design = self._round(design)
-            peaks = yield from self._climbed(design, pool)
-            design = self._kept(self._ascended(self._kept(self._exchanged(design, peaks))))
-            for _ in range(ROUNDS):
-                yield
-                design = self._round(design)
+            design, peaks = yield from self._group(pool, at_random=group % 2 == 1)
             ends.append(design)
             found = found.with_more(peaks).with_more(self._pool(design, 1))
             values = np.array([self._value(end) for end in ends])
@@ -134,13 +125,28 @@ class AutoSearch(PointSearch):
         design = max(ends, key=self._value)
         idle, before = 0, self._value(design)
         while idle < MOST_IDLE:
-            design = self._kept(self._ascended(self._kept(self._exchanged(design, found))))
-            for _ in range(CYCLE):
-                yield
-                design = self._round(design)
+            design = yield from self._followed(design, found, CYCLE)
             value = self._value(design)
             idle = idle + 1 if value - before < LEAST_GAIN * self._level else 0
             before = value
+
+    def _group(self, pool: Pool, at_random: bool) -> Generator[None, None, tuple[PointInformation, Pool]]:
+        """A design, and the candidates that have climbed for it."""
+        design = self._start(pool, at_random)
+        for _ in range(FIRST_ROUNDS):
+            yield
+            design = self._round(design)
+        peaks = yield from self._climbed(design, pool)
+        design = yield from self._followed(design, peaks, ROUNDS)
+        return design, peaks
+
+    def _followed(self, design: PointInformation, pool: Pool, rounds: int) -> Generator[None, None, PointInformation]:
+        """The design after an exchange over a pool, an ascent and rounds."""
+        design = self._kept(self._ascended(self._kept(self._exchanged(design, pool))))
+        for _ in range(rounds):
+            yield
+            design = self._round(design)
+        return design
 
     def _climbed(self, design: PointInformation, pool: Pool) -> Generator[None, None, Pool]:
         """Candidates that would raise the criterion and are far apart, each after some rounds in which it climbs."""
