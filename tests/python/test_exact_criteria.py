@@ -171,7 +171,7 @@ def test_criteria_of_all_parameters_ask_for_what_is_estimable(name: str) -> None
 
 def test_a_function_of_what_is_estimable_has_its_design_and_another_one_error() -> None:
     given = blind()
-    design = fp.exchange(given, 4, criterion="c", of="a + b", **QUICK)
+    design = fp.exchange(given, 4, criterion="c", of="a + b", **QUICK | {"max_iterations": 80})
     assert design.value == pytest.approx(1 / (design.points.u[:, 0] ** 2).sum(), rel=1e-3)
     assert design.value == pytest.approx(1 / 4, rel=0.01)
     assert design.efficiency is not None and design.efficiency.at_least == pytest.approx(1, abs=0.01)

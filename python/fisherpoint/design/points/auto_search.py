@@ -34,8 +34,8 @@ POOL, MOST_POOL = 100, 50_000
 PEAKS, NEAR_PEAK = 3, 16
 """Candidates that climb in each group, as a multiple of `n_candidates`; those that are drawn near each of them in a round."""
 
-NEAR, LEAST_NEAR = 12, 4
-"""Candidates near all points in each round, as a multiple of `n_candidates`, and near each point at least."""
+NEAR, OF_GROUPS, LEAST_NEAR = 24, 0.5, 4
+"""Candidates near all points in each round, as a multiple of `n_candidates`; the share of groups; and near each point at least."""
 
 PART, LEAST_PART, MOST_WORK = 0.3, 300, 200_000
 """Share of the pool from which a group begins; how many at least; and points times candidates of an exchange at most."""
@@ -135,17 +135,19 @@ class AutoSearch(PointSearch):
         design = self._start(pool, at_random)
         for _ in range(FIRST_ROUNDS):
             yield
-            design = self._round(design)
+            design = self._round(design, OF_GROUPS)
         peaks = yield from self._climbed(design, pool)
-        design = yield from self._followed(design, peaks, ROUNDS)
+        design = yield from self._followed(design, peaks, ROUNDS, OF_GROUPS)
         return design, peaks
 
-    def _followed(self, design: PointInformation, pool: Pool, rounds: int) -> Generator[None, None, PointInformation]:
+    def _followed(
+        self, design: PointInformation, pool: Pool, rounds: int, share: float = 1.0
+    ) -> Generator[None, None, PointInformation]:
         """The design after an exchange over a pool, an ascent and rounds."""
         design = self._kept(self._ascended(self._kept(self._exchanged(design, pool))))
         for _ in range(rounds):
             yield
-            design = self._round(design)
+            design = self._round(design, share)
         return design
 
     def _climbed(self, design: PointInformation, pool: Pool) -> Generator[None, None, Pool]:
@@ -247,15 +249,15 @@ class AutoSearch(PointSearch):
             designs.append(self._exchanged(pool.information[chosen], pool, some))
         return self._kept(max(designs, key=self._value))
 
-    def _round(self, design: PointInformation) -> PointInformation:
-        """Draw candidates near all points, and exchange the points over all of them.
+    def _round(self, design: PointInformation, share: float = 1.0) -> PointInformation:
+        """Draw candidates near all points, a share of the usual number, and exchange the points over all of them.
 
         What tells most lies where some plants just can run it, and of what is near such a point the best is mostly beyond: the
         best in the place of each point are sampled earlier where some plants cannot run them to their end.
         """
         points, count = design.experiments, len(design)
         places = np.sort(np.unique(points.table, axis=0, return_index=True)[1])
-        each = max(LEAST_NEAR, int(self._drawn_share * NEAR * self.settings.n_candidates) // len(places))
+        each = max(LEAST_NEAR, int(share * self._drawn_share * NEAR * self.settings.n_candidates) // len(places))
         near, of = self.source.draw_near(points[places], each)
         if not len(near):
             return design

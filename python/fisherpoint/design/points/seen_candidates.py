@@ -24,7 +24,7 @@ from .over_bound import over_bound
 from .point_ascent import scenario_rows, whitened_rows
 from .told import NOT_TOLD
 
-MOST_NUMBERS = 10_000_000
+MOST_NUMBERS = 20_000_000
 """Numbers of sensitivities that are kept, of 8 bytes each, of all scenarios; candidates after these are not."""
 
 TOLERANCE, OF_KINKS = 5e-4, 2e-3
@@ -32,7 +32,7 @@ TOLERANCE, OF_KINKS = 5e-4, 2e-3
 takes long."""
 
 
-LOOKS = 6
+LOOKS = 60
 """How often as many of the best candidates as are wanted are tried on the nodes, at most."""
 
 
