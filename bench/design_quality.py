@@ -27,7 +27,8 @@ from fisherpoint.estimation.least_squares import CONVERGED, minimise
 from fisherpoint.estimation.observed import Observed
 from fisherpoint.estimation.precision import Precision, covariances
 from fisherpoint.estimation.small_samples import output_degrees_of_freedom
-from fisherpoint.estimation.unknowns import checked_bounds, prior_factor, spread_starts, unknowns_of
+from fisherpoint.estimation.starts import spread_starts
+from fisherpoint.estimation.unknowns import checked_bounds, prior_factor, unknowns_of
 from fisherpoint.estimation.weighting import WeightedResiduals, noise_covariance
 from fisherpoint.information.draws import drawn_from_prior
 from fisherpoint.points.settings import resolve_threads

@@ -220,6 +220,31 @@ def test_what_is_assumed_is_weighed_where_trajectories_are_ok() -> None:
     assert fit.estimate["k"] == pytest.approx(near.estimate["k"], abs=1e-3 * near.standard_errors["k"])
 
 
+@pytest.mark.parametrize(("w", "v"), [(1.6, 4.2), (1.6, 7.8), (4.4, 4.2), (4.4, 7.8)])
+def test_starts_go_further_out_where_those_of_the_prior_end_in_wrong_minima(w: float, v: float) -> None:
+    """Two frequencies, both two prior standard deviations off: from eight starts three of the four were missed by far."""
+    units = {"w": "rad/s", "v": "rad/s", "a": "1"}
+    waves = fp.SymbolicModel([], ["sin(w*u) + a*cos(v*u)"], {}, {"u": "s"}, units, {"y": "1"})
+    u = np.linspace(0.0, 6.0, 25)
+    y = np.sin(w * u) + np.cos(v * u) + 0.05 * np.random.default_rng(1).standard_normal(25)
+    data = fp.Measurements(fp.Experiments(np.empty((25, 0)), u[:, None]), y)
+    around = fp.GaussianPrior({"w": 3.0, "v": 6.0, "a": 0.8}, {"w": 0.7, "v": 0.9, "a": 0.2})
+    fit = fp.estimate(waves, data, start=around, noise_std={"y": 0.05})
+    assert fit.converged and not fit.unexplained and fit.starts == 24
+    assert [fit.estimate["w"], fit.estimate["v"]] == pytest.approx([w, v], abs=0.03)
+
+
+def test_starts_that_agree_are_enough() -> None:
+    fit = fp.estimate(LINE, fp.Measurements(POINTS, line_data()), start=PRIOR, noise_std={"y": 0.1})
+    assert (fit.reached, fit.starts) == (8, 8)
+
+
+def test_data_that_no_start_explains_are_called_so() -> None:
+    fit = fp.estimate(LINE, fp.Measurements(POINTS, line_data() + U**2), start=PRIOR, noise_std={"y": 0.01})
+    assert fit.unexplained == ("y",) and (fit.reached, fit.starts) == (24, 24)
+    assert "the model, the noise of this output or the minimum found is wrong" in str(fit)
+
+
 def test_noise_of_an_output_that_can_be_fitted_exactly_is_not_told() -> None:
     """Two values for two unknowns: the likelihood grows without end as the noise vanishes, also with a prior."""
     data, prior = fp.Measurements(POINTS, line_data()), fp.GaussianPrior({"a": 2.0, "b": -0.7}, {"a": 1.0, "b": 1.0})

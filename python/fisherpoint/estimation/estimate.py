@@ -17,23 +17,17 @@ from ..data.record import Record
 from ..models import Model
 from ..points.natural_sizes import warn_of_small_states
 from ..points.settings import check_rtol, resolve_threads
-from ..points.status import Status
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import Rule
 from .fit import Fit
 from .known_noise import KnownNoise
 from .observed import Observed
-from .search import search_with_known_noise, search_with_unknown_noise
+from .search import SAME_MINIMUM, Found, search_with_known_noise, search_with_unknown_noise
 from .small_samples import unbiased
+from .starts import MOST_STARTS, evaluable_starts, further_starts, start_guess
 from .unknown_noise import check_noise_can_be_told
-from .unknowns import Unknowns, checked_bounds, prior_factor, spread_starts, unknowns_of
+from .unknowns import checked_bounds, prior_factor, unknowns_of
 from .weighting import WeightedResiduals, noise_covariance
-
-MOST_STARTS = 10**4
-"""Starts of a search, past which they count as a slip."""
-
-MOST_DRAWN = 8
-"""Nodes of the prior, for each start, that are tried where trajectories are not ok."""
 
 
 def estimate(
@@ -82,7 +76,8 @@ def estimate(
         Takes that share as a predictive covariance (16), where it is not linear; the default is by tangents, which runs need.
     starts : int
         Number of starts where there is a prior: its mean, and nodes spread over it, of which those at which trajectories are not
-        ok are left out.
+        ok are left out. Where at most half of them come to the best fit, or this leaves residuals that the known noise does not
+        explain (probability below 0.001), twice as many starts follow: the best of many nodes that lie twice as far out.
     rtol : float
         Tolerance of the trajectories.
     threads : int, optional
@@ -122,7 +117,7 @@ def estimate(
         given_names = mapping.names if isinstance(mapping, GaussianPrior) else tuple(mapping or ())
         for unknown in (name for name in given_names if name not in known_names):
             raise ValueError(f"{label}: expected names of {listed(known_names)}; given unknown {shown(unknown)}")
-    begin = {name: first[name] if name in first else _start_guess(model, *observed.starts[name]) for name in observed.names}
+    begin = {name: first[name] if name in first else start_guess(model, *observed.starts[name]) for name in observed.names}
     scales = {q.name: q.scale or 0.0 for q in model.states}
     sizes = {name: scales[state] for name, (state, _) in observed.starts.items()}
     unknowns = unknowns_of(begin, spread, sizes, checked_bounds(model, bounds, observed.names))
@@ -144,26 +139,52 @@ def estimate(
         found = search_with_unknown_noise(residuals, z0)
         sensors = found.residuals.covariance
 
-    values = unknowns.values(found.z[None])
+    fit = _fit(parts, prior, noise_std is not None, sensors, found, len(z0))
+    if not fit.noise_known:
+        return _with_unbiased_noise(fit)
+    if len(z0) > 1 and spread is not None and (fit.unexplained or 2 * fit.reached <= fit.starts):
+        further = further_starts(found.residuals, begin, spread, len(z0))
+        again = search_with_known_noise(residuals, np.concatenate([found.z[None], further]), noise)
+        fit = _better(fit, _fit(parts, prior, True, sensors, again, len(z0) + len(further)))
+    return fit
+
+
+def _fit(
+    parts: tuple[Measurements | Record, ...],
+    prior: GaussianPrior | None,
+    noise_known: bool,
+    sensors: Array,
+    found: Found,
+    starts: int,
+) -> Fit:
+    observed, values = found.residuals.observed, found.residuals.unknowns.values(found.z[None])
     response = observed.respond(values)
-    fit = Fit(
-        model=model,
+    return Fit(
+        model=observed.model,
         data=parts,
         prior=prior,
         theta=observed.parameters(values)[0],
         values=values[0],
         predicted=response.y[0],
         residuals=observed.y - response.y[0],
-        noise_known=noise_std is not None,
+        noise_known=noise_known,
         noise_covariance=sensors,
         converged=found.converged,
         message=found.message,
         evaluations=found.evaluations,
-        starts=len(z0),
+        starts=starts,
         reached=found.reached,
         weighted=found.residuals,
     )
-    return fit if fit.noise_known else _with_unbiased_noise(fit)
+
+
+def _better(fit: Fit, again: Fit) -> Fit:
+    """The fit of a second search, which started at the first one's minimum too: `reached` counts no start twice."""
+    first, second = (one.chi_square + one.weighted.prior_square(one.z[None])[0] for one in (fit, again))
+    same = abs(first - second) <= 2 * SAME_MINIMUM
+    if not same:
+        return again
+    return replace(again, reached=fit.reached + again.reached - 1, evaluations=fit.evaluations + again.evaluations)
 
 
 def _parts(data: Any, model: Model) -> tuple[Measurements | Record, ...]:
@@ -194,32 +215,6 @@ def _first(model: Model, prior: GaussianPrior | None, start: Any, parts: Sequenc
     for missing in (name for name in names_of(model.parameters) if name not in values):
         raise ValueError(f"start: expected a value of {missing!r}, which has neither a prior nor a nominal value; given none")
     return values
-
-
-def _start_guess(model: Model, state: str, record: Record) -> float:
-    """A start for a state of a record that is not known: the first measurement of the output of its name, or its natural size."""
-    outputs = names_of(model.outputs)
-    if state in outputs:
-        column = record.y[:, outputs.index(state)]
-        if np.isfinite(column).any():
-            return float(column[np.isfinite(column)][0])
-    return next(q.scale for q in model.states if q.name == state) or 1.0
-
-
-def evaluable_starts(
-    observed: Observed, unknowns: Unknowns, begin: Mapping[str, float], spread: GaussianPrior | None, count: int
-) -> Array:
-    """Coordinates (B, P) of the starts: as given, and nodes of the prior; further nodes in the place of those that are not ok."""
-    z = spread_starts(unknowns, begin, spread, MOST_DRAWN * count if count > 1 else 1)
-    if len(z) == 1:
-        return z
-    ok = np.zeros(len(z), dtype=bool)
-    for first in range(0, len(z), count):
-        some = slice(first, first + count)
-        ok[some] = observed.respond(unknowns.values(z[some])).status == Status.ok
-        if ok.sum() >= count:
-            break
-    return z[ok][:count] if ok.any() else z[:1]
 
 
 def _with_unbiased_noise(fit: Fit) -> Fit:

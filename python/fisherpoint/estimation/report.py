@@ -11,11 +11,8 @@ from ..prior.gaussian import GaussianPrior
 from ..show.numbers import counted, digits_of, number, percent
 from ..show.section import Report, Section
 from .profile_curve import FOUND, ProfileCurve
-from .statistics import FitStatistics
+from .statistics import OFF, FitStatistics
 from .unknown_noise import TINY
-
-OFF = 0.001
-"""Probability of a chi-square by chance below which the model or the noise of an output is called wrong."""
 
 STRONG = 0.98
 """Correlation of two unknowns from which on it is pointed out."""
@@ -101,7 +98,8 @@ def warnings(fit: FitStatistics) -> Iterator[str]:
     for name, test in fit.tests.items():
         per = number(test.per_degree_of_freedom, 3)
         if test.p_value is not None and test.p_value < OFF:
-            yield f"{name}: chi-square per degree of freedom {per}: the model or the noise of this output is wrong"
+            wrong = "the model, the noise of this output or the minimum found is wrong"
+            yield f"{name}: chi-square per degree of freedom {per}: {wrong}"
         elif test.p_value is not None and test.p_value > 1 - OFF:
             yield f"{name}: chi-square per degree of freedom {per}: the noise of this output is smaller than given"
     yield from _beside_numerical_error(fit)

@@ -21,6 +21,9 @@ from .small_samples import Inflated, inflated, output_degrees_of_freedom
 from .unknown_noise import correlations_can_be_told, residual_covariance
 from .weighting import WeightedResiduals
 
+OFF = 0.001
+"""Probability of a chi-square by chance below which the model or the noise of an output is called wrong."""
+
 FEWEST_DEGREES = 0.5
 """Of freedom of an output, below which its residuals do not tell its noise."""
 
@@ -218,6 +221,11 @@ class FitStatistics:
                 p_value = float(chi2.sf(squares[i], degrees)) if self.noise_known and degrees > 1e-9 else None
                 tests[name] = OutputTest(int(counts[i]), float(squares[i]), degrees, p_value)
         return FrozenMapping(tests)
+
+    @property
+    def unexplained(self) -> tuple[str, ...]:
+        """Outputs whose residuals are larger than the known noise explains: their chi-square has a probability below 0.001."""
+        return tuple(name for name, test in self.tests.items() if test.p_value is not None and test.p_value < OFF)
 
     @property
     def noise_not_told(self) -> tuple[str, ...]:

@@ -13,7 +13,6 @@ from ..basics.messages import shown
 from ..basics.values import Array, IntArray
 from ..models import Model
 from ..prior.gaussian import GaussianPrior
-from ..prior.rules import Sobol
 from .least_squares import CONVERGED, RAN_OFF, Minima
 
 FARTHEST = 30.0
@@ -148,15 +147,3 @@ def prior_factor(prior: GaussianPrior, unknowns: Unknowns) -> Array | None:
     factor = np.zeros((len(columns), len(unknowns)))
     factor[:, columns] = np.linalg.solve(np.linalg.cholesky(correlation), np.eye(len(columns)))
     return factor
-
-
-def spread_starts(unknowns: Unknowns, begin: Mapping[str, float], spread: GaussianPrior | None, count: int) -> Array:
-    """Coordinates (B, P) of the starts: the first as given, others at nodes of the prior."""
-    z = unknowns.coordinates(np.array([list(begin.values())]))
-    named = [name for name in unknowns.names if spread is not None and name in spread.names]
-    if spread is not None and named and count > 1:
-        nodes, _ = Sobol(1 << (count - 1).bit_length()).nodes(spread.marginal(named))
-        values = np.tile(list(begin.values()), (count - 1, 1))
-        values[:, [unknowns.names.index(name) for name in named]] = nodes[: count - 1]
-        z = np.concatenate([z, unknowns.coordinates(values)])
-    return np.clip(z, unknowns.lower, unknowns.upper)

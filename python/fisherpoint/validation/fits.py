@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from ..basics.quantity import names_of
 from ..basics.values import Array
 from ..data.measurements import Measurements
-from ..estimation.estimate import evaluable_starts
 from ..estimation.least_squares import CONVERGED, ENDS
 from ..estimation.observed import Observed
 from ..estimation.precision import Precision, covariances, in_words, quantile
 from ..estimation.run_error import RunError, run_errors
 from ..estimation.small_samples import inflated, output_degrees_of_freedom, unbiased
+from ..estimation.starts import evaluable_starts
 from ..estimation.unknown_noise import check_noise_can_be_told, correlations_can_be_told
 from ..estimation.unknowns import Unknowns, checked_bounds, prior_factor, unknowns_of
 from ..estimation.weighting import WeightedResiduals, noise_covariance
