@@ -197,6 +197,8 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "of": 'For `"c"` a function of the parameters; for `"Ds"` names of parameters; for `"I"` the name of an output.',
             "conditions": 'For `"I"`, a CSV file beside this one with the points at which the output is predicted.',
             "scale": 'For `"A"`, `"E"` and `"ME"`, what errors of the parameters are compared with, by name.',
+            "confidence": "Share of the plants that the prior allows which must be able"
+            " to run [all points](../how_to/limits.md#points-that-most-plants-can-run).",
             "output_covariance": "The [form of D](../explanation/output_covariance.md).",
             "parameters": "The parameters to estimate; the others are taken as known.",
             "kinks": 'Whether trajectories may cross kinks; `"exclude"` leaves out points that do.',

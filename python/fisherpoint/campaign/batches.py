@@ -11,7 +11,6 @@ from ..basics.values import FrozenMapping
 from ..data import Measurements
 from ..design.exchange import exchange
 from ..design.runs.design_runs import design_runs
-from ..design.runs.run_design import RunDesign
 from ..design.settings import ExchangeSettings, RunSettings
 from ..information.problem import DesignProblem
 from ..information.run_information import checked_problem
@@ -82,10 +81,11 @@ class Kind:
         found = self.search(problem, **vars(settings), threads=threads, progress=progress, previous=previous)
         if found.stop_reason == "interrupted":
             raise KeyboardInterrupt
-        if isinstance(found, RunDesign) and found.settings.confidence is not None and not found.feasible:
-            asked, able = percent(found.settings.confidence), percent(found.feasibility.share)
+        able = found.feasibility
+        if found.settings.confidence is not None and able is not None and not found.feasible:
             warnings.warn(
-                f"confidence: expected a batch that {asked} of the plants can run, found one that {able} can",
+                f"confidence: expected a batch that {percent(found.settings.confidence)} of the plants can run, "
+                f"found one that {percent(able.share)} can",
                 stacklevel=3,
             )
         points: Points = found.points

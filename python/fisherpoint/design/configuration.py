@@ -129,6 +129,8 @@ class Config(ModelFile):
                 return ExperimentRegion(bounds, constraints=self.region.constraints)
         if self.region.constraints:
             raise self.error("region.constraints", "expected only for points, given beside [runs]")
+        if self.design.confidence is not None:
+            raise self.error("design.confidence", "expected only for points; of runs it is runs.confidence")
         with self._names_key("runs"):
             return RunRegion(bounds, **self.runs.options())
 

@@ -57,6 +57,7 @@ def exchange(
     of: str | Sequence[str] | None = None,
     conditions: Experiments | None = None,
     scale: Mapping[str, float] | None = None,
+    confidence: float | None = None,
 ) -> Design:
     """Find the design with the largest det F, or the best by another criterion, by exchanging points for candidates.
 
@@ -110,6 +111,10 @@ def exchange(
         are, and what they need. Where no point tells about some parameters, "A", "E" and "ME" ask for the others.
     of, conditions, scale
         What the criterion needs.
+    confidence : float, optional
+        The share of the plants of the prior that must be able to run all points, such as 0.99; for method "auto". Points then keep
+        so far away from jumps and limits that plants further out than the prior's can run them; `Design.feasible` says whether that
+        was enough. Without it a point must be valid on the nodes of the rule, and one plant in ten may not be able to run one.
 
     Returns
     -------
@@ -140,6 +145,7 @@ def exchange(
         of=of,  # type: ignore[arg-type]  # the settings make it a tuple
         conditions=conditions,
         scale=scale,
+        confidence=confidence,
     )
     check_asked(settings, problem)
     if progress is not None and not callable(progress):

@@ -61,7 +61,7 @@ class FoundDesign:
     efficiency : Efficiency or None
         Against the references; None where they were not asked for.
     trace : tuple of TraceRecord
-        The first is the random start; log_det never falls.
+        The first is the random start; log_det never falls, but where `confidence` makes points keep further away from limits.
     rejected : mapping of reason to int
         Candidates that are no points; drawn = accepted + their sum.
     drawn, accepted : int
@@ -120,6 +120,12 @@ class FoundDesign:
         if self.problem.model.kernels is not kernels:
             return None
         return feasibility(self.problem, self.points, draws=DRAWS, seed=self.settings.seed + UNSEEN)
+
+    @property
+    def feasible(self) -> bool:
+        """Whether no smaller share of the plants than the asked one can run all points, of those that `feasibility` has tried."""
+        asked, tried = self.settings.confidence, self.feasibility
+        return asked is None or (tried is not None and tried.share >= asked)
 
     @property
     def distinct_points(self) -> int:

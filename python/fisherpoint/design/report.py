@@ -46,11 +46,11 @@ def design_report(design: FoundDesign, most: int = ROWS) -> Report:
     ]
     sections += _efficiency(design)
     if design.feasibility is not None:
-        sections += plants_sections(design.feasibility)
+        sections += plants_sections(design.feasibility, design.settings.confidence)
     sections.append(_search(design))
     if design.rejected:
         sections.append(_counts("Rejected candidates", design.rejected, design.drawn, "of drawn"))
-    return Report(_headline(design), sections, [*_plants_warnings(design.feasibility), *_warnings(design)])
+    return Report(_headline(design), sections, [*_plants_warnings(design), *_warnings(design)])
 
 
 def plants_sections(feasibility: Feasibility, confidence: float | None = None) -> Iterator[Section]:
@@ -61,8 +61,14 @@ def plants_sections(feasibility: Feasibility, confidence: float | None = None) -
     yield from others
 
 
-def _plants_warnings(feasibility: Feasibility | None) -> Iterator[str]:
-    if feasibility is not None and feasibility.share < USUAL:
+def _plants_warnings(design: FoundDesign) -> Iterator[str]:
+    feasibility = design.feasibility
+    if feasibility is not None and not design.feasible:
+        yield (
+            f"Only {percent(feasibility.share)} of the plants that the prior allows can run all points, where"
+            f" {percent(design.settings.confidence or 0.0)} was asked for: narrow the region, or give the search more time."
+        )
+    elif feasibility is not None and design.settings.confidence is None and feasibility.share < USUAL:
         yield (
             f"Only {percent(feasibility.share)} of the plants that the prior allows can run all points. The table of points says"
             " which to leave out, or to begin elsewhere; narrower bounds of the region help."

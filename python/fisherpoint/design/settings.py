@@ -57,6 +57,7 @@ class ExchangeSettings:
     of: str | tuple[str, ...] | None = None
     conditions: Experiments | None = None
     scale: Mapping[str, float] | None = None
+    confidence: float | None = None
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -80,6 +81,8 @@ class ExchangeSettings:
             check_type(self.conditions, Experiments, "conditions")
         if self.scale is not None:
             set_field(self, "scale", by_name(self.scale, None, "scale", as_std))
+        if self.confidence is not None:
+            set_field(self, "confidence", as_probability(self.confidence, "confidence"))
 
 
 def _check_kind_of_over(over: object) -> None:
@@ -103,6 +106,11 @@ def most_iterations(given: int | None, method: str, problem: DesignProblem) -> i
 def check_asked(settings: ExchangeSettings, problem: DesignProblem) -> None:
     """Raise where another criterion than log det F at the prior mean is asked for that no search has."""
     kind, method = str(problem.output_covariance), searched_by(settings.method, problem)
+    if settings.confidence is not None and method != "auto":
+        raise ValueError(
+            'confidence: expected method = "auto", output_covariance = "noise" or "region" and a model of equations, '
+            f"given method {settings.method!r}, output_covariance {kind!r} and a {type(problem.model).__name__}"
+        )
     if method == "auto" and kind == "noise":
         return
     for name, given in (("over", settings.over is not None), (f"criterion {settings.criterion!r}", settings.criterion != "D")):

@@ -136,6 +136,15 @@ class CandidateSource:
         survivors, kept = self.survivors(cut)
         return survivors, places[kept], np.flatnonzero(status).astype(np.int32)
 
+    def cut_for_plants(self, points: Experiments) -> tuple[PointInformation, IntArray]:
+        """Return points sampled as late as all plants that are asked allow, those that are valid at the mean; and their places."""
+        places = np.arange(len(points))
+        if (shortest := self._shortest) is not None:
+            points, found = self._validity.cut_for_plants(points, shortest)
+            places = np.flatnonzero(found)
+        survivors, kept = self.survivors(points)
+        return survivors, places[kept].astype(np.int32)
+
     @property
     def _shortest(self) -> float | None:
         """The shortest dt; None where all are as long, or there is none."""

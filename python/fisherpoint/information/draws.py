@@ -28,29 +28,29 @@ def drawn_from_prior(problem: DesignProblem, count: int, rng: np.random.Generato
     return _sensible_draws(problem.model, count, _of_prior(problem, rng))
 
 
-def drawn_plants(problem: DesignProblem, count: int, rng: np.random.Generator) -> tuple[Array, int]:
+def drawn_plants(problem: DesignProblem, count: int, rng: np.random.Generator, wider: float = 1.0) -> tuple[Array, int]:
     """The same with uncertain constants drawn too: parameters (count, p) of `problem.assumed.model`, if there is one.
 
-    Deviations of starts are zero: a plant has others in each run.
+    Deviations of starts are zero: a plant has others in each run. With `wider` all else deviates so many times as far.
     """
-    draw, assumed = _of_prior(problem, rng), problem.assumed
+    draw, assumed = _of_prior(problem, rng, wider), problem.assumed
     if assumed is None:
         return _sensible_draws(problem.model, count, draw)
     known = len(assumed.std) - len(problem.initial_state_std or ())
 
     def of_assumed(count: int) -> Array:
         theta = assumed.theta(draw(count))
-        theta[:, assumed.columns[:known]] += assumed.std[:known] * rng.standard_normal((count, known))
+        theta[:, assumed.columns[:known]] += wider * assumed.std[:known] * rng.standard_normal((count, known))
         return theta
 
     return _sensible_draws(assumed.model, count, of_assumed)
 
 
-def _of_prior(problem: DesignProblem, rng: np.random.Generator) -> Callable[[int], Array]:
+def _of_prior(problem: DesignProblem, rng: np.random.Generator, wider: float = 1.0) -> Callable[[int], Array]:
     coordinates = cholesky_coordinates(problem.prior, problem.estimated)
     names = names_of(problem.model.parameters)
     columns = [problem.prior.names.index(name) for name in names]
-    return lambda count: coordinates.theta(rng.standard_normal((count, len(names))))[:, columns]
+    return lambda count: coordinates.theta(wider * rng.standard_normal((count, len(names))))[:, columns]
 
 
 def _sensible_draws(model: Model, count: int, draw: Callable[[int], Array]) -> tuple[Array, int]:

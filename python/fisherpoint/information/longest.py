@@ -6,10 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.values import Array
+from ..models import Model
 from ..points.experiments import Experiments
 from ..points.settings import Settings
-from .node_sieve import LOSS
-from .problem import DesignProblem
 
 FIRST = np.array([1e-9, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 0.95, 0.99, 0.998, 1.0])
 """Shares of the way from the shortest duration to that of a point, at which all nodes are asked; many points fail by little."""
@@ -19,7 +18,7 @@ SECOND = np.arange(12) / 12
 
 
 def longest(
-    problem: DesignProblem, points: Experiments, shortest: float, nodes: tuple[Array, Array], settings: Settings
+    model: Model, points: Experiments, shortest: float, theta: Array, weights: Array, allowed: float, settings: Settings
 ) -> tuple[Array, NDArray[np.bool_]]:
     """The longest dt (K,) that are found of points (K,), none longer than the given ones, and for which there is one.
 
@@ -27,19 +26,18 @@ def longest(
 
     Parameters
     ----------
-    problem : DesignProblem
+    model : Model
     points : Experiments
     shortest : float
         dt that is tried first.
-    nodes : tuple of ndarray
-        Parameters (m, p) and weights (m,) of some nodes; of what lasts, those that are lost weigh no more than the rule allows.
+    theta, weights : ndarray, (m, p) and (m,)
+        Parameters with which they are run, and the weight of each.
+    allowed : float
+        What those that are lost may weigh.
     settings : Settings
         Of the trajectories.
     """
-    theta = np.concatenate([problem.theta[None], nodes[0]])
-    weights = np.append(np.inf, nodes[1])
-    allowed = LOSS * problem.rule.max_lost_weight
-    way, core, kernels = (points.dt - shortest)[:, None], problem.limited.core, problem.limited.kernels
+    way, core, kernels = (points.dt - shortest)[:, None], model.core, model.kernels
 
     def reached(shares: Array, asked: NDArray[np.bool_]) -> NDArray[np.int64]:
         """How many of the shares (K, G) of the way each node gets to, (K, m); 0 of those that are not asked."""
@@ -65,4 +63,4 @@ def longest(
     second = reached(shares, first == failing)
     second[first > failing] = len(SECOND)
     share = np.take_along_axis(shares, np.maximum(last(second, len(SECOND)), 0)[:, None], axis=1)
-    return shortest + (way * share)[:, 0], place >= 0
+    return np.minimum(shortest + (way * share)[:, 0], points.dt), place >= 0

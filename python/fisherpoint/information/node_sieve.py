@@ -1,7 +1,8 @@
 """Few nodes of a rule that tell most of the points that the prior cannot run.
 
 Most points that a search would like to have are not valid on all nodes of its rule, and mostly on the same few nodes. So these are
-asked first, which costs a tenth of all nodes. What they let pass is tried on all.
+asked first, which costs a tenth of all nodes. What they let pass is tried on all. Plants that every point has to run on are among
+the nodes, each with a weight that is not to be lost.
 """
 
 from __future__ import annotations
@@ -40,20 +41,48 @@ class NodeSieve:
     problem : DesignProblem
     settings : Settings
         Of the trajectories.
+    plants : ndarray, (m, p), optional
+        Parameters of `problem.assumed.model`, if there is one, with which all points have to be ok.
     """
 
-    def __init__(self, problem: DesignProblem, settings: Settings) -> None:
+    def __init__(self, problem: DesignProblem, settings: Settings, plants: Array | None = None) -> None:
         self._problem, self._settings, rule = problem, settings, problem.rule
+        self.allowed = LOSS * rule.max_lost_weight
+        """What the nodes that are lost may weigh."""
+        self.model, self._assumed = problem.model, None
+        if plants is not None:
+            self._assumed = problem.assumed
+            self.model = problem.limited if self._assumed is None else self._assumed.model
+        self._few, self._plants = FEW if plants is None else 2 * FEW, plants
         self._failed: list[Array] = []
         self._told = np.empty((0, len(names_of(problem.model.axes))))
         self._next, self._chosen = LEARNT, np.empty(0, dtype=np.intp)
         self._theta: Array | None = None
         self._weights = np.empty(0)
-        if isinstance(rule, Linearized) or problem.model.kernels is not kernels or rule.size(problem.prior) > MOST:
+        if problem.model.kernels is not kernels:
             return
-        theta, weights = nodes_of(rule, problem.prior, names_of(problem.model.parameters), problem.estimated).nodes()
-        if len(theta) > 2 * FEW:
-            self._theta, self._weights = theta, np.abs(weights) / np.abs(weights).sum()
+        if not isinstance(rule, Linearized) and rule.size(problem.prior) <= MOST:
+            theta, weights = nodes_of(rule, problem.prior, names_of(problem.model.parameters), problem.estimated).nodes()
+            if len(theta) > 2 * FEW:
+                self._theta, self._weights = self.at(theta), np.abs(weights) / np.abs(weights).sum()
+        if plants is not None:
+            self._theta = plants if self._theta is None else np.concatenate([self._theta, plants])
+            self._weights = np.append(self._weights, np.ones(len(plants)))
+
+    def at(self, theta: Array) -> Array:
+        """Parameters (m, p) of the problem's model as those of `model`."""
+        return theta if self._assumed is None else self._assumed.theta(theta)
+
+    @property
+    def plants(self) -> Array:
+        """Those on which every point has to be ok, (m, p); none where they are not asked."""
+        return np.empty((0, len(self.model.parameters))) if self._plants is None else self._plants
+
+    def on_plants(self, points: Experiments) -> IntArray:
+        """Ok where all plants let a point (K,) pass, else the status of one on which it fails."""
+        status = self._at(points, self.plants)
+        lost = np.isin(status, FATAL)
+        return np.where(lost.any(axis=1), status[np.arange(len(points)), np.argmax(lost, axis=1)], np.int32(Status.ok))
 
     def statuses(self, points: Experiments) -> IntArray:
         """Ok where the few nodes let a point (K,) pass, else the status of a node on which it fails."""
@@ -63,7 +92,7 @@ class NodeSieve:
         assert self._theta is not None
         status = self._on_nodes(points, self._chosen)
         lost = np.isin(status, FATAL)
-        failed = lost @ self._weights[self._chosen] > LOSS * self._problem.rule.max_lost_weight
+        failed = lost @ self._weights[self._chosen] > self.allowed
         result[failed] = status[failed, np.argmax(lost[failed], axis=1)]
         return result
 
@@ -71,7 +100,7 @@ class NodeSieve:
     def nodes(self) -> tuple[Array, Array]:
         """Parameters (m, p) and weights (m,) of the few nodes, none as long as nothing is known of them."""
         if self._theta is None:
-            return np.empty((0, len(self._problem.theta))), self._weights
+            return np.empty((0, len(self.model.parameters))), self._weights
         return self._theta[self._chosen], self._weights[self._chosen]
 
     def learn(self, failed: Experiments) -> None:
@@ -90,10 +119,10 @@ class NodeSieve:
 
     def _fewest(self, lost: NDArray[np.bool_]) -> NDArray[np.intp]:
         """Nodes, one after the other, that tell most of the points that are left; of points (K, nodes) that fail."""
-        allowed = LOSS * self._problem.rule.max_lost_weight + 1e-300
+        allowed = self.allowed + 1e-300
         shares = lost * self._weights / allowed
         told, chosen = np.zeros(len(lost)), list[int]()
-        for _ in range(FEW):
+        for _ in range(self._few):
             gained = np.minimum(told[:, None] + shares, 1.0 + 1e-9).sum(axis=0) - np.minimum(told, 1.0 + 1e-9).sum()
             gained[chosen] = 0.0
             best = int(np.argmax(gained))
@@ -106,8 +135,11 @@ class NodeSieve:
     def _on_nodes(self, points: Experiments, nodes: NDArray[np.intp]) -> IntArray:
         """Statuses (K, n) of points on some nodes."""
         assert self._theta is not None
-        model, count = self._problem.model, len(nodes)
+        return self._at(points, self._theta[nodes])
+
+    def _at(self, points: Experiments, parameters: Array) -> IntArray:
+        model, count = self.model, len(parameters)
         rows = np.repeat(np.arange(len(points)), count)
-        theta = np.tile(self._theta[nodes], (len(points), 1))
+        theta = np.tile(parameters, (len(points), 1))
         _, _, status = model.kernels.simulate(model.core, points.x0[rows], points.u[rows], points.dt[rows], theta, *self._settings)
         return np.asarray(status).reshape(len(points), count)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..basics.values import IntArray
+from ..basics.values import Array, IntArray
 from ..points.experiments import Experiments
 from ..points.settings import check_jumps, check_kinks, resolve_threads
 from ..points.status import Status
@@ -18,7 +18,7 @@ from .problem import DesignProblem
 
 
 class Validity:
-    """Tries points on the nodes of a problem's rule.
+    """Tries points on the nodes of a problem's rule, and on plants where these are asked.
 
     Parameters
     ----------
@@ -33,11 +33,19 @@ class Validity:
         self._sieve = NodeSieve(problem, settings)
         self._known: dict[bytes, bool] = {}  # by the numbers of a point
 
+    def ask(self, plants: Array) -> None:
+        """From now on a point is valid where it is also ok on all of some plants (m, p), parameters as `drawn_plants` has them."""
+        self._sieve = NodeSieve(self._problem, self._settings, plants)
+        self._known.clear()
+
     def tried(self, points: PointInformation) -> tuple[PointInformation, IntArray]:
         """The points (K,) with their predictive covariances, zero where they are not valid, and their statuses."""
         status = self._sieve.statuses(points.experiments)
         passed = np.flatnonzero(status == Status.ok)
         found, there = with_covariance(self._problem, points[passed], self._threads)
+        if len(self._sieve.plants):
+            ok = np.flatnonzero(there == Status.ok)
+            there[ok] = self._sieve.on_plants(found.experiments[ok])
         self._sieve.learn(found.experiments[np.flatnonzero(there)])
         status[passed] = there
         self._known.update(zip(_numbers(points), (status == Status.ok).tolist(), strict=True))
@@ -73,9 +81,21 @@ class Validity:
         status[passed] = self._sieve.statuses(points[passed])
         lost = np.flatnonzero(status)
         given = points[lost]
-        dt, found = longest(self._problem, given, shortest, self._sieve.nodes, self._settings)
-        cut = Experiments(given.x0, given.u, dt, columns=given.columns)
-        return cut[np.flatnonzero(found)], lost[found].astype(np.int32), status
+        cut, found = self._cut(given, shortest, *self._sieve.nodes)
+        return cut, lost[found].astype(np.int32), status
+
+    def cut_for_plants(self, points: Experiments, shortest: float) -> tuple[Experiments, NDArray[np.bool_]]:
+        """The points (K,) for as long as all plants that are asked run them, and for which of them there is a dt; these alone."""
+        plants = self._sieve.plants
+        return self._cut(points, shortest, plants, np.ones(len(plants)))
+
+    def _cut(self, points: Experiments, shortest: float, nodes: Array, weights: Array) -> tuple[Experiments, NDArray[np.bool_]]:
+        sieve = self._sieve
+        theta, weights = np.concatenate([sieve.at(self._problem.theta[None]), nodes]), np.append(np.inf, weights)
+        model = self._problem.limited if sieve.model is self._problem.model else sieve.model
+        dt, found = longest(model, points, shortest, theta, weights, sieve.allowed, self._settings)
+        cut = Experiments(points.x0, points.u, dt, columns=points.columns)
+        return cut[np.flatnonzero(found)], found
 
     def include(self, other: Validity) -> None:
         """Remember what another has tried of the same problem."""

@@ -12,7 +12,7 @@ all nodes of the rule before it may enter.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from ...points.region import ExperimentRegion
 from ..optimality.aims import LogDet
 from ..optimality.criteria import Determinant
 from .point_ascent import PointAscent, scenario_rows, whitened_rows
-from .point_search import RIDGE, PointSearch
+from .point_search import RIDGE, Incumbent, PointSearch, Progress
 from .pool import Pool, best_of_each, far_apart
 from .pool_exchange import PoolExchange, greedy
 from .told import told_aims
@@ -67,6 +67,9 @@ EARLIER = 6
 CYCLE, ASCENT = 8, 20
 """Rounds after which all numbers ascend together, and iterations of that ascent."""
 
+CUT = 200
+"""Candidates that are sampled earlier where more plants have to run them."""
+
 AS_MANY = 4
 """Scenarios up to which as many candidates are drawn as for one; with more they are fewer, so that as much is computed."""
 
@@ -95,6 +98,7 @@ class AutoSearch(PointSearch):
         self._drawn_share = max(LEAST_SHARE, min(1.0, AS_MANY / len(self._known)))
         self._rng = np.random.default_rng([self.settings.seed, 2])
         self._rounds = self._all_rounds()
+        self._enough: Incumbent | None = None  # the best design that as many plants can run as are asked
 
     def _advance(self, iteration: int) -> bool | None:
         before = self.best
@@ -123,12 +127,49 @@ class AutoSearch(PointSearch):
             if int((values > values.max() - ALIKE * self._level).sum()) >= AGREE:
                 break
         design = max(ends, key=self._value)
+        while True:
+            design = yield from self._finished(design, found)
+            if self.away is None:
+                return
+            lost = self.away.lost(self.best.information.experiments)
+            if self.away.enough(lost) and (self._enough is None or self.best.log_det > self._enough.log_det):
+                self._enough = self.best
+            if not self.away.change(lost):
+                return
+            design, found = self._further_away(found)
+
+    def run(self, progress: Callable[[Progress], None] | None) -> str:
+        reason = super().run(progress)
+        if self._enough is not None:
+            self.best = self._enough
+        return reason
+
+    def _finished(self, design: PointInformation, found: Pool) -> Generator[None, None, PointInformation]:
+        """The design after cycles of rounds, until nothing gains any more."""
         idle, before = 0, self._value(design)
         while idle < MOST_IDLE:
             design = yield from self._followed(design, found, CYCLE)
             value = self._value(design)
             idle = idle + 1 if value - before < LEAST_GAIN * self._level else 0
             before = value
+        return design
+
+    def _further_away(self, found: Pool) -> tuple[PointInformation, Pool]:
+        """A design and candidates for other plants: those that were found, and sampled as late as these plants allow."""
+        old = self.best.information
+        found = found.with_more(self._pool(old))
+        found.valid[:] = 0
+        best = np.sort(np.argsort(-self._gains(old, found.columns), kind="stable")[:CUT])
+        own, cut = (self._pool(self.source.cut_for_plants(some.experiments)[0]) for some in (old, found.information[best]))
+        for pool in (own, cut, found):
+            self._confirm(pool, np.arange(len(pool)))
+        kept, others = np.flatnonzero(own.valid == 1), cut.with_more(found)
+        design, usable = own.information[kept], np.flatnonzero(others.valid == 1)
+        if missing := len(old) - len(kept):
+            some = others.information[self._rng.choice(usable, missing)] if len(usable) else self.source.draw_confirmed(missing)
+            design = PointInformation.join([design, some])
+        self.best = self._incumbent(design)
+        return design, cut.with_more(found)
 
     def _group(self, pool: Pool, at_random: bool) -> Generator[None, None, tuple[PointInformation, Pool]]:
         """A design, and the candidates that have climbed for it."""

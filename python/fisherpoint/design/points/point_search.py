@@ -25,6 +25,7 @@ from ..optimality.asked import criterion as criterion_asked
 from ..over_prior import Scenarios
 from ..scenario_values import ScenarioValues, scenario_values
 from ..settings import ExchangeSettings
+from .away import Away
 from .seen_candidates import SeenCandidates
 
 RIDGE = 1e-9
@@ -70,6 +71,7 @@ class PointSearch:
         self.over = Scenarios((self.problem,), Average.of_all(1), (self.previous,)) if over is None else over
         self.aims: tuple[Aim, ...] = tuple(map(self._aim, self.over.problems))
         self.seen = SeenCandidates(self.problem, self.threads, self.aims)
+        self.away = None if self.settings.confidence is None else Away(self.problem, self.settings, self.seen.validity)
         keep = self.seen.add if self.settings.references and self.problem.noise_std is not None else None
         elsewhere, rng = () if over is None else over.problems, np.random.default_rng(self.settings.seed)
         self.source = CandidateSource(self.problem, rng, self.threads, keep, elsewhere, self.seen.validity)

@@ -1,0 +1,87 @@
+"""How far points keep away from jumps and limits, so that a share of the plants can run all of them.
+
+Every point has to be ok on some plants that are drawn from the prior, but deviate w times as far from its mean. Of n independent
+draws in the direction in which a point fails first, the largest is at about Phi^-1(1 - 1/n) standard deviations; a point that runs
+on all fails on plants beyond w times that. How many plants a whole design loses depends on how many of its points fail on the same
+ones. So they are counted, on other plants, and w changes in proportion to the quantiles of what is lost and what may be.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import ndtri
+
+from ...information.draws import drawn_plants
+from ...information.feasibility import feasibility
+from ...information.problem import DesignProblem
+from ...information.validity import Validity
+from ...points.experiments import Experiments
+from ..settings import ExchangeSettings
+
+PLANTS = 256
+"""On which every point has to be ok."""
+
+COUNTED, SEEN = 4000, 2_000_003
+"""Plants on which the share is counted, and what is added to the seed for them."""
+
+OF_LOST, NEAR_ENOUGH = 0.6, 0.3
+"""Shares of what may be lost: at most what is lost of the plants that are counted, as a design fits these more than others; and
+what is lost at least where it pays to go on."""
+
+MOST, FACTORS = 5, (0.85, 1.2)
+"""Changes of w, and by which factors it may change at once."""
+
+CLOSE = 1.03
+"""No w is tried between two as close as this."""
+
+
+class Away:
+    """The plants on which all points have to be ok.
+
+    Parameters
+    ----------
+    problem : DesignProblem
+    settings : ExchangeSettings
+        With the share that is asked, `confidence`.
+    validity : Validity
+        That is asked for the plants.
+    """
+
+    def __init__(self, problem: DesignProblem, settings: ExchangeSettings, validity: Validity) -> None:
+        assert settings.confidence is not None
+        self._problem, self._seed, self._validity = problem, settings.seed, validity
+        self._may = 1.0 - settings.confidence
+        self._most = OF_LOST * self._may
+        self.wider = float(ndtri(1.0 - self._most / np.sqrt(settings.n_experiments)) / ndtri(1.0 - 1.0 / PLANTS))
+        self._low, self._high, self._changes = 0.0, np.inf, 0
+        self._ask()
+
+    def _ask(self) -> None:
+        plants, _ = drawn_plants(self._problem, PLANTS, np.random.default_rng([self._seed, 4]), self.wider)
+        self._validity.ask(plants)
+
+    def lost(self, points: Experiments) -> float:
+        """The share of the counted plants that cannot run all points."""
+        return 1.0 - feasibility(self._problem, points, draws=COUNTED, seed=self._seed + SEEN).share
+
+    def enough(self, lost: float) -> bool:
+        """Whether no more plants are lost than may be."""
+        return lost <= self._most
+
+    def change(self, lost: float) -> bool:
+        """Ask for plants that deviate further, or less, by what a design has lost of those that are counted; False for the end."""
+        if self.enough(lost):
+            self._high = min(self._high, self.wider)
+        else:
+            self._low = max(self._low, self.wider)
+        done = self.enough(lost) and lost >= NEAR_ENOUGH * self._may
+        if done or self._changes == MOST or self._high < CLOSE * self._low:
+            return False
+        self._changes += 1
+        wanted = ndtri(1.0 - (self._most + NEAR_ENOUGH * self._may) / 2) / ndtri(1.0 - max(lost, 1.0 / COUNTED))
+        factor = np.clip(wanted, *FACTORS) if 0.0 < lost < 0.5 else FACTORS[int(lost > 0.0)]
+        self.wider *= float(factor)
+        if not self._low < self.wider < self._high:
+            self.wider = float(np.sqrt(self._low * self._high))
+        self._ask()
+        return True
