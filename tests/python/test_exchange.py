@@ -285,6 +285,7 @@ def test_settings_are_kept() -> None:
         "of": None,
         "conditions": None,
         "scale": None,
+        "confidence": None,
     }
     assert design.problem is given and given.rule == SMALL
     assert design.seconds >= design.trace[-1].seconds

@@ -43,7 +43,7 @@ def design() -> fp.Design:
 def with_changes(design: fp.Design, **changes: Any) -> Any:
     """A design in which some attributes have other values."""
     fields = (
-        "problem points evaluation under_noise trace rejected drawn accepted stop_reason distinct_points "
+        "problem points evaluation under_noise trace rejected feasible drawn accepted stop_reason distinct_points "
         "seconds settings efficiency n_previous previous_left_out feasibility scenarios"
     )
     return SimpleNamespace(**{name: getattr(design, name) for name in fields.split()} | changes)
@@ -118,7 +118,9 @@ def test_a_design_below_random_is_warned_of(design: fp.Design) -> None:
 )
 def test_the_stop_reason_is_a_sentence(design: fp.Design, reason: str, settings: dict[str, Any], expected: str) -> None:
     given = dict.fromkeys(["patience", "time_limit"]) | settings
-    kept = SimpleNamespace(seed=0, n_candidates=5, max_iterations=4, method="paper", over=None, criterion="D", **given)
+    kept = SimpleNamespace(
+        seed=0, n_candidates=5, max_iterations=4, method="paper", over=None, criterion="D", confidence=None, **given
+    )
     changed = with_changes(design, stop_reason=reason, settings=kept)
     assert expected in words(to_text(report.design_report(changed)))
 
