@@ -123,14 +123,14 @@ class CandidateSource:
         return survivors, near[kept]
 
     def sampled_earlier(self, points: Experiments) -> tuple[PointInformation, IntArray, IntArray]:
-        """Return points that some plants cannot run for so long, sampled as late as these can: what is valid at the prior mean.
+        """Return valid points that some plants cannot run so long, sampled as late as these can: what is valid at the prior mean.
 
         With their places among the given ones, and the places of all that some plants cannot run; these are counted as rejected.
         """
         if (shortest := self._shortest) is None:
             nothing = np.empty(0, dtype=np.int32)
             return self.survivors(points[nothing])[0], nothing, nothing
-        cut, places, status = self._validity.cut_short(points, shortest)
+        cut, places, status = self._validity.cut_short(points, shortest, ok_at_mean=True)
         if status.any():
             self.rejected.update(failures_of(status))
         survivors, kept = self.survivors(cut)

@@ -18,7 +18,14 @@ SECOND = np.arange(12) / 12
 
 
 def longest(
-    model: Model, points: Experiments, shortest: float, theta: Array, weights: Array, allowed: float, settings: Settings
+    model: Model,
+    points: Experiments,
+    shortest: float,
+    theta: Array,
+    weights: Array,
+    allowed: float,
+    asked: NDArray[np.bool_],
+    settings: Settings,
 ) -> tuple[Array, NDArray[np.bool_]]:
     """The longest dt (K,) that are found of points (K,), none longer than the given ones, and for which there is one.
 
@@ -34,14 +41,16 @@ def longest(
         Parameters with which they are run, and the weight of each.
     allowed : float
         What those that are lost may weigh.
+    asked : ndarray of bool, (K, m)
+        The others are known to get to the end.
     settings : Settings
         Of the trajectories.
     """
     way, core, kernels = (points.dt - shortest)[:, None], model.core, model.kernels
 
     def reached(shares: Array, asked: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """How many of the shares (K, G) of the way each node gets to, (K, m); 0 of those that are not asked."""
-        result = np.zeros(asked.shape, dtype=np.int64)
+        """How many of the shares (K, G) of the way each node gets to, (K, m); all of those that are not asked."""
+        result = np.full(asked.shape, shares.shape[1], dtype=np.int64)
         k, m = np.nonzero(asked)
         if len(k):
             dt = np.diff(shortest + way * shares, axis=1, prepend=0.0)[k]
@@ -54,13 +63,12 @@ def longest(
         lost = np.where(count[:, :, None] <= np.arange(most), weights[:, None], 0.0).sum(axis=1)
         return np.asarray((lost <= allowed).sum(axis=1) - 1)
 
-    everyone = np.ones((len(points), len(theta)), dtype=bool)
-    first = reached(np.broadcast_to(FIRST, (len(points), len(FIRST))), everyone)
+    first = reached(np.broadcast_to(FIRST, (len(points), len(FIRST))), asked)
     place = last(first, len(FIRST))
     low, high = FIRST[np.maximum(place, 0)], FIRST[np.minimum(place + 1, len(FIRST) - 1)]
     shares = low[:, None] + np.outer(high - low, SECOND)
     failing = place[:, None] + 1
     second = reached(shares, first == failing)
-    second[first > failing] = len(SECOND)
+    second[first < failing] = 0
     share = np.take_along_axis(shares, np.maximum(last(second, len(SECOND)), 0)[:, None], axis=1)
     return np.minimum(shortest + (way * share)[:, 0], points.dt), place >= 0

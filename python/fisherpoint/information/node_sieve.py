@@ -86,15 +86,19 @@ class NodeSieve:
 
     def statuses(self, points: Experiments) -> IntArray:
         """Ok where the few nodes let a point (K,) pass, else the status of a node on which it fails."""
+        return self.statuses_and_lost(points)[0]
+
+    def statuses_and_lost(self, points: Experiments) -> tuple[IntArray, NDArray[np.bool_]]:
+        """The same, and which of the few nodes (K, m) each point loses."""
         result = np.zeros(len(points), dtype=np.int32)
         if not len(self._chosen) or not len(points):
-            return result
+            return result, np.zeros((len(points), len(self._chosen)), dtype=bool)
         assert self._theta is not None
         status = self._on_nodes(points, self._chosen)
         lost = np.isin(status, FATAL)
         failed = lost @ self._weights[self._chosen] > self.allowed
         result[failed] = status[failed, np.argmax(lost[failed], axis=1)]
-        return result
+        return result, lost
 
     @property
     def nodes(self) -> tuple[Array, Array]:

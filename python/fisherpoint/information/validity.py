@@ -63,8 +63,10 @@ class Validity:
             self.tried(points[np.array(new)])
         return np.array([self._known[key] for key in numbers], dtype=bool)
 
-    def cut_short(self, points: Experiments, shortest: float) -> tuple[Experiments, IntArray, IntArray]:
+    def cut_short(self, points: Experiments, shortest: float, ok_at_mean: bool = False) -> tuple[Experiments, IntArray, IntArray]:
         """Of points (K,), those that are lost at the prior mean or on few nodes, with the longest dt at which these let them pass.
+
+        With `ok_at_mean` all are known to be ok at the mean.
 
         Returns
         -------
@@ -75,25 +77,32 @@ class Validity:
             Of the given points: that at the mean or of a node on which they fail, or ok.
         """
         model, theta = self._problem.limited, self._problem.theta
-        _, _, status = model.kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *self._settings)
-        status = np.where(np.isin(status, FATAL), status, np.int32(Status.ok))
+        status = np.zeros(len(points), dtype=np.int32)
+        if not ok_at_mean:
+            _, _, there = model.kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *self._settings)
+            status[:] = np.where(np.isin(there, FATAL), there, Status.ok)
+        nodes, weights = self._sieve.nodes
+        failing = np.ones((len(points), 1 + len(nodes)), dtype=bool)  # also where it is not known
         passed = np.flatnonzero(status == Status.ok)
-        status[passed] = self._sieve.statuses(points[passed])
+        failing[passed, 0] = False
+        status[passed], failing[passed, 1:] = self._sieve.statuses_and_lost(points[passed])
         lost = np.flatnonzero(status)
-        given = points[lost]
-        cut, found = self._cut(given, shortest, *self._sieve.nodes)
+        cut, found = self._cut(points[lost], shortest, nodes, weights, failing[lost])
         return cut, lost[found].astype(np.int32), status
 
     def cut_for_plants(self, points: Experiments, shortest: float) -> tuple[Experiments, NDArray[np.bool_]]:
         """The points (K,) for as long as all plants that are asked run them, and for which of them there is a dt; these alone."""
         plants = self._sieve.plants
-        return self._cut(points, shortest, plants, np.ones(len(plants)))
+        everyone = np.ones((len(points), 1 + len(plants)), dtype=bool)
+        return self._cut(points, shortest, plants, np.ones(len(plants)), everyone)
 
-    def _cut(self, points: Experiments, shortest: float, nodes: Array, weights: Array) -> tuple[Experiments, NDArray[np.bool_]]:
+    def _cut(
+        self, points: Experiments, shortest: float, nodes: Array, weights: Array, asked: NDArray[np.bool_]
+    ) -> tuple[Experiments, NDArray[np.bool_]]:
         sieve = self._sieve
         theta, weights = np.concatenate([sieve.at(self._problem.theta[None]), nodes]), np.append(np.inf, weights)
         model = self._problem.limited if sieve.model is self._problem.model else sieve.model
-        dt, found = longest(model, points, shortest, theta, weights, sieve.allowed, self._settings)
+        dt, found = longest(model, points, shortest, theta, weights, sieve.allowed, asked, self._settings)
         cut = Experiments(points.x0, points.u, dt, columns=points.columns)
         return cut[np.flatnonzero(found)], found
 
