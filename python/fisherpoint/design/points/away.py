@@ -8,8 +8,9 @@ ones. So they are counted, on other plants, and w changes in proportion to the q
 
 from __future__ import annotations
 
+from statistics import NormalDist
+
 import numpy as np
-from scipy.special import ndtri
 
 from ...information.draws import drawn_plants
 from ...information.feasibility import feasibility
@@ -30,6 +31,9 @@ what is lost at least where it pays to go on."""
 
 MOST, FACTORS = 5, (0.85, 1.2)
 """Changes of w, and by which factors it may change at once."""
+
+QUANTILE = NormalDist().inv_cdf
+"""Of the normal distribution; SciPy's would make the import slow."""
 
 CLOSE = 1.03
 """No w is tried between two as close as this."""
@@ -52,7 +56,7 @@ class Away:
         self._problem, self._seed, self._validity = problem, settings.seed, validity
         self._may = 1.0 - settings.confidence
         self._most = OF_LOST * self._may
-        self.wider = float(ndtri(1.0 - self._most / np.sqrt(settings.n_experiments)) / ndtri(1.0 - 1.0 / PLANTS))
+        self.wider = QUANTILE(1.0 - self._most / settings.n_experiments**0.5) / QUANTILE(1.0 - 1.0 / PLANTS)
         self._low, self._high, self._changes = 0.0, np.inf, 0
         self._ask()
 
@@ -78,7 +82,7 @@ class Away:
         if done or self._changes == MOST or self._high < CLOSE * self._low:
             return False
         self._changes += 1
-        wanted = ndtri(1.0 - (self._most + NEAR_ENOUGH * self._may) / 2) / ndtri(1.0 - max(lost, 1.0 / COUNTED))
+        wanted = QUANTILE(1.0 - (self._most + NEAR_ENOUGH * self._may) / 2) / QUANTILE(1.0 - max(lost, 1.0 / COUNTED))
         factor = np.clip(wanted, *FACTORS) if 0.0 < lost < 0.5 else FACTORS[int(lost > 0.0)]
         self.wider *= float(factor)
         if not self._low < self.wider < self._high:
