@@ -97,14 +97,17 @@ void bind_model(py::module_& m) {
         const auto count = static_cast<py::ssize_t>(points.count);
         const Parameters parameters = checked_parameters(model, theta, count);
         auto x = empty({count, n_x}), y = empty({count, n_y});
+        auto lasted = empty({count});
         py::array_t<std::int32_t> status(count);
-        const Trajectories out{x.mutable_data(), y.mutable_data(), reinterpret_cast<Status*>(status.mutable_data())};
+        const Trajectories out{x.mutable_data(), y.mutable_data(), reinterpret_cast<Status*>(status.mutable_data()),
+                               lasted.mutable_data()};
         run(threads, [&](const Workers& workers) {
           simulate(model, points, parameters, tolerance_of(rtol, cross_kinks, cross_jumps, method), workers, out);
         });
-        return py::make_tuple(x, y, status);
+        return py::make_tuple(x, y, status, lasted);
       },
-      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "cross_jumps"_a, "method"_a, "threads"_a);
+      "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "cross_jumps"_a, "method"_a, "threads"_a,
+      "x, y, statuses, and until when the trajectories could be followed.");
 
   m.def(
       "sensitivities",

@@ -110,7 +110,7 @@ std::size_t covariances(const Batch& batch, const PriorNodes& nodes) {
 
 std::size_t trajectories(const Batch& batch, bool sensitive) {
   const std::size_t count = batch.dt.size();
-  std::vector<double> x(5 * count), y(4 * count), dx(45 * count), dy(36 * count);
+  std::vector<double> x(5 * count), y(4 * count), lasted(count), dx(45 * count), dy(36 * count);
   std::vector<Status> status(count);
   const Parameters parameters{cylinder_theta.data(), false};
   counted([&] {
@@ -118,7 +118,8 @@ std::size_t trajectories(const Batch& batch, bool sensitive) {
       sensitivities(HydraulicCylinder{}, batch.points(), parameters, {}, Workers(1),
                     {x.data(), y.data(), dx.data(), dy.data(), status.data()});
     else
-      simulate(HydraulicCylinder{}, batch.points(), parameters, {}, Workers(1), {x.data(), y.data(), status.data()});
+      simulate(HydraulicCylinder{}, batch.points(), parameters, {}, Workers(1),
+               {x.data(), y.data(), status.data(), lasted.data()});
   });
   return count;
 }

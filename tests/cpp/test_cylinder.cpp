@@ -40,9 +40,9 @@ TEST_CASE("a batch gives every point its own answer: ragged ends, resting and fa
       dt.push_back(2e-3 + 3e-4 * k);
     }
     const Points points{count, x0.data(), u.data(), dt.data()};
-    std::vector<double> x(5 * count), y(4 * count), sx(5 * count), sy(4 * count), dx(45 * count), dy(36 * count);
+    std::vector<double> x(5 * count), y(4 * count), lasted(count), sx(5 * count), sy(4 * count), dx(45 * count), dy(36 * count);
     std::vector<Status> status(count), s_status(count);
-    simulate(m, points, {cylinder_theta.data(), false}, {}, Workers(2), {x.data(), y.data(), status.data()});
+    simulate(m, points, {cylinder_theta.data(), false}, {}, Workers(2), {x.data(), y.data(), status.data(), lasted.data()});
     sensitivities(m, points, {cylinder_theta.data(), false}, {}, Workers(2),
                   {sx.data(), sy.data(), dx.data(), dy.data(), s_status.data()});
     for (std::size_t k = 0; k < count; ++k) {
@@ -51,6 +51,8 @@ TEST_CASE("a batch gives every point its own answer: ragged ends, resting and fa
       const auto [alone, outcome] = run<double>(m, start, std::array{u[k]}, dt[k], cylinder_theta);
       CHECK(status[k] == outcome.status[0]);
       CHECK(s_status[k] == status[k]);
+      CHECK(lasted[k] == doctest::Approx(outcome.lasted).epsilon(1e-10));
+      CHECK((status[k] == Status::ok ? lasted[k] == doctest::Approx(dt[k]) : lasted[k] < dt[k]));
       if (status[k] != Status::ok) continue;
       for (int i = 0; i < 5; ++i) {
         CHECK(x[5 * k + i] == doctest::Approx(alone[i]).epsilon(1e-10));

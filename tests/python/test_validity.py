@@ -118,9 +118,10 @@ def test_what_was_learnt_stays_learnt(problem: fp.DesignProblem, monkeypatch: py
     sieve, points = Validity(problem, None)._sieve, problem.region.draw(problem.model, 6 * LEARNT, seed=1)
     first, later = (np.flatnonzero((points.x0[:, 1] < 0) == side) for side in (True, False))
 
-    def on_nodes(some: fp.Experiments, nodes: np.ndarray) -> np.ndarray:
+    def on_nodes(some: fp.Experiments, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Some fail on nodes up to 40, the others beyond."""
-        return np.where((some.x0[:, 1] < 0)[:, None] == (nodes <= 40), Status.left_domain, Status.ok)
+        status = np.where((some.x0[:, 1] < 0)[:, None] == (nodes <= 40), Status.left_domain, Status.ok)
+        return status, np.zeros(status.shape)
 
     monkeypatch.setattr(sieve, "_on_nodes", on_nodes)
     sieve.learn(points[first[:LEARNT]])

@@ -88,7 +88,7 @@ def record_trajectories(
     if not model.states:
         rows = np.repeat(theta, samples, axis=0)
         none, ones = np.empty((count * samples, 0)), np.ones(count * samples)
-        _, y, ended = model.kernels.simulate(model.core, none, np.tile(u, (count, 1)), ones, rows, *settings)
+        _, y, ended, _ = model.kernels.simulate(model.core, none, np.tile(u, (count, 1)), ones, rows, *settings)
         x, failed = np.empty((count, samples, 0)), ended.reshape(count, samples)
         status, reached = first_failure(failed), np.full(count, samples - 1)
     else:

@@ -277,8 +277,15 @@ def simulate(
     method: str,
     threads: typing.SupportsInt | typing.SupportsIndex,
 ) -> tuple[
-    numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int32]
-]: ...
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.int32],
+    numpy.typing.NDArray[numpy.float64],
+]:
+    """
+    x, y, statuses, and until when the trajectories could be followed.
+    """
+
 @typing.overload
 def simulate(
     model: fisherpoint.engine._core.CompiledModel,
@@ -292,8 +299,15 @@ def simulate(
     method: str,
     threads: typing.SupportsInt | typing.SupportsIndex,
 ) -> tuple[
-    numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int32]
-]: ...
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.int32],
+    numpy.typing.NDArray[numpy.float64],
+]:
+    """
+    x, y, statuses, and until when the trajectories could be followed.
+    """
+
 @typing.overload
 def simulate(
     model: fisherpoint.engine._core.TapeModel,
@@ -307,8 +321,15 @@ def simulate(
     method: str,
     threads: typing.SupportsInt | typing.SupportsIndex,
 ) -> tuple[
-    numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int32]
-]: ...
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.float64],
+    numpy.typing.NDArray[numpy.int32],
+    numpy.typing.NDArray[numpy.float64],
+]:
+    """
+    x, y, statuses, and until when the trajectories could be followed.
+    """
+
 @typing.overload
 def simulate_runs(
     model: fisherpoint.engine._core.HydraulicCylinder,

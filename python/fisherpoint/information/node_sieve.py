@@ -26,6 +26,9 @@ FATAL = (Status.left_domain, Status.met_jump, Status.not_finite)
 FEW, MOST = 12, 1000
 """Nodes that are asked, and those of a rule up to which it is worth to look for them."""
 
+AT_FIRST = 4
+"""Of these that are asked before the others, as they tell most."""
+
 LEARNT, AGAIN = 200, 4
 """Failed points of which the nodes are found, and the growth of their number after which they are looked for again."""
 
@@ -80,32 +83,42 @@ class NodeSieve:
 
     def on_plants(self, points: Experiments) -> IntArray:
         """Ok where all plants let a point (K,) pass, else the status of one on which it fails."""
-        status = self._at(points, self.plants)
+        status, _ = self._at(points, self.plants)
         lost = np.isin(status, FATAL)
         return np.where(lost.any(axis=1), status[np.arange(len(points)), np.argmax(lost, axis=1)], np.int32(Status.ok))
 
+    def lasted_on_plants(self, points: Experiments) -> Array:
+        """Until when each point (K,) can be followed on all plants (K, m); infinite where that is its end."""
+        return _until(*self._at(points, self.plants))
+
     def statuses(self, points: Experiments) -> IntArray:
         """Ok where the few nodes let a point (K,) pass, else the status of a node on which it fails."""
-        return self.statuses_and_lost(points)[0]
+        result, weighs = np.zeros(len(points), dtype=np.int32), np.zeros(len(points))
+        for some in (self._chosen[:AT_FIRST], self._chosen[AT_FIRST:]):
+            left = np.flatnonzero(result == Status.ok)
+            if len(some) and len(left):
+                status, _ = self._on_nodes(points[left], some)
+                lost = np.isin(status, FATAL)
+                weighs[left] += lost @ self._weights[some]
+                failed = weighs[left] > self.allowed
+                result[left[failed]] = status[failed, np.argmax(lost[failed], axis=1)]
+        return result
 
-    def statuses_and_lost(self, points: Experiments) -> tuple[IntArray, NDArray[np.bool_]]:
-        """The same, and which of the few nodes (K, m) each point loses."""
+    def statuses_and_lasted(self, points: Experiments) -> tuple[IntArray, Array]:
+        """The same, and until when each point can be followed on the few nodes (K, m); infinite where that is its end."""
         result = np.zeros(len(points), dtype=np.int32)
         if not len(self._chosen) or not len(points):
-            return result, np.zeros((len(points), len(self._chosen)), dtype=bool)
-        assert self._theta is not None
-        status = self._on_nodes(points, self._chosen)
+            return result, np.zeros((len(points), len(self._chosen)))
+        status, lasted = self._on_nodes(points, self._chosen)
         lost = np.isin(status, FATAL)
         failed = lost @ self._weights[self._chosen] > self.allowed
         result[failed] = status[failed, np.argmax(lost[failed], axis=1)]
-        return result, lost
+        return result, _until(status, lasted)
 
     @property
-    def nodes(self) -> tuple[Array, Array]:
-        """Parameters (m, p) and weights (m,) of the few nodes, none as long as nothing is known of them."""
-        if self._theta is None:
-            return np.empty((0, len(self.model.parameters))), self._weights
-        return self._theta[self._chosen], self._weights[self._chosen]
+    def weights(self) -> Array:
+        """Of the few nodes (m,), none as long as nothing is known of them."""
+        return self._weights[self._chosen]
 
     def learn(self, failed: Experiments) -> None:
         """Take in points that all nodes have told to be none."""
@@ -119,7 +132,7 @@ class NodeSieve:
         # What fails now has passed the nodes that were chosen before, and the others would pass without these.
         self._told = np.concatenate([self._told, np.concatenate(self._failed)[-LEARNT:]])
         points = Experiments.of_table(self._problem.model, self._told)
-        self._chosen = self._fewest(np.isin(self._on_nodes(points, np.arange(len(self._theta))), FATAL))
+        self._chosen = self._fewest(np.isin(self._on_nodes(points, np.arange(len(self._theta)))[0], FATAL))
 
     def _fewest(self, lost: NDArray[np.bool_]) -> NDArray[np.intp]:
         """Nodes, one after the other, that tell most of the points that are left; of points (K, nodes) that fail."""
@@ -136,14 +149,20 @@ class NodeSieve:
             told += shares[:, best]
         return np.array(chosen, dtype=np.intp)
 
-    def _on_nodes(self, points: Experiments, nodes: NDArray[np.intp]) -> IntArray:
-        """Statuses (K, n) of points on some nodes."""
+    def _on_nodes(self, points: Experiments, nodes: NDArray[np.intp]) -> tuple[IntArray, Array]:
+        """Of points on some nodes."""
         assert self._theta is not None
         return self._at(points, self._theta[nodes])
 
-    def _at(self, points: Experiments, parameters: Array) -> IntArray:
+    def _at(self, points: Experiments, parameters: Array) -> tuple[IntArray, Array]:
+        """Statuses (K, n), and until when each could be followed."""
         model, count = self.model, len(parameters)
         rows = np.repeat(np.arange(len(points)), count)
         theta = np.tile(parameters, (len(points), 1))
-        _, _, status = model.kernels.simulate(model.core, points.x0[rows], points.u[rows], points.dt[rows], theta, *self._settings)
-        return np.asarray(status).reshape(len(points), count)
+        _, _, *told = model.kernels.simulate(model.core, points.x0[rows], points.u[rows], points.dt[rows], theta, *self._settings)
+        status, lasted = (np.asarray(one).reshape(len(points), count) for one in told)
+        return status, lasted
+
+
+def _until(status: IntArray, lasted: Array) -> Array:
+    return np.where(status == Status.ok, np.inf, lasted)

@@ -76,35 +76,33 @@ class Validity:
         status : ndarray of int, (K,)
             Of the given points: that at the mean or of a node on which they fail, or ok.
         """
-        model, theta = self._problem.limited, self._problem.theta
-        status = np.zeros(len(points), dtype=np.int32)
+        status, at_mean = np.zeros(len(points), dtype=np.int32), np.full(len(points), np.inf)
         if not ok_at_mean:
-            _, _, there = model.kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *self._settings)
+            there, at_mean = self._at_mean(points)
             status[:] = np.where(np.isin(there, FATAL), there, Status.ok)
-        nodes, weights = self._sieve.nodes
-        failing = np.ones((len(points), 1 + len(nodes)), dtype=bool)  # also where it is not known
-        passed = np.flatnonzero(status == Status.ok)
-        failing[passed, 0] = False
-        status[passed], failing[passed, 1:] = self._sieve.statuses_and_lost(points[passed])
+        there, lasted = self._sieve.statuses_and_lasted(points)
+        status = np.where(status == Status.ok, there, status)
         lost = np.flatnonzero(status)
-        cut, found = self._cut(points[lost], shortest, nodes, weights, failing[lost])
+        cut, found = self._cut(points[lost], shortest, at_mean[lost], lasted[lost], self._sieve.weights)
         return cut, lost[found].astype(np.int32), status
 
     def cut_for_plants(self, points: Experiments, shortest: float) -> tuple[Experiments, NDArray[np.bool_]]:
         """The points (K,) for as long as all plants that are asked run them, and for which of them there is a dt; these alone."""
-        plants = self._sieve.plants
-        everyone = np.ones((len(points), 1 + len(plants)), dtype=bool)
-        return self._cut(points, shortest, plants, np.ones(len(plants)), everyone)
+        lasted = self._sieve.lasted_on_plants(points)
+        return self._cut(points, shortest, self._at_mean(points)[1], lasted, np.ones(lasted.shape[1]))
+
+    def _at_mean(self, points: Experiments) -> tuple[IntArray, Array]:
+        """Statuses (K,), and until when each point can be followed, infinite where that is its end."""
+        model, theta = self._problem.limited, self._problem.theta
+        _, _, status, lasted = model.kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *self._settings)
+        return np.asarray(status), np.where(status == Status.ok, np.inf, lasted)
 
     def _cut(
-        self, points: Experiments, shortest: float, nodes: Array, weights: Array, asked: NDArray[np.bool_]
+        self, points: Experiments, shortest: float, at_mean: Array, lasted: Array, weights: Array
     ) -> tuple[Experiments, NDArray[np.bool_]]:
-        sieve = self._sieve
-        theta, weights = np.concatenate([sieve.at(self._problem.theta[None]), nodes]), np.append(np.inf, weights)
-        model = self._problem.limited if sieve.model is self._problem.model else sieve.model
-        dt, found = longest(model, points, shortest, theta, weights, sieve.allowed, asked, self._settings)
-        cut = Experiments(points.x0, points.u, dt, columns=points.columns)
-        return cut[np.flatnonzero(found)], found
+        dt = longest(np.column_stack([at_mean, lasted]), np.append(np.inf, weights), self._sieve.allowed)
+        dt, found = np.minimum(dt, points.dt), dt >= shortest
+        return Experiments(points.x0[found], points.u[found], dt[found], columns=points.columns), found
 
     def include(self, other: Validity) -> None:
         """Remember what another has tried of the same problem."""

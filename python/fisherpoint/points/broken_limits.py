@@ -101,7 +101,7 @@ def _first_limits(
     low, high, inside = np.zeros_like(dt), dt.copy(), x.copy()
     for _ in range(HALVINGS):
         middle = (low + high) / 2
-        end, _, status = model.kernels.simulate(model.core, x, u, middle, theta, *settings)
+        end, _, status, _ = model.kernels.simulate(model.core, x, u, middle, theta, *settings)
         ok = status == Status.ok
         low, high = np.where(ok, middle, low), np.where(ok, high, middle)
         inside[ok] = np.asarray(end)[ok]

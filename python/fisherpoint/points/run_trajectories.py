@@ -56,7 +56,7 @@ def checked_run_trajectories(model: Model, runs: Runs, theta: Array, settings: S
     """Simulate runs, of arguments that are known to be good."""
     points, (count, segments) = runs.points, runs.dt.shape
     if points is not None:
-        end, y, status = model.kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *settings)
+        end, y, status, _ = model.kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *settings)
         return RunTrajectories(np.stack([points.x0, end], axis=1), y[:, None], status, (status == Status.ok).astype(np.int64))
     start = starts_of(model, runs, theta, tangents=False)
     rows, values = _resting(start.status, theta)

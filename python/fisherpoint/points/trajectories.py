@@ -123,7 +123,8 @@ def simulate(
     if isinstance(points, Runs):
         result = checked_run_trajectories(model, points, theta, arguments)
     else:
-        result = Trajectories(*model.kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *arguments))
+        x, y, status, _ = model.kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *arguments)
+        result = Trajectories(x, y, status)
     warn_of_small_states(model, "the trajectories keep", points.x0, result.x)
     return result
 

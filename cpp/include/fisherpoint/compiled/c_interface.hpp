@@ -6,7 +6,7 @@
 
 extern "C" {
 
-enum : std::int32_t { fisherpoint_interface_version = 3 };
+enum : std::int32_t { fisherpoint_interface_version = 4 };
 enum { fisherpoint_reason_size = 200 };
 enum FisherpointOutcome : std::int32_t { fisherpoint_done, fisherpoint_stopped, fisherpoint_out_of_memory, fisherpoint_failed };
 
@@ -31,7 +31,8 @@ struct FisherpointNodes {
   const void* nodes;
 };
 
-using FisherpointSimulate = FisherpointOutcome(const FisherpointRequest*, double* x, double* y, std::int32_t* status);
+using FisherpointSimulate = FisherpointOutcome(const FisherpointRequest*, double* x, double* y, std::int32_t* status,
+                                               double* lasted);
 // dx_dtheta may be null: then dy_dtheta alone is asked for.
 using FisherpointSensitivities = FisherpointOutcome(const FisherpointRequest*, double* x, double* y, double* dx_dtheta,
                                                     double* dy_dtheta, std::int32_t* status);

@@ -83,11 +83,13 @@ template <class M>
 using CompiledEquation = StateEquation<M, Pack<native_lanes>>;
 
 template <class M>
-FisherpointOutcome simulate_request(const FisherpointRequest* request, double* x, double* y, std::int32_t* status) {
+FisherpointOutcome simulate_request(const FisherpointRequest* request, double* x, double* y, std::int32_t* status,
+                                    double* lasted) {
   return outcome_of(*request, [&] {
     const Request r(*request);
     with_method(r.tolerance.method, [&]<class Method>(Method) {
-      simulate_packs<Pack<native_lanes>, Method>(M{}, r.points, r.parameters, r.tolerance, r.workers, {x, y, statuses(status)});
+      simulate_packs<Pack<native_lanes>, Method>(M{}, r.points, r.parameters, r.tolerance, r.workers,
+                                                 {x, y, statuses(status), lasted});
     });
   });
 }

@@ -81,7 +81,7 @@ inline std::int32_t* plain(Status* status) { return reinterpret_cast<std::int32_
 inline void simulate(const CompiledModel& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
                      const Workers& workers, const Trajectories& out) {
   detail::ask(model.kernels().simulate, points, parameters.theta, parameters.per_point, tolerance, workers, out.x, out.y,
-              detail::plain(out.status));
+              detail::plain(out.status), out.lasted);
 }
 
 inline void sensitivities(const CompiledModel& model, const Points& points, const Parameters& parameters,

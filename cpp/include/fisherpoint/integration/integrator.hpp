@@ -221,6 +221,7 @@ class Integrator {
     });
     if (any(nearing)) unsure = unsure | (nearing & past_pole(y));
     if (!tolerance_.cross_kinks && any(at_kink)) {
+      past_ = select(at_kink & !stopped & running_, min(step_, next_cap), past_);
       stop(at_kink & !stopped, Status::met_kink);
       to_surface = to_surface & !at_kink;
       lands = lands & !at_kink;
@@ -334,6 +335,7 @@ class Integrator {
   Mask broken_;               // a try was not finite
   P time_, step_size_, cap_;  // cap: a limit for the next try alone
   P wished_;                  // the size that the error of the last try asked for
+  P past_{0.0};               // how long after that time what ends the trajectory is met
   Side side_;
   Surfaces value_,
       rate_;            // of the surfaces at the start of the step, rates per second; of a slide, what holds it (sliding.hpp)
@@ -377,6 +379,7 @@ auto Integrator<Equation, Method>::run(State& y, const P& duration, const P& fir
     control(y, duration);
   }
   outcome_.next_step = step_size_;
+  outcome_.lasted = time_ + past_;
   outcome_.stiff = stiff_;
   if (f_.jumps_end > 0) note_end(duration);
   return outcome_;

@@ -30,15 +30,17 @@ auto Integrator<Equation, Method>::past_pole(const State& y) const -> Mask {
 // A jump or a limit was crossed; where both, the one whose secant falls through zero first.
 template <class Equation, class Method>
 void Integrator<Equation, Method>::stop_crossed(const Mask& lanes) {
-  P first(infinity);
+  P first(infinity), met(infinity);
   Mask by_jump = Lanes::none();
   for_each_index(f_.surfaces, [&](auto m) {
     if (m < f_.kinks_end && (m >= f_.jumps_end || crosses(m))) return;
+    met = select(!(along_[m].b4 > P(0.0)), min(met, along_[m].zero()), met);
     const P at = along_[m].b0 / (along_[m].b0 - along_[m].b4);
     const Mask earlier = !(along_[m].b4 > P(0.0)) & (at < first);
     first = select(earlier, at, first);
     by_jump = m < f_.jumps_end ? by_jump | earlier : by_jump & !earlier;
   });
+  past_ = select(lanes & running_ & (met <= P(1.0)), met * step_, past_);  // which may be NaN
   stop(lanes & by_jump, Status::met_jump);
   stop(lanes & !by_jump, Status::left_domain);
 }

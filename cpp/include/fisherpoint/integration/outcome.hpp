@@ -28,6 +28,7 @@ struct Outcome {
   std::array<Status, lanes_of<P>::width> status{};
   P first_step{0.0};  // the first step that was taken: a good start for a similar trajectory
   P next_step{0.0};   // what step control would try next: a good start for the trajectory's continuation
+  P lasted{0.0};      // until when f could be followed: to the end, or to what ended the trajectory
   int attempts = 0;   // of the slowest lane
   mask_of_lanes<P> stiff = lanes_of<P>::none();  // a continuation begins with implicit steps
   // Where a trajectory starts off a jump, or ends next to one, to the tolerance: there may be no derivative.

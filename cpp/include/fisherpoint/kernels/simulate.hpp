@@ -11,6 +11,7 @@ namespace fisherpoint {
 struct Trajectories {
   double *x, *y;   // (count, n_x), (count, n_y), where the trajectory ended
   Status* status;  // (count,)
+  double* lasted;  // (count,), until when they could be followed
 };
 
 template <class P, class Method, class M>
@@ -24,6 +25,7 @@ void simulate_packs(const M& model, const Points& points, const Parameters& para
     auto x = pack.x0;
     const auto outcome = Integrator<Equation, Method>(equation, tolerance).run(x, pack.dt, P(0.0));
     store_ends<P>(x, equation.output(x), outcome.status, rows, out);
+    for (int lane = 0; lane < pack.used; ++lane) out.lasted[rows[lane]] = lanes_of<P>::get(outcome.lasted, lane);
   });
 }
 

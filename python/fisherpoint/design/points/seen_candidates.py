@@ -36,8 +36,26 @@ LOOKS = 60
 """How often as many of the best candidates as are wanted are tried on the nodes, at most."""
 
 
+class _Parts:
+    """The candidates of many parts as those of one, of which few are looked at; `join` would copy them all."""
+
+    def __init__(self, parts: Sequence[PointInformation]) -> None:
+        self._parts, self._ends = parts, np.cumsum([len(part) for part in parts])
+
+    def __len__(self) -> int:
+        return int(self._ends[-1])
+
+    def __getitem__(self, places: Places) -> PointInformation:
+        of = np.searchsorted(self._ends, places, side="right")
+        order = np.argsort(of, kind="stable")
+        some = [
+            self._parts[part][places[of == part] - self._ends[part] + len(self._parts[part])] for part in np.unique(of).tolist()
+        ]
+        return PointInformation.join(some or [self._parts[0][:0]])[np.argsort(order)]
+
+
 class _Best(NamedTuple):
-    everything: PointInformation
+    everything: _Parts
     candidates: CandidateRows
     found: Weights
 
@@ -86,9 +104,9 @@ class SeenCandidates:
         """The same for a criterion over the prior."""
         if isinstance(self.aims[0].criterion, ConditionNumber):
             return None
-        everything, count = PointInformation.join([design, *self._seen]), len(design)
-        noise = criterion(self._problem, everything, self._threads, "noise")
-        rows = scenario_rows(noise, everything)
+        parts, count = [design, *self._seen], len(design)
+        everything, noise = _Parts(parts), criterion(self._problem, design, self._threads, "noise")
+        rows = np.concatenate([scenario_rows(noise, part) for part in parts], axis=1)
         p, total = rows.shape[3], count + (0 if previous is None else len(previous))
         known = np.zeros((len(rows), p, p))
         for s, there in enumerate(over.previous):
@@ -122,9 +140,9 @@ class SeenCandidates:
 
     def _best_weights(self, design: PointInformation, previous: PointInformation | None) -> _Best | None:
         """The best weights of these candidates and the design's points, beside the previous ones."""
-        everything = PointInformation.join([design, *self._seen])
-        noise = criterion(self._problem, everything, self._threads, "noise")
-        rows = whitened_rows(noise, everything)
+        parts = [design, *self._seen]
+        everything, noise = _Parts(parts), criterion(self._problem, design, self._threads, "noise")
+        rows = np.concatenate([whitened_rows(noise, part) for part in parts])
         p, count, known = rows.shape[2], len(design), None
         if previous is not None:
             flat = whitened_rows(noise, previous).reshape(-1, p)

@@ -31,13 +31,14 @@ def simulate(
     cross_jumps: bool,
     method: str,
     threads: int,
-) -> tuple[Array, Array, IntArray]:
-    """x, y, status."""
+) -> tuple[Array, Array, IntArray, Array]:
+    """x, y, status, and until when a trajectory was followed: not at all where it is not ok."""
     rows = _rows(theta, len(dt))
     x, status = np.array(x0), np.zeros(len(dt), dtype=np.int32)
     for k in range(len(dt)):
         x[k], status[k] = _end(model, x0[k], u[k], dt[k], rows[k], (rtol, cross_kinks, method))
-    return x, *_outputs(model, x, u, rows, status)
+    y, status = _outputs(model, x, u, rows, status)
+    return x, y, status, np.where(status == OK, dt, 0.0)
 
 
 def sensitivities(
@@ -199,7 +200,7 @@ def predictive_covariance(
 ) -> tuple[Array, IntArray, NDArray[np.int64], Array, Array]:
     """covariance (K, n_y, n_y), status, nodes that were redone, no outputs, lost weight; as the compiled kernels have them."""
     count, n_y = len(dt), model.n_y
-    _, nominal_y, status = simulate(model, x0, u, dt, theta, rtol, cross_kinks, cross_jumps, method, threads)
+    _, nominal_y, status, _ = simulate(model, x0, u, dt, theta, rtol, cross_kinks, cross_jumps, method, threads)
     at, weights = nodes.nodes()
     covariance, lost = np.zeros((count, n_y, n_y)), np.ones(count)
     start = perf_counter()
