@@ -70,7 +70,7 @@ def settings_of(problem: fp.DesignProblem, given: Mapping[str, Any]) -> fp.Excha
 
 def search_rows(problem: fp.DesignProblem, settings: fp.ExchangeSettings) -> list[Row]:
     """How points would be searched for."""
-    from fisherpoint.design.points.auto_search import CLIMB_ROUNDS, GROUPS, MOST_POOL, NEAR, NEAR_PEAK, PEAKS, POOL
+    from fisherpoint.design.points.auto_search import CLIMB_ROUNDS, GROUPS, MERGED, MOST_POOL, NEAR, NEAR_PEAK, PEAKS, POOL
     from fisherpoint.design.settings import searched_by
     from fisherpoint.information.output_covariance import needs_covariances
 
@@ -85,7 +85,7 @@ def search_rows(problem: fp.DesignProblem, settings: fp.ExchangeSettings) -> lis
     drawn: float
     if method == "auto":
         of_group = min(MOST_POOL, POOL * m) + CLIMB_ROUNDS * PEAKS * m * NEAR_PEAK
-        drawn = (GROUPS + 0.5) * of_group + iterations * max(NEAR * m, 4 * settings.n_experiments)
+        drawn = (GROUPS + MERGED + 0.5) * of_group + iterations * max(NEAR * m, 4 * settings.n_experiments)
     else:
         drawn = settings.n_experiments + iterations * m * (1 + settings.local)
     nodes = problem.rule.size(problem.prior) if needs_covariances(str(problem.output_covariance)) else 0

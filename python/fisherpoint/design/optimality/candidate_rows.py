@@ -14,7 +14,10 @@ from ...basics.values import Array
 Places = NDArray[np.intp]
 
 AT_ONCE = 1 << 15
-"""Candidates whose products are held at once, so that memory stays bounded."""
+"""Rows that are squared at once, so that memory stays bounded."""
+
+PRODUCT = 1 << 17
+"""Multiplications of a product of matrices at once: it stays in the cache, and no library thinks it worth several threads."""
 
 
 class CandidateRows:
@@ -38,8 +41,9 @@ class CandidateRows:
         """tr(Y Y^T F_i) for every candidate, (K,)."""
         count, _, p = self.rows.shape
         result = np.empty(count)
-        for first in range(0, count, AT_ONCE):
-            part = self.rows[first : first + AT_ONCE]
+        step = max(1, PRODUCT // max(1, self.rows[:1].size * half.shape[1]))
+        for first in range(0, count, step):
+            part = self.rows[first : first + step]
             product = part.reshape(-1, p) @ half
             np.einsum("ij,ij->i", *(2 * [product.reshape(len(part), -1)]), out=result[first : first + len(part)])
         if self.constant is not None:

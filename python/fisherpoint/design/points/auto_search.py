@@ -4,7 +4,8 @@ Each of a few groups chooses one point after the other from a part of a pool, an
 that would raise the criterion and are far apart climb then, each to what is near it and would raise it more: a peak that tells
 much is mostly narrow, and a random candidate on its slope cannot compete with points that have been followed to their peaks. The
 design takes over what it can use of them, and in rounds candidates are drawn near its own points. All that the groups have found
-is the pool of the design that is followed to its end, by such rounds and ascents.
+is the pool of one design, beside which candidates climb again: what would help the designs of the groups may not be what this one
+lacks. It is followed to its end by such rounds and ascents.
 
 A pool is evaluated at the prior mean, or in all scenarios of a criterion over the prior. What would raise the criterion is tried on
 all nodes of the rule before it may enter.
@@ -40,14 +41,17 @@ NEAR, OF_GROUPS, LEAST_NEAR = 24, 0.5, 4
 PART, LEAST_PART, MOST_WORK = 0.3, 300, 200_000
 """Share of the pool from which a group begins; how many at least; and points times candidates of an exchange at most."""
 
-GROUPS, FIRST_ROUNDS, CLIMB_ROUNDS, ROUNDS = 6, 2, 10, 6
+GROUPS, FIRST_ROUNDS, CLIMB_ROUNDS, ROUNDS = 4, 2, 10, 6
 """Groups, and in each the rounds of its first design, of the climbing candidates, and of what the design becomes with them.
 
 What a group has missed another one has, and merging takes it over.
 """
 
+MERGED, MERGED_ROUNDS = 2, 4
+"""How often candidates climb beside the design that is merged of all groups, and its rounds before that."""
+
 LEAST_ROUNDS = 24
-"""Iterations for each group; with less there are fewer groups."""
+"""Iterations for each group, and each time that candidates climb later; with less there are fewer."""
 
 AGREE, ALIKE = 3, 3e-4
 """No more groups follow where so many are as good as the best of them but for so much for each parameter: the problem is easy."""
@@ -117,16 +121,18 @@ class AutoSearch(PointSearch):
         random.valid[: len(first)] = 1
         self._confirm(random, np.arange(min(len(random), TAUGHT)))
         self._ask_for_what_is_told(random)
-        ends, found = list[PointInformation](), random[np.arange(len(first))]
-        for group in range(int(np.clip(settings.max_iterations // LEAST_ROUNDS, 1, GROUPS))):
-            pool = random.with_more(self._pool(self.source.draw_at_edges(count)))
-            design, peaks = yield from self._group(pool, at_random=group % 2 == 1)
+        times = int(np.clip(settings.max_iterations // LEAST_ROUNDS, 1, GROUPS + MERGED))
+        ends, found, easy = list[PointInformation](), random[np.arange(len(first))], False
+        while not easy and len(ends) < min(times, GROUPS):
+            design, peaks = yield from self._group(self._with_edges(random, count), at_random=len(ends) % 2 == 1)
             ends.append(design)
             found = found.with_more(peaks).with_more(self._pool(design, 1))
             values = np.array([self._value(end) for end in ends])
-            if int((values > values.max() - ALIKE * self._level).sum()) >= AGREE:
-                break
+            easy = int((values > values.max() - ALIKE * self._level).sum()) >= AGREE
         design = max(ends, key=self._value)
+        for _ in range(0 if easy else times - len(ends)):
+            design = yield from self._followed(design, found, MERGED_ROUNDS)
+            found = found.with_more((yield from self._climbed(design, self._with_edges(random, count))))
         while True:
             design = yield from self._finished(design, found)
             if self.away is None:
@@ -137,6 +143,10 @@ class AutoSearch(PointSearch):
             if not self.away.change(lost):
                 return
             design, found = self._further_away(found)
+
+    def _with_edges(self, random: Pool, count: int) -> Pool:
+        """A pool of what is there and so many new candidates at the edges of the region."""
+        return random.with_more(self._pool(self.source.draw_at_edges(count)))
 
     def run(self, progress: Callable[[Progress], None] | None) -> str:
         reason = super().run(progress)
