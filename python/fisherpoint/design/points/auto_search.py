@@ -29,7 +29,7 @@ from .pool import Pool, best_of_each, far_apart
 from .pool_exchange import PoolExchange, greedy
 from .told import told_aims
 
-POOL, MOST_POOL = 100, 50_000
+POOL, MOST_POOL = 400, 50_000
 """Candidates at the edges of the region for each group, as a multiple of `n_candidates`, and at most; half as many random ones."""
 
 PEAKS, NEAR_PEAK = 3, 16
