@@ -152,17 +152,21 @@ def test_a_bound_is_far_from_a_design_that_is_not_optimal(name: str) -> None:
     assert search.efficiency <= true + 1e-9 < 0.95
 
 
-def test_symmetries_keep_the_determinant_of_every_design() -> None:
-    rng = np.random.default_rng(0)
-    for grid, size in ((GRID, 8), (CUBE, 48)):
-        rows = rows_of_quadratic(grid)
-        found = symmetries(rows)
-        assert len(np.unique(found, axis=0)) == len(found) == size
-        for permutation in found:
-            counts = rng.integers(0, 3, len(grid))
-            here, there = (np.linalg.slogdet((rows * one[:, None]).T @ rows)[1] for one in (counts, counts[permutation]))
-            assert here == pytest.approx(there, abs=1e-8) or not np.isfinite(here)
-    assert len(symmetries(rng.standard_normal((8, 3)))) == 1
+@pytest.mark.parametrize("name", OPTIONS)
+def test_symmetries_keep_the_criterion_of_every_design(name: str) -> None:
+    rng, rows = np.random.default_rng(0), rows_of_quadratic(GRID)
+    criterion = fp.criterion(QUADRATIC, name, **OPTIONS[name])
+    found = symmetries(rows, criterion)
+    assert len(np.unique(found, axis=0)) == len(found) == {"D": 8, "A": 8, "E": 8, "Ds": 8, "c": 8, "I": 1}[name]
+    for permutation in found:
+        counts = rng.integers(1, 4, len(rows))
+        here, there = (criterion.log_phi((rows * one[:, None]).T @ rows) for one in (counts, counts[permutation]))
+        assert here == pytest.approx(there, abs=1e-8)
+
+
+def test_symmetries_are_those_of_the_cube_and_random_rows_have_none() -> None:
+    assert len(symmetries(rows_of_quadratic(CUBE), Determinant("D", np.eye(10), True))) == 48
+    assert len(symmetries(np.random.default_rng(0).standard_normal((8, 3)), Determinant("D", np.eye(3), True))) == 1
 
 
 @pytest.mark.parametrize("count", [50, 500, 2000])

@@ -15,7 +15,7 @@ from .average import Average
 from .optimality.aims import aim_of
 from .optimality.branch_and_bound import BranchAndBound, ExactProgress, similar_first
 from .optimality.candidate_rows import CandidateRows
-from .optimality.criteria import Criterion, Determinant
+from .optimality.criteria import Criterion
 from .optimality.relaxation import Box, Counts, Relaxation
 from .optimality.rounding import efficient_rounding
 from .optimality.symmetries import symmetries
@@ -129,9 +129,8 @@ class ExactSearch:
         order, parts = similar_first(matrices)
         left, relaxation = left[order], Relaxation(matrices[order], self._criterion, self._n)
         permutations = np.arange(len(left))[None]
-        whole = isinstance(self._criterion, Determinant) and self._criterion.whole
-        if whole and self._pool.constant is None and self._pool.rows.shape[1] == 1:
-            permutations = symmetries(self._pool.rows[left, 0] @ self._into)
+        if self._pool.constant is None and self._pool.rows.shape[1] == 1:
+            permutations = symmetries(self._pool.rows[left, 0] @ self._into, self._criterion)
         assert self.counts is not None
         start = self.counts[left]
         search = BranchAndBound(relaxation, parts, permutations, start, self._limits.gap)

@@ -1,8 +1,9 @@
-"""Permutations of candidates under which det sum_i n_i F_i does not change, found where every F_i has rank one.
+"""Permutations of candidates under which the criterion of sum_i n_i F_i does not change, found where every F_i has rank one.
 
 With rows j_i and M = sum_i F_i = L L^T, a linear map that takes each j_i to plus or minus another one maps M to itself, so that in
 the coordinates L^-1 j_i it is orthogonal: it keeps the table of products, but for signs. Every permutation that is returned has
-been checked for that; that there are no others is not claimed.
+been checked for that; that there are no others is not claimed. det F is the same under all of them. With j_s(i) = +-T^T j_i and
+M' = T^T M T, a criterion of K^T M^-1 K is where T^T K K^T T = K K^T, and one of the eigenvalues of K^T M K where T K K^T T^T is.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
+from .criteria import Criterion, Determinant, SmallestEigenvalue, Variance
 
 Permutations = NDArray[np.intp]
 
@@ -18,11 +20,11 @@ MOST_CANDIDATES, MOST_PERMUTATIONS, MOST_TRIES = 300, 2000, 100_000
 ALIKE = 1e-8
 
 
-def symmetries(rows: Array) -> Permutations:
+def symmetries(rows: Array, criterion: Criterion) -> Permutations:
     """Permutations (G, K) of rows (K, p), the identity among them."""
     count = len(rows)
     identity = np.arange(count)[None]
-    if count > MOST_CANDIDATES:
+    if not 1 < count <= MOST_CANDIDATES or np.linalg.matrix_rank(rows) < rows.shape[1]:
         return identity
     lower = np.linalg.cholesky(rows.T @ rows)
     whitened = np.linalg.solve(lower, rows.T).T
@@ -33,7 +35,20 @@ def symmetries(rows: Array) -> Permutations:
         return identity
     search = _Search(products, sizes, base)
     search.extend([])
-    return np.array(search.found) if search.found else identity
+    kept = [one for one, signs in search.found if _keeps(criterion, rows, signs[:, None] * rows[one])]
+    return np.array(kept) if kept else identity
+
+
+def _keeps(criterion: Criterion, rows: Array, images: Array) -> bool:
+    """Whether the linear map of rows to their images leaves the criterion as it is."""
+    if isinstance(criterion, Determinant) and criterion.whole:
+        return True
+    if not isinstance(criterion, Determinant | Variance | SmallestEigenvalue):
+        return False
+    t = np.linalg.lstsq(rows, images, rcond=None)[0]
+    moved = (t if isinstance(criterion, SmallestEigenvalue) else t.T) @ criterion.k
+    square = criterion.k @ criterion.k.T
+    return bool(np.abs(moved @ moved.T - square).max() < ALIKE * np.abs(square).max())
 
 
 def _base(sizes: Array) -> list[int] | None:
@@ -59,7 +74,7 @@ class _Search:
 
     def __init__(self, products: Array, sizes: Array, base: list[int]) -> None:
         self.products, self.sizes, self.base = products, sizes, base
-        self.found: list[NDArray[np.intp]] = []
+        self.found: list[tuple[NDArray[np.intp], Array]] = []
         self.tries = 0
 
     def extend(self, images: list[int]) -> None:
@@ -88,7 +103,7 @@ class _Search:
         moved = self.products[np.ix_(permutation, permutation)]
         signs = self._signs(moved)
         if np.abs(moved - np.outer(signs, signs) * self.products).max() < ALIKE:
-            self.found.append(permutation)
+            self.found.append((permutation, signs))
 
     def _signs(self, moved: Array) -> Array:
         """Of the rows, such that products keep theirs where that is possible."""
