@@ -14,11 +14,14 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .design.configuration import load_problem
     from .design.cost import Cost
     from .design.efficiency import Efficiency
+    from .design.exact import exact
     from .design.exchange import exchange
     from .design.found import TraceRecord
     from .design.optimality.approximate_design import ApproximateDesign
     from .design.optimality.asked import criterion
+    from .design.optimality.branch_and_bound import ExactProgress
     from .design.optimality.criteria import Criterion
+    from .design.optimality.exact_design import ExactDesign
     from .design.over_prior import OverPrior
     from .design.pieces.best_pieces import best_pieces
     from .design.pieces.piece_design import PieceDesign
@@ -81,6 +84,8 @@ __all__ = [
     "DesignValidation",
     "Efficiency",
     "Evaluation",
+    "ExactDesign",
+    "ExactProgress",
     "ExchangeSettings",
     "ExperimentRegion",
     "Experiments",
@@ -140,6 +145,7 @@ __all__ = [
     "estimate",
     "evaluate_design",
     "evaluate_under_noise",
+    "exact",
     "exchange",
     "feasibility",
     "identifiability",
@@ -167,9 +173,12 @@ _PLACES = {
     ".design.configuration": ("load_problem",),
     ".design.cost": ("Cost",),
     ".design.efficiency": ("Efficiency",),
+    ".design.exact": ("exact",),
     ".design.exchange": ("exchange",),
     ".design.found": ("TraceRecord",),
     ".design.optimality.approximate_design": ("ApproximateDesign",),
+    ".design.optimality.branch_and_bound": ("ExactProgress",),
+    ".design.optimality.exact_design": ("ExactDesign",),
     ".design.optimality.asked": ("criterion",),
     ".design.optimality.criteria": ("Criterion",),
     ".design.over_prior": ("OverPrior",),

@@ -208,3 +208,27 @@ def test_weights_of_matrices_of_very_different_sizes_are_found(criterion: Any) -
     rows = random.standard_normal((20_000, 1, 4)) * np.exp(random.standard_normal((20_000, 1, 1)))
     for seed in range(4):
         assert optimal_weights(CandidateRows(rows), criterion, tolerance=1e-6, seed=seed).efficiency > 1 - 2e-6
+
+
+def test_copies_of_candidates_do_not_hold_up_the_weights() -> None:
+    """27 settings in 20,000 candidates that repeat them: with hundreds of copies in a working set, 300 rounds proved 0.9985."""
+    rng = np.random.default_rng(9)
+    grid = np.array(list(itertools.product((-1.0, 0.0, 1.0), repeat=3)))
+    products = [grid[:, i] * grid[:, j] for i in range(3) for j in range(i, 3)]
+    settings = np.column_stack([np.ones(27), grid, *products])[:, None, :]
+    determinant, copies = Determinant("D", np.eye(10), True), rng.integers(27, size=20_000)
+    alone = optimal_weights(CandidateRows(settings), determinant)
+    for rows in (settings[copies], -settings[copies]):
+        found = optimal_weights(CandidateRows(rows), determinant, first=np.arange(60))
+        assert found.efficiency > 1 - 2e-6 and found.rounds <= 20 and len(found.chosen) <= 27
+        of_settings = np.bincount(copies[found.chosen], found.weights, 27)
+        np.testing.assert_allclose(of_settings, np.bincount(alone.chosen, alone.weights, 27), atol=2e-3)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_candidates_that_are_almost_copies_are_taken_for_one_as_long_as_that_costs_little(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    centres = rng.standard_normal((30, 4))
+    rows = (centres[rng.integers(30, size=20_000)] + 1e-5 * rng.standard_normal((20_000, 4)))[:, None, :]
+    found = optimal_weights(CandidateRows(rows), Determinant("D", np.eye(4), True))
+    assert found.efficiency > 1 - 2e-6 and found.rounds <= 15

@@ -38,6 +38,7 @@ def results() -> dict[str, Any]:
         "Campaign": campaign,
         "Identifiability": fp.identifiability(MODEL, PRIOR, REGION),
         "ApproximateDesign": fp.approximate(PROBLEM, n_candidates=200, starts=50),
+        "ExactDesign": fp.exact(PROBLEM, design.points, 5),
         "PieceDesign": fp.best_pieces(PROBLEM, fp.pieces(RECORD, MODEL, length=5), 4),
         "DesignComparison": fp.compare(PROBLEM, {"four": design, "two": design.points[:2]}, draws=50),
         "Sweep": fp.sweep(PROBLEM, range(2, 5), n_candidates=5, max_iterations=8, cost=fp.Cost(per_experiment=1.0)),
@@ -45,7 +46,7 @@ def results() -> dict[str, Any]:
     }
 
 
-MORE = ("ApproximateDesign", "PieceDesign", "DesignComparison", "Sweep", "RuleComparison")
+MORE = ("ApproximateDesign", "ExactDesign", "PieceDesign", "DesignComparison", "Sweep", "RuleComparison")
 KINDS = ("Design", "Evaluation", "Fit", "Validation", "Campaign", "Identifiability", *MORE)
 TABLES = ("Design", "Evaluation", "Fit", "Validation", "Campaign", *MORE)
 

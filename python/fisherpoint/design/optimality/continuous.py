@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...basics.quantity import names_of
 from ...basics.values import Array
 from ...points.experiments import Experiments
-from ...points.region import ExperimentRegion
 from .ascents import ascend, newton
 from .candidate_rows import CandidateRows, Places
-from .criteria import Criterion, Determinant
+from .criteria import Criterion, Determinant, Variance
+from .elfving import moved, smallest_sum
 from .estimable import Estimable
 from .point_rows import PointRows
+from .unit_box import UnitBox, distinct, groups_within
 from .weights import REGULAR, Weights, optimal_weights
 
 ABOVE = 1e-3
@@ -32,6 +32,10 @@ RADII = (0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 
 MERGING_COSTS = 1e-6
 """Most that log phi may lose by merging."""
+
+PROGRAM, LEAST_HELD = 20_000, 1e-3
+"""Candidates with the largest sensitivity of the linear program for one function of the parameters; and the share of its sum below
+which a point may only make up for others that are not quite in place."""
 
 SAME = 1e-6
 """Shares of the region's width within which two places are one."""
@@ -77,34 +81,9 @@ class _Support(NamedTuple):
     weights: Weights
 
 
-class _Box:
-    """The region's coordinates that are free, as a unit box."""
-
-    def __init__(self, source: PointRows) -> None:
-        region, self.model = source.problem.region, source.problem.model
-        assert isinstance(region, ExperimentRegion)
-        self.source = source
-        self.lower, self.upper = np.array([region.bounds[name] for name in names_of(self.model.axes)]).T
-        self.free = np.flatnonzero(self.upper > self.lower)
-
-    def points(self, z: Array) -> Experiments:
-        table = np.tile(self.lower, (len(z), 1))
-        table[:, self.free] += z * (self.upper - self.lower)[self.free]
-        return Experiments.of_table(self.model, np.clip(table, self.lower, self.upper))
-
-    def places(self, points: Experiments) -> Array:
-        table = points.table[:, : len(self.lower)]
-        return np.asarray(np.clip((table - self.lower)[:, self.free] / (self.upper - self.lower)[self.free], 0.0, 1.0))
-
-    @property
-    def difference(self) -> float:
-        """Half the distance of central differences: trajectories are known to the tolerance only."""
-        return 1e-5 if not self.model.states else float(np.clip(0.3 * np.cbrt(self.source.problem.rtol), 1e-4, 3e-3))
-
-
 class _Refining:
     def __init__(self, source: PointRows, points: Experiments, pool: CandidateRows, asked: Criterion, weights: Weights) -> None:
-        self.box, self.source, self.asked = _Box(source), source, asked
+        self.box, self.source, self.asked = UnitBox(source), source, asked
         self.points, self.pool, self.weights = points, pool, weights
         self.space = weights.estimable
 
@@ -143,11 +122,11 @@ class _Refining:
 
     def add_new(self, z: Array, value: Array) -> bool:
         """Add those places that no candidate is at already; whether there are any."""
-        distinct = _distinct(z, value, SAME)
+        places = distinct(z, value, SAME)
         known = self.box.places(self.points)
-        new = np.array([np.abs(known - one).max(axis=1).min() > SAME for one in distinct])
+        new = np.array([np.abs(known - one).max(axis=1).min() > SAME for one in places])
         if new.any():
-            self.add(distinct[new])
+            self.add(places[new])
         return bool(new.any())
 
     def settle(self, tolerance: float) -> None:
@@ -181,10 +160,12 @@ class _Refining:
 
     def merged(self, tolerance: float) -> _Support:
         """The support with points that lie close together taken for one, as far as that costs nothing."""
+        if (of_function := self._of_function()) is not None:
+            return of_function
         chosen, w = self.weights.chosen, self.weights.weights
         z, best = self.box.places(self.points[chosen]), _Support(self.points[chosen], self.pool.rows[chosen], self.weights)
         for radius in RADII:
-            group = _groups(z, radius)
+            group = groups_within(z, radius)
             if group.max() + 1 == len(z):
                 break
             centre = np.array([np.average(z[group == k], axis=0, weights=w[group == k]) for k in range(group.max() + 1)])
@@ -199,6 +180,83 @@ class _Refining:
                 if some.weights.log_phi >= self.weights.log_phi - MERGING_COSTS:
                     return some
         return self._polished(best, tolerance)
+
+    def _of_function(self) -> _Support | None:
+        """The support by Elfving's theorem, where it holds: of the fewest points that do not lose anything; None elsewhere."""
+        asked, pool = self.asked, self.pool
+        if not (isinstance(asked, Variance) and asked.k.shape[1] == 1 and pool.rows.shape[1] == 1) or pool.constant is not None:
+            return None
+        inner = asked.within(self.space)
+        assert isinstance(inner, Variance)
+        c = inner.k[:, 0]
+        program = self._program(c)
+        if program is None:
+            return None
+        near, b, _ = program
+        z = self.box.places(self.points[near])
+        for radius, least in itertools.product((*RADII, 0.0), (LEAST_HELD, 0.0)):
+            group = groups_within(z, radius)
+            numbers = [k for k in range(int(group.max()) + 1) if abs(b[group == k].sum()) > least * np.abs(b).sum()]
+            if any(np.ptp(np.sign(b[group == k])) for k in numbers):
+                continue
+            of = np.array([b[group == k].sum() for k in numbers])
+            centre = np.array([np.average(z[group == k], axis=0, weights=np.abs(b[group == k])) for k in numbers])
+            found = moved(self._rows_inside, centre, of, c, self.box.difference)
+            if found is None or -2 * np.log(np.abs(found[1]).sum()) < self.weights.log_phi - MERGING_COSTS:
+                continue
+            self.add_new(found[0], np.ones(len(found[0])))
+            again = self._program(c)
+            support = None if again is None else self._by_sums(found[0], found[1], again[2], inner)
+            if support is not None:
+                return support
+        return None
+
+    def _program(self, c: Array) -> tuple[Places, Array, Array] | None:
+        """Candidates with a part in the smallest sum, their parts, and the plane that proves it among candidates."""
+        along = self.pool.along(self.weights.half)
+        near = np.union1d(self.weights.chosen, np.argsort(-along, kind="stable")[:PROGRAM])
+        found = smallest_sum(self.pool.rows[near, 0] @ self.space.into, c)
+        if found is None:
+            return None
+        b, y = found
+        return near[b != 0], b[b != 0], y
+
+    def _rows_inside(self, z: Array) -> Array | None:
+        rows, places = self.source.at_mean(self.box.points(z))
+        return rows[:, 0] @ self.space.into if len(places) == len(z) else None
+
+    def _by_sums(self, z: Array, b: Array, y: Array, inner: Variance) -> _Support | None:
+        """Points with the weights |b| / sum |b|, and the bound by a plane y that is moved to touch Elfving's set at them."""
+        points = self.box.points(z)
+        rows, places = self.source.valid(points)
+        if len(places) < len(points):
+            return None
+        weights, flat = np.abs(b) / np.abs(b).sum(), rows[:, 0] @ self.space.into
+        log_phi = inner.log_phi((flat * weights[:, None]).T @ flat)
+        if not np.isfinite(log_phi):
+            return None
+        conditions, wanted, h = [flat], [np.sign(b)], self.box.difference
+        for k in range(z.shape[1]):  # the sensitivity function is flat where a point could move
+            free = np.flatnonzero((z[:, k] > h) & (z[:, k] < 1 - h))
+            step = h * (np.arange(z.shape[1]) == k)
+            below, above = self._rows_inside(z[free] - step), self._rows_inside(z[free] + step)
+            if len(free) and below is not None and above is not None:
+                conditions.append((above - below) / (2 * h))
+                wanted.append(np.zeros(len(free)))
+        a = np.concatenate(conditions)
+        touching = y + np.linalg.lstsq(a, np.concatenate(wanted) - a @ y, rcond=1e-10)[0]
+        found = [self._by_plane(one, inner) for one in (touching, y)]
+        half, largest, log_bound = min(found, key=lambda one: one[2])
+        efficiency = float(np.exp(min(log_phi - log_bound, 0.0)))
+        chosen, same = np.arange(len(b)), self.weights
+        new = Weights(chosen, weights, half, largest, efficiency, log_phi, log_bound, self.space, same.deleted, same.rounds)
+        return _Support(points, rows, new)
+
+    def _by_plane(self, y: Array, inner: Variance) -> tuple[Array, float, float]:
+        """Y, its largest sensitivity, and the bound phi(N) <= (y^T N y) / (c^T y)^2, by Cauchy and Schwarz."""
+        half = (self.space.into @ y)[:, None]
+        largest = float(self.pool.along(half).max())
+        return half, largest, float(np.log(largest) - 2 * np.log(abs(float(inner.k[:, 0] @ y))))
 
     def _weights_of(self, points: Experiments, rows: Array, tolerance: float) -> _Support:
         """The best weights of these points; where they do not determine what is asked, of some candidates beside them."""
@@ -302,24 +360,3 @@ def _completing(some: CandidateRows, pool: CandidateRows, space: Estimable) -> P
         beside = np.append(beside, int(np.argmax(pool.along(space.into @ vectors[:, :1]))))
         matrix = matrix + pool.matrices(beside[-1:], space.into)[0]
     return beside
-
-
-def _distinct(z: Array, value: Array, radius: float) -> Array:
-    """Of places closer than a radius to each other, that of the largest value."""
-    kept: list[int] = []
-    for k in np.argsort(-value):
-        if all(np.abs(z[k] - z[other]).max() > radius for other in kept):
-            kept.append(int(k))
-    return np.asarray(z[np.array(kept, dtype=np.intp)])
-
-
-def _groups(z: Array, radius: float) -> NDArray[np.intp]:
-    """Numbers (m,) of groups of places that hang together within a radius."""
-    group = np.arange(len(z))
-    near = np.abs(z[:, None] - z[None]).max(axis=2) <= radius
-    for _ in range(len(z)):
-        smallest = np.where(near, group[None], len(z)).min(axis=1)
-        if (smallest == group).all():
-            break
-        group = smallest
-    return np.unique(group, return_inverse=True)[1]

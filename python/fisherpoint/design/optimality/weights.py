@@ -23,8 +23,16 @@ from .interior import best_weights, mean_of
 FIRST, ADDED = 96, 48
 """Candidates of the first working set, and most that each round adds."""
 
-ENOUGH = 6
-"""Candidates that a round adds at least, where so many that would help may have a weight."""
+ENOUGH, LOOKS = 6, 3
+"""Candidates that a round adds at least, where so many that would help may have a weight; and how often it looks for some that are
+no copies of others."""
+
+ALIKE, MOST_ALIKE, SAME = 0.1, 0.01, 1e-9
+"""Information matrices are taken for one in a working set where they differ by less than a share of themselves: so much of the gap,
+and within these two; other than for "D", where the optimum may be singular and little makes a great difference, the last.
+
+A copy adds nothing, and the weights of many copies are not unique: the interior point method then ends far from the optimum.
+"""
 
 NEAR, MUCH_CLOSER = 4096, 0.3
 """Candidates that are looked at alone, and what they may leave of the gap of all before all are asked again."""
@@ -117,7 +125,7 @@ def optimal_weights(
     search = _Search(candidates, inner, space, tolerance, allowed)
     if first is None:
         first = np.sort(np.random.default_rng(seed).choice(len(candidates), min(FIRST, len(candidates)), replace=False))
-    search.run(search.regular(first))
+    search.run(search.regular(search.unlike(first, np.empty(0, dtype=np.intp), SAME)))
     return search.found()
 
 
@@ -145,13 +153,15 @@ class _Search:
         idle = 0
         near: _Near | None = None
         while self.rounds < MOST_ROUNDS and idle < MOST_IDLE and smallest > self.tolerance:
+            before = working
             self.rounds += 1
             matrices = self.candidates.matrices(working, self.space.into)
-            weights, slope = best_weights(matrices, self.criterion, float(np.clip(0.03 * gap, 0.2 * self.tolerance, 0.01)))
+            precision = self._precision(gap)
+            weights, slope = best_weights(matrices, self.criterion, precision)
             asked = near or _Near(self.stored, self.places)
             along = asked.candidates.along(self.space.into @ slope.half)
             along[self.excluded[asked.places]] = -np.inf
-            added = self._added(along, asked.places)
+            added = self._added(along, asked.places, working)
             gap = max(float(along.max()) - 1.0, 0.0)
             if near is None:
                 of_all = gap
@@ -167,6 +177,14 @@ class _Search:
             if len(working) > LARGE and np.linalg.eigvalsh(matrices[kept].mean(axis=0))[0] > REGULAR:
                 working = working[kept]
             working = np.union1d(working, added)
+            if np.array_equal(working, before):
+                if asked.candidates is self.stored and self._precision(gap) >= 0.5 * precision:
+                    return  # the same weights once more
+                near = None
+
+    def _precision(self, gap: float) -> float:
+        """To which the weights of the next working set are computed."""
+        return float(np.clip(0.03 * gap, 0.2 * self.tolerance, 0.01))
 
     def _near(self, along: Array) -> _Near | None:
         """The candidates with the largest sensitivity; None where there are hardly more."""
@@ -190,20 +208,38 @@ class _Search:
             working = np.union1d(working, taken)
         return working
 
-    def _added(self, along: Array, places: Places) -> Places:
+    def _added(self, along: Array, places: Places, working: Places) -> Places:
         """Candidates that would help and may have a weight; what may not is -inf in `along` from now on.
 
         Where most may not, more are asked for: without any the weights would stay as they are, and be computed once more.
         """
         added, left = np.empty(0, dtype=np.intp), along.copy()
-        while len(added) < ENOUGH and len(wanted := _helpful(left)):
-            taken = self._taken(places[wanted])
+        share = float(np.clip(ALIKE * (along.max() - 1.0), SAME, MOST_ALIKE)) if self.deletes else SAME
+        looks = 0
+        while len(added) < ENOUGH and looks < LOOKS and len(wanted := _helpful(left)):
+            best_first = places[wanted[np.argsort(-left[wanted], kind="stable")]]
+            beside = np.union1d(working, added)
+            new = self.unlike(best_first, beside, share)
+            taken = self._taken(np.sort(new))
             added = np.union1d(added, taken)
-            if len(taken) == len(wanted):
-                break
+            if len(taken) == len(new):
+                if len(added):
+                    break
+                looks += 1
             left[wanted] = -np.inf
         along[self.excluded[places]] = -np.inf
         return added
+
+    def unlike(self, wanted: Places, beside: Places, share: float) -> Places:
+        """Candidates whose matrices differ by more than a share from those of others beside them, and of those before them."""
+        into = self.space.into
+        matrices = self.candidates.matrices(np.concatenate([beside, wanted]), into)
+        matrices = matrices.reshape(len(matrices), -1)
+        size, count, kept = np.linalg.norm(matrices, axis=1), len(beside), list(range(len(beside)))
+        for k in range(count, len(matrices)):
+            if not len(kept) or np.linalg.norm(matrices[kept] - matrices[k], axis=1).min() > share * size[k]:
+                kept.append(k)
+        return np.asarray(wanted[np.array(kept[count:], dtype=np.intp) - count])
 
     def _taken(self, wanted: Places) -> Places:
         """Those that may have a weight; the others are left out from now on."""

@@ -1,0 +1,161 @@
+"""The best exact design among candidates: whole numbers of measurements, with a proof that there are no better ones."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from ..basics.checks import as_positive, check_choice, check_flag, check_positive_int, check_type
+from ..basics.values import FrozenMapping
+from ..information.combinations import combination
+from ..information.evaluation import null_direction
+from ..information.problem import DesignProblem
+from ..points.experiments import Experiments
+from ..points.settings import resolve_threads
+from .exact_search import ExactSearch, Limits
+from .optimality.approximate_design import prior_information as information_of_prior
+from .optimality.asked import CRITERIA
+from .optimality.asked import criterion as criterion_of
+from .optimality.branch_and_bound import ExactProgress
+from .optimality.candidate_rows import CandidateRows
+from .optimality.estimable import estimable
+from .optimality.exact_design import ExactDesign
+from .optimality.point_rows import PointRows, check_additive
+from .optimality.weights import optimal_weights
+
+TOLERANCE = 1e-6
+"""Of the best weights, from which the bounds begin."""
+
+MOST_EXPERIMENTS, MOST_NODES = 10_000, 10**9
+
+
+def exact(
+    problem: DesignProblem,
+    candidates: Experiments,
+    n_experiments: int,
+    *,
+    criterion: str = "D",
+    of: str | Sequence[str] | None = None,
+    conditions: Experiments | None = None,
+    scale: Mapping[str, float] | None = None,
+    prior_information: bool = False,
+    gap: float = 1e-6,
+    max_nodes: int = 100_000,
+    time_limit: float | None = None,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Callable[[ExactProgress], None] | None = None,
+) -> ExactDesign:
+    """Find how often each of given candidates is to be measured, and prove how near to the best design that is.
+
+    Maximised is the criterion of sum_i n_i F_i over whole numbers n_i >= 0 that sum to `n_experiments`. The search begins with
+    rounded weights and exchanges of points; then branch and bound excludes all other designs, where that takes no more than the
+    limits allow.
+
+    Parameters
+    ----------
+    problem : DesignProblem
+        With output covariance "noise", whose information adds up over points.
+    candidates : Experiments
+        What may be measured, each any number of times.
+    n_experiments : int
+        Measurements, 10,000 at most.
+    criterion : {"D", "A", "E", "c", "Ds", "I"}
+        See :func:`fisherpoint.criterion`, which says what `of`, `conditions` and `scale` are. "ME" has no bound of this kind.
+    of, conditions, scale
+        What the criterion needs.
+    prior_information : bool
+        Whether the inverse of the prior's covariance is added to the information of the measurements.
+    gap : float
+        The share of measurements by which a better design may stay unknown: the search ends where the efficiency is proven to be
+        at least 1 - gap; at least 1e-9.
+    max_nodes : int
+        Boxes of counts that are looked at.
+    time_limit : float, optional
+        Stop after so many seconds.
+    seed : int
+        Of the designs from which exchanges begin.
+    threads : int, optional
+        Default: every core.
+    progress : callable, optional
+        Called with an `ExactProgress` once in 50 nodes.
+
+    Returns
+    -------
+    ExactDesign
+        Ctrl-C during the search returns the best design so far with what is proven of it, and stop_reason "interrupted".
+
+    Raises
+    ------
+    TypeError, ValueError
+        For misuse, an output covariance that is not additive, what the candidates cannot determine, with the combinations of
+        parameters that are left open, and too few measurements to determine what is asked.
+    """
+    started = time.perf_counter()
+    check_type(problem, DesignProblem, "problem")
+    check_additive(problem)
+    check_type(candidates, Experiments, "candidates")
+    n = check_positive_int(n_experiments, "n_experiments", 1, MOST_EXPERIMENTS)
+    if check_choice(criterion, CRITERIA, "criterion") == "ME":
+        raise ValueError("criterion: expected one with a concave form, given 'ME': no bound holds for the condition number")
+    asked = criterion_of(problem, criterion, of=of, conditions=conditions, scale=scale, threads=threads)
+    gap = as_positive(gap, "gap")
+    if not 1e-9 <= gap <= 0.5:
+        raise ValueError(f"gap: expected a share between 1e-9 and 0.5, given {gap:g}")
+    max_nodes = check_positive_int(max_nodes, "max_nodes", 1, MOST_NODES)
+    time_limit = None if time_limit is None else as_positive(time_limit, "time_limit")
+    seed, threads = check_positive_int(seed, "seed", 0), resolve_threads(threads)
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
+    known = information_of_prior(problem) if check_flag(prior_information, "prior_information") else None
+
+    source = PointRows(problem, threads)
+    rows, places = source.valid(candidates) if len(candidates) else (np.empty((0, 1, 1)), np.empty(0, dtype=np.intp))
+    if not len(rows):
+        told = ", ".join(f"{reason} {count}" for reason, count in source.rejected.items())
+        raise ValueError(f"candidates: expected valid points, given none: {told or 'no points at all'}")
+    pool = CandidateRows(rows, None if known is None else known / n)
+    space = estimable(pool.triangle())
+    null = tuple(null_direction(v, space.length, problem.estimated) for v in space.null)
+    if not space.rank or asked.outside(space) > 1e-6:
+        told = "; ".join(combination(one) for one in null)
+        raise ValueError(f"candidates: expected some that determine what is asked, given none that tell about {told}")
+    weights = optimal_weights(pool, asked, tolerance=TOLERANCE, seed=seed, space=space)
+    limits = Limits(-float(np.log1p(-gap)), max_nodes, time_limit, started)
+    search = ExactSearch(pool, asked.within(space), weights, n, limits, np.random.default_rng(seed))
+    found = search.run(progress)
+    if not found.efficiency > 0:
+        raise ValueError(
+            f"n_experiments: expected enough to determine what criterion {criterion!r} asks, given {n}: the candidates determine "
+            f"{space.rank} combinations of parameters, and no design of so many measurements was found that determines it"
+        )
+    chosen = np.flatnonzero(found.counts)
+    counts = found.counts[chosen]
+    information = pool.information(chosen, counts.astype(float))
+    inside = space.span.T @ information @ space.span if len(null) else information
+    told_by = asked.within(space.orthonormal) if len(null) else asked
+    return ExactDesign(
+        problem=problem,
+        criterion_name=criterion,
+        of=of if of is None or isinstance(of, str) else tuple(of),
+        conditions=conditions,
+        scale=None if scale is None else FrozenMapping(dict(scale)),
+        prior_information=prior_information,
+        points=candidates[places[np.repeat(chosen, counts)]],
+        chosen=places[chosen],
+        counts=counts,
+        information=information,
+        value=told_by.value(inside),
+        efficiency=found.efficiency,
+        of_weights=float(np.exp(min(search.value - weights.log_bound - np.log(n), 0.0))),
+        gap=gap,
+        stop_reason=found.stop_reason,
+        nodes=found.nodes,
+        n_candidates=len(rows),
+        n_left=found.left,
+        null_directions=null,
+        left_out=FrozenMapping(dict(+source.rejected)),
+        seconds=time.perf_counter() - started,
+    )

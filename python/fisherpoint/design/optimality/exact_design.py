@@ -1,0 +1,134 @@
+"""Whole numbers of measurements of candidates, with the proof of how good they are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...basics.extras import needed_for
+from ...basics.kept import Codec, Kept
+from ...basics.quantity import names_of
+from ...basics.values import Array
+from ...information.codec import problem_from_json, problem_to_json
+from ...information.problem import DesignProblem
+from ...information.problem_report import problem_sections
+from ...points.codec import points_from_json, points_to_json
+from ...points.experiments import Experiments
+from ...show.section import Report, Section
+from ...show.shown import Shown
+from .asked import criterion
+from .criteria import Criterion
+from .exact_report import exact_report
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ExactDesign(Shown, Kept):
+    """How often each of some candidates is measured.
+
+    Attributes
+    ----------
+    problem : DesignProblem
+    criterion_name : {"D", "A", "E", "c", "Ds", "I"}
+    of : str, tuple of str or None
+        The function, parameters or output that was asked about.
+    conditions : Experiments or None
+        Where the output is predicted.
+    scale : mapping of parameter name to float, or None
+    prior_information : bool
+        Whether the prior's information was added.
+    points : Experiments
+        As many as measurements; those that are repeated stand side by side.
+    chosen : ndarray of int, (m,)
+        The candidates that are measured, as places among those that were given.
+    counts : ndarray of int, (m,)
+        How often each is.
+    information : ndarray, (p, p)
+        sum_i n_i F_i, with parameters in units of their prior std, and that of the prior where it was added.
+    value : float
+        The criterion at this matrix.
+    efficiency : float
+        Lower bound of the efficiency of the design against every design of as many measurements of the candidates.
+    of_weights : float
+        The same against weights that need not be whole numbers, with which the best design mostly cannot compete.
+    gap : float
+        By which share of measurements a better design was allowed to stay unknown.
+    stop_reason : {"proven", "max_nodes", "time_limit", "interrupted", "candidates"}
+        "proven" where the efficiency is at least 1 - gap; "candidates" where too many were left for branch and bound.
+    nodes : int
+        Boxes of counts of which a bound was computed.
+    n_candidates, n_left : int
+        Valid candidates, and those of them that better designs than what exchanges had found could have, copies counted once.
+    null_directions : tuple of mappings of parameter name to float
+        Combinations of standardised parameters that no candidate says anything about: the design is for the others.
+    left_out : mapping of reason to int
+        Candidates that are no points.
+    seconds : float
+    """
+
+    problem: DesignProblem
+    criterion_name: str
+    of: str | tuple[str, ...] | None
+    conditions: Experiments | None
+    scale: Mapping[str, float] | None
+    prior_information: bool
+    points: Experiments
+    chosen: NDArray[np.intp]
+    counts: NDArray[np.int64]
+    information: Array
+    value: float
+    efficiency: float
+    of_weights: float
+    gap: float
+    stop_reason: str
+    nodes: int
+    n_candidates: int
+    n_left: int
+    null_directions: tuple[Mapping[str, float], ...]
+    left_out: Mapping[str, int]
+    seconds: float
+
+    _CODEC: ClassVar[Codec] = {
+        DesignProblem: (problem_to_json, problem_from_json),
+        Experiments: (points_to_json, points_from_json),
+    }
+
+    @cached_property
+    def criterion(self) -> Criterion:
+        """The criterion, as a function of information matrices."""
+        options = {"of": self.of, "conditions": self.conditions, "scale": self.scale}
+        return criterion(self.problem, self.criterion_name, **options)  # type: ignore[arg-type]
+
+    @property
+    def proven(self) -> bool:
+        """Whether no design of as many measurements of the candidates is better by more than the gap."""
+        return self.stop_reason == "proven"
+
+    @property
+    def distinct(self) -> Experiments:
+        """The m points that are measured, each once."""
+        return self.points[np.cumsum(self.counts) - self.counts]
+
+    def to_pandas(self) -> pd.DataFrame:
+        """One row per point: its coordinates, SI units, and how often it is measured."""
+        with needed_for("to_pandas"):
+            import pandas as pd
+
+        names = names_of(self.problem.model.axes)
+        index = pd.RangeIndex(len(self.counts), name="point")
+        frame = pd.DataFrame(self.distinct.table[:, : len(names)], index, pd.Index(names))
+        return frame.assign(count=self.counts)
+
+    def _asked(self) -> Sequence[Section]:
+        return problem_sections(self.problem)
+
+    def report(self) -> Report:
+        """The points, the value, and what is proven about it."""
+        return exact_report(self)

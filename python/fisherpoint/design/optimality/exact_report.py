@@ -1,0 +1,122 @@
+"""A design of whole numbers of measurements as a report that says what is proven and what is not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...basics.quantity import names_of
+from ...information.combinations import combination
+from ...information.problem import DesignProblem
+from ...points.experiments import Experiments
+from ...show.numbers import computed, counted, number
+from ...show.section import Report, Section
+from .approximate_report import floored
+from .asked import WORDS
+
+ENDS = {
+    "proven": "the gap is closed",
+    "max_nodes": "the limit of nodes",
+    "time_limit": "the limit of time",
+    "interrupted": "interrupted",
+    "candidates": "too many candidates are left for branch and bound",
+}
+"""Why a search ended."""
+
+
+class Reported(Protocol):
+    """What the report needs of a :class:`fisherpoint.ExactDesign`."""
+
+    @property
+    def problem(self) -> DesignProblem: ...
+    @property
+    def criterion_name(self) -> str: ...
+    @property
+    def of(self) -> str | tuple[str, ...] | None: ...
+    @property
+    def prior_information(self) -> bool: ...
+    @property
+    def points(self) -> Experiments: ...
+    @property
+    def distinct(self) -> Experiments: ...
+    @property
+    def counts(self) -> NDArray[np.int64]: ...
+    @property
+    def value(self) -> float: ...
+    @property
+    def proven(self) -> bool: ...
+    @property
+    def efficiency(self) -> float: ...
+    @property
+    def of_weights(self) -> float: ...
+    @property
+    def gap(self) -> float: ...
+    @property
+    def stop_reason(self) -> str: ...
+    @property
+    def nodes(self) -> int: ...
+    @property
+    def n_candidates(self) -> int: ...
+    @property
+    def n_left(self) -> int: ...
+    @property
+    def null_directions(self) -> tuple[Mapping[str, float], ...]: ...
+    @property
+    def left_out(self) -> Mapping[str, int]: ...
+    @property
+    def seconds(self) -> float: ...
+
+
+def exact_report(design: Reported) -> Report:
+    """Points, criterion, proof and search."""
+    among = counted(design.n_candidates, "candidate")
+    what = f"{counted(len(design.points), 'measurement')} at {counted(len(design.counts), 'point')}"
+    if design.proven:
+        headline = f"{what}: proven {design.criterion_name}-optimal among {among}, to {number(design.gap, 2)}"
+    else:
+        headline = f"{what}: {design.criterion_name}-efficiency at least {floored(design.efficiency)} among {among}"
+    return Report(headline, [_points(design), _proof(design)], list(_warnings(design)))
+
+
+def _points(design: Reported) -> Section:
+    names = names_of(design.problem.model.axes)
+    columns = (*(f"{quantity.name} [{quantity.unit}]" for quantity in design.problem.model.axes), "measured")
+    table = design.distinct.table[:, : len(names)].tolist()
+    rows = [(*(number(x, 5) for x in row), str(count)) for row, count in zip(table, design.counts.tolist(), strict=True)]
+    return Section("Points", columns, rows)
+
+
+def _proof(design: Reported) -> Section:
+    asked = "" if design.of is None else f" of {design.of if isinstance(design.of, str) else ', '.join(design.of)}"
+    facts = [
+        ("criterion", f"{design.criterion_name}{asked}"),
+        (f"{WORDS[design.criterion_name]} of all measurements", computed(design.value, 7)),
+        (f"efficiency against any {counted(len(design.points), 'measurement')}", f"at least {floored(design.efficiency)}"),
+        ("against weights that need not be whole", f"at least {floored(design.of_weights)}"),
+        ("among", counted(design.n_candidates, "candidate")),
+        ("of which better designs could have", str(design.n_left)),
+        ("nodes of branch and bound", str(design.nodes)),
+        ("ended by", ENDS[design.stop_reason]),
+    ]
+    if design.prior_information:
+        facts.append(("with", "the prior's information"))
+    facts += [("not determined (in prior std)", combination(null)) for null in design.null_directions]
+    facts += [(f"left out: {reason}", str(count)) for reason, count in design.left_out.items()]
+    notes = ["Only designs of these candidates are covered: points between them may be better"]
+    return Section("What is proven", (), [*facts, ("time", f"{design.seconds:.1f} s")], notes=notes)
+
+
+def _warnings(design: Reported) -> Iterator[str]:
+    if design.null_directions:
+        yield (
+            f"The candidates leave {counted(len(design.null_directions), 'combination')} of parameters undetermined, named above:"
+            " the design is for the others."
+        )
+    if not design.proven:
+        yield (
+            f"No better design is known, but one with {number(100 * (1 / design.efficiency - 1), 2)} % more information may exist:"
+            f" the search was ended by {ENDS[design.stop_reason]}."
+        )
