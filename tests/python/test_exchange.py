@@ -280,6 +280,7 @@ def test_settings_are_kept() -> None:
         "screen": True,
         "local": 0.5,
         "method": "auto",
+        "singular": "estimable",
         "over": None,
         "criterion": "D",
         "of": None,

@@ -44,7 +44,7 @@ def with_changes(design: fp.Design, **changes: Any) -> Any:
     """A design in which some attributes have other values."""
     fields = (
         "problem points evaluation under_noise trace rejected feasible drawn accepted stop_reason distinct_points "
-        "seconds settings efficiency n_previous previous_left_out feasibility scenarios"
+        "seconds settings efficiency n_previous previous_left_out feasibility scenarios ridge not_told too_few"
     )
     return SimpleNamespace(**{name: getattr(design, name) for name in fields.split()} | changes)
 

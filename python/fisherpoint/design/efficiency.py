@@ -50,9 +50,10 @@ class Efficiency:
     Attributes
     ----------
     under_noise : float or None
-        log det F of the design with D = R.
+        log det F of the design with D = R: of what the points of the region determine, where that is not everything.
     at_most : float or None
-        Proven: no design of as many of the candidates that were evaluated has a larger log det with D = R. Weights of candidates
+        Proven: no design of as many of the candidates that were evaluated has a larger log det with D = R. None where the points
+        are too few to determine as much as these candidates do. Weights of candidates
         that need not be whole numbers reach it, so that designs may all be below. With a criterion over the prior, log dets are
         replaced by what is maximised here and in `at_least`.
     at_least : float or None

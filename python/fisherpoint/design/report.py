@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.quantity import Quantity
@@ -28,6 +27,7 @@ from .found import FoundDesign
 from .optimality.asked import named
 from .over_report import over_sections
 from .settings import searched_by
+from .singular_report import ridge_facts, singular_warning
 
 ROWS, ROWS_OF_PAGES = 40, 1000  # points shown of a longer list
 _WORST = 3  # parameters named in a warning
@@ -271,6 +271,7 @@ def _search(design: FoundDesign) -> Section:
         ("distinct points", f"{design.distinct_points} of {len(design.points)}"),
         ("seed, time", f"{settings.seed}, {design.seconds:.1f} s"),
     ]
+    facts += ridge_facts(design)
     if design.previous_left_out:
         lost = ", ".join(f"{reason} {count}" for reason, count in design.previous_left_out.items())
         facts.append(("previous points left out", f"{lost}: not valid at the prior mean, not used"))
@@ -307,16 +308,8 @@ def _warnings(evaluated: Evaluated) -> Iterator[str]:
             f"Under the sensor noise this design is worse than the median random design. The criterion's D "
             f'("{kind}") ignores the size of the signals; use output_covariance = "noise".'
         )
-    if evaluated.evaluation.covariance is None and isinstance(evaluated, FoundDesign) and np.isfinite(evaluated.value):
-        yield (
-            f"F is singular: the points determine what criterion {evaluated.settings.criterion} asks, but not all parameters. "
-            "What is left open stands beside the criterion; more points, or parameters left out, would close it."
-        )
-    elif evaluated.evaluation.covariance is None:
-        yield (
-            "F is singular: the points do not determine all parameters. Add points, widen the region, or leave "
-            "parameters out (parameters = [...])."
-        )
+    if evaluated.evaluation.covariance is None:
+        yield singular_warning(evaluated)
     elif evaluated.under_noise is not None and evaluated.under_noise.weak_parameters:
         yield (
             f"The standard error stays above half the prior std for {', '.join(evaluated.under_noise.weak_parameters)}: these "

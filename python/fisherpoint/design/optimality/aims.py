@@ -87,6 +87,36 @@ class LogDet(Aim):
         return float(np.linalg.slogdet(fisher)[1]), np.asarray(np.linalg.solve(fisher, rows.T).T)
 
 
+class LogDetWithin(Aim):
+    """log det K^T F K, with K a basis of what candidates determine, where that is not everything: then F is singular by itself."""
+
+    least = 1e-10
+
+    def __init__(self, criterion: Determinant, k: Array | None = None) -> None:
+        super().__init__(criterion)
+        self.criterion: Determinant = criterion
+        self._k = criterion.k if k is None else k
+
+    def value(self, fisher: Array) -> float:
+        return _core.log_det(self._k.T @ fisher @ self._k)
+
+    def added(self, fisher: Array, columns: Array) -> Array:
+        return gains(self._k.T @ fisher @ self._k, np.einsum("pq,pnk->qnk", self._k, columns))
+
+    def offset(self, fisher: Array, factor: Array) -> float:
+        return self.value(fisher)
+
+    def within(self, factor: Array) -> Aim:
+        return LogDetWithin(self.criterion, factor.T @ self._k)
+
+    def slope(self, fisher: Array, rows: Array) -> tuple[float, Array]:
+        inner = self._k.T @ fisher @ self._k
+        sign, log_det = np.linalg.slogdet(inner)
+        if not sign > 0:
+            raise np.linalg.LinAlgError("not positive definite")
+        return float(log_det), np.asarray(np.linalg.solve(inner, (rows @ self._k).T).T @ self._k.T)
+
+
 class _Sloped(Aim):
     """With the slope that the criterion has."""
 
@@ -180,7 +210,9 @@ def _soft(logs: Array, values: Array, side: float) -> tuple[float, Array]:
 def aim_of(criterion: Criterion) -> Aim:
     """The form in which a search asks for a criterion."""
     if isinstance(criterion, Determinant):
-        return LogDet(criterion) if criterion.whole else LogSubsetDet(criterion)
+        if not criterion.whole:
+            return LogSubsetDet(criterion)
+        return LogDet(criterion) if criterion.k.shape[0] == criterion.k.shape[1] else LogDetWithin(criterion)
     if isinstance(criterion, Variance):
         return LogVariance(criterion)
     assert isinstance(criterion, SmallestEigenvalue | ConditionNumber)

@@ -23,7 +23,7 @@ from ...points.region import ExperimentRegion
 from ..optimality.aims import LogDet
 from ..optimality.criteria import Determinant
 from .point_ascent import PointAscent, scenario_rows, whitened_rows
-from .point_search import RIDGE, Incumbent, PointSearch, Progress
+from .point_search import Incumbent, PointSearch, Progress
 from .pool import Pool, best_of_each, far_apart
 from .pool_exchange import PoolExchange, greedy
 from .told import told_aims
@@ -106,7 +106,7 @@ class AutoSearch(PointSearch):
             next(self._rounds)
         except StopIteration:
             return None
-        return self.best is not before
+        return self.best.information is not before.information
 
     def _all_rounds(self) -> Iterator[None]:
         """The whole search, round by round."""
@@ -116,10 +116,10 @@ class AutoSearch(PointSearch):
         random = self._pool(PointInformation.join([first, self.source.draw(max(1, count // 2))]))
         random.valid[: len(first)] = 1
         self._confirm(random, np.arange(min(len(random), TAUGHT)))
-        self._ask_for_what_is_told(random)
         ends, found = list[PointInformation](), random[np.arange(len(first))]
         for group in range(int(np.clip(settings.max_iterations // LEAST_ROUNDS, 1, GROUPS))):
             pool = random.with_more(self._pool(self.source.draw_at_edges(count)))
+            self._ask_for_what_is_told(pool)
             design, peaks = yield from self._group(pool, at_random=group % 2 == 1)
             ends.append(design)
             found = found.with_more(peaks).with_more(self._pool(design, 1))
@@ -232,9 +232,12 @@ class AutoSearch(PointSearch):
 
     def _ask_for_what_is_told(self, pool: Pool) -> None:
         """Where no candidate tells about some parameters, ask for the others."""
-        aims = told_aims(self.problem, self.aims, pool.columns.transpose(0, 3, 2, 1), self._known, self.count)
+        rows, singular = pool.columns.transpose(0, 3, 2, 1), self.settings.singular
+        aims, spaces = told_aims(self.problem, self.asked, rows, self._known, self.count, singular)
+        self.space = spaces[0] if self.scenarios is None else None
         if aims != self.aims:
-            self.aims = self.seen.aims = aims
+            self.aims, self._level = aims, aims[0].level
+            self.seen.aims = aims
             self.best = self._incumbent(self.best.information)
 
     @property
@@ -242,10 +245,6 @@ class AutoSearch(PointSearch):
         region = self.problem.region
         assert isinstance(region, ExperimentRegion)
         return [region.bounds[axis.name] for axis in self.problem.model.axes]
-
-    @property
-    def _ridge(self) -> float:
-        return 0.0 if np.isfinite(self.best.log_det) else RIDGE
 
     @property
     def _fixed(self) -> Array:
