@@ -22,6 +22,7 @@ from ..points.status import Status
 from ..show.numbers import column, computed, counted, number, percent
 from ..show.section import Report, Section
 from .criterion_report import asked_for, at_least, bound_of, facts_asked, maximised, told
+from .efficiency import Efficiency
 from .evaluated import Evaluated
 from .found import FoundDesign
 from .optimality.asked import named
@@ -31,6 +32,8 @@ from .singular_report import ridge_facts, singular_warning
 
 ROWS, ROWS_OF_PAGES = 40, 1000  # points shown of a longer list
 _WORST = 3  # parameters named in a warning
+
+GUIDE = "docs/explanation/output_covariance.md"
 
 USUAL = 0.99
 """Share of the plants that should be able to run a design."""
@@ -301,13 +304,8 @@ def _warnings(evaluated: Evaluated) -> Iterator[str]:
     places = list(outside(evaluated.problem.model, evaluated.problem.region, evaluated.points))
     if places:
         yield f"Outside of the region: {few(places, 10)}."
-    efficiency = getattr(evaluated, "efficiency", None)
-    if efficiency is not None and efficiency.below_random:
-        kind = evaluated.evaluation.output_covariance_kind
-        yield (
-            f"Under the sensor noise this design is worse than the median random design. The criterion's D "
-            f'("{kind}") ignores the size of the signals; use output_covariance = "noise".'
-        )
+    if hasattr(evaluated, "efficiency"):
+        yield from _of_covariance(evaluated.evaluation.output_covariance_kind, evaluated.efficiency)
     if evaluated.evaluation.covariance is None:
         yield singular_warning(evaluated)
     elif evaluated.under_noise is not None and evaluated.under_noise.weak_parameters:
@@ -317,6 +315,24 @@ def _warnings(evaluated: Evaluated) -> Iterator[str]:
         )
     if evaluated.under_noise is not None and evaluated.under_noise.nearby is not None:
         yield from _nearby_warnings(evaluated, evaluated.under_noise.nearby)
+
+
+def _of_covariance(kind: str, efficiency: Efficiency | None) -> Iterator[str]:
+    """What a D that is not that of the noise does to the estimates."""
+    below = efficiency is not None and efficiency.below_random
+    told = "Under the sensor noise this design is worse than the median random design" if below else ""
+    if kind == "pooled":
+        if efficiency is not None and efficiency.vs_best is not None and not below:
+            told = f"Under the sensor noise this design has {percent(efficiency.vs_best)} of what another search with D = R found"
+        why = 'D = "pooled" ignores the size of the signals: the better it is optimised, the worse the estimates may be'
+        told += ". " * bool(told)
+        use = '"noise"' if told else '"region", or "noise" with noise_std'
+        yield f"{told}{why}. Use output_covariance = {use}; {GUIDE} says why."
+    elif below:
+        yield (
+            f'{told}. The criterion\'s D ("{kind}") ignores the size of the signals; use output_covariance = "noise". '
+            f"{GUIDE} says why."
+        )
 
 
 def _nearby_warnings(evaluated: Evaluated, nearby: Nearby) -> Iterator[str]:
