@@ -13,12 +13,14 @@ all nodes of the rule before it may enter.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ...information.point_information import PointInformation
+from ...points.experiments import Experiments
 from ...points.region import ExperimentRegion
 from ..optimality.aims import LogDet
 from ..optimality.criteria import Determinant
@@ -26,6 +28,7 @@ from .point_ascent import PointAscent, scenario_rows, whitened_rows
 from .point_search import Incumbent, PointSearch, Progress
 from .pool import Pool, best_of_each, far_apart
 from .pool_exchange import PoolExchange, greedy
+from .replicates import with_copies
 from .told import told_aims
 
 POOL, MOST_POOL = 100, 50_000
@@ -142,7 +145,25 @@ class AutoSearch(PointSearch):
         reason = super().run(progress)
         if self._enough is not None:
             self.best = self._enough
+        if reason != "interrupted":
+            self._copy_what_is_near()
         return reason
+
+    def _copy_what_is_near(self) -> None:
+        """Points that are nearly equal become replicates where that costs nothing."""
+        lower, upper = np.array(self._bounds).T
+
+        def evaluated(table: Array) -> PointInformation:
+            survivors, _ = self.source.survivors(Experiments.of_table(self.problem.model, np.clip(table, lower, upper)))
+            if self.away is not None:  # these have been tried on more plants
+                survivors = survivors[:0]
+            return self.source.confirm(survivors)
+
+        design = self.best.information
+        copied = with_copies(design, lower, upper, evaluated, self._value)
+        if copied is not design:
+            self.best = self._incumbent(copied)
+            self.trace[-1] = replace(self.trace[-1], log_det=self.best.log_det, drawn=self.source.drawn)
 
     def _finished(self, design: PointInformation, found: Pool) -> Generator[None, None, PointInformation]:
         """The design after cycles of rounds, until nothing gains any more."""
