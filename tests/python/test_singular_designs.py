@@ -209,3 +209,18 @@ def test_directions_are_told_in_full() -> None:
     names, length = ("a", "b", "c", "d"), np.ones(4)
     mixed = np.linalg.qr(np.random.default_rng(0).standard_normal((2, 2)))[0] @ np.array([[0.6, -0.8, 0, 0], [0, 0, 0, 1.0]])
     assert sorted(map(combination, null_directions(mixed, length, names))) == ["1.00 b - 0.75 a", "1.00 d"]
+
+
+@pytest.mark.parametrize("size", (1e-6, 1e6))
+def test_what_can_be_estimated_does_not_depend_on_sizes(size: float) -> None:
+    """c is told by little or much; beside it, only a + b shows."""
+    given, points = blind(), fp.Experiments(np.zeros((4, 0)), np.array([[1.0, 0.0], [0.6, 0.7], [0.1, 0.9], [0.3, -0.9]]))
+    prior = fp.GaussianPrior(mean=dict(given.prior.mean), std={"a": 1.0, "b": 2.0, "c": 0.5 * size})
+    other = given.replace(prior=prior)
+    told, there = (fp.evaluate_design(one, points).log_det_estimable for one in (given, other))
+    assert told is not None and there == pytest.approx(told + 2 * np.log(size), abs=1e-6)
+    design = fp.exchange(other, 6, **QUICK)
+    assert design.efficiency is not None and design.efficiency.at_least is not None
+    assert 0.98 < design.efficiency.at_least <= 1 + 1e-9 and design.ridge == 0.0
+    found = fp.evaluate_design(given, design.points).log_det_estimable
+    assert found is not None and found > np.log(5 / 4) - 0.02

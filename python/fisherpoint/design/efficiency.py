@@ -128,10 +128,13 @@ def efficiency_of(
     at_most = None if candidates is None else candidates.log_det
     level = p if level is None else level
     vs_random = d_efficiency(under_noise, random_median, level)
+    maximised = log_det if of_criterion else under_noise
+    if maximised is None or not np.isfinite(maximised):
+        candidates = at_most = None  # the bound of what is not determined says nothing
     return Efficiency(
         under_noise=under_noise,
         at_most=at_most,
-        at_least=d_efficiency(log_det if of_criterion else under_noise, at_most, level),
+        at_least=d_efficiency(maximised, at_most, level),
         n_candidates=0 if candidates is None else candidates.n_candidates,
         best_found=best_found,
         vs_best=d_efficiency(under_noise, best_found, level),

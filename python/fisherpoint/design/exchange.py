@@ -261,7 +261,7 @@ def _references(search: PointSearch, evaluation: Evaluation, under_noise: Evalua
         log_det = aim.value(under_noise.fisher)
     too_few = search.space is not None and evaluation.rank < search.space.rank
     bound = None
-    if not too_few or not isinstance(aim, LogDet | LogDetWithin):
+    if not too_few or settings.criterion not in OF_ALL:
         own, over = search.best.information, search.scenarios
         bound = seen.bound(own, search.previous) if over is None else seen.bound_over(own, search.previous, over)
     start = search.count, settings.seed, search.threads, search.previous, settings.time_limit

@@ -85,7 +85,10 @@ def _proof(design: Reported) -> Section:
     facts = [
         ("criterion", f"{design.criterion_name}{asked}"),
         (f"{WORDS[design.criterion_name]} of one experiment", computed(design.value, 7)),
-        ("largest sensitivity, optimal where at most the level", f"{design.level * design.largest:.7g}, level {design.level}"),
+        (
+            "largest sensitivity met, the level at best",
+            f"{design.level * design.largest:.7g}, level {design.level}",
+        ),
         ("efficiency by concavity", f"at least {floored(design.efficiency)}"),
         ("over all of", counted(design.n_candidates, "candidate")),
     ]

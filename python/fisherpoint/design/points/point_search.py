@@ -20,7 +20,7 @@ from ...points.experiments import Experiments
 from ..average import Average
 from ..efficiency import Efficiency
 from ..found import FoundDesign, TraceRecord
-from ..optimality.aims import Aim, LogDet, LogDetWithin, aim_of
+from ..optimality.aims import Aim, LogDet, LogDetWithin, aim_of, restricted
 from ..optimality.asked import criterion as criterion_asked
 from ..optimality.candidate_rows import CandidateRows
 from ..optimality.estimable import Estimable, estimable
@@ -101,7 +101,7 @@ class PointSearch:
         if self.scenarios is None:
             return self.aims[0]
         asked = self._aim(self.problem)
-        return asked if self.space is None else _within(asked, self.space)
+        return asked if self.space is None else restricted(asked, self.space)
 
     @property
     def _ridge(self) -> float:
@@ -120,7 +120,7 @@ class PointSearch:
             size = np.sqrt(np.square(rows).mean(axis=(0, 2), keepdims=True))  # as F may be of another D than that of the noise
             self.space = estimable(CandidateRows(rows / np.where(size > 0, size, 1.0)).triangle())
             if self.scenarios is None:
-                self.aims = self.seen.aims = (_within(self.asked[0], self.space),)
+                self.aims = self.seen.aims = (restricted(self.asked[0], self.space),)
         return self.space
 
     def _first(self) -> PointInformation:
@@ -253,9 +253,3 @@ class PointSearch:
             evaluations.append(replace(evaluation, log_det=log_det + scale))
         value = None if isinstance(self.aims[0], LogDet) else self.best.log_det
         return scenario_values(problems, self.over.average, evaluations, value)
-
-
-def _within(asked: Aim, space: Estimable) -> Aim:
-    """The same of what is determined."""
-    restricted = asked.criterion.restricted(space.span)
-    return aim_of(restricted) if len(space.null) and restricted is not asked.criterion else asked

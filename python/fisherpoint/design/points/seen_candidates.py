@@ -118,7 +118,7 @@ class SeenCandidates:
             return self.validity.of(everything[places])
 
         aims, level = self.aims, self.aims[0].level
-        spans = [aim.criterion.k for aim in aims if isinstance(aim, LogDetWithin)]
+        spans = [aim.k for aim in aims if isinstance(aim, LogDetWithin)]
         if spans:  # log det F of what the candidates determine in each scenario
             if any(aim.level != level for aim in aims) or len(spans) < len(aims):
                 return None

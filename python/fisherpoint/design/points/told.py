@@ -10,7 +10,7 @@ from ...basics.values import Array
 from ...information.combinations import combination
 from ...information.evaluation import null_directions
 from ...information.problem import DesignProblem
-from ..optimality.aims import Aim, LogDet, aim_of
+from ..optimality.aims import Aim, LogDet, restricted
 from ..optimality.candidate_rows import CandidateRows
 from ..optimality.criteria import Determinant
 from ..optimality.estimable import Estimable, estimable
@@ -66,7 +66,7 @@ def told_aims(
             refuse_open(problem, space, count if too_few else None)
         if too_few and not isinstance(aim, LogDet):
             aim = LogDet(Determinant("D", np.eye(len(space.length)), True))
-        result.append(aim_of(aim.criterion.restricted(space.span)) if len(space.null) else aim)
+        result.append(restricted(aim, space))
     return tuple(result), tuple(spaces)
 
 
