@@ -31,7 +31,7 @@ OF_PAPER = 200
 """Iterations of the paper's search where none are given."""
 SEEDS, QUICK_SEEDS = 20, 3
 GOOD = 0.98
-"""The efficiency that counts as having found the optimum."""
+"""The efficiency against the best design of all methods and seeds from which on one counts as good; there may be better ones."""
 
 
 @dataclass(frozen=True)

@@ -189,6 +189,8 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "local": "Number of candidates close to points of the design, as a share of the random ones; 0 for none.",
             "method": 'The [search](../explanation/search.md): `"auto"`, or the faster `"paper"`, which is Algorithm 1 with moves'
             " of points and gets less close to the best design.",
+            "singular": "Where points leave some parameters open: a design for [what can be estimated](../how_to/singular.md), or"
+            " an error.",
             "over": "What is maximised [over the prior](../how_to/over_prior.md), not at its mean alone: the mean of log det F over"
             " scenarios, the smallest, or the mean of the worst `share` of them.",
             "scenarios": "Number of these scenarios, a power of two; nodes of a Sobol rule.",

@@ -19,7 +19,7 @@ from .standard_input import one_from_standard_input
 MOST_SIZES = 1000
 """Of one sweep."""
 
-SETTINGS = ("n_candidates", "max_iterations", "seed", "time_limit", "method")
+SETTINGS = ("n_candidates", "max_iterations", "seed", "time_limit", "method", "singular")
 """Keys of [design] that hold for every size."""
 
 

@@ -267,6 +267,23 @@ def test_the_bound_of_a_design_is_the_closed_one() -> None:
     assert efficiency.under_noise is efficiency.at_most is efficiency.best_found is efficiency.random_median is None
 
 
+@pytest.mark.parametrize("factor", (0.1, 1.0, 10.0))
+def test_with_noise_the_closed_bound_is_an_inequality(factor: float) -> None:
+    """D is larger than the mean predictive covariance, so that tr(Sigma F) is below 2 n_y; the more noise, the further."""
+    rule = fp.TensorGrid(2, span=1.0)
+    noise_std = {name: factor * std for name, std in NOISE.items()}
+    given = problem(noise_std=noise_std, output_covariance="pooled", rule=rule)
+    design = fp.exchange(given, n_experiments=9, n_candidates=5, max_iterations=3)
+    efficiency, shares = design.efficiency, np.array(list(rule.variances(PRIOR).values()))
+    assert efficiency is not None and efficiency.vs_bound is not None
+    assert shares @ np.diag(design.evaluation.fisher) < 2 * len(design.evaluation.outputs)
+    assert efficiency.bound == pytest.approx(9 * np.log(2 * 4 / 9) - np.log(shares).sum(), rel=1e-12)
+    assert design.evaluation.log_det < efficiency.bound and 0 < efficiency.vs_bound < 1
+    for seed in range(3):
+        random = fp.exchange(given, n_experiments=9, n_candidates=5, max_iterations=0, seed=seed, references=False)
+        assert random.evaluation.log_det < efficiency.bound
+
+
 def test_a_regionless_problem_can_be_evaluated() -> None:
     for kind in ("noise", "pooled", "pointwise"):
         given = problem(output_covariance=kind)

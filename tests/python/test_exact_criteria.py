@@ -163,7 +163,7 @@ def test_criteria_of_all_parameters_ask_for_what_is_estimable(name: str) -> None
     best = {"A": 1 / (5 * w) + 4 / (1 - w), "E": 5 * w, "ME": 1.0}[name] * {"A": 1 / 6, "E": 6, "ME": 1}[name]
     assert design.value == pytest.approx(best, rel=0.02)
     report = str(design.report())
-    assert "determine what criterion" in report and "not determined (in prior std)" in report
+    assert "tell about 1.00 a - 0.50 b (in prior std)" in " ".join(report.split()) and "not determined (in prior std)" in report
     if name != "ME":
         assert design.efficiency is not None and design.efficiency.at_least is not None
         assert 0.97 < design.efficiency.at_least <= 1 + 1e-9
@@ -181,10 +181,18 @@ def test_a_function_of_what_is_estimable_has_its_design_and_another_one_error() 
         fp.exchange(given, 4, criterion="Ds", of=["a", "c"], **QUICK)
 
 
-def test_too_few_points_for_what_is_asked_are_an_error() -> None:
-    for name in ("A", "E", "ME"):
-        with pytest.raises(ValueError, match=r"^n_experiments: .*2 parameters.* given 1, which determine 1 at most"):
-            fp.exchange(blind(), 1, criterion=name, **QUICK)
+@pytest.mark.parametrize("name", ("A", "E", "ME"))
+def test_too_few_points_for_criteria_of_all_parameters_are_chosen_by_log_det(name: str) -> None:
+    design, by_log_det = (fp.exchange(blind(), 1, criterion=of, **QUICK) for of in (name, "D"))
+    np.testing.assert_array_equal(design.points.table, by_log_det.points.table)
+    assert design.evaluation.rank == 1 and design.too_few and design.efficiency is not None
+    assert design.efficiency.at_least is None and design.efficiency.at_most is None
+    assert f"enough for criterion {name}, points are chosen by log det F" in " ".join(str(design).split())
+    with pytest.raises(ValueError, match=r"^region: .*singular = 'error'.* tell about 1.00 a - 0.50 b"):
+        fp.exchange(blind(), 6, criterion=name, singular="error", **QUICK)
+
+
+def test_too_few_points_for_certain_functions_are_an_error() -> None:
     with pytest.raises(ValueError, match=r"^n_experiments: .*'I' asks, given 1"):
         fp.exchange(blind(), 1, criterion="I", of="y", conditions=fp.Experiments(np.zeros((2, 0)), np.eye(2)), **QUICK)
 

@@ -44,7 +44,7 @@ def with_changes(design: fp.Design, **changes: Any) -> Any:
     """A design in which some attributes have other values."""
     fields = (
         "problem points evaluation under_noise trace rejected feasible drawn accepted stop_reason distinct_points "
-        "seconds settings efficiency n_previous previous_left_out feasibility scenarios"
+        "seconds settings efficiency n_previous previous_left_out feasibility scenarios ridge not_told too_few"
     )
     return SimpleNamespace(**{name: getattr(design, name) for name in fields.split()} | changes)
 
@@ -105,7 +105,15 @@ def test_a_design_below_random_is_warned_of(design: fp.Design) -> None:
         )
         text = words(to_text(report.design_report(changed)))
         assert ("worse than the median random design" in text) is below
-        assert "90.0 %" in text
+        assert ("this design has 40.0 % of what another search with D = R found" in text) is not below
+        assert "90.0 %" in text and "the better it is optimised, the worse the estimates may be" in text
+
+
+def test_any_pooled_design_is_warned_of(design: fp.Design) -> None:
+    """Also where nothing is known of what it is worth; a design with another D is not."""
+    text = words(to_text(report.design_report(with_changes(design, efficiency=None))))
+    assert "the better it is optimised, the worse the estimates may be" in text and "docs/explanation/output_covariance.md" in text
+    assert "optimised" not in str(fp.exchange(problem(NOISE_STD, "noise"), 9, n_candidates=4, max_iterations=1, references=False))
 
 
 @pytest.mark.parametrize(

@@ -12,14 +12,14 @@ from ..basics.quantity import names_of
 from ..basics.values import FrozenMapping
 from ..engine.levels import kernels
 from ..information.combinations import combination
-from ..information.evaluation import null_direction
+from ..information.evaluation import null_directions
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from ..points.region import ExperimentRegion
 from ..points.settings import resolve_threads
 from .optimality.approximate_design import ApproximateDesign
 from .optimality.approximate_design import prior_information as information_of_prior
-from .optimality.asked import CRITERIA
+from .optimality.asked import CRITERIA, OF_ALL
 from .optimality.asked import criterion as criterion_of
 from .optimality.candidate_rows import CandidateRows
 from .optimality.continuous import Refinement, refined
@@ -27,7 +27,7 @@ from .optimality.estimable import estimable
 from .optimality.point_rows import PointRows, check_additive
 from .optimality.weights import optimal_weights
 from .points.auto_search import AutoSearch
-from .settings import ExchangeSettings
+from .settings import SINGULAR, ExchangeSettings
 
 MOST_CANDIDATES = 10**6
 
@@ -48,6 +48,7 @@ def approximate(
     scale: Mapping[str, float] | None = None,
     prior_information: bool = False,
     n_experiments: int | None = None,
+    singular: str = "estimable",
     n_candidates: int = 5000,
     starts: int = 1000,
     tolerance: float = 1e-6,
@@ -75,6 +76,9 @@ def approximate(
         Whether the inverse of the prior's covariance is added to the information of `n_experiments` measurements.
     n_experiments : int, optional
         For `prior_information`, of which the share depends on how much is measured.
+    singular : {"estimable", "error"}
+        Where no candidate tells about some combinations of parameters, "D", "A" and "E" ask for the others, and the result names
+        what is left open; or that is an error.
     n_candidates : int
         Candidates that are drawn in the region first; those that are no points are left out.
     starts : int
@@ -100,6 +104,7 @@ def approximate(
     check_additive(problem)
     if check_choice(criterion, CRITERIA, "criterion") == "ME":
         raise ValueError("criterion: expected one with a concave form, given 'ME': no bound holds for the condition number")
+    check_choice(singular, SINGULAR, "singular")
     asked = criterion_of(problem, criterion, of=of, conditions=conditions, scale=scale, threads=threads)
     starts = check_positive_int(starts, "starts", 1, MOST_CANDIDATES)
     n_candidates = check_positive_int(n_candidates, "n_candidates", 1, MOST_CANDIDATES)
@@ -128,10 +133,12 @@ def approximate(
     points, pool = given[places], CandidateRows(rows, constant)
     space = estimable(pool.triangle())
     names = problem.estimated
-    null = tuple(null_direction(v, space.length, names) for v in space.null)
-    if not space.rank or asked.outside(space) > 1e-6:
+    null = null_directions(space.null, space.length, names)
+    refused = singular == "error" and criterion in OF_ALL and null
+    if refused or not space.rank or asked.outside(space) > 1e-6:
         told = "; ".join(combination(one) for one in null)
-        raise ValueError(f"candidates: expected some that determine what is asked, given none that tell about {told}")
+        what = "all parameters, as singular = 'error' asks" if refused else "what is asked"
+        raise ValueError(f"candidates: expected some that determine {what}, given none that tell about {told}, in prior std")
     left_out = FrozenMapping(dict(+source.rejected))
     weights = optimal_weights(pool, asked, tolerance=tolerance, seed=seed, space=space)
     found = Refinement(points[weights.chosen], rows[weights.chosen], weights, len(rows), 0)

@@ -192,6 +192,7 @@ class DesignTable(Table):
     time_limit: Positive | None = None
     local: Annotated[float, Field(ge=0, le=1)] | None = None
     method: Literal["paper", "auto"] | None = None
+    singular: Literal["estimable", "error"] | None = None
     over: Literal["log", "worst", "cvar"] | None = None
     scenarios: Count | None = None
     share: Annotated[float, Field(gt=0, le=1)] | None = None

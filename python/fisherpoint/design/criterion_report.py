@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..show.numbers import computed, percent
+from ..show.numbers import computed, percent_down
 from .found import FoundDesign
 from .optimality.asked import named
 
@@ -44,7 +44,7 @@ def facts_asked(design: FoundDesign) -> Iterator[tuple[str, str]]:
         value += ", parameters in units of their prior std"
     yield "its value with these points", value
     if settings.criterion in ("A", "E", "ME") and design.evaluation.null_directions:
-        yield "asked for", "what the points determine; below stands what none of the region tells about"
+        yield "asked for", "what the points determine; what they leave open stands below"
 
 
 def told(design: FoundDesign, value: float) -> str:
@@ -58,7 +58,7 @@ def told(design: FoundDesign, value: float) -> str:
 
 def at_least(share: float) -> str:
     """A proven share in percent, rounded down."""
-    return f"at least {percent(math.floor(share * 1e4) / 1e4 if share < 9 else share)}"
+    return f"at least {percent_down(share)}"
 
 
 def bound_of(design: FoundDesign, value: float) -> str:

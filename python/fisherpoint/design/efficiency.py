@@ -1,8 +1,9 @@
 """What a design is worth beside others: what bounds those of the same candidates, random ones, the bound of the pooled form.
 
-The criterion's own value says little. To first order (7), (16) and (17) without noise give tr(Sigma_theta F) = 2 n_y for
-every design, so that log det(Sigma_theta F) <= p log(2 n_y / p), whatever the points are; what counts is the information under
-the sensor noise. Here Sigma_theta is the covariance that the rule's nodes have, which is not quite the prior's.
+The value of the pooled criterion says little. To first order (7), (16) and (17) without noise give tr(Sigma_theta F) = 2 n_y for
+every design, and with noise, by which D is larger, less; so log det(Sigma_theta F) <= p log(2 n_y / p), whatever the points are.
+What counts is the information under the sensor noise. Here Sigma_theta is the covariance that the rule's nodes have, which is not
+quite the prior's.
 """
 
 from __future__ import annotations
@@ -50,9 +51,10 @@ class Efficiency:
     Attributes
     ----------
     under_noise : float or None
-        log det F of the design with D = R.
+        log det F of the design with D = R: of what the points of the region determine, where that is not everything.
     at_most : float or None
-        Proven: no design of as many of the candidates that were evaluated has a larger log det with D = R. Weights of candidates
+        Proven: no design of as many of the candidates that were evaluated has a larger log det with D = R. None where the points
+        are too few to determine as much as these candidates do. Weights of candidates
         that need not be whole numbers reach it, so that designs may all be below. With a criterion over the prior, log dets are
         replaced by what is maximised here and in `at_least`.
     at_least : float or None
@@ -69,8 +71,8 @@ class Efficiency:
     below_random : bool
         Whether the design is worse than the median random design.
     bound, vs_bound : float or None
-        The closed bound where D is "pooled" without noise and every estimated parameter varies over the nodes, and the
-        D-efficiency against it; to first order in the spread of the outputs, so that a design can exceed it a little.
+        The closed bound where D is "pooled" and every estimated parameter varies over the nodes, and the D-efficiency against it;
+        to first order in the spread of the outputs, so that without noise a design can exceed it a little.
     """
 
     under_noise: float | None
@@ -116,7 +118,7 @@ def efficiency_of(
     """
     p, n_y = len(problem.estimated), int(d.used.sum())
     bound = None
-    if d.kind == "pooled" and problem.noise_std is None:
+    if d.kind == "pooled":
         rows = [problem.prior.names.index(name) for name in problem.estimated]
         log_det_nodes = _core.log_det(problem.rule.second_moments(problem.prior, problem.estimated)[np.ix_(rows, rows)])
         if np.isfinite(log_det_nodes):
@@ -126,18 +128,21 @@ def efficiency_of(
     at_most = None if candidates is None else candidates.log_det
     level = p if level is None else level
     vs_random = d_efficiency(under_noise, random_median, level)
+    maximised = log_det if of_criterion else under_noise
+    if maximised is None or not np.isfinite(maximised):
+        candidates = at_most = None  # the bound of what is not determined says nothing
     return Efficiency(
         under_noise=under_noise,
         at_most=at_most,
-        at_least=d_efficiency(log_det if of_criterion else under_noise, at_most, level),
+        at_least=d_efficiency(maximised, at_most, level),
         n_candidates=0 if candidates is None else candidates.n_candidates,
         best_found=best_found,
-        vs_best=d_efficiency(under_noise, best_found, p),
+        vs_best=d_efficiency(under_noise, best_found, level),
         random_median=random_median,
         vs_random=vs_random,
         below_random=vs_random is not None and vs_random < 1,
         bound=bound,
-        vs_bound=d_efficiency(log_det, bound, p),
+        vs_bound=d_efficiency(log_det, bound, p) if np.isfinite(log_det) else None,
     )
 
 

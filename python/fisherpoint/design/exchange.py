@@ -25,11 +25,13 @@ from ..points.settings import resolve_threads
 from ..points.status import Status, failures_of
 from .efficiency import Efficiency, efficiency_of, median_of, random_designs
 from .found import FoundDesign
-from .optimality.aims import LogDet
+from .optimality.aims import LogDet, LogDetWithin
+from .optimality.asked import OF_ALL
 from .over_prior import OverPrior, Scenarios, moved_problems
 from .points.auto_search import AutoSearch
 from .points.exchange_search import ExchangeSearch
 from .points.point_search import PointSearch, Progress
+from .points.told import refuse_open
 from .result import Design
 from .settings import ExchangeSettings, check_asked, most_iterations, searched_by
 
@@ -50,6 +52,7 @@ def exchange(
     screen: bool = True,
     local: float = 0.5,
     method: str = "auto",
+    singular: str = "estimable",
     previous: Previous | None = None,
     keep: Experiments | FoundDesign | None = None,
     over: OverPrior | None = None,
@@ -95,6 +98,9 @@ def exchange(
         any more. "paper" is Algorithm 1 with local candidates: a fraction of the time, and designs that are not as good. Where D is
         "pooled" or "pointwise", and for models of Python functions that cannot be translated, "auto" is "paper"; `max_redraws`,
         `screen` and `local` are of "paper" alone.
+    singular : {"estimable", "error"}
+        Where so few points cannot determine all parameters, or no points of the region: "estimable" designs for what can be
+        determined, and the report names the rest (docs/how_to/singular.md); "error" raises.
     previous : Measurements, Experiments, Design, or a sequence of these, optional
         Points whose information is already collected. They are added to every design and never leave: F is that of all L points,
         previous and new, and so are the design's evaluations and what it is compared with. The standard errors are then those of
@@ -108,7 +114,8 @@ def exchange(
         valid in every scenario.
     criterion : {"D", "A", "E", "ME", "c", "Ds", "I"}
         What the points are to be good for, beside "D" for method "auto" with D = R; :func:`fisherpoint.criterion` says what they
-        are, and what they need. Where no point tells about some parameters, "A", "E" and "ME" ask for the others.
+        are, and what they need. Where no point tells about some parameters, "D", "A", "E" and "ME" ask for the others; where
+        points are too few for these, they are chosen by log det F.
     of, conditions, scale
         What the criterion needs.
     confidence : float, optional
@@ -124,8 +131,8 @@ def exchange(
     Raises
     ------
     ValueError
-        For misuse, points to keep that are not valid, a region in which hardly a point survives, a singular output covariance, or
-        points too few to determine what a criterion other than "D" asks.
+        For misuse, points to keep that are not valid, a region in which hardly a point survives, a singular output covariance,
+        points that do not determine what "c", "Ds" or "I" ask, and with ``singular="error"`` parameters that are left open.
     """
     check_type(problem, DesignProblem, "problem")
     settings = ExchangeSettings(
@@ -140,6 +147,7 @@ def exchange(
         screen=screen,
         local=local,
         method=method,
+        singular=singular,
         over=over,
         criterion=criterion,
         of=of,  # type: ignore[arg-type]  # the settings make it a tuple
@@ -159,19 +167,25 @@ def exchange(
         scenarios = _scenarios(problem, settings, previous, keep, known, threads)
     search = _search(problem, settings, threads, known, kept, scenarios)
     stop_reason = search.run(progress)
-    if criterion != "D" and stop_reason != "interrupted" and not np.isfinite(search.best.log_det):
+    interrupted = stop_reason == "interrupted"
+    if not interrupted and not np.isfinite(search.best.log_det) and not isinstance(search.aims[0], LogDet | LogDetWithin):
         raise ValueError(
             f"n_experiments: expected points enough to determine what criterion {criterion!r} asks, given "
             f"{settings.n_experiments}: the search has found none that do"
         )
     efficiency = None
     under_noise = search.under_noise()
-    if settings.references and stop_reason != "interrupted":
+    evaluation = search.evaluation(under_noise)
+    if evaluation.null_directions:
+        space = search.look_at_what_is_told()
+        if settings.singular == "error" and criterion in OF_ALL and not interrupted:
+            refuse_open(problem, space, settings.n_experiments)
+    if settings.references and not interrupted:
         try:
-            efficiency = _references(search, under_noise)
+            efficiency = _references(search, evaluation, under_noise)
         except KeyboardInterrupt:
             stop_reason = "interrupted"
-    return Design(**vars(search.found(stop_reason, under_noise, efficiency, left_out)))
+    return Design(**vars(search.found(stop_reason, evaluation, under_noise, efficiency, left_out)))
 
 
 def _scenarios(
@@ -230,7 +244,7 @@ def _search(
     return ExchangeSearch(problem, settings, threads, previous, kept)
 
 
-def _references(search: PointSearch, under_noise: Evaluation | None) -> Efficiency:
+def _references(search: PointSearch, evaluation: Evaluation, under_noise: Evaluation | None) -> Efficiency:
     """The median random design, a bound for designs of the candidates, and where D is not R what a search with D = R finds."""
     if under_noise is None:
         return efficiency_of(search.problem, search.criterion, search.best.log_det)
@@ -245,17 +259,21 @@ def _references(search: PointSearch, under_noise: Evaluation | None) -> Efficien
     aim, log_det = search.at_mean, under_noise.log_det
     if not isinstance(aim, LogDet):
         log_det = aim.value(under_noise.fisher)
+    too_few = search.space is not None and evaluation.rank < search.space.rank
+    bound = None
+    if not too_few or settings.criterion not in OF_ALL:
+        own, over = search.best.information, search.scenarios
+        bound = seen.bound(own, search.previous) if over is None else seen.bound_over(own, search.previous, over)
     start = search.count, settings.seed, search.threads, search.previous, settings.time_limit
     random = random_designs(problem, *start, aim.value)
-    own, over = search.best.information, search.scenarios
     return efficiency_of(
         search.problem,
         search.criterion,
         search.best.log_det,
         log_det,
-        seen.bound(own, search.previous) if over is None else seen.bound_over(own, search.previous, over),
+        bound,
         best_found,
         median_of(random),
-        of_criterion=over is not None,
+        of_criterion=search.scenarios is not None,
         level=aim.level,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..basics.checks import by_name, check_positive_int
+from ..basics.checks import as_float, by_name, check_positive_int
 from ..basics.csv_table import CsvTable
 from ..basics.messages import shown
 from ..basics.quantity import names_of
@@ -59,6 +60,8 @@ def design_to_json(design: FoundDesign) -> dict[str, Any]:
         "rejected": dict(design.rejected),
         **{name: getattr(design, name) for name in (*PLAIN, "n_previous", "n_kept")},
         "previous_left_out": dict(design.previous_left_out),
+        "not_told": [dict(direction) for direction in design.not_told],
+        "ridge": design.ridge,
     }
 
 
@@ -98,8 +101,15 @@ def design_from_json(data: dict[str, Any]) -> dict[str, Any]:
         n_previous=n_previous,
         n_kept=check_positive_int(data.get("n_kept", 0), "n_kept", 0, len(points["dt"])),
         previous_left_out=by_name(data.get("previous_left_out"), None, "previous_left_out", partial(check_positive_int, least=0)),
+        not_told=tuple(_directions(data.get("not_told", ()), evaluation.parameters)),  # older files have neither
+        ridge=as_float(data.get("ridge", 0.0), "ridge"),
         **{name: data[name] for name in PLAIN},
     )
+
+
+def _directions(given: Any, names: tuple[str, ...]) -> Iterator[Mapping[str, float]]:
+    for one in given:
+        yield by_name(one, names, "not_told", as_float)
 
 
 def has_points_of(design: FoundDesign, path: Path) -> bool:

@@ -75,6 +75,12 @@ class FoundDesign:
         The first so many points were given, and stay.
     previous_left_out : mapping of reason to int
         Previous points that are not valid at the prior mean, and are not used.
+    not_told : tuple of mappings of parameter name to float
+        Where F is singular: combinations of standardised parameters that no point of the region was found to tell about. Where
+        these are fewer than the `Evaluation.null_directions`, more or other points determine more.
+    ridge : float
+        Share of the prior's information that was added to F while designs of the search were singular, to tell them apart; 0 where
+        none were. No figure of the design contains it.
     """
 
     problem: DesignProblem
@@ -93,10 +99,15 @@ class FoundDesign:
     n_kept: int = 0
     previous_left_out: Mapping[str, int] = FrozenMapping({})
     scenarios: ScenarioValues | None = None
+    not_told: tuple[Mapping[str, float], ...] = ()
+    ridge: float = 0.0
 
     @cached_property
     def criterion(self) -> Criterion:
-        """What was asked for, as a function of information matrices; where F is singular, "A", "E" and "ME" ask for the rest."""
+        """What was asked for, as a function of information matrices.
+
+        Where F is singular "D", "A", "E" and "ME" ask for what the points determine.
+        """
         given = self.settings
         options: dict[str, Any] = {"of": given.of, "conditions": given.conditions, "scale": given.scale}
         asked = criterion(self.problem, given.criterion, **options)
@@ -120,6 +131,11 @@ class FoundDesign:
         if self.problem.model.kernels is not kernels:
             return None
         return feasibility(self.problem, self.points, draws=DRAWS, seed=self.settings.seed + UNSEEN)
+
+    @property
+    def too_few(self) -> bool:
+        """Whether the points leave more open than all points of the region together would: no efficiency is claimed then."""
+        return len(self.evaluation.null_directions) > len(self.not_told)
 
     @property
     def feasible(self) -> bool:

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.quantity import Quantity
@@ -23,14 +22,18 @@ from ..points.status import Status
 from ..show.numbers import column, computed, counted, number, percent
 from ..show.section import Report, Section
 from .criterion_report import asked_for, at_least, bound_of, facts_asked, maximised, told
+from .efficiency import Efficiency
 from .evaluated import Evaluated
 from .found import FoundDesign
 from .optimality.asked import named
 from .over_report import over_sections
 from .settings import searched_by
+from .singular_report import ridge_facts, singular_warning
 
 ROWS, ROWS_OF_PAGES = 40, 1000  # points shown of a longer list
 _WORST = 3  # parameters named in a warning
+
+GUIDE = "docs/explanation/output_covariance.md"
 
 USUAL = 0.99
 """Share of the plants that should be able to run a design."""
@@ -271,6 +274,7 @@ def _search(design: FoundDesign) -> Section:
         ("distinct points", f"{design.distinct_points} of {len(design.points)}"),
         ("seed, time", f"{settings.seed}, {design.seconds:.1f} s"),
     ]
+    facts += ridge_facts(design)
     if design.previous_left_out:
         lost = ", ".join(f"{reason} {count}" for reason, count in design.previous_left_out.items())
         facts.append(("previous points left out", f"{lost}: not valid at the prior mean, not used"))
@@ -300,23 +304,10 @@ def _warnings(evaluated: Evaluated) -> Iterator[str]:
     places = list(outside(evaluated.problem.model, evaluated.problem.region, evaluated.points))
     if places:
         yield f"Outside of the region: {few(places, 10)}."
-    efficiency = getattr(evaluated, "efficiency", None)
-    if efficiency is not None and efficiency.below_random:
-        kind = evaluated.evaluation.output_covariance_kind
-        yield (
-            f"Under the sensor noise this design is worse than the median random design. The criterion's D "
-            f'("{kind}") ignores the size of the signals; use output_covariance = "noise".'
-        )
-    if evaluated.evaluation.covariance is None and isinstance(evaluated, FoundDesign) and np.isfinite(evaluated.value):
-        yield (
-            f"F is singular: the points determine what criterion {evaluated.settings.criterion} asks, but not all parameters. "
-            "What is left open stands beside the criterion; more points, or parameters left out, would close it."
-        )
-    elif evaluated.evaluation.covariance is None:
-        yield (
-            "F is singular: the points do not determine all parameters. Add points, widen the region, or leave "
-            "parameters out (parameters = [...])."
-        )
+    if hasattr(evaluated, "efficiency"):
+        yield from _of_covariance(evaluated.evaluation.output_covariance_kind, evaluated.efficiency)
+    if evaluated.evaluation.covariance is None:
+        yield singular_warning(evaluated)
     elif evaluated.under_noise is not None and evaluated.under_noise.weak_parameters:
         yield (
             f"The standard error stays above half the prior std for {', '.join(evaluated.under_noise.weak_parameters)}: these "
@@ -324,6 +315,24 @@ def _warnings(evaluated: Evaluated) -> Iterator[str]:
         )
     if evaluated.under_noise is not None and evaluated.under_noise.nearby is not None:
         yield from _nearby_warnings(evaluated, evaluated.under_noise.nearby)
+
+
+def _of_covariance(kind: str, efficiency: Efficiency | None) -> Iterator[str]:
+    """What a D that is not that of the noise does to the estimates."""
+    below = efficiency is not None and efficiency.below_random
+    told = "Under the sensor noise this design is worse than the median random design" if below else ""
+    if kind == "pooled":
+        if efficiency is not None and efficiency.vs_best is not None and not below:
+            told = f"Under the sensor noise this design has {percent(efficiency.vs_best)} of what another search with D = R found"
+        why = 'D = "pooled" ignores the size of the signals: the better it is optimised, the worse the estimates may be'
+        told += ". " * bool(told)
+        use = '"noise"' if told else '"region", or "noise" with noise_std'
+        yield f"{told}{why}. Use output_covariance = {use}; {GUIDE} says why."
+    elif below:
+        yield (
+            f'{told}. The criterion\'s D ("{kind}") ignores the size of the signals; use output_covariance = "noise". '
+            f"{GUIDE} says why."
+        )
 
 
 def _nearby_warnings(evaluated: Evaluated, nearby: Nearby) -> Iterator[str]:

@@ -30,6 +30,9 @@ from .over_prior import OverPrior
 
 Kind = TypeVar("Kind")
 METHODS = ("paper", "auto")
+SINGULAR = ("estimable", "error")
+"""What is done where not all parameters can be determined: a design for those that can, or an error."""
+
 ITERATIONS, OF_AUTO = 200, 800
 """Of a search, at most, where no other number is given; "auto" ends by itself where nothing gains any more."""
 _LEAST = {"n_experiments": 1, "n_candidates": 1, "max_iterations": 0, "seed": 0, "patience": 1, "max_redraws": 0}
@@ -52,6 +55,7 @@ class ExchangeSettings:
     screen: bool = False  # as in files that do not say
     local: float = 0.0
     method: str = "paper"
+    singular: str = "estimable"
     over: OverPrior | None = None
     criterion: str = "D"
     of: str | tuple[str, ...] | None = None
@@ -73,6 +77,7 @@ class ExchangeSettings:
         if not 0 <= self.local <= 1:
             raise ValueError(f"local: expected a share between 0 and 1, given {self.local:g}")
         check_choice(self.method, METHODS, "method")
+        check_choice(self.singular, SINGULAR, "singular")
         _check_kind_of_over(self.over)
         check_choice(self.criterion, CRITERIA, "criterion")
         if self.of is not None and not isinstance(self.of, str):

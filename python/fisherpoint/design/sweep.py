@@ -9,6 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
+
 from ..basics.checks import as_sequence, check_positive_int, check_type
 from ..basics.extras import needed_for
 from ..basics.kept import Codec, Kept
@@ -26,9 +28,10 @@ from .cost import Cost
 from .points.point_search import Progress
 from .points.seen_candidates import SeenCandidates
 from .points.size_search import sized_searches
+from .points.told import not_told, refuse_open
 from .settings import MOST, ExchangeSettings, most_iterations
 from .sweep_report import sweep_report
-from .swept import SizedDesign, SweptDesigns
+from .swept import SizedDesign, SweptDesigns, log_det_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -96,6 +99,7 @@ def sweep(
     threads: int | None = None,
     time_limit: float | None = None,
     method: str = "auto",
+    singular: str = "estimable",
     progress: Callable[[int, Progress], None] | None = None,
     previous: Previous | None = None,
 ) -> Sweep:
@@ -109,7 +113,7 @@ def sweep(
         The sizes, such as ``range(9, 31)``.
     cost : Cost, optional
         What the designs are charged with. It does not change the designs: each is the best that was found of its size.
-    n_candidates, max_iterations, seed, threads, method, previous
+    n_candidates, max_iterations, seed, threads, method, singular, previous
         As for :func:`fisherpoint.exchange`, for each size.
     time_limit : float, optional
         Stop after so many seconds, with the sizes that are done then.
@@ -148,10 +152,12 @@ def sweep(
         screen=True,
         local=0.5,
         method=method,
+        singular=singular,
     )
     known, _ = previous_information(problem, previous, threads)
     seen = SeenCandidates(problem, threads)
     found: list[tuple[Any, Evaluation]] = []
+    space, ridge = None, 0.0
     stop_reason = "done"
     try:
         for search in sized_searches(problem, settings, sizes, threads, known, seen):
@@ -160,6 +166,12 @@ def sweep(
                 raise KeyboardInterrupt
             evaluation = search.under_noise()
             assert evaluation is not None
+            if evaluation.null_directions:
+                space = search.look_at_what_is_told()
+                seen.aims = search.aims
+                if singular == "error":
+                    refuse_open(problem, space, size)
+            ridge = max(ridge, search.ridge)
             found.append((search.best.information, evaluation))
             if time_limit is not None and time.perf_counter() - started > time_limit and size != sizes[-1]:
                 stop_reason = "time_limit"
@@ -169,12 +181,16 @@ def sweep(
             raise
         stop_reason = "interrupted"
     designs, bound = [], None
+    level = None if space is None or not len(space.null) else space.rank
     for information, evaluation in found:
-        if bound is None or known is not None:  # beside previous points it depends on the size
+        log_det = log_det_of(evaluation, level)
+        if np.isfinite(log_det) and (bound is None or known is not None):  # beside previous points it depends on the size
             bound = seen.bound(information, known)
         points = information.experiments
-        at_most = None if bound is None else max(bound.log_det, evaluation.log_det)
-        designs.append(SizedDesign(points, evaluation, None if cost is None else cost.of(points, problem.model), at_most))
+        at_most = None if bound is None or not np.isfinite(log_det) else max(bound.log_det, log_det)
+        designs.append(
+            SizedDesign(points, evaluation, None if cost is None else cost.of(points, problem.model), at_most, level=level)
+        )
     return Sweep(
         problem=problem,
         designs=tuple(designs),
@@ -183,6 +199,8 @@ def sweep(
         n_candidates=0 if bound is None else bound.n_candidates,
         stop_reason=stop_reason,
         seconds=time.perf_counter() - started,
+        not_told=() if space is None else not_told(problem, space),
+        ridge=ridge,
     )
 
 

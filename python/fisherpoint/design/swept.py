@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -28,28 +28,48 @@ class SizedDesign:
     cost : float or None
         None where no costs were given.
     at_most : float or None
-        Proven: no design of as many of the candidates that all searches together have evaluated has a larger log det F, (7).
+        Proven: no design of as many of the candidates that all searches together have evaluated has a larger log det F, (7). None
+        where the points are too few to determine as much as these candidates do.
+    level : int or None
+        How many directions of the parameters points of the region can determine, where these are not all: log dets are of them.
     """
 
     points: Experiments
     evaluation: Evaluation
     cost: float | None
     at_most: float | None
+    level: int | None = field(default=None, kw_only=True)
+
+    @property
+    def log_det(self) -> float:
+        """log det F, (7), of what points of the region can determine; -inf where this design's determine less."""
+        return log_det_of(self.evaluation, self.level)
 
     @property
     def at_least(self) -> float | None:
         """The D-efficiency against `at_most`: a lower bound among designs of these candidates."""
-        return d_efficiency(self.evaluation.log_det, self.at_most, len(self.evaluation.parameters))
+        return d_efficiency(self.log_det, self.at_most, self._p)
 
     @property
     def information(self) -> float:
-        """log det F in its sum form, the sum over the measurements, standardised: it rises with each."""
-        return float(self.evaluation.log_det + len(self.evaluation.parameters) * np.log(self.evaluation.n_points / 2))
+        """`log_det` in its sum form, the sum over the measurements, standardised: it rises with each."""
+        return float(self.log_det + self._p * np.log(self.evaluation.n_points / 2))
 
     @property
     def mean_error(self) -> float:
         """det(F)^(-1/2p): the geometric mean of the standard errors over the principal directions, in prior std."""
-        return float(np.exp(-self.information / (2 * len(self.evaluation.parameters))))
+        return float(np.exp(-self.information / (2 * self._p)))
+
+    @property
+    def _p(self) -> int:
+        return len(self.evaluation.parameters) if self.level is None else self.level
+
+
+def log_det_of(evaluation: Evaluation, level: int | None) -> float:
+    """log det F of so many directions of the parameters; -inf where fewer are determined."""
+    if level is None or evaluation.log_det_estimable is None:
+        return evaluation.log_det
+    return evaluation.log_det_estimable if evaluation.rank == level else -np.inf
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -67,6 +87,10 @@ class SweptDesigns:
     stop_reason : {"done", "interrupted", "time_limit"}
         Where it is not "done", larger sizes are missing.
     seconds : float
+    not_told : tuple of mappings of parameter name to float
+        Combinations of standardised parameters that no point of the region was found to tell about.
+    ridge : float
+        As that of a design, of any of the searches.
     """
 
     problem: DesignProblem
@@ -76,6 +100,8 @@ class SweptDesigns:
     n_candidates: int
     stop_reason: str
     seconds: float
+    not_told: tuple[Mapping[str, float], ...] = field(default=(), kw_only=True)
+    ridge: float = field(default=0.0, kw_only=True)
 
     def __getitem__(self, n_experiments: int) -> SizedDesign:
         if n_experiments not in self.sizes:

@@ -83,10 +83,10 @@ def evaluation_to_json(evaluation: Evaluation | None) -> dict[str, Any] | None:
 
 
 def evaluation_from_json(data: dict[str, Any] | None, n_points: int) -> Evaluation | None:
-    """The evaluation of which this is the JSON; files from before these were kept lack `n_points`, `nearby` and `units`."""
+    """The evaluation of which this is the JSON; older files lack `n_points`, `nearby`, `units` and `log_det_estimable`."""
     if data is None:
         return None
-    data = {"n_points": n_points, "nearby": None, "units": {}} | data
+    data = {"n_points": n_points, "nearby": None, "units": {}, "log_det_estimable": None} | data
     values = {field.name: data[field.name] for field in fields(Evaluation)}
     values["n_points"] = check_positive_int(values["n_points"], "n_points")
     for name in ("parameters", "outputs", "outputs_left_out"):

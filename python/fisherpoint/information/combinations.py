@@ -19,6 +19,9 @@ LARGE = 0.05
 
 LARGEST_RATIO = 12
 
+LEAST_SHARE = 0.01
+"""Share of the largest factor of a combination down to which factors are told; of what is below only the names."""
+
 
 def describe(
     directions: Array, effects: Array, theta: Array, names: Sequence[str], starts: Mapping[str, Sequence[Array]]
@@ -147,9 +150,14 @@ def _sum(a: str, m: int, b: str, n: int) -> str:
 
 
 def combination(direction: Mapping[str, float]) -> str:
-    """A direction in parameter space as a sum of its larger terms, of which the first is positive."""
+    """A direction in parameter space as a sum, of which the first term is positive; what has a small share is named after it."""
     terms = sorted(direction.items(), key=lambda term: -abs(term[1]))
     largest = terms[0][1]
-    shown = [(name, value * math.copysign(1.0, largest)) for name, value in terms if abs(value) > 0.05 * abs(largest)]
-    text = " ".join(f"{'-' if value < 0 else '+'} {abs(value):.2f} {name}" for name, value in shown)
-    return text.removeprefix("+ ") + (" + ..." if len(shown) < len(terms) else "")
+    told = [(name, value * math.copysign(1.0, largest)) for name, value in terms if abs(value) > LEAST_SHARE * abs(largest)]
+    text = " ".join(f"{'-' if value < 0 else '+'} {_factor(abs(value))} {name}" for name, value in told)
+    small = ", ".join(name for name, _ in terms[len(told) :])
+    return text.removeprefix("+ ") + (f" (and less than {LEAST_SHARE * 100:g} % of {small})" if small else "")
+
+
+def _factor(value: float) -> str:
+    return f"{value:.2f}" if value > 0.1 else f"{value:.2g}"

@@ -24,7 +24,7 @@ from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
 from .combinations import combination
 from .nearby import Nearby, nearby_of
-from .null_space import column_scaled_svd, unscaled
+from .null_space import column_scaled_svd, pivots, reduced_basis, unscaled
 from .output_covariance import Criterion, cholesky_factor, criterion, needs_covariances, whitened
 from .point_information import PointInformation, point_information
 from .previous import Previous, previous_information
@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 
 RANK_TOLERANCE = 1e-9
 """Singular values of the whitened, column-scaled sensitivities below this share of the largest count as zero."""
+
+ROUNDING = 1e-7
+"""Of components of null directions, where there are several."""
 
 ACCURATE = 1e-6
 """Below this share of the largest, the squares in F have lost digits: log det is taken from the singular values then."""
@@ -76,6 +79,10 @@ class Evaluation(Shown, Kept):
         What becomes of the standard errors where the parameters are two of them off; where D is R, and F is not singular.
     units : mapping of parameter name to str
         Those of the model; empty where it was read from a file of a version that did not keep them.
+    log_det_estimable : float or None
+        log det of `fisher` over what it determines: of Q^T F Q, with an orthonormal basis Q of all that is orthogonal to the
+        `null_directions`; `log_det` where there are none. Only designs that leave the same directions open compare by it. None
+        where nothing is determined, and in files of versions that did not keep it.
     """
 
     _INSIDE = (Nearby,)
@@ -97,6 +104,7 @@ class Evaluation(Shown, Kept):
     n_points: int
     nearby: Nearby | None = None
     units: Mapping[str, str] = field(default_factory=lambda: FrozenMapping({}))
+    log_det_estimable: float | None = None
 
     @property
     def information(self) -> Array:
@@ -184,7 +192,11 @@ def value_of_criterion(evaluation: Evaluation) -> list[tuple[str, str]]:
     if evaluation.covariance is not None:
         return [("log det F", f"{evaluation.log_det:.4f} (parameters in units of their prior std, F as in (7))")]
     rank = f"{evaluation.rank} of {len(evaluation.parameters)}: singular, log det is -inf"
-    return [("rank of F", rank), *(("not determined (in prior std)", combination(null)) for null in evaluation.null_directions)]
+    facts = [("rank of F", rank), *(("not determined (in prior std)", combination(null)) for null in evaluation.null_directions)]
+    if evaluation.log_det_estimable is not None:
+        units = "parameters in units of their prior std, F as in (7)"
+        facts.append(("log det F of the rest", f"{evaluation.log_det_estimable:.4f} ({units})"))
+    return facts
 
 
 def evaluate_design(
@@ -264,7 +276,12 @@ def evaluate_information(problem: DesignProblem, information: PointInformation, 
         log_det = len(names) * np.log(2 / len(prepared)) + 2 * float(np.log(singular_values * length).sum())
     if not np.isfinite(log_det):
         rank = min(rank, len(names) - 1)  # so small that squares are zero
-    null = tuple(null_direction(v, length, names) for v in directions[rank:])
+    null, estimable = null_directions(directions[rank:], length, names), None
+    if 0 < rank < len(names) and (share[:rank] > RANK_TOLERANCE).all():
+        # Of V_r^T s V_r in an orthonormal basis Q of D V_r, with D of the lengths: D V_r = Q R.
+        triangle = np.linalg.qr(directions[:rank].T * length[:, None], mode="r")
+        parts = np.log(singular_values[:rank]) + np.log(np.abs(np.diag(triangle)))
+        estimable = rank * float(np.log(2 / len(prepared))) + 2 * float(parts.sum())
 
     covariance = correlation = standard_errors = rse = nearby = None
     if rank == len(names) and np.isfinite(log_det):
@@ -311,6 +328,7 @@ def evaluate_information(problem: DesignProblem, information: PointInformation, 
         n_points=len(prepared),
         units=FrozenMapping({q.name: q.unit for q in problem.model.parameters if q.name in names}),
         nearby=nearby,
+        log_det_estimable=float(log_det) if np.isfinite(log_det) else estimable,
     )
 
 
@@ -322,6 +340,17 @@ def finite_fisher(fisher: Array) -> Array:
             "check noise_std and the prior's standard deviations"
         )
     return fisher
+
+
+def null_directions(vectors: Array, length: Array, names: tuple[str, ...]) -> tuple[Mapping[str, float], ...]:
+    """Directions that span the same space as right singular vectors (d, p) of column-scaled sensitivities, as combinations.
+
+    Of several, each has a parameter of its own that is not in the others, so that one along a few parameters is told as such.
+    """
+    if len(vectors) > 1:
+        vectors = reduced_basis(vectors, pivots(vectors))
+        vectors = np.where(np.abs(vectors) > ROUNDING, vectors, 0.0)
+    return tuple(null_direction(v, length, names) for v in vectors)
 
 
 def null_direction(v: Array, length: Array, names: tuple[str, ...]) -> Mapping[str, float]:

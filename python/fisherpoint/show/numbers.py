@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from decimal import ROUND_DOWN, Decimal
 
 import numpy as np
+
+LEAST_PROVEN, ROUNDING = 1e-4, 1e-12
+"""A proven share below which nothing is told, and what a proven value may be short of itself by rounding."""
 
 
 def number(value: float, digits: int = 4) -> str:
@@ -25,6 +29,20 @@ def percent(share: float) -> str:
     if 0 < share < 1e-4:
         return "< 0.01 %"
     return "-" if math.isnan(share) else f"{computed(100 * share)} %"
+
+
+def percent_down(share: float, digits: int = 3) -> str:
+    """A proven share in percent with that many significant digits, rounded down: never more than what is proven."""
+    if math.isnan(share):
+        return "-"
+    if share >= 10 and math.isfinite(share):
+        return f"{_down(share, digits)} times"
+    return percent(share) if math.isinf(share) else f"{_down(100 * share, digits)} %" if share >= LEAST_PROVEN else "0 %"
+
+
+def _down(value: float, digits: int) -> str:
+    exact = Decimal(value * (1 + ROUNDING))
+    return f"{exact.quantize(Decimal(1).scaleb(max(exact.adjusted(), 0) - digits + 1), ROUND_DOWN):f}"
 
 
 def with_error(value: float, error: float, unit: str = "") -> str:

@@ -15,6 +15,7 @@ from ...basics.values import Array
 from ...engine import _core
 from .added import eigenvalues, gains, largest_at_least, smallest_at_most, variances
 from .criteria import ConditionNumber, Criterion, Determinant, SmallestEigenvalue, Variance
+from .estimable import Estimable
 
 SOFTNESS = 0.02
 """Of eigenvalues, as shares: where several are about the smallest, ascents need a derivative."""
@@ -85,6 +86,40 @@ class LogDet(Aim):
 
     def slope(self, fisher: Array, rows: Array) -> tuple[float, Array]:
         return float(np.linalg.slogdet(fisher)[1]), np.asarray(np.linalg.solve(fisher, rows.T).T)
+
+
+class LogDetWithin(Aim):
+    """log det Q^T F Q, with an orthonormal basis Q of what candidates determine, where that is not everything: F is singular then.
+
+    `k` (p, r) takes the place of Q: any K with K^T F K of the same determinant, in which the numbers are of one size.
+    """
+
+    least = 1e-10
+
+    def __init__(self, criterion: Determinant, k: Array | None = None) -> None:
+        super().__init__(criterion)
+        self.k = criterion.k if k is None else k
+
+    def value(self, fisher: Array) -> float:
+        return _core.log_det(self.k.T @ fisher @ self.k)
+
+    def added(self, fisher: Array, columns: Array) -> Array:
+        return gains(self.k.T @ fisher @ self.k, np.einsum("pq,pnk->qnk", self.k, columns))
+
+    def offset(self, fisher: Array, factor: Array) -> float:
+        return self.value(fisher)
+
+    def within(self, factor: Array) -> Aim:
+        assert isinstance(self.criterion, Determinant)
+        q, r = np.linalg.qr(factor.T @ self.k)
+        return LogDetWithin(self.criterion, q * np.exp(np.log(np.abs(np.diag(r))).mean()))
+
+    def slope(self, fisher: Array, rows: Array) -> tuple[float, Array]:
+        inner = self.k.T @ fisher @ self.k
+        sign, log_det = np.linalg.slogdet(inner)
+        if not sign > 0:
+            raise np.linalg.LinAlgError("not positive definite")
+        return float(log_det), np.asarray(np.linalg.solve(inner, (rows @ self.k).T).T @ self.k.T)
 
 
 class _Sloped(Aim):
@@ -180,11 +215,25 @@ def _soft(logs: Array, values: Array, side: float) -> tuple[float, Array]:
 def aim_of(criterion: Criterion) -> Aim:
     """The form in which a search asks for a criterion."""
     if isinstance(criterion, Determinant):
-        return LogDet(criterion) if criterion.whole else LogSubsetDet(criterion)
+        if not criterion.whole:
+            return LogSubsetDet(criterion)
+        return LogDet(criterion) if criterion.k.shape[0] == criterion.k.shape[1] else LogDetWithin(criterion)
     if isinstance(criterion, Variance):
         return LogVariance(criterion)
     assert isinstance(criterion, SmallestEigenvalue | ConditionNumber)
     return LogEigenvalue(criterion)
+
+
+def restricted(asked: Aim, space: Estimable) -> Aim:
+    """The same of what is determined; itself where that is everything, or certain functions are asked for."""
+    criterion = asked.criterion.restricted(space.span)
+    if not len(space.null) or criterion is asked.criterion:
+        return asked
+    if not isinstance(criterion, Determinant):
+        return aim_of(criterion)
+    # Q^T F Q = T^T B^T F B T with T = (Q^T B)^-1, as F = Q (Q^T F Q) Q^T
+    size = np.linalg.slogdet(space.span.T @ space.into)[1] / space.rank
+    return LogDetWithin(criterion, space.into * np.exp(-size))
 
 
 def log_det_slopes(fishers: Array, rows: Array) -> tuple[Array, Array] | None:

@@ -10,7 +10,7 @@ from ...basics.values import Array
 from ...information.combinations import combination
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
-from ...show.numbers import computed, counted, number
+from ...show.numbers import computed, counted, number, percent_down
 from ...show.section import Report, Section
 from .asked import WORDS
 
@@ -69,7 +69,7 @@ def approximate_report(design: Reported) -> Report:
 
 def floored(efficiency: float) -> str:
     """In percent, rounded down."""
-    return f"{min(int(efficiency * 1e7) / 1e5, 100.0):g} %"
+    return f"{percent_down(efficiency, 6).removesuffix(' %').rstrip('0').rstrip('.')} %"
 
 
 def _support(design: Reported) -> Section:
@@ -85,7 +85,10 @@ def _proof(design: Reported) -> Section:
     facts = [
         ("criterion", f"{design.criterion_name}{asked}"),
         (f"{WORDS[design.criterion_name]} of one experiment", computed(design.value, 7)),
-        ("largest sensitivity, optimal where at most the level", f"{design.level * design.largest:.7g}, level {design.level}"),
+        (
+            "largest sensitivity met, the level at best",
+            f"{design.level * design.largest:.7g}, level {design.level}",
+        ),
         ("efficiency by concavity", f"at least {floored(design.efficiency)}"),
         ("over all of", counted(design.n_candidates, "candidate")),
     ]

@@ -26,6 +26,8 @@ WORDS = {
     "I": "mean prediction variance",
 }
 CRITERIA = tuple(WORDS)
+OF_ALL = ("D", "A", "E", "ME")
+"""Criteria of all parameters; the others ask for certain functions of them."""
 
 
 def criterion(

@@ -13,6 +13,9 @@ from ...basics.values import Array
 
 Places = NDArray[np.intp]
 
+ROUNDING = 1e-15
+"""Eigenvalues of a matrix of information, of unit diagonal, that are none, as a share of the largest and for each parameter."""
+
 AT_ONCE = 1 << 15
 """Rows that are squared at once, so that memory stays bounded."""
 
@@ -80,6 +83,9 @@ class CandidateRows:
 
 
 def symmetric_root(matrix: Array) -> Array:
-    """H (p, p) with H^T H the positive semidefinite matrix."""
-    values, vectors = np.linalg.eigh(matrix)
-    return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))).T)
+    """H (p, p) with H^T H the positive semidefinite matrix; what is rounding is zero, as its root would be far from that."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    size = np.where(scale > 0, scale, 1.0)
+    values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
+    kept = np.where(values > ROUNDING * len(values) * values[-1], values, 0.0)
+    return np.asarray((vectors * np.sqrt(kept)).T * size)

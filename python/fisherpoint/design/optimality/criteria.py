@@ -116,7 +116,7 @@ class Determinant(Criterion):
 
     def __init__(self, name: str, k: Array, whole: bool) -> None:
         self.name, self.k, self.level = name, k, k.shape[1]
-        self.whole = whole  # K is any regular matrix: D, in whatever coordinates
+        self.whole = whole  # K spans everything, or all that is estimable: D, in whatever coordinates
 
     def value(self, information: Array) -> float:
         return self.of_log_phi(self.log_phi(information))
@@ -152,6 +152,9 @@ class Determinant(Criterion):
         if self.whole:
             return Determinant(self.name, np.eye(estimable.rank), True)
         return Determinant(self.name, estimable.into.T @ self.k, False)
+
+    def restricted(self, span: Array) -> Criterion:
+        return Determinant(self.name, np.asarray(span), True) if self.whole else self
 
     def outside(self, estimable: Estimable) -> float:
         return 0.0 if self.whole else estimable.outside(self.k)

@@ -14,19 +14,22 @@ all nodes of the rule before it may enter.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ...information.point_information import PointInformation
+from ...points.experiments import Experiments
 from ...points.region import ExperimentRegion
 from ..optimality.aims import LogDet
 from ..optimality.criteria import Determinant
 from .point_ascent import PointAscent, scenario_rows, whitened_rows
-from .point_search import RIDGE, Incumbent, PointSearch, Progress
+from .point_search import Incumbent, PointSearch, Progress
 from .pool import Pool, best_of_each, far_apart
 from .pool_exchange import PoolExchange, greedy
+from .replicates import with_copies
 from .told import told_aims
 
 POOL, MOST_POOL = 400, 50_000
@@ -110,7 +113,7 @@ class AutoSearch(PointSearch):
             next(self._rounds)
         except StopIteration:
             return None
-        return self.best is not before
+        return self.best.information is not before.information
 
     def _all_rounds(self) -> Iterator[None]:
         """The whole search, round by round."""
@@ -120,11 +123,12 @@ class AutoSearch(PointSearch):
         random = self._pool(PointInformation.join([first, self.source.draw(max(1, count // 2))]))
         random.valid[: len(first)] = 1
         self._confirm(random, np.arange(min(len(random), TAUGHT)))
-        self._ask_for_what_is_told(random)
         times = int(np.clip(settings.max_iterations // LEAST_ROUNDS, 1, GROUPS + MERGED))
         ends, found, easy = list[PointInformation](), random[np.arange(len(first))], False
         while not easy and len(ends) < min(times, GROUPS):
-            design, peaks = yield from self._group(self._with_edges(random, count), at_random=len(ends) % 2 == 1)
+            pool = self._with_edges(random, count)
+            self._ask_for_what_is_told(pool)
+            design, peaks = yield from self._group(pool, at_random=len(ends) % 2 == 1)
             ends.append(design)
             found = found.with_more(peaks).with_more(self._pool(design, 1))
             values = np.array([self._value(end) for end in ends])
@@ -152,7 +156,25 @@ class AutoSearch(PointSearch):
         reason = super().run(progress)
         if self._enough is not None:
             self.best = self._enough
+        if reason != "interrupted":
+            self._copy_what_is_near()
         return reason
+
+    def _copy_what_is_near(self) -> None:
+        """Points that are nearly equal become replicates where that costs nothing."""
+        lower, upper = np.array(self._bounds).T
+
+        def evaluated(table: Array) -> PointInformation:
+            survivors, _ = self.source.survivors(Experiments.of_table(self.problem.model, np.clip(table, lower, upper)))
+            if self.away is not None:  # these have been tried on more plants
+                survivors = survivors[:0]
+            return self.source.confirm(survivors)
+
+        design = self.best.information
+        copied = with_copies(design, lower, upper, evaluated, self._value)
+        if copied is not design:
+            self.best = self._incumbent(copied)
+            self.trace[-1] = replace(self.trace[-1], log_det=self.best.log_det, drawn=self.source.drawn)
 
     def _finished(self, design: PointInformation, found: Pool) -> Generator[None, None, PointInformation]:
         """The design after cycles of rounds, until nothing gains any more."""
@@ -242,9 +264,12 @@ class AutoSearch(PointSearch):
 
     def _ask_for_what_is_told(self, pool: Pool) -> None:
         """Where no candidate tells about some parameters, ask for the others."""
-        aims = told_aims(self.problem, self.aims, pool.columns.transpose(0, 3, 2, 1), self._known, self.count)
+        rows, singular = pool.columns.transpose(0, 3, 2, 1), self.settings.singular
+        aims, spaces = told_aims(self.problem, self.asked, rows, self._known, self.count, singular)
+        self.space = spaces[0] if self.scenarios is None else None
         if aims != self.aims:
-            self.aims = self.seen.aims = aims
+            self.aims, self._level = aims, aims[0].level
+            self.seen.aims = aims
             self.best = self._incumbent(self.best.information)
 
     @property
@@ -252,10 +277,6 @@ class AutoSearch(PointSearch):
         region = self.problem.region
         assert isinstance(region, ExperimentRegion)
         return [region.bounds[axis.name] for axis in self.problem.model.axes]
-
-    @property
-    def _ridge(self) -> float:
-        return 0.0 if np.isfinite(self.best.log_det) else RIDGE
 
     @property
     def _fixed(self) -> Array:

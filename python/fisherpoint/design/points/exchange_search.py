@@ -16,7 +16,7 @@ from ...basics.values import Array, IntArray
 from ...engine import _core
 from ...information.output_covariance import needs_covariances
 from ...information.point_information import PointInformation
-from .point_search import RIDGE, Incumbent, PointSearch
+from .point_search import Incumbent, PointSearch
 
 SHORTLIST = 10
 """Candidates that screening leaves for the rule; the best under the rule is nearly always among them (`bench/screening.py`)."""
@@ -43,7 +43,7 @@ class ExchangeSearch(PointSearch):
 
     def _iterate(self) -> bool:
         """Lines 6 to 14: draw candidates until one improves Phi, let the best enter and the least useful point leave."""
-        ridge = 0.0 if np.isfinite(self.best.log_det) else RIDGE
+        ridge = self._ridge
         accumulator = self._accumulate(self.best.prepared)
         phi = self._phi(accumulator, ridge)
         best_phi, entering = -np.inf, None

@@ -20,17 +20,23 @@ from ...points.experiments import Experiments
 from ..average import Average
 from ..efficiency import Efficiency
 from ..found import FoundDesign, TraceRecord
-from ..optimality.aims import Aim, LogDet, aim_of
+from ..optimality.aims import Aim, LogDet, LogDetWithin, aim_of, restricted
 from ..optimality.asked import criterion as criterion_asked
+from ..optimality.candidate_rows import CandidateRows
+from ..optimality.estimable import Estimable, estimable
 from ..over_prior import Scenarios
 from ..scenario_values import ScenarioValues, scenario_values
 from ..settings import ExchangeSettings
 from .away import Away
 from .seen_candidates import SeenCandidates
+from .told import not_told
 
 RIDGE = 1e-9
 """Share of the prior's information that is added to F as long as a design is singular, so that singular designs can be told
-apart."""
+apart. Reports say where it was."""
+
+SAMPLE = 200
+"""Random points by which is seen, where a design is singular, whether others determine more."""
 
 
 class Progress(NamedTuple):
@@ -69,7 +75,10 @@ class PointSearch:
         self._started = time.perf_counter()
         over = self.scenarios
         self.over = Scenarios((self.problem,), Average.of_all(1), (self.previous,)) if over is None else over
-        self.aims: tuple[Aim, ...] = tuple(map(self._aim, self.over.problems))
+        self.asked: tuple[Aim, ...] = tuple(map(self._aim, self.over.problems))
+        self.aims = self.asked  # or what of it the candidates can determine
+        self.space: Estimable | None = None  # what these determine, at the prior mean, where it was looked at
+        self.ridge = 0.0  # what was added to F while designs were singular
         self.seen = SeenCandidates(self.problem, self.threads, self.aims)
         self.away = None if self.settings.confidence is None else Away(self.problem, self.settings, self.seen.validity)
         keep = self.seen.add if self.settings.references and self.problem.noise_std is not None else None
@@ -89,7 +98,30 @@ class PointSearch:
     @property
     def at_mean(self) -> Aim:
         """What would be maximised at the prior mean alone."""
-        return self.aims[0] if self.scenarios is None else self._aim(self.problem)
+        if self.scenarios is None:
+            return self.aims[0]
+        asked = self._aim(self.problem)
+        return asked if self.space is None else restricted(asked, self.space)
+
+    @property
+    def _ridge(self) -> float:
+        if np.isfinite(self.best.log_det):
+            return 0.0
+        self.ridge = RIDGE
+        return RIDGE
+
+    def look_at_what_is_told(self) -> Estimable:
+        """What points of the region determine together; the bound is then of that, for a design that determines as much."""
+        if self.space is None:
+            rng = np.random.default_rng([self.settings.seed, 3])
+            source = CandidateSource(self.problem, rng, self.threads, validity=self.seen.validity)
+            information = self._with_previous(PointInformation.join([self.best.information, source.draw(SAMPLE)]))
+            rows = self.criterion.prepare(information).sensitivity
+            size = np.sqrt(np.square(rows).mean(axis=(0, 2), keepdims=True))  # as F may be of another D than that of the noise
+            self.space = estimable(CandidateRows(rows / np.where(size > 0, size, 1.0)).triangle())
+            if self.scenarios is None:
+                self.aims = self.seen.aims = (restricted(self.asked[0], self.space),)
+        return self.space
 
     def _first(self) -> PointInformation:
         return self.source.draw_confirmed(self.count)
@@ -169,17 +201,21 @@ class PointSearch:
         """Points that are searched for."""
         return self.settings.n_experiments - (0 if self.kept is None else len(self.kept))
 
+    def evaluation(self, under_noise: Evaluation | None) -> Evaluation:
+        """Under the D of the criterion, which may be that of the noise."""
+        if under_noise is not None and self.criterion.kind == "noise":
+            return under_noise
+        information = self._with_previous(self.best.information)
+        return evaluate_information(self.problem, information, self.criterion, self.threads)
+
     def found(
         self,
         stop_reason: str,
+        evaluation: Evaluation,
         under_noise: Evaluation | None,
         efficiency: Efficiency | None,
         previous_left_out: Mapping[str, int],
     ) -> FoundDesign:
-        evaluation = under_noise
-        if evaluation is None or self.criterion.kind != "noise":
-            information = self._with_previous(self.best.information)
-            evaluation = evaluate_information(self.problem, information, self.criterion, self.threads)
         own, n_kept = self.best.information.experiments, 0 if self.kept is None else len(self.kept)
         return FoundDesign(
             problem=self.problem,
@@ -198,16 +234,22 @@ class PointSearch:
             n_kept=n_kept,
             previous_left_out=previous_left_out,
             scenarios=self._scenario_values(),
+            not_told=() if self.space is None else not_told(self.problem, self.space),
+            ridge=self.ridge,
         )
 
     def _scenario_values(self) -> ScenarioValues | None:
         if self.scenarios is None:
             return None
         problems, total, evaluations = self.over.problems, len(self._with_previous(self.best.information)), []
-        for problem, known, own in zip(problems, self.over.previous, self.best.information.everywhere, strict=True):
+        scenarios = zip(problems, self.over.previous, self.best.information.everywhere, self.aims, strict=True)
+        for problem, known, own, aim in scenarios:
             everything = own if known is None else PointInformation.join([known, own])
             evaluation = evaluate_information(problem, everything, self.criterion, self.threads)
-            scale = len(problem.estimated) * float(np.log(len(everything) / total))
-            evaluations.append(replace(evaluation, log_det=evaluation.log_det + scale))
+            log_det = evaluation.log_det
+            if isinstance(aim, LogDetWithin) and evaluation.rank == aim.level:
+                log_det = float(evaluation.log_det_estimable or 0.0)
+            scale = evaluation.rank * float(np.log(len(everything) / total))
+            evaluations.append(replace(evaluation, log_det=log_det + scale))
         value = None if isinstance(self.aims[0], LogDet) else self.best.log_det
         return scenario_values(problems, self.over.average, evaluations, value)

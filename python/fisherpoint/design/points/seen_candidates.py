@@ -13,10 +13,10 @@ from ...information.point_information import PointInformation
 from ...information.problem import DesignProblem
 from ...information.validity import Validity
 from ..efficiency import Bound
-from ..optimality.aims import Aim, LogDet, aim_of
+from ..optimality.aims import Aim, LogDet, LogDetWithin, aim_of
 from ..optimality.asked import criterion as criterion_asked
 from ..optimality.candidate_rows import CandidateRows, Places
-from ..optimality.criteria import ConditionNumber
+from ..optimality.criteria import ConditionNumber, Determinant
 from ..optimality.estimable import estimable
 from ..optimality.weights import Weights, optimal_weights
 from ..over_prior import Scenarios
@@ -117,7 +117,15 @@ class SeenCandidates:
         def runs_everywhere(places: Places) -> NDArray[np.bool_]:
             return self.validity.of(everything[places])
 
-        value, level = over_bound(rows, known, over.average, count, runs_everywhere, self.aims), self.aims[0].level
+        aims, level = self.aims, self.aims[0].level
+        spans = [aim.k for aim in aims if isinstance(aim, LogDetWithin)]
+        if spans:  # log det F of what the candidates determine in each scenario
+            if any(aim.level != level for aim in aims) or len(spans) < len(aims):
+                return None
+            rows = np.stack([own @ span for own, span in zip(rows, spans, strict=True)])
+            known = np.stack([span.T @ own @ span for own, span in zip(known, spans, strict=True)])
+            aims = (LogDet(Determinant("D", np.eye(level), True)),) * len(aims)
+        value = over_bound(rows, known, over.average, count, runs_everywhere, aims)
         return None if value is None else Bound(float(value + level * np.log(2 * count / total)), len(everything) - count)
 
     def best(self, design: PointInformation, previous: PointInformation | None, most: int) -> PointInformation | None:
@@ -149,7 +157,8 @@ class SeenCandidates:
             known = flat.T @ flat / count
         candidates = CandidateRows(rows, known)
         space, aim = estimable(candidates.triangle()), self.aims[0]
-        lost = space.rank < p if isinstance(aim, LogDet) else aim.criterion.outside(space) > NOT_TOLD
+        whole = isinstance(aim, LogDet | LogDetWithin)
+        lost = space.rank != aim.level if whole else aim.criterion.outside(space) > NOT_TOLD
         if lost or isinstance(aim.criterion, ConditionNumber):
             return None
         valid = np.arange(len(rows)) < count

@@ -28,6 +28,14 @@ class FollowingSearch(AutoSearch):
 
     start: PointInformation | None = None
     candidates: PointInformation | None = None
+    last: PointSearch | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.last is not None:  # what candidates can determine does not depend on the size
+            self.aims, self.space, self._level = self.last.aims, self.last.space, self.last.aims[0].level
+            self.seen.aims = self.aims
+            self.best = self._incumbent(self.best.information)
 
     def _first(self) -> PointInformation:
         assert self.start is not None
@@ -68,7 +76,11 @@ def sized_searches(
                 candidates = seen.best(design, previous, GOOD)
             known = [design] if candidates is None else [candidates, design]
             more = np.arange(size) % len(design)  # repeated points give way to others where these tell more
-            search = FollowingSearch(problem, own, threads, previous, start=design[more], candidates=PointInformation.join(known))
+            candidates_and_design = PointInformation.join(known)
+            search = FollowingSearch(
+                problem, own, threads, previous, start=design[more], candidates=candidates_and_design, last=last
+            )
         yield search
         seen.include(search.seen)
+        seen.aims = search.aims
         last = search

@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from ...basics.values import Array
 from ...information.combinations import combination
-from ...information.evaluation import null_direction
+from ...information.evaluation import null_directions
 from ...information.problem import DesignProblem
-from ..optimality.aims import Aim, LogDet, aim_of
+from ..optimality.aims import Aim, LogDet, restricted
 from ..optimality.candidate_rows import CandidateRows
-from ..optimality.estimable import estimable
+from ..optimality.criteria import Determinant
+from ..optimality.estimable import Estimable, estimable
 
 NOT_TOLD = 1e-6
 """Share of what is asked that may be outside of what is told, as rounding."""
 
+LOOKED_AT = 200
+"""Candidates of which is looked at how many directions one of them tells about."""
 
-def told_aims(problem: DesignProblem, aims: Sequence[Aim], rows: Array, known: Array, count: int) -> tuple[Aim, ...]:
-    """What to maximise with `count` points of some candidates: criteria of all parameters ask for what these determine alone.
 
-    log det F is left as it is: singular designs differ in it by what they tell, once a little is added to F.
+def told_aims(
+    problem: DesignProblem, aims: Sequence[Aim], rows: Array, known: Array, count: int, singular: str
+) -> tuple[tuple[Aim, ...], tuple[Estimable, ...]]:
+    """What to maximise with `count` points of some candidates, and what these determine together, in each scenario.
+
+    Criteria of all parameters ask for what the candidates determine alone. Where so few points cannot determine all of that, it is
+    log det F that tells designs apart once a little is added to F: other criteria see only what is added.
 
     Parameters
     ----------
@@ -32,32 +39,65 @@ def told_aims(problem: DesignProblem, aims: Sequence[Aim], rows: Array, known: A
     known : ndarray, (S, p, p)
         Information that is there without them.
     count : int
+    singular : {"estimable", "error"}
 
     Raises
     ------
     ValueError
-        Where they do not determine the functions or parameters that are asked for, or so few points cannot.
+        Where they do not determine the functions or parameters that are asked for, or tell nothing at all; with "error" where they
+        do not determine all parameters, or so few points cannot.
     """
     result: list[Aim] = []
+    spaces: list[Estimable] = []
     for aim, own, there in zip(aims, rows, known, strict=True):
-        if isinstance(aim, LogDet):
-            result.append(aim)
-            continue
-        name, space = aim.criterion.name, estimable(CandidateRows(own, there / count).triangle())
+        space = estimable(CandidateRows(own, there / count).triangle())
+        spaces.append(space)
+        name = aim.criterion.name
         if not space.rank or aim.criterion.outside(space) > NOT_TOLD:
-            left = "; ".join(combination(null_direction(v, space.length, problem.estimated)) for v in space.null)
             raise ValueError(
-                f"region: expected points that determine what criterion {name!r} asks, given none that tell about {left}"
+                f"region: expected points that determine what criterion {name!r} asks, given none that tell about "
+                f"{combinations(not_told(problem, space))}"
             )
-        restricted = aim.criterion.restricted(space.span)
-        if restricted is aim.criterion:
+        if aim.criterion.restricted(space.span) is aim.criterion:
             result.append(aim)
             continue
-        most = count * own.shape[1] + int(np.linalg.matrix_rank(there))
-        if most < space.rank:
-            raise ValueError(
-                f"n_experiments: expected points enough to determine {space.rank} parameters, all of which criterion {name!r} asks "
-                f"for, given {count}, which determine {most} at most"
-            )
-        result.append(aim_of(restricted) if len(space.null) else aim)
-    return tuple(result)
+        too_few = count < space.rank and _most(own, there, count) < space.rank
+        if singular == "error":
+            refuse_open(problem, space, count if too_few else None)
+        if too_few and not isinstance(aim, LogDet):
+            aim = LogDet(Determinant("D", np.eye(len(space.length)), True))
+        result.append(restricted(aim, space))
+    return tuple(result), tuple(spaces)
+
+
+def refuse_open(problem: DesignProblem, space: Estimable, count: int | None) -> None:
+    """Raise where points of a space leave parameters open; `count` is their number where these are too few."""
+    if len(space.null):
+        raise ValueError(
+            "region: expected points that determine all parameters, as singular = 'error' asks, given none that tell about "
+            f"{combinations(not_told(problem, space))}, in prior std: estimate fewer parameters (parameters = [...]), measure "
+            "other outputs, or widen the region"
+        )
+    if count is not None:
+        raise ValueError(
+            f"n_experiments: expected points enough to determine {space.rank} parameters, as singular = 'error' asks, given "
+            f"{count}, which leave some of them open whatever the points are: take more points, or estimate fewer parameters "
+            "(parameters = [...])"
+        )
+
+
+def not_told(problem: DesignProblem, space: Estimable) -> tuple[Mapping[str, float], ...]:
+    """Combinations of standardised parameters that no candidate tells about."""
+    return null_directions(space.null, space.length, problem.estimated)
+
+
+def combinations(directions: Sequence[Mapping[str, float]]) -> str:
+    """All of them as part of a sentence."""
+    return "; ".join(map(combination, directions))
+
+
+def _most(rows: Array, known: Array, count: int) -> int:
+    """How many directions so many points can determine at most."""
+    some = rows[np.linspace(0, len(rows) - 1, min(LOOKED_AT, len(rows))).astype(int)]
+    each = int(np.linalg.matrix_rank(some).max())
+    return count * each + int(np.linalg.matrix_rank(known))

@@ -1,0 +1,67 @@
+"""What a report says of a design that does not determine all parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Protocol
+
+from ..information.combinations import combination
+from ..show.numbers import counted, number
+from .evaluated import Evaluated
+from .found import FoundDesign
+from .optimality.asked import OF_ALL
+
+GUIDE = "docs/how_to/singular.md"
+
+
+def singular_warning(evaluated: Evaluated) -> str:
+    """What is left open, why, and what would help."""
+    evaluation = evaluated.evaluation
+    p, rank = len(evaluation.parameters), evaluation.rank
+    if not isinstance(evaluated, FoundDesign):
+        return (
+            f"F is singular: the points determine {rank} of {counted(p, 'parameter')}; what is left open is named above. Add "
+            "points, widen the region, or leave parameters out (parameters = [...])."
+        )
+    sentences = [f"F is singular: the points determine {rank} of {counted(p, 'parameter')}."]
+    if evaluated.not_told:
+        told = "; ".join(map(combination, evaluated.not_told))
+        sentences.append(
+            f"No point of the region was found to tell about {told} (in prior std): measure other outputs, widen the region, or "
+            "leave parameters out (parameters = [...])."
+        )
+    criterion = evaluated.settings.criterion
+    if evaluated.too_few and criterion in OF_ALL:
+        numbers = evaluation.n_points * len(evaluation.outputs)
+        could = p - len(evaluated.not_told)
+        if numbers < could:
+            sentences.append(
+                f"{counted(evaluation.n_points, 'point')} with {counted(len(evaluation.outputs), 'output')} are too few for the "
+                f"{could} that points of the region can determine, so that no efficiency is claimed."
+            )
+        else:
+            sentences.append(f"Other points would determine {could}, so that no efficiency is claimed.")
+        if criterion != "D":
+            sentences.append(f"Until there are enough for criterion {criterion}, points are chosen by log det F.")
+    elif criterion in OF_ALL:
+        sentences.append("The design, its criterion and its efficiency are of the rest.")
+    else:
+        sentences.append(f"What criterion {criterion} asks is determined all the same.")
+    return f"{' '.join(sentences)} See {GUIDE}."
+
+
+class Searched(Protocol):
+    """What comes from searches that may have met singular designs."""
+
+    @property
+    def ridge(self) -> float: ...
+
+
+def ridge_facts(design: Searched) -> Iterator[tuple[str, str]]:
+    """What was added to F while designs of the search were singular."""
+    if design.ridge:
+        yield (
+            "added to F while singular",
+            f"{number(design.ridge)} of the prior's information, to tell designs apart, and in exchanges up to 1e-4 of what "
+            "candidates tell on average; no figure here contains it",
+        )
