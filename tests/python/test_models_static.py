@@ -110,5 +110,5 @@ def test_designs_are_saved_reported_and_drawn(problem: fp.DesignProblem, tmp_pat
         {"trajectories"} if problem.model.states else set()
     )
     axes = plots.plot_points(design).axes[0]
-    shown = ("d [mol/L]", "E [1]") if problem.model is dose else ("dt [s]", "c [mol/L]")
+    shown = ("d [mol/L]", "E") if problem.model is dose else ("dt, logarithmic", "c [mol/L]")
     assert (axes.get_xlabel(), axes.get_ylabel()) == shown

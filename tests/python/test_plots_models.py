@@ -14,6 +14,7 @@ from fisherpoint.design import pictures_points
 from fisherpoint.design.evaluated import evaluate_points
 from fisherpoint.design.pictures import plot_points, plot_trajectories
 from fisherpoint.design.pictures_responses import free_axis, plot_responses
+from fisherpoint.show.durations import make_logarithmic
 from fisherpoint.show.standard_errors import standard_error_figure
 from fisherpoint.show.style import scale
 
@@ -46,9 +47,9 @@ def test_a_design_in_one_variable_is_shown_on_its_outputs(noise: bool) -> None:
     assert free_axis(found) is not None
     figure = plot_points(found)
     assert [axes.get_ylabel() for axes in figure.axes] == ["c [kg/m3]", "rate [kg/(m3 s)]"]
-    assert figure.axes[-1].get_xlabel() == "dt [h]"
+    assert (figure.axes[-1].get_xlabel(), figure.axes[0].get_xscale()) == ("dt, logarithmic", "log")
     curve = figure.axes[0].lines[0].get_xydata()
-    np.testing.assert_allclose(curve[:, 1], np.exp(-1e-4 * 3600 * curve[:, 0]), atol=1e-5)  # type: ignore[index,call-overload]
+    np.testing.assert_allclose(curve[:, 1], np.exp(-1e-4 * curve[:, 0]), atol=1e-5)  # type: ignore[index,call-overload]
     numbers = sorted(int(n) for text in figure.axes[0].texts for n in text.get_text().split(", "))
     assert numbers == [1, 2, 3, 4]
 
@@ -70,7 +71,7 @@ def test_a_static_design_in_two_variables_is_shown_over_these() -> None:
     found = design(plane, {"s": (-1.0, 1.0), "t": (-1.0, 1.0)})
     assert free_axis(found) is None
     axes = plot_points(found).axes[0]
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("s [1]", "t [1]")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("s", "t")
     with pytest.raises(ValueError, match=r"^design: expected a region that leaves a single coordinate free"):
         plot_responses(found)
 
@@ -149,8 +150,8 @@ def test_trajectories_without_some_values_are_drawn(tmp_path: Path, monkeypatch:
         states[1], outputs[1] = np.nan, np.nan
         return states, outputs
 
-    trajectories = pictures_points._trajectories
-    monkeypatch.setattr(pictures_points, "_trajectories", cut)
+    trajectories = pictures_points.paths_of
+    monkeypatch.setattr(pictures_points, "paths_of", cut)
     plot_points(found).savefig(tmp_path / "points.png")
 
 
@@ -163,8 +164,60 @@ def test_points_alike_share_a_row_of_trajectories() -> None:
     figure = plot_trajectories(evaluate_points(problem, points))
     assert [text.get_text() for text in figure.texts] == ["1\n2\n4", "3"]
     short, long = figure.axes
-    assert (short.get_xlabel(), long.get_xlabel()) == ("t [s]", "t [min]")
+    assert (short.get_xlabel(), long.get_xlabel()) == ("t [s]", "t, logarithmic")
     # Of 500 s, those in which something happens are drawn, too.
     line = long.lines[0]
-    t, y = 60 * np.asarray(line.get_xdata(), float), np.asarray(line.get_ydata(), float)
-    assert y == pytest.approx(np.exp(-t), abs=1e-5) and ((y > 0.05) & (y < 0.95)).sum() >= 5
+    t, y = np.asarray(line.get_xdata(), float), np.asarray(line.get_ydata(), float)
+    assert y == pytest.approx(np.exp(-t), abs=1e-5) and ((y > 0.05) & (y < 0.95)).sum() >= 15
+
+
+def two_times() -> tuple[fp.DesignProblem, fp.Experiments]:
+    """A transient of 1 s and one of 1000 s, in points of half a second to two hours."""
+    model = fp.SymbolicModel(
+        ["(u - a)/tau", "(u - b)/T"], ["a", "b"], {"a": "V", "b": "V"}, {"u": "V"}, {"tau": "s", "T": "s"}, {"y": "V", "z": "V"}
+    )
+    prior = fp.GaussianPrior({"tau": 1.0, "T": 1000.0}, relative_std={"tau": 0.2, "T": 0.2})
+    region = fp.ExperimentRegion({"a": (0.0, 1.0), "b": (0.0, 1.0), "u": (0.0, 1.0), "dt": (0.1, 1e4)})
+    table = [[0.2, 0.1, 1.0, dt] for dt in (0.5, 5.0, 8000.0)]
+    return fp.DesignProblem(model, prior, region, noise_std={"y": 0.01, "z": 0.01}), fp.Experiments.of_table(model, np.array(table))
+
+
+def test_durations_over_decades_have_a_logarithmic_axis() -> None:
+    problem, points = two_times()
+    figure = plot_points(evaluate_points(problem, points))
+    figure.draw_without_rendering()
+    axes = figure.axes[-2]
+    assert (axes.get_xlabel(), axes.get_xscale()) == ("dt, logarithmic", "log")
+    assert [label.get_text() for label in axes.get_xticklabels()] == ["100 ms", "1 s", "10 s", "10 min", "6 h"]
+    at = axes.transAxes.inverted().transform(axes.transData.transform([[float(dt), 1.0] for dt in points.dt]))[:, 0]
+    assert (np.diff(at) > 0.1).all()  # beside each other, not on one another
+
+
+def test_what_is_fast_at_first_is_drawn_over_a_logarithmic_time() -> None:
+    problem, points = two_times()
+    figure = plot_trajectories(evaluate_points(problem, points))
+    assert [axes.get_xscale() for axes in figure.axes] == ["linear"] * 4 + ["log"] * 2
+    fast = figure.axes[4].lines[0]
+    t, y = np.asarray(fast.get_xdata(), float), np.asarray(fast.get_ydata(), float)
+    assert 0.001 < t[0] < 0.05 and t[-1] == pytest.approx(8000.0)
+    assert y == pytest.approx(1 - 0.8 * np.exp(-t), abs=1e-5) and ((y > 0.25) & (y < 0.95)).sum() >= 10
+
+
+def test_curves_of_points_tell_values_with_their_units() -> None:
+    problem, points = two_times()
+    line = plot_trajectories(evaluate_points(problem, points)).axes[0].lines[0]
+    assert line.get_label() == "point 1: y is 0.2 V at the start, 0.5148 V after 500 ms, at the prior mean"
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "named"),
+    [
+        (0.1, 1e4, ["100 ms", "1 s", "10 s", "10 min"]),
+        (7200.0, 720_000.0, ["6 h", "1 d"]),
+        (1e-3, 1.0, ["1 ms", "10 ms", "100 ms", "1 s"]),
+    ],
+)
+def test_a_logarithmic_axis_names_durations(low: float, high: float, named: list[str]) -> None:
+    axes = Figure().subplots()
+    make_logarithmic(axes, low, high)
+    assert [label.get_text() for label in axes.get_xticklabels()] == named

@@ -9,7 +9,8 @@ import pytest
 from matplotlib.figure import Figure
 
 import fisherpoint as fp
-from fisherpoint.show.run_time import SHARES, RunTime, duration
+from fisherpoint.show.durations import duration
+from fisherpoint.show.run_time import SHARES, RunTime
 
 
 def test_segments_of_decades_are_equally_wide() -> None:

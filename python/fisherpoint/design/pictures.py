@@ -21,7 +21,8 @@ from ..show.style import CRITERION, NOISE, PRIOR, STYLE
 from .criterion_report import maximised
 from .evaluated import Evaluated
 from .found import FoundDesign
-from .pictures_points import plot_points, plot_trajectories
+from .pictures_points import plot_points
+from .pictures_trajectories import plot_trajectories
 
 
 def plot_criterion(design: FoundDesign) -> Figure:

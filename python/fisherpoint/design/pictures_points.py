@@ -1,4 +1,4 @@
-"""Pictures of the points of a design: where they are in the state space, and their trajectories over the prior."""
+"""The picture of the points of a design: where they are in the state space."""
 
 from __future__ import annotations
 
@@ -9,35 +9,24 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
+from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from numpy.typing import NDArray
 
-from ..basics.quantity import Quantity
-from ..information.draws import drawn_from_prior
-from ..information.problem import DesignProblem
+from ..basics.quantity import DURATION, Quantity
 from ..models import Model
-from ..points.experiments import Experiments
-from ..points.runs import Runs
-from ..points.trajectories import simulate
-from ..show.numbers import number
-from ..show.style import NOISE, PRIOR, STYLE, TEXT, scale, settle, telling
+from ..show.durations import AxisScale, axis_scale, make_logarithmic, mark
+from ..show.style import PRIOR, STYLE, TEXT, scale, settle
 from .evaluated import Evaluated
+from .paths import FRACTIONS, paths_of
 from .pictures_responses import free_axis, plot_responses
 
 Floats = NDArray[np.float64]
 
-FRACTIONS = np.unique(np.concatenate([[1e-6], np.geomspace(1e-4, 1.0, 17), np.linspace(0.0, 1.0, 41)[1:]]))
-"""Of a duration, at which trajectories are drawn: what is fast at the start is seen beside what is slow."""
-
-ALIKE = 0.01
-"""Points of which all numbers differ by less than this share of them have one row of trajectories."""
-
-MOST_NUMBERS = 5
-"""Of points alike that are named beside their row."""
+BEYOND = 0.08
+"""Of a logarithmic axis, the share that lies beyond the bounds on either side, as of the others."""
 
 SAME_PLACE = 3.0
 """Starts that are closer on paper, in points of 1/72 inch, share one label."""
@@ -51,7 +40,8 @@ def plot_points(design: Evaluated) -> Figure:
     if free_axis(design) is not None:
         return plot_responses(design)
     model, points = design.problem.model, design.points
-    paths, outputs = (path[:, 0] for path in _trajectories(design.problem, points, FRACTIONS, _mean(design)[None]))
+    paths, outputs = (path[:, 0] for path in paths_of(design.problem, points, FRACTIONS, design.problem.theta[None]))
+    paths = np.concatenate([points.x0[:, None], paths], axis=1)
     if not model.states:
         outputs = outputs[:, :1]
     values = {quantity.name: outputs[:, :, i] for i, quantity in enumerate(model.outputs)}
@@ -66,16 +56,18 @@ def plot_points(design: Evaluated) -> Figure:
         rows = -(-len(panels) // columns)
         figure = Figure(figsize=(4.6 * columns + 0.8, 3.9 * rows), layout="constrained")
         grid = figure.subplots(rows, columns, squeeze=False).ravel()
-        factor, unit = scale(held, values[held.name])
-        limits = _limits(design, held.name, values[held.name])
-        shade = ScalarMappable(Normalize(factor * limits[0], factor * limits[1]), "coolwarm")
-        colors = shade.to_rgba(factor * values[held.name][:, 0])
+        shading, limits = _scale(design, held, values), _limits(design, held, values)
+        norm = LogNorm if shading.is_log else Normalize
+        shade = ScalarMappable(norm(shading.factor * limits[0], shading.factor * limits[1]), "coolwarm")
+        colors = shade.to_rgba(shading.factor * values[held.name][:, 0])
         for axes, (horizontal, vertical) in zip(grid, panels, strict=False):
             _point_panel(axes, design, horizontal, vertical, values, colors)
         for axes in grid[len(panels) :]:
             axes.remove()
         bar = figure.colorbar(shade, ax=list(grid[: len(panels)]), shrink=0.5, aspect=30, pad=0.02)
-        bar.set_label(f"{held.name} [{unit}]")
+        bar.set_label(shading.label(held.name))
+        if shading.is_log:
+            mark(bar, *limits)
         dashed = "" if design.problem.region is None else "; dashed: the region"
         shown = "start (numbered) to end (arrow)" if model.states else "numbered"
         figure.suptitle(f"Experiment points: {shown}{dashed}", x=0.01, ha="left")
@@ -83,118 +75,6 @@ def plot_points(design: Evaluated) -> Figure:
         for axes, (horizontal, vertical) in zip(grid, panels, strict=False):
             _number_points(axes, *_coordinates(design, horizontal, vertical, values))
     return figure
-
-
-def plot_trajectories(design: Evaluated, max_points: int = 24, plants: int = 200, seed: int = 0) -> Figure:
-    """Every point's outputs over time with their spread over the prior: a row per point, or of points alike, a column per output.
-
-    Parameters
-    ----------
-    design
-        A design or evaluated points.
-    max_points
-        So many points are shown, from the first on.
-    plants
-        So many are drawn from the prior; the shade is their 5 to 95 % range.
-    seed
-        Of that draw.
-    """
-    model, points = design.problem.model, design.points[:max_points]
-    title = "Trajectories" if len(points) == len(design.points) else f"Trajectories of the first {len(points)} points"
-    groups = _alike(points.table)
-    points = points[[group[0] for group in groups]]
-    theta, _ = drawn_from_prior(design.problem, plants, np.random.default_rng(seed))
-    nominal = _trajectories(design.problem, points, FRACTIONS, _mean(design)[None])[1][:, 0]
-    spread = _trajectories(design.problem, points, FRACTIONS, theta)[1]
-    low, high = np.nanpercentile(spread, [5.0, 95.0], axis=1)
-    noise_std = design.problem.noise_std
-    times = [scale(Quantity("t", "s"), dt) for dt in points.dt]
-    one_unit = len({unit for _, unit in times}) == 1
-
-    with mpl.rc_context({**STYLE, "font.size": 8.0}):
-        width = max(2.5 * len(model.outputs) + 0.6, 5.6)  # the legend needs that
-        figure = Figure(figsize=(width, (1.25 if one_unit else 1.45) * len(points) + 1.0))
-        grid = figure.subplots(len(points), len(model.outputs), squeeze=False)
-        for j, output in enumerate(model.outputs):
-            factor, unit = scale(output, nominal[:, :, j])
-            for k, axes in enumerate(grid[:, j]):
-                time = times[k][0] * points.dt[k] * FRACTIONS
-                band = axes.fill_between(time, factor * low[k, :, j], factor * high[k, :, j], color=NOISE, alpha=0.3, linewidth=0)
-                (line,) = axes.plot(time, factor * nominal[k, :, j], color=NOISE, linewidth=1.3)
-                told = _told(groups[k], output.name, unit, factor * nominal[k, [0, -1], j], points.dt[k])
-                telling((band, line), told, f"{k}-{j}")
-                handles = [line, band]
-                labels = ["at the prior mean", "5 to 95 % over the prior"]
-                if noise_std is not None:
-                    bar = axes.errorbar(
-                        time[-1], factor * nominal[k, -1, j], factor * noise_std[output.name],
-                        color=TEXT, fmt=".", markersize=4, capsize=2, linewidth=1,
-                    )  # fmt: skip
-                    handles.append(bar)
-                    labels.append("sample, with one std of the noise")
-                _few_ticks(axes)
-        ncols = 3 if width > 6.5 else 2
-        figure.legend(handles, labels, loc="upper left", ncols=ncols, title=title, alignment="left", borderaxespad=0.2)
-        above = 0.46 + 0.16 * -(-len(handles) // ncols)
-        titles = [f"{output.name} [{scale(output, nominal[:, :, j])[1]}]" for j, output in enumerate(model.outputs)]
-        _place(figure, grid, titles, above, 0.3 if one_unit else 0.5)
-        for k, axes in enumerate(grid[:, 0]):
-            place = (0.06 / width, axes.get_position().y0 + axes.get_position().height / 2)
-            numbers = [str(number + 1) for number in groups[k]]
-            label = "\n".join(numbers if len(numbers) <= MOST_NUMBERS else [*numbers[: MOST_NUMBERS - 1], "…"])
-            figure.text(*place, label, ha="left", va="center", fontsize=11, fontweight="bold")
-        for row, (_, unit) in list(zip(grid, times, strict=True))[-1 if one_unit else 0 :]:
-            for axes in row:
-                axes.set_xlabel(f"t [{unit}]", labelpad=1)
-    return figure
-
-
-def _alike(table: Floats) -> list[list[int]]:
-    """Rows of a table that are equal but for a small share of their numbers, by the first of them."""
-    groups: list[list[int]] = []
-    for k, row in enumerate(table):
-        for group in groups:
-            if (np.abs(row - table[group[0]]) <= ALIKE * np.abs(row)).all():
-                group.append(k)
-                break
-        else:
-            groups.append([k])
-    return groups
-
-
-def _told(group: Sequence[int], name: str, unit: str, ends: Floats, dt: float) -> str:
-    """What the curve of a point says of itself."""
-    start, end = (number(value) for value in ends)
-    of = f"point {group[0] + 1}" if len(group) == 1 else f"points {', '.join(str(k + 1) for k in group)}"
-    return f"{of}: {name} from {start} to {end} {unit} in {number(dt)} s, at the prior mean"
-
-
-def _place(figure: Figure, grid: NDArray[Any], titles: Sequence[str], above: float, between: float) -> None:
-    """Give many small panels the room that their labels need, told by the number of characters.
-
-    A layout engine would measure each label several times, which takes longer than all else that a command does with the design.
-    Lengths are in inches.
-    """
-    digit = 0.65 * 8 / 72
-    width, height = figure.get_size_inches()
-    room = [max(_label_length(axes) for axes in column) * digit + 0.16 for column in grid.T]
-    room[0] += 0.28  # the number of the point
-    panel = max((width - sum(room) - 0.18) / len(room), 0.5)
-    below = 0.4  # for labels
-    row = (height - above - below + between) / len(grid)
-    for j, title in enumerate(titles):
-        left = sum(room[: j + 1]) + panel * j
-        for k, axes in enumerate(grid[:, j]):
-            bottom = below + (len(grid) - 1 - k) * row
-            axes.set_position((left / width, bottom / height, panel / width, (row - between) / height))
-        grid[0, j].set_title(title, loc="center")
-
-
-def _label_length(axes: Axes) -> int:
-    """Characters of the longest number at the vertical axis."""
-    low, high = sorted(axes.get_ylim())
-    places = [place for place in axes.yaxis.get_majorticklocs() if low <= place <= high]
-    return max(map(len, axes.yaxis.get_major_formatter().format_ticks(places)), default=1)
 
 
 def _panels(model: Model) -> list[tuple[Quantity, Quantity]]:
@@ -224,13 +104,12 @@ def _point_panel(
     colors: Any,
 ) -> None:
     x, y = _coordinates(design, horizontal, vertical, values)
-    limits_x, limits_y = (_limits(design, q.name, values[q.name]) for q in (horizontal, vertical))
-    factor_x, unit_x = scale(horizontal, limits_x)
-    factor_y, unit_y = scale(vertical, limits_y)
+    scale_x, scale_y = (_scale(design, q, values) for q in (horizontal, vertical))
+    limits_x, limits_y = (_limits(design, q, values) for q in (horizontal, vertical))
     bounds = {} if design.problem.region is None else design.problem.region.bounds
     if horizontal.name in bounds and vertical.name in bounds:
-        low = (factor_x * limits_x[0], factor_y * limits_y[0])
-        size = (factor_x * (limits_x[1] - limits_x[0]), factor_y * (limits_y[1] - limits_y[0]))
+        low = (scale_x.factor * limits_x[0], scale_y.factor * limits_y[0])
+        size = (scale_x.factor * (limits_x[1] - limits_x[0]), scale_y.factor * (limits_y[1] - limits_y[0]))
         axes.add_patch(Rectangle(low, *size, fill=False, edgecolor=PRIOR, linestyle="--", linewidth=0.8))
     for k in range(len(x)):
         if x.shape[1] > 1:
@@ -242,9 +121,12 @@ def _point_panel(
                 axes.annotate("", (x[k, last], y[k, last]), (x[k, first], y[k, first]), arrowprops=arrow, zorder=2)
     axes.scatter(x[:, 0], y[:, 0], c=colors, s=42, edgecolors=TEXT, linewidths=0.7, zorder=3)
     axes.margins(0.08)
-    axes.set_xlabel(f"{horizontal.name} [{unit_x}]")
-    axes.set_ylabel(f"{vertical.name} [{unit_y}]")
+    axes.set_xlabel(scale_x.label(horizontal.name))
+    axes.set_ylabel(scale_y.label(vertical.name))
     axes.autoscale_view()
+    if scale_x.is_log:
+        beyond = (limits_x[1] / limits_x[0]) ** BEYOND
+        make_logarithmic(axes, limits_x[0] / beyond, limits_x[1] * beyond)
 
 
 def _number_points(axes: Axes, x: Floats, y: Floats) -> None:
@@ -278,42 +160,21 @@ def _number_points(axes: Axes, x: Floats, y: Floats) -> None:
 
 def _coordinates(design: Evaluated, horizontal: Quantity, vertical: Quantity, values: dict[str, Floats]) -> tuple[Floats, Floats]:
     """Both coordinates (K, T) of the points' paths in the units of the axes."""
-    pair = [scale(q, _limits(design, q.name, values[q.name]))[0] * values[q.name] for q in (horizontal, vertical)]
-    x, y = np.broadcast_arrays(*pair)
+    x, y = np.broadcast_arrays(*(_scale(design, q, values).factor * values[q.name] for q in (horizontal, vertical)))
     return x, y
 
 
-def _limits(design: Evaluated, name: str, values: Floats) -> tuple[float, float]:
+def _scale(design: Evaluated, quantity: Quantity, values: dict[str, Floats]) -> AxisScale:
+    """Of an axis, by the region's bounds and by the points; only durations of points are ever logarithmic."""
+    limits = _limits(design, quantity, values)
+    if quantity is DURATION:
+        return axis_scale(quantity, limits, values[quantity.name])
+    return AxisScale(*scale(quantity, limits), False)
+
+
+def _limits(design: Evaluated, quantity: Quantity, values: dict[str, Floats]) -> tuple[float, float]:
     """The region's bounds of a quantity, or the range of its values where there is no region."""
-    if design.problem.region is not None and name in design.problem.region.bounds:
-        low, high = design.problem.region.bounds[name]
+    if design.problem.region is not None and quantity.name in design.problem.region.bounds:
+        low, high = design.problem.region.bounds[quantity.name]
         return float(low), float(high)
-    return float(np.nanmin(values)), float(np.nanmax(values))
-
-
-def _few_ticks(axes: Axes) -> None:
-    axes.xaxis.set_major_locator(MaxNLocator(4))
-    axes.yaxis.set_major_locator(MaxNLocator(3))
-    axes.yaxis.set_major_formatter(ScalarFormatter(useOffset=False))
-    axes.margins(x=0.03, y=0.12)
-
-
-def _mean(design: Evaluated) -> Floats:
-    prior = design.problem.prior
-    return np.array([prior.mean[quantity.name] for quantity in design.problem.model.parameters])
-
-
-def _trajectories(problem: DesignProblem, points: Experiments, fractions: Floats, theta: Floats) -> tuple[Floats, Floats]:
-    """States (K, N, T, n_x) and outputs (K, N, T, n_y) of every point for N theta at T fractions of dt, in one call.
-
-    A trajectory that does not reach a fraction is NaN from there on.
-    """
-    nodes, times = len(theta), len(fractions)
-    batch, each = points[np.repeat(np.arange(len(points)), nodes)], np.tile(theta, (len(points), 1))
-    if not problem.model.states:
-        y = simulate(problem.model, batch, each).y.reshape(len(points), nodes, 1, -1)
-        return np.empty((len(points), nodes, times, 0)), np.repeat(y, times, axis=2)
-    done = simulate(problem.model, Runs.of_points(batch).divided(fractions), each)
-    missed = (np.arange(times) >= done.reached[:, None])[..., None]
-    shape = (len(points), nodes, times, -1)
-    return np.where(missed, np.nan, done.x[:, 1:]).reshape(shape), np.where(missed, np.nan, done.y).reshape(shape)
+    return float(np.nanmin(values[quantity.name])), float(np.nanmax(values[quantity.name]))

@@ -16,7 +16,8 @@ from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from ..points.status import Status
 from ..points.trajectories import simulate
-from ..show.style import NOISE, STYLE, TEXT, scale, settle
+from ..show.durations import axis_scale, make_logarithmic
+from ..show.style import NOISE, STYLE, TEXT, labelled, scale, settle
 from .evaluated import Evaluated
 
 Floats = NDArray[np.float64]
@@ -24,8 +25,14 @@ Floats = NDArray[np.float64]
 CURVE = 401
 """Places at which a curve is computed."""
 
-ABOVE, DIGIT = 6.0, 4.8
-"""Of labels, in points of 1/72 inch: how far above the point they are, and how wide a character is."""
+HARDLY_APART = 1 / 60
+"""Of the axis: points that are nearer share one label."""
+
+BEYOND = 0.05
+"""Of a logarithmic axis, the share that lies beyond the bounds on either side, as of others."""
+
+ABOVE, LIFTED, DIGIT = 6.0, 90.0, 4.8
+"""Of labels, in points of 1/72 inch: how far above the point they are, at least and at most, and how wide a character is."""
 
 
 def free_axis(design: Evaluated) -> Quantity | None:
@@ -51,10 +58,11 @@ def plot_responses(design: Evaluated) -> Figure:
     model, column = problem.model, [quantity.name for quantity in problem.model.axes].index(axis.name)
     lower, upper = problem.region.bounds[axis.name]
     curve = np.repeat(points.table[:1], CURVE, axis=0)
-    curve[:, column] = np.linspace(lower, upper, CURVE)
+    along_axis = axis_scale(axis, (lower, upper), points.table[:, column])
+    curve[:, column] = np.geomspace(lower, upper, CURVE) if along_axis.is_log else np.linspace(lower, upper, CURVE)
     along, sampled = curve[:, column], points.table[:, column]
     expected, at_points = _outputs(problem, curve), _outputs(problem, points.table)
-    factor, unit = scale(axis, (lower, upper))
+    factor = along_axis.factor
 
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(7.0, 0.6 + 2.9 * len(model.outputs)), layout="constrained")
@@ -67,35 +75,41 @@ def plot_responses(design: Evaluated) -> Figure:
                 factor * sampled, factor_y * at_points[:, j], noise, fmt="o", color=NOISE, ecolor=TEXT, markersize=6,
                 markeredgecolor=TEXT, markeredgewidth=0.7, capsize=2, linewidth=1, zorder=3,
             )  # fmt: skip
-            axes.set_ylabel(f"{output.name} [{unit_y}]")
+            axes.set_ylabel(labelled(output.name, unit_y))
             axes.margins(x=0.05, y=0.18)
-        grid[-1].set_xlabel(f"{axis.name} [{unit}]")
+        grid[-1].set_xlabel(along_axis.label(axis.name))
+        if along_axis.is_log:
+            beyond = (upper / lower) ** BEYOND
+            make_logarithmic(grid[-1], lower / beyond, upper * beyond)
         bars = "" if problem.noise_std is None else "; bars: std of the noise"
         figure.suptitle(f"Experiment points (numbered), outputs at the prior mean{bars}", x=0.01, ha="left")
         settle(figure)  # the layout decides where labels have room
         for j, (axes, output) in enumerate(zip(grid, model.outputs, strict=True)):
             factor_y = scale(output, expected[:, j])[0]
             noise = 0.0 if problem.noise_std is None else factor_y * problem.noise_std[output.name]
-            for place, numbers in _places(sampled, (upper - lower) / 60):
+            for place, numbers in _places(sampled, lower, upper, along_axis.is_log):
                 above = (factor * place, factor_y * at_points[numbers[0], j] + noise)
                 text = ", ".join(str(number + 1) for number in numbers)
-                ha = _alignment(axes, text, above, np.column_stack([factor * along, factor_y * expected[:, j]]))
-                label = axes.annotate(text, above, (0, ABOVE), textcoords="offset points", ha=ha, va="bottom", zorder=4)
+                ha, lift = _room(axes, text, above, np.column_stack([factor * along, factor_y * expected[:, j]]))
+                label = axes.annotate(text, above, (0, lift), textcoords="offset points", ha=ha, va="bottom", zorder=4)
                 label.set_path_effects([withStroke(linewidth=2, foreground="white")])
     return figure
 
 
-def _alignment(axes: Axes, text: str, above: tuple[float, float], curve: Floats) -> str:
-    """Of a label, the first alignment of which it is within the axes and off the curve; else it is centred."""
+def _room(axes: Axes, text: str, above: tuple[float, float], curve: Floats) -> tuple[str, float]:
+    """Alignment and height of a label, the first at which it is within the axes and off the curve; else it is centred and low."""
     point = 72.0 / axes.figure.dpi  # distances are in points of 1/72 inch
     (x, y), path = axes.transData.transform(above) * point, axes.transData.transform(curve) * point
-    (lowest, _), (highest, _) = axes.bbox.get_points() * point
-    width, height = DIGIT * len(text), ABOVE + 2 * DIGIT
-    for name, begin in (("center", x - width / 2), ("left", x), ("right", x - width)):
-        within = (path[:, 0] > begin) & (path[:, 0] < begin + width) & (path[:, 1] > y + ABOVE) & (path[:, 1] < y + height)
-        if lowest <= begin and begin + width <= highest and not within.any():
-            return name
-    return "center"
+    (lowest, _), (highest, top) = axes.bbox.get_points() * point
+    width = DIGIT * len(text)
+    for lift in np.arange(ABOVE, LIFTED, DIGIT).tolist():
+        for name, begin in (("center", x - width / 2), ("left", x), ("right", x - width)):
+            beside = (path[:, 0] > begin) & (path[:, 0] < begin + width)
+            on_it = beside & (path[:, 1] > y + lift - 1) & (path[:, 1] < y + lift + 2 * DIGIT)
+            within = lowest <= begin and begin + width <= highest and (lift == ABOVE or y + lift + 2 * DIGIT < top)
+            if within and not on_it.any():
+                return name, lift
+    return "center", ABOVE
 
 
 def _outputs(problem: DesignProblem, table: Floats) -> Floats:
@@ -104,8 +118,9 @@ def _outputs(problem: DesignProblem, table: Floats) -> Floats:
     return np.where((np.asarray(done.status) == Status.ok)[:, None], done.y, np.nan)
 
 
-def _places(values: Floats, width: float) -> Sequence[tuple[float, list[int]]]:
-    """Where values within `width` of each other lie, and which they are."""
-    order = np.argsort(values, kind="stable")
-    groups = np.split(order, np.flatnonzero(np.diff(values[order]) > width) + 1)
-    return [(float(values[group].mean()), sorted(map(int, group))) for group in groups]
+def _places(values: Floats, lower: float, upper: float, is_log: bool) -> Sequence[tuple[float, list[int]]]:
+    """Where values lie that are hardly apart along the axis, and which they are."""
+    along = np.log(values / lower) / np.log(upper / lower) if is_log else (values - lower) / (upper - lower)
+    order = np.argsort(along, kind="stable")
+    groups = np.split(order, np.flatnonzero(np.diff(along[order]) > HARDLY_APART) + 1)
+    return [(float(np.median(values[group])), sorted(map(int, group))) for group in groups]

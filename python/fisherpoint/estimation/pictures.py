@@ -149,7 +149,7 @@ def plot_ellipses(fit: FitStatistics, level: float = 0.95) -> Figure:
                 factors.append(factor)
                 labels.append(f"{names[k]} [{unit}]" if unit != "1" else names[k])
             x, y = (factors[c] * fit.values[k] for c, k in enumerate((i, j)))
-            axes.fill(*(curve * factors).T, color=NOISE, alpha=0.15, linewidth=0)
+            axes.fill(*(curve * factors)[:-1].T, color=NOISE, alpha=0.15, linewidth=0)
             axes.plot(*(curve * factors).T, color=NOISE, linewidth=1.4)
             axes.plot(x, y, "+", color=TEXT, markersize=8)
             low, high = (np.array([intervals[k][side] * factors[c] for c, k in enumerate((i, j))]) for side in (0, 1))

@@ -9,7 +9,8 @@ import numpy as np
 
 from ..basics.quantity import Quantity
 from ..basics.values import Array
-from .style import TIMES, scale
+from .durations import duration
+from .style import scale
 
 SHARES = (1e-5, 1e-4, 1e-3, 3e-3, 0.01, 0.02, 0.04, 0.08, 0.15, 0.25, 0.4, 0.6, 0.8, 1.0)
 """Of each segment, at which outputs are drawn: behind a change of the inputs they may change fast."""
@@ -67,9 +68,3 @@ class RunTime:
         lowest.set_xlabel("segments and their durations, not to scale")
         for panel in panels:
             panel.tick_params(axis="x", which="minor", length=0)
-
-
-def duration(seconds: float) -> str:
-    """A duration in a unit that is easy to read, with three digits."""
-    factor, unit = next(((factor, unit) for factor, unit in TIMES if seconds >= factor), TIMES[-1])
-    return f"{seconds / factor:.3g} {unit}"

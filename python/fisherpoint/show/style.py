@@ -69,6 +69,11 @@ def scale(quantity: Quantity, values: ArrayLike) -> tuple[float, str]:
     return 1.0, quantity.unit
 
 
+def labelled(name: str, unit: str) -> str:
+    """The label of an axis; what has no dimension has no unit."""
+    return name if unit in ("", "1") else f"{name} [{unit}]"
+
+
 def share_formatter() -> FuncFormatter:
     """Shares along an axis as percentages, with the digits that each needs: along a logarithmic axis 0.1% stands beside 100%."""
     return FuncFormatter(lambda share, _: f"{100 * share:g}%")

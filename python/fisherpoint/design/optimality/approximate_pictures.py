@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from ...basics.quantity import Quantity
 from ...basics.values import Array
 from ...points.experiments import Experiments
-from ...show.style import CRITERION, NOISE, PRIOR, STYLE, scale
+from ...show.durations import axis_scale, make_logarithmic
+from ...show.style import CRITERION, NOISE, PRIOR, STYLE
 
 
 def sensitivity_figure(
@@ -32,11 +33,14 @@ def sensitivity_figure(
         figure = Figure(figsize=(3.4 * columns, 2.6 * rows), layout="constrained")
         for place, k in enumerate(free):
             plot = figure.add_subplot(rows, columns, place + 1)
-            factor, unit = scale(axes[k], tables[0][:, k])
-            plot.plot(tables[0][:, k] * factor, values, ".", color=PRIOR, markersize=2)
+            along = axis_scale(axes[k], tables[0][:, k], tables[1][:, k])
+            plot.plot(tables[0][:, k] * along.factor, values, ".", color=PRIOR, markersize=2)
             plot.axhline(level, color=NOISE, linewidth=1)
-            plot.scatter(tables[1][:, k] * factor, of_support, s=20 + 200 * weights, color=CRITERION, zorder=3, alpha=0.8)
-            plot.set_xlabel(f"{axes[k].name} [{unit}]")
+            plot.scatter(tables[1][:, k] * along.factor, of_support, s=20 + 200 * weights, color=CRITERION, zorder=3, alpha=0.8)
+            plot.set_xlabel(along.label(axes[k].name))
+            if along.is_log:
+                both = np.concatenate([table[:, k] for table in tables])
+                make_logarithmic(plot, both.min() / 1.5, both.max() * 1.5, most=4)
             plot.set_ylim(bottom=0)
         figure.suptitle("Sensitivity function: candidates, the design's points, and the level of an optimum", fontsize=10)
     return figure

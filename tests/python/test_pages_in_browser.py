@@ -1,0 +1,59 @@
+"""Pages of results in a browser: no complaint, nothing wider than a telephone, tables that sort."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+pytest.importorskip("matplotlib")
+
+from browser import CHROMIUM, seen
+from page_cases import PICTURES, results
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium")
+
+WIDTHS = (1280, 400)
+
+LOOK = """
+const root = page.documentElement;
+const told = { inner: view.innerWidth, wide: root.scrollWidth - view.innerWidth, whole: page.querySelector("footer") !== null };
+const table = Array.from(page.querySelectorAll("table.sorted")).find(one => one.textContent.includes("q [m]"));
+if (table) {
+  const order = () => Array.from(table.tBodies[0].rows, row => row.cells[0].textContent);
+  const click = column => { table.tHead.rows[0].cells[column].querySelector("button").click(); return order(); };
+  Object.assign(told, { start: order(), up: click(1), down: click(1), back: click(0) });
+  told.sort = table.tHead.rows[0].cells[0].ariaSort;
+}
+return told;
+"""
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, int], Any]:
+    """What is seen of every page at every width, of one browser."""
+    directory = tmp_path_factory.mktemp("browser")
+    pages = {}
+    for kind, result in results().items():
+        result.to_html(directory / "report.html")
+        pages[kind] = (directory / "report.html").read_text(encoding="utf-8")
+    told, complaints = seen(pages, WIDTHS, LOOK, directory)
+    assert complaints == ""
+    return told
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("kind", PICTURES)
+def test_a_page_is_whole_and_nothing_is_wider_than_it(kind: str, width: int, told: dict[tuple[str, int], Any]) -> None:
+    of = told[kind, width]
+    assert of["inner"] == width and of["wide"] <= 0 and of["whole"]
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_tables_sort(width: int, told: dict[tuple[str, int], Any]) -> None:
+    table = next(section for section in results()["Design"].report().sections if "q [m]" in section.columns)
+    q, of = {row[0]: float(row[1]) for row in table.rows}, told["Design", width]
+    assert of["start"] == of["back"] == [str(k) for k in range(1, 13)]
+    assert [q[k] for k in of["up"]] == sorted(q.values()) != list(q.values())
+    assert [q[k] for k in of["down"]] == sorted(q.values(), reverse=True)
+    assert of["sort"] == "ascending"

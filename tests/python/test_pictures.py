@@ -1,0 +1,56 @@
+"""Pictures show what was stored of them, and so what was looked at; `picture_data` says how to record them anew."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("matplotlib")
+
+import fisherpoint as fp
+from picture_cases import PICTURES
+from picture_data import STORED, data_of, differences
+
+RECORD = "python tests/python/picture_data.py"
+
+TRIED = {
+    "plot_points", "plot_responses", "plot_trajectories", "plot_standard_errors", "plot_correlation", "plot_criterion", "plot_of",
+    "plot_runs", "plot_information", "plot_parity", "plot_residuals", "plot_time", "plot_ellipses", "plot_profiles",
+    "plot_validation", "plot_comparison", "plot_campaign", "plot_sweep",
+    "sensitivity_figure", "standard_error_figure", "correlation_figure", "save_figure",
+}  # fmt: skip
+"""Functions that draw, each in a picture of `PICTURES`."""
+
+
+@pytest.fixture(scope="module")
+def stored() -> dict[str, Any]:
+    return dict(json.loads(STORED.read_text(encoding="utf-8")))
+
+
+@pytest.mark.parametrize("name", PICTURES)
+def test_a_picture_shows_what_was_stored(name: str, stored: dict[str, Any]) -> None:
+    found = list(differences(data_of(PICTURES[name]()), stored.get(name)))
+    assert not found, "\n".join([*found[:20], f"Look at the picture; if it is right, run {RECORD}"])
+
+
+def test_nothing_else_is_stored(stored: dict[str, Any]) -> None:
+    assert sorted(stored) == sorted(PICTURES)
+
+
+def test_every_function_that_draws_is_tried() -> None:
+    sources = Path(fp.__file__).parent.rglob("*.py")
+    drawing = {name for path in sources for name in re.findall(r"^def (plot_\w+|\w+_figure)\(", path.read_text(), re.MULTILINE)}
+    assert drawing == TRIED, "of a new one a picture belongs into picture_cases.py"
+
+
+def test_a_difference_is_told() -> None:
+    shown = data_of(PICTURES["comparison"]())
+    assert list(differences(shown, json.loads(json.dumps(shown)))) == []
+    other = json.loads(json.dumps(shown))
+    other["panels"][0]["labels"][0] = "share"
+    other["panels"][0]["lines"][0]["at_0"][0] *= 1.01
+    assert [text.partition(":")[0] for text in differences(shown, other)] == ["panels[0].labels[0]", "panels[0].lines[0].at_0"]
