@@ -61,14 +61,14 @@ def campaign(
         from fisherpoint.design.configuration import ConfigError
 
         from .alive import alive
-        from .results import check_directory, needed
+        from .results import free_for_campaign, needed
         from .terminal import as_file, read_config
         from .written import write_shown
     needed(output, check)
     config = read_config(file)
     settings = _settings(config, size, seed)
     if output is not None:
-        check_directory(output)
+        free_for_campaign(output, fp.Campaign.is_in(output))
     if check:
         return _tell(config, settings, file, output, data)
     assert output is not None

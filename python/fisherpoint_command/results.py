@@ -38,11 +38,26 @@ def free_directory(path: Path | None, force: bool) -> list[str]:
     if path is None:
         return []
     check_directory(path)
-    there = [name for name in MAIN if (path / name).exists()]
+    there = results_in(path)
     if there and not force:
-        given = f"{path}, which has {listed(there)}"
-        raise ConfigError(f"--output: expected a directory without a result, given {given}; --force replaces it")
+        raise _taken(path, there, "--force replaces it")
     return [name for name in SHOWN if there and (path / name).exists()]
+
+
+def free_for_campaign(path: Path, goes_on: bool) -> None:
+    """Make sure that a campaign can be in a directory: it goes on with its own, and replaces no other result."""
+    check_directory(path)
+    if not goes_on and (there := results_in(path)):
+        raise _taken(path, there, "a campaign needs one of its own")
+
+
+def results_in(path: Path) -> list[str]:
+    """The main files of results that are in a directory."""
+    return [name for name in MAIN if (path / name).exists()]
+
+
+def _taken(path: Path, there: list[str], otherwise: str) -> ConfigError:
+    return ConfigError(f"--output: expected a directory without a result, given {path}, which has {listed(there)}; {otherwise}")
 
 
 def check_directory(path: Path) -> None:
