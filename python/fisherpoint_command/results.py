@@ -12,6 +12,7 @@ from fisherpoint.design.files import PICTURES as OF_POINTS
 from fisherpoint.design.runs.run_design import PICTURES as OF_RUNS
 from fisherpoint.estimation.fit_files import PICTURES as OF_A_FIT
 
+from .kept import begin_writing
 from .terminal import say
 from .written import PAGE
 
@@ -77,12 +78,13 @@ def check_directory(path: Path) -> None:
         raise ConfigError(f"--output: expected a directory to write to, given {path}: {error.strerror}") from None
 
 
-def make_directory(path: Path) -> None:
-    """Make a directory that `free_directory` has found to be free, with those above it."""
+def make_directory(path: Path, old: Collection[str]) -> None:
+    """Make a directory that `free_directory` has found to be free, with those above it, and remember what is there."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ConfigError(f"--output: expected a directory to write to, given {path}: {error.strerror}") from None
+    begin_writing(path, old)
 
 
 def remove_old(path: Path, old: Collection[str], written: Collection[str], quiet: bool = False) -> None:

@@ -37,16 +37,20 @@ def sweep_report(sweep: SweptDesigns) -> Report:
     columns = ["points", "log det F, sum", "mean error", "largest errors, of prior std", "efficiency at least", *lasting]
     notes = [
         "mean error: det(F)^(-1/2p), the geometric mean over the directions of the parameters, in prior std.",
-        f"efficiency at least: proven among designs of the {sweep.n_candidates} candidates that the searches have evaluated, by the"
-        " best weights of these; it says nothing of points between them.",
     ]
+    if sweep.n_candidates:
+        notes.append(
+            f"efficiency at least: proven among designs of the {sweep.n_candidates} candidates that the searches have evaluated, "
+            "by the best weights of these; it says nothing of points between them."
+        )
     if sweep.knee is not None:
         notes.append(f"From {sweep.knee} points on, which are marked, more help little next to the first ones.")
     table = Section("Designs by size", [*columns, *([] if sweep.cost is None else ["cost"])], rows, marked, notes)
     warnings = []
     if sweep.stop_reason != "done":
-        why = "Interrupted" if sweep.stop_reason == "interrupted" else "The time limit is over"
-        warnings.append(f"{why}: larger sizes are missing.")
+        why = "The time limit is over" if sweep.stop_reason == "time_limit" else "Interrupted"
+        first = f"the search for {sweep.sizes[0]} points was not done, and " if sweep.stop_reason == "interrupted_first" else ""
+        warnings.append(f"{why}: {first}larger sizes are missing.")
     beside = f" beside {sweep.n_previous} previous ones" if sweep.n_previous else ""
     sizes = sweep.sizes
     title = f"{counted(len(sizes), 'design')} of {sizes[0]} to {sizes[-1]} points{beside} for {sweep.problem.model.name}"
