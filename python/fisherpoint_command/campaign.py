@@ -15,6 +15,7 @@ from fisherpoint.basics.messages import printable
 from .asked import shell_line
 from .exits import INTERRUPTED
 from .importing import importing
+from .kept import begin_writing
 from .options import Check, NoPlots, Output, Quiet, Seed, Threads
 from .standard_input import one_from_standard_input
 
@@ -61,20 +62,21 @@ def campaign(
         from fisherpoint.design.configuration import ConfigError
 
         from .alive import alive
-        from .results import check_directory, needed
+        from .results import free_for_campaign, needed
         from .terminal import as_file, read_config
         from .written import write_shown
     needed(output, check)
     config = read_config(file)
     settings = _settings(config, size, seed)
     if output is not None:
-        check_directory(output)
+        free_for_campaign(output, fp.Campaign.is_in(output))
     if check:
         return _tell(config, settings, file, output, data)
     assert output is not None
     if not no_plots:
         with importing(), needed_for("pictures"):
             from fisherpoint.campaign import pictures as plots_campaign  # noqa: F401  what can fail for a trivial reason fails before the work
+    begin_writing(output)
     try:
         measured = None if data is None else _read(config, data)
         run = _opened(config, settings, output, threads)
@@ -92,8 +94,7 @@ def campaign(
         write_whole(output / "report.txt", as_file(run.report()))
         lines += ["", str(run)]
     written = ["report.txt"] if run.history else []
-    with alive("drawing"):
-        written += write_shown(run, output, {} if no_plots else run._plots(), file)
+    written += write_shown(run, output, {} if no_plots else run._plots(), file)
     lines += ["", f"Written to {output}: {', '.join(written)}"]
     if run.planned is not None:
         lines += ["", *_to_do(run, file, output)]

@@ -18,6 +18,7 @@ from .alive import Sign
 from .asked import ARGUMENTS
 from .exits import INTERRUPTED, MISUSE, READER_LEFT, complain, why_not_imported
 from .importing import importing
+from .kept import WRITING, kept
 
 try:
     import typer
@@ -111,6 +112,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     ARGUMENTS.set(arguments)
     Sign.last = perf_counter()
     hold_standard_input(None)
+    WRITING.set(None)
     with warnings.catch_warnings():
         warnings.showwarning = _show_warning
         code = _run(arguments or ["--help"])
@@ -168,7 +170,8 @@ def _run(arguments: list[str]) -> int:
 
 
 def _interrupted() -> int:
-    complain("interrupted")
+    there = kept()
+    complain(f"interrupted; {there}" if there else "interrupted")
     return INTERRUPTED
 
 

@@ -65,11 +65,10 @@ def compare(
     if not quiet:
         show(found.report())
     if output is not None:
-        make_directory(output)
+        make_directory(output, old)
         contents = {"comparison.csv": found.to_pandas().to_csv(), "report.txt": as_file(found.report())}
         written = [path.name for path in write_together(output, contents, stale=["comparison.png", PAGE])]
-        with alive("drawing"):
-            written += write_shown(found, output, {} if no_plots else found._plots(), file)
+        written += write_shown(found, output, {} if no_plots else found._plots(), file)
         if not quiet:
             print()
             say(f"Written to {output}: {', '.join(written)}")

@@ -74,7 +74,6 @@ def design(
         from fisherpoint.design.configuration import ConfigError
         from fisherpoint.points.outside import few, outside
 
-        from .alive import alive
         from .checked import points_row, search_rows, settings_of, tell
         from .results import free_directory, make_directory, needed, remove_old
         from .runs import design_of_runs, read_told
@@ -122,7 +121,7 @@ def design(
     except KeyboardInterrupt:
         complain("interrupted before a design was found; nothing was saved")
         return INTERRUPTED
-    make_directory(output)
+    make_directory(output, old)
     found.save(output)
     report = found.report()
     write_whole(output / "report.txt", as_file(report))
@@ -130,8 +129,7 @@ def design(
         show(report)
     interrupted = found.stop_reason == "interrupted"
     plots = {} if no_plots or interrupted else plots_of(found)  # who interrupts wants an end
-    with alive("drawing"):
-        written = ["design.csv", "design.json", "report.txt", *write_shown(found, output, plots, file)]
+    written = ["design.csv", "design.json", "report.txt", *write_shown(found, output, plots, file)]
     if not quiet:
         print()
         say(f"Written to {output}: {', '.join(written)}")

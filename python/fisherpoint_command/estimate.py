@@ -90,13 +90,12 @@ def estimate(
         fit = _estimate(problem, parts, no_prior, known, noise_std, threads)
         found = [fit.profile(name) for name in fit.parameters] if profiles else []
     report = fit.report(profiles=found)
-    make_directory(output)
+    make_directory(output, old)
     written = [path.name for path in fit.save(output)]
     write_whole(output / "report.txt", as_file(report))
     written.append("report.txt")
     plots = {} if no_plots else plots_of(fit, found)
-    with alive("drawing"):
-        written += write_shown(fit, output, plots, file, report)
+    written += write_shown(fit, output, plots, file, report)
     if not quiet:
         show(report)
         print()

@@ -70,13 +70,12 @@ def evaluate(
     if not quiet:
         show(report)
     if output:
-        make_directory(output)
+        make_directory(output, old)
         if isinstance(experiments, fp.Runs):
-            return evaluate_runs(problem, experiments, evaluation, report, file, output, old, quiet)
+            return evaluate_runs(problem, experiments, evaluation, report, file, output, old, no_plots, quiet)
         table = parameter_frame(problem, evaluated.under_noise).to_csv()
         write_together(output, {"parameters.csv": table, "report.txt": as_file(report)}, stale=[PAGE, *PICTURES[1:]])
-        with alive("drawing"):
-            written = write_page(report, problem_sections(problem), output, plots_of(evaluated) if drawn else {}, file)
+        written = write_page(report, problem_sections(problem), output, plots_of(evaluated) if drawn else {}, file)
         if not quiet:
             print()
             say(f"Written to {output}: {', '.join(['parameters.csv', 'report.txt', *written])}")

@@ -12,6 +12,7 @@ from fisherpoint.design.files import PICTURES as OF_POINTS
 from fisherpoint.design.runs.run_design import PICTURES as OF_RUNS
 from fisherpoint.estimation.fit_files import PICTURES as OF_A_FIT
 
+from .kept import begin_writing
 from .terminal import say
 from .written import PAGE
 
@@ -38,11 +39,26 @@ def free_directory(path: Path | None, force: bool) -> list[str]:
     if path is None:
         return []
     check_directory(path)
-    there = [name for name in MAIN if (path / name).exists()]
+    there = results_in(path)
     if there and not force:
-        given = f"{path}, which has {listed(there)}"
-        raise ConfigError(f"--output: expected a directory without a result, given {given}; --force replaces it")
+        raise _taken(path, there, "--force replaces it")
     return [name for name in SHOWN if there and (path / name).exists()]
+
+
+def free_for_campaign(path: Path, goes_on: bool) -> None:
+    """Make sure that a campaign can be in a directory: it goes on with its own, and replaces no other result."""
+    check_directory(path)
+    if not goes_on and (there := results_in(path)):
+        raise _taken(path, there, "a campaign needs one of its own")
+
+
+def results_in(path: Path) -> list[str]:
+    """The main files of results that are in a directory."""
+    return [name for name in MAIN if (path / name).exists()]
+
+
+def _taken(path: Path, there: list[str], otherwise: str) -> ConfigError:
+    return ConfigError(f"--output: expected a directory without a result, given {path}, which has {listed(there)}; {otherwise}")
 
 
 def check_directory(path: Path) -> None:
@@ -62,12 +78,13 @@ def check_directory(path: Path) -> None:
         raise ConfigError(f"--output: expected a directory to write to, given {path}: {error.strerror}") from None
 
 
-def make_directory(path: Path) -> None:
-    """Make a directory that `free_directory` has found to be free, with those above it."""
+def make_directory(path: Path, old: Collection[str]) -> None:
+    """Make a directory that `free_directory` has found to be free, with those above it, and remember what is there."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ConfigError(f"--output: expected a directory to write to, given {path}: {error.strerror}") from None
+    begin_writing(path, old)
 
 
 def remove_old(path: Path, old: Collection[str], written: Collection[str], quiet: bool = False) -> None:

@@ -63,14 +63,13 @@ def design_of_runs(
                 sign.print(f"start {now.start} of {now.n_starts}: {found}, {now.seconds:.0f} s")
 
         found = fp.design_runs(problem, **settings, threads=threads, progress=progress)
-    make_directory(output)
+    make_directory(output, old)
     found.save(output)
     report = found.report()
     write_whole(output / "report.txt", as_file(report))
     interrupted = found.stop_reason == "interrupted"
     plots = {} if no_plots or interrupted else plots_of(found)
-    with alive("drawing"):
-        shown = write_shown(found, output, plots, file)
+    shown = write_shown(found, output, plots, file)
     written = ["design.csv", "plan.csv", "design.json", "report.txt", *shown]
     if not quiet:
         show(report)
@@ -88,16 +87,17 @@ def evaluate_runs(
     file: Path,
     output: Path,
     old: Collection[str],
+    no_plots: bool,
     quiet: bool,
 ) -> int:
     """Write what given runs are worth: report.txt, parameters.csv, pictures and report.html."""
-    with needed_for("pictures"):
-        from fisherpoint.design.runs.run_pictures import evaluation_plots
+    if not no_plots:
+        with needed_for("pictures"):
+            from fisherpoint.design.runs.run_pictures import evaluation_plots
     tables = {"parameters.csv": evaluation.to_pandas().to_csv(), "report.txt": as_file(report)}
     write_together(output, tables, stale=[PAGE, *PICTURES])
-    with alive("drawing"):
-        plots = evaluation_plots(problem, runs, evaluation)
-        written = ["report.txt", *write_page(report, problem_sections(problem), output, plots, file)]
+    plots = {} if no_plots else evaluation_plots(problem, runs, evaluation)
+    written = ["report.txt", *write_page(report, problem_sections(problem), output, plots, file)]
     if not quiet:
         print()
         say(f"Written to {output}: {', '.join(['parameters.csv', *written])}")

@@ -45,7 +45,8 @@ def sweep(
 ) -> int:
     """Find designs of several sizes, and tell what more experiments add, and cost.
 
-    Writes sweep.csv, sweep.json, report.txt, design_<size>.csv, sweep.png and report.html. Ctrl-C keeps the sizes that are done.
+    Writes sweep.csv, sweep.json, report.txt, design_<size>.csv, sweep.png and report.html. Ctrl-C keeps the sizes that are done,
+    or of the first one the best design so far.
     """
     with importing():
         import scipy.special  # noqa: F401  not where it is needed, in the middle of the search, which Ctrl-C is to end in order
@@ -57,7 +58,6 @@ def sweep(
         from fisherpoint.design.configuration import ConfigError
         from fisherpoint.points.experiments import points_csv
 
-        from .alive import alive
         from .checked import search_rows, settings_of, tell
         from .results import free_directory, make_directory, needed, remove_old
         from .runs import read_told
@@ -108,21 +108,20 @@ def sweep(
         try:
             found = fp.sweep(problem, counts, cost=cost, threads=threads, progress=progress, previous=told or None, **settings)
         except KeyboardInterrupt:
-            complain("interrupted before the first size was done; nothing was saved")
+            complain("interrupted before there was a design; nothing was saved")
             return INTERRUPTED
 
-    make_directory(output)
+    make_directory(output, old)
     report = found.report()
     tables = {f"design_{len(of.points)}.csv": points_csv(of.points, problem.model) for of in found.designs}
     contents = {"sweep.csv": found.to_pandas().to_csv(), **tables, "report.txt": as_file(report)}
     stale = [path.name for path in output.glob("design_*.csv") if path.name not in tables]
     write_together(output, contents, stale=["sweep.png", PAGE, "sweep.json", *stale])
     found.save(output / "sweep.json")
-    interrupted = found.stop_reason == "interrupted"
+    interrupted = found.stop_reason.startswith("interrupted")
     plots = {} if no_plots or interrupted else found._plots()  # who interrupts wants an end
     tables_told = f"design_<size>.csv of {len(tables)} sizes"
-    with alive("drawing"):
-        written = ["sweep.csv", "sweep.json", "report.txt", *write_shown(found, output, plots, file)]
+    written = ["sweep.csv", "sweep.json", "report.txt", *write_shown(found, output, plots, file)]
     if not quiet:
         show(report)
         print()

@@ -55,7 +55,6 @@ def validate(
         import fisherpoint.validation.validate  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_together
 
-        from .alive import alive
         from .checked import about, points_row, size_of, tell
         from .results import free_directory, make_directory, needed, remove_old
         from .runs import read_points
@@ -81,12 +80,11 @@ def validate(
             from fisherpoint.validation import pictures as plots_validation  # noqa: F401  what can fail for a trivial reason fails before the work
     settings = {"runs": runs, "theta": theta.value, "seed": seed, "noise": noise.value, "use_prior": use_prior, "threads": threads}
     found = _validate(problem, points, settings, show=not quiet)
-    make_directory(output)
+    make_directory(output, old)
     contents = {"validation.csv": found.to_pandas().to_csv(), "report.txt": as_file(found.report())}
     written = [path.name for path in write_together(output, contents, stale=["validation.png", PAGE])]
     plots = {} if no_plots or found.interrupted else found._plots()  # who interrupts wants an end
-    with alive("drawing"):
-        written += write_shown(found, output, plots, file)
+    written += write_shown(found, output, plots, file)
     if not quiet:
         show(found.report())
         print()

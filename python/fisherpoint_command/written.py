@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, nullcontext
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +14,7 @@ from fisherpoint.show.page import PagePicture, to_page
 from fisherpoint.show.section import Report, Section
 from fisherpoint.show.shown import Plots, Shown
 
+from .alive import alive
 from .asked import repeated
 from .side_by_side import side_by_side
 
@@ -27,22 +30,37 @@ def write_shown(result: Shown, directory: Path, plots: Plots, file: Path, report
 
 
 def write_page(report: Report, asked: Sequence[Section], directory: Path, plots: Plots, file: Path) -> list[str]:
-    """Write pictures, as PNG, and after them a page with the text of the TOML file that was given; return their names."""
-    pictures = _drawn(plots, directory) if plots else {}
+    """Write pictures, as PNG, and after them a page with the text of the TOML file that was given; return their names.
+
+    Ctrl-C ends the drawing: it is raised once there is a page without the pictures that are missing.
+    """
+    pictures: dict[str, PagePicture] = {}
+    interrupted = False
+    try:
+        with alive("drawing") if plots else nullcontext():
+            for name, picture in _drawn(plots, directory):
+                pictures[name] = picture
+    except KeyboardInterrupt:
+        interrupted = True
+        missing = [name for name in plots if f"{name}.png" not in pictures]
+        for name in missing:
+            (directory / f"{name}.png").unlink(missing_ok=True)  # of one that was just written
+        told = f"Interrupted while pictures were drawn; missing: {', '.join(missing)}."
+        report = replace(report, warnings=[*report.warnings, told])
     sources = {str(file): read_bytes(file).decode(errors="replace")}
     page = to_page(report, asked=asked, pictures=pictures.values(), command=repeated(), sources=sources)
     write_whole(directory / PAGE, page)
+    if interrupted:
+        raise KeyboardInterrupt
     return [*pictures, PAGE]
 
 
-def _drawn(plots: Plots, directory: Path) -> Mapping[str, PagePicture]:
-    pictures = {}
-    for name, (png, picture) in zip(
-        plots, side_by_side([partial(_encoded, name, plot) for name, plot in plots.items()]), strict=True
-    ):
-        write_whole(directory / f"{name}.png", png)
-        pictures[f"{name}.png"] = picture
-    return pictures
+def _drawn(plots: Plots, directory: Path) -> Iterator[tuple[str, PagePicture]]:
+    works = [partial(_encoded, name, plot) for name, plot in plots.items()]
+    with closing(side_by_side(works)) as found:
+        for name, (png, picture) in zip(plots, found, strict=True):
+            write_whole(directory / f"{name}.png", png)
+            yield f"{name}.png", picture
 
 
 def _encoded(name: str, plot: Callable[[], Figure]) -> tuple[bytes, PagePicture]:

@@ -374,6 +374,10 @@ MISTAKES: dict[str, Mistake] = {
         "design enzyme.toml -o out --previous cylinder.csv", ("cylinder.csv: expected the columns s; given q, v",)
     ),
     # --- Where to write ----------------------------------------------------------------------------------------------
+    "campaign where there is a design": Mistake(
+        "campaign enzyme.toml -o taken",
+        ("--output: expected a directory without a result, given taken, which has design.json", "a campaign needs one of its own"),
+    ),
     "a result is there": Mistake(
         "design enzyme.toml -o taken", ("--output: expected a directory without a result, given taken, which has design.json",)
     ),

@@ -17,6 +17,18 @@ from fisherpoint.engine import _core
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 PROGRAM = "from fisherpoint_command import main; print('ready', flush=True, file=__import__('sys').stderr); main()"
 MISSING = "import sys; sys.modules[{package!r}] = None; from fisherpoint_command import main; main()"
+SLOW_PICTURES = f"""
+import sys, time
+from fisherpoint_command import written
+drawn = written._encoded
+def slow(name, plot):
+    if name in ("correlation", "comparison"):
+        print("slow", file=sys.stderr, flush=True)
+        time.sleep(300)
+    return drawn(name, plot)
+written._encoded = slow
+{PROGRAM}
+"""
 HEADER = "q,v,p_A,p_B,x_v,u,dt\n"
 POINTS = HEADER + "0.15,0.1,8e6,8e6,0.5,-0.5,0.002\n" * 2000
 
@@ -39,10 +51,10 @@ def run(*arguments: object, program: str = PROGRAM, **changes: str) -> subproces
     return done
 
 
-def started(*arguments: object) -> subprocess.Popen[str]:
+def started(*arguments: object, program: str = PROGRAM) -> subprocess.Popen[str]:
     """The program at its work, which hears Ctrl-C: a shell's background jobs start with it ignored."""
     return subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, *map(str, arguments)],
+        [sys.executable, "-c", program, *map(str, arguments)],
         env=environment(),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -75,6 +87,31 @@ def test_an_interrupt_at_any_time_is_one_line(delay: float, tmp_path: Path) -> N
         if saved
         else ("fisherpoint: interrupted\n", "fisherpoint: interrupted before a design was found; nothing was saved\n")
     )
+
+
+@pytest.mark.parametrize("command", ["design", "evaluate", "estimate", "compare"])
+def test_an_interrupt_of_the_drawing_keeps_what_there_is(command: str, tmp_path: Path) -> None:
+    """One picture takes for ever; those before it are there."""
+    points, output = tmp_path / "points.csv", tmp_path / "run"
+    points.write_text("s,y_rate\n1.1,200\n0.1,130\n0.5,190\n")
+    given = [] if command == "design" else [points]
+    process = started(command, EXAMPLES / "michaelis_menten.toml", *given, "-o", output, program=SLOW_PICTURES)
+    assert process.stderr is not None
+    for line in process.stderr:
+        if line == "slow\n":
+            break
+    while "png" not in "".join(path.name for path in output.glob("*.png")) and command != "compare":
+        time.sleep(0.02)
+    begun = time.perf_counter()
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    err = err.replace("slow\n", "")
+    assert process.returncode == 130 and err.startswith(f"fisherpoint: interrupted; kept in {output}: ") and err.count("\n") == 1
+    assert time.perf_counter() - begun < 30  # the pictures take minutes
+    written = {path.name for path in output.iterdir()}
+    assert {"report.html", "report.txt"} <= written and written == set(err.rpartition(": ")[2].strip().split(", "))
+    page = (output / "report.html").read_text()
+    assert "Interrupted while pictures were drawn; missing: " in page and page.count("<figure>") == sum("png" in f for f in written)
 
 
 def test_a_reader_that_leaves_is_no_error(points: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -60,6 +61,20 @@ def test_an_error_is_raised_here_after_what_came_before() -> None:
         next(found)
 
 
+def test_what_nobody_wants_any_more_ends_at_once() -> None:
+    found = side_by_side([partial(doubled, 1), partial(time.sleep, 300), partial(time.sleep, 300)][::-1])
+    found.close()
+    found = side_by_side([partial(doubled, 1), partial(time.sleep, 300)])
+    next(found)
+    found.close()
+    assert not multiprocessing.active_children()
+
+
+@TWO_CORES
+def test_what_cannot_be_sent_is_done_here() -> None:
+    assert [f() for f in side_by_side([lambda: lambda: 3, lambda: lambda: 4])] == [3, 4]
+
+
 @TWO_CORES
 @pytest.mark.parametrize("error", [lambda: os._exit(1), lambda: os.kill(os.getpid(), signal.SIGKILL)], ids=["ends", "killed"])
 def test_where_a_fork_dies_the_work_is_done_here(error: Callable[[], object]) -> None:
@@ -72,14 +87,14 @@ import sys, time
 from fisherpoint_command.side_by_side import side_by_side
 print("begun", flush=True)
 try:
-    list(side_by_side([lambda: time.sleep(3)] * 40))
+    list(side_by_side([lambda: time.sleep(300)] * 4))
 except KeyboardInterrupt:
     sys.exit(130)
 """
 
 
-def test_an_interrupt_of_all_ends_them_without_a_word() -> None:
-    """As a terminal sends it, to all processes at once; what has begun may end, and nothing new begins."""
+def test_an_interrupt_of_all_ends_them_at_once_without_a_word() -> None:
+    """As a terminal sends it, to all processes at once: nobody waits for what has begun."""
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).resolve().parents[2] / "python")}
     command = subprocess.Popen(
         [sys.executable, "-c", SLOW],

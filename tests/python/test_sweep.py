@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -102,6 +103,37 @@ def test_an_interrupt_keeps_what_is_done() -> None:
     assert "Interrupted: larger sizes are missing" in str(found)
     limited = fp.sweep(quadratic(), range(3, 8), n_candidates=5, max_iterations=8, time_limit=1e-6)
     assert limited.sizes == (3,) and limited.stop_reason == "time_limit"
+
+
+def test_an_interrupt_before_the_first_is_done_keeps_the_best_so_far(tmp_path: Path) -> None:
+    def stop(size: int, now: fp.Progress) -> None:
+        raise KeyboardInterrupt
+
+    found = fp.sweep(quadratic(), range(3, 8), n_candidates=5, max_iterations=8, progress=stop)
+    assert found.sizes == (3,) and found.stop_reason == "interrupted_first" and found[3].at_most is None
+    assert "Interrupted: the search for 3 points was not done, and larger sizes are missing" in str(found)
+    found.save(tmp_path / "sweep.json")
+    assert fp.Sweep.load(tmp_path / "sweep.json").stop_reason == "interrupted_first"
+
+
+def test_an_interrupted_command_saves_the_best_so_far(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    search = fp.sweep
+
+    def interrupted(*given: Any, progress: Any, **settings: Any) -> fp.Sweep:
+        def stop(size: int, now: fp.Progress) -> None:
+            raise KeyboardInterrupt
+
+        return search(*given, progress=stop, **settings)
+
+    monkeypatch.setattr(fp, "sweep", interrupted)
+    with pytest.raises(SystemExit) as caught:
+        cli.main(["sweep", str(EXAMPLES / "michaelis_menten.toml"), "-L", "2:4", "-o", str(tmp_path / "run")])
+    told = capsys.readouterr()
+    assert caught.value.code == 130 and "the search for 2 points was not done" in told.out
+    names = {path.name for path in (tmp_path / "run").iterdir()}
+    assert names == {"design_2.csv", "sweep.csv", "sweep.json", "report.txt", "report.html"}
 
 
 # --- costs --------------------------------------------------------------------------------------------------------------

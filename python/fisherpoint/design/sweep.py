@@ -16,6 +16,7 @@ from ..basics.extras import needed_for
 from ..basics.kept import Codec, Kept
 from ..information.codec import evaluation_from_json, evaluation_to_json, problem_from_json, problem_to_json
 from ..information.evaluation import Evaluation
+from ..information.point_information import PointInformation
 from ..information.previous import Previous, previous_information
 from ..information.problem import DesignProblem
 from ..information.problem_report import problem_sections
@@ -25,7 +26,7 @@ from ..points.settings import resolve_threads
 from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
 from .cost import Cost
-from .points.point_search import Progress
+from .points.point_search import PointSearch, Progress
 from .points.seen_candidates import SeenCandidates
 from .points.size_search import sized_searches
 from .points.told import not_told, refuse_open
@@ -123,7 +124,7 @@ def sweep(
     Returns
     -------
     Sweep
-        Ctrl-C returns the sizes that are done; before the first is done it is a KeyboardInterrupt.
+        Ctrl-C returns the sizes that are done; before the first is done, the best design of that size so far, if there is one.
 
     Raises
     ------
@@ -156,35 +157,39 @@ def sweep(
     )
     known, _ = previous_information(problem, previous, threads)
     seen = SeenCandidates(problem, threads)
-    found: list[tuple[Any, Evaluation]] = []
+    found: list[tuple[PointInformation, Evaluation]] = []
     space, ridge = None, 0.0
+    search: PointSearch | None = None
     stop_reason = "done"
     try:
         for search in sized_searches(problem, settings, sizes, threads, known, seen):
             size = search.settings.n_experiments
             if search.run(None if progress is None else partial(progress, size)) == "interrupted":
                 raise KeyboardInterrupt
-            evaluation = search.under_noise()
-            assert evaluation is not None
+            information, evaluation = _of(search)
             if evaluation.null_directions:
                 space = search.look_at_what_is_told()
                 seen.aims = search.aims
                 if singular == "error":
                     refuse_open(problem, space, size)
             ridge = max(ridge, search.ridge)
-            found.append((search.best.information, evaluation))
+            found.append((information, evaluation))
             if time_limit is not None and time.perf_counter() - started > time_limit and size != sizes[-1]:
                 stop_reason = "time_limit"
                 break
     except KeyboardInterrupt:
-        if not found:
-            raise
         stop_reason = "interrupted"
+        if not found:
+            if search is None:
+                raise
+            stop_reason = "interrupted_first"  # who interrupts wants an end: nothing is proven of this one
+            found.append(_of(search))
     designs, bound = [], None
     level = None if space is None or not len(space.null) else space.rank
     for information, evaluation in found:
         log_det = log_det_of(evaluation, level)
-        if np.isfinite(log_det) and (bound is None or known is not None):  # beside previous points it depends on the size
+        # Beside previous points it depends on the size.
+        if stop_reason != "interrupted_first" and np.isfinite(log_det) and (bound is None or known is not None):
             bound = seen.bound(information, known)
         points = information.experiments
         at_most = None if bound is None or not np.isfinite(log_det) else max(bound.log_det, log_det)
@@ -202,6 +207,12 @@ def sweep(
         not_told=() if space is None else not_told(problem, space),
         ridge=ridge,
     )
+
+
+def _of(search: PointSearch) -> tuple[PointInformation, Evaluation]:
+    evaluation = search.under_noise()
+    assert evaluation is not None
+    return search.best.information, evaluation
 
 
 def _sizes(given: Iterable[int]) -> list[int]:

@@ -62,8 +62,9 @@ def sweep_report(sweep: SweptDesigns) -> Report:
             f" the rest. Measure other outputs, widen the region, or leave parameters out (parameters = [...]). See {GUIDE}."
         )
     if sweep.stop_reason != "done":
-        why = "Interrupted" if sweep.stop_reason == "interrupted" else "The time limit is over"
-        warnings.append(f"{why}: larger sizes are missing.")
+        why = "The time limit is over" if sweep.stop_reason == "time_limit" else "Interrupted"
+        first = f"the search for {sweep.sizes[0]} points was not done, and " if sweep.stop_reason == "interrupted_first" else ""
+        warnings.append(f"{why}: {first}larger sizes are missing.")
     beside = f" beside {sweep.n_previous} previous ones" if sweep.n_previous else ""
     sizes = sweep.sizes
     title = f"{counted(len(sizes), 'design')} of {sizes[0]} to {sizes[-1]} points{beside} for {sweep.problem.model.name}"

@@ -84,8 +84,9 @@ class SweptDesigns:
     cost : Cost or None
     n_previous, n_candidates : int
         Points that are added to every design; candidates that the searches have evaluated.
-    stop_reason : {"done", "interrupted", "time_limit"}
-        Where it is not "done", larger sizes are missing.
+    stop_reason : {"done", "interrupted", "interrupted_first", "time_limit"}
+        Where it is not "done", larger sizes are missing; "interrupted_first", before the first size was done, of which this is the
+        best design so far.
     seconds : float
     not_told : tuple of mappings of parameter name to float
         Combinations of standardised parameters that no point of the region was found to tell about.
