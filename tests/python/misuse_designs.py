@@ -50,6 +50,16 @@ def design_cases() -> dict[str, Case]:
             time_limit=(1.0, NUMBER, NONE),
             progress=(None, NONE, FUNCTION),
             previous=(None, NONE, POINTS, ARRAY, NAMES),
+            criterion=("D",),
+            of=(None, NONE),
+            conditions=(None, NONE),
+            scale=(None, NONE),
+            prior_information=(False, FLAG),
+        ),
+        "design_runs for a function": case(
+            lambda criterion, of: fp.design_runs(run_problem(), n_starts=1, n_candidates=20, criterion=criterion, of=of),
+            criterion=("c", TEXT),
+            of=("k", TEXT, TERM),
         ),
         "pieces": case(
             fp.pieces,
@@ -118,7 +128,12 @@ def design_cases() -> dict[str, Case]:
             rtol=rtol,
         ),
         "evaluate_design": case(
-            fp.evaluate_design, problem=(problem(),), points=of_points, threads=threads, previous=(None, NONE, POINTS, ARRAY, NAMES)
+            fp.evaluate_design,
+            problem=(problem(),),
+            points=of_points,
+            threads=threads,
+            previous=(None, NONE, POINTS, ARRAY, NAMES),
+            prior_information=(False, FLAG),
         ),
         "evaluate_under_noise": case(
             fp.evaluate_under_noise,
@@ -126,6 +141,7 @@ def design_cases() -> dict[str, Case]:
             points=of_points,
             threads=threads,
             previous=(None, NONE, POINTS, ARRAY, NAMES),
+            prior_information=(False, FLAG),
         ),
         "feasibility": case(
             fp.feasibility,
@@ -195,6 +211,7 @@ def design_cases() -> dict[str, Case]:
             of=(None, NONE),
             conditions=(None, NONE),
             scale=(None, NONE),
+            prior_information=(False, FLAG),
         ),
         "exchange for a function": case(
             lambda criterion, of: fp.exchange(

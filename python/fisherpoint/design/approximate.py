@@ -13,12 +13,12 @@ from ..basics.values import FrozenMapping
 from ..engine.levels import kernels
 from ..information.combinations import combination
 from ..information.evaluation import null_direction
+from ..information.prior_information import prior_information as information_of_prior
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from ..points.region import ExperimentRegion
 from ..points.settings import resolve_threads
 from .optimality.approximate_design import ApproximateDesign
-from .optimality.approximate_design import prior_information as information_of_prior
 from .optimality.asked import CRITERIA
 from .optimality.asked import criterion as criterion_of
 from .optimality.candidate_rows import CandidateRows

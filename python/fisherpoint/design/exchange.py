@@ -58,6 +58,7 @@ def exchange(
     conditions: Experiments | None = None,
     scale: Mapping[str, float] | None = None,
     confidence: float | None = None,
+    prior_information: bool = False,
 ) -> Design:
     """Find the design with the largest det F, or the best by another criterion, by exchanging points for candidates.
 
@@ -115,6 +116,10 @@ def exchange(
         The share of the plants of the prior that must be able to run all points, such as 0.99; for method "auto". Points then keep
         so far away from jumps and limits that plants further out than the prior's can run them; `Design.feasible` says whether that
         was enough. Without it a point must be valid on the nodes of the rule, and one plant in ten may not be able to run one.
+    prior_information : bool
+        Whether the inverse of the prior's covariance counts beside the points and the previous ones, for method "auto" with D = R.
+        The criterion, the bounds and the standard errors are then those of an estimate in which the prior takes part, and fewer
+        points than parameters are enough. A prior that is the posterior of the previous data counts these once more: give one.
 
     Returns
     -------
@@ -146,6 +151,7 @@ def exchange(
         conditions=conditions,
         scale=scale,
         confidence=confidence,
+        prior_information=prior_information,
     )
     check_asked(settings, problem)
     if progress is not None and not callable(progress):
@@ -246,7 +252,8 @@ def _references(search: PointSearch, under_noise: Evaluation | None) -> Efficien
     if not isinstance(aim, LogDet):
         log_det = aim.value(under_noise.fisher)
     start = search.count, settings.seed, search.threads, search.previous, settings.time_limit
-    random = random_designs(problem, *start, aim.value)
+    total = search.count + (0 if search.previous is None else len(search.previous))
+    random = random_designs(problem, *start, lambda fisher: aim.value(fisher + 2 / total * search.of_prior))
     own, over = search.best.information, search.scenarios
     return efficiency_of(
         search.problem,

@@ -18,6 +18,7 @@ from ...basics.quantity import names_of
 from ...basics.values import Array
 from ...information.codec import problem_from_json, problem_to_json
 from ...information.previous import HasPoints
+from ...information.prior_information import prior_information
 from ...information.problem import DesignProblem
 from ...information.problem_report import problem_sections
 from ...points.codec import points_from_json, points_to_json
@@ -228,11 +229,3 @@ class ApproximateDesign(Shown, Kept):
     def report(self) -> Report:
         """The support, the value, and what is proven about it."""
         return approximate_report(self)
-
-
-def prior_information(problem: DesignProblem) -> Array:
-    """Inverse (p, p) of the prior's covariance in units of its std, for the estimated parameters with the others known."""
-    correlation = problem.prior.correlation
-    half = np.linalg.solve(np.linalg.cholesky(correlation), np.eye(len(correlation)))
-    rows = [problem.prior.names.index(name) for name in problem.estimated]
-    return np.asarray((half.T @ half)[np.ix_(rows, rows)])

@@ -22,11 +22,11 @@ from ...information.point_information import PointInformation
 from ...points.region import ExperimentRegion
 from ..optimality.aims import LogDet
 from ..optimality.criteria import Determinant
+from ..optimality.told import told_aims
 from .point_ascent import PointAscent, scenario_rows, whitened_rows
 from .point_search import RIDGE, Incumbent, PointSearch, Progress
 from .pool import Pool, best_of_each, far_apart
 from .pool_exchange import PoolExchange, greedy
-from .told import told_aims
 
 POOL, MOST_POOL = 100, 50_000
 """Candidates at the edges of the region for each group, as a multiple of `n_candidates`, and at most; half as many random ones."""
@@ -89,11 +89,11 @@ class AutoSearch(PointSearch):
     def __post_init__(self) -> None:
         super().__post_init__()
         p = len(self.problem.estimated)
-        self._known = np.zeros((len(self.over.problems), p, p))
+        self._known = np.tile(self.of_prior, (len(self.over.problems), 1, 1))
         for s, known in enumerate(self.over.previous):
             if known is not None:
                 rows = whitened_rows(self.criterion, known).reshape(-1, p)
-                self._known[s] = np.einsum("kp,kq->pq", rows, rows)
+                self._known[s] += np.einsum("kp,kq->pq", rows, rows)
         self._level, self._log_dets = self.aims[0].level, [LogDet(Determinant("D", np.eye(p), True))] * len(self.aims)
         self._drawn_share = max(LEAST_SHARE, min(1.0, AS_MANY / len(self._known)))
         self._rng = np.random.default_rng([self.settings.seed, 2])
@@ -249,7 +249,9 @@ class AutoSearch(PointSearch):
 
     @property
     def _fixed(self) -> Array:
-        """What is added to F, the sum over the points: previous ones, and as long as designs are singular a little of the prior."""
+        """What is added to F, the sum over the points: previous ones, the prior's where it counts, and as long as designs are
+        singular a little of the prior.
+        """
         total = self.count + (0 if self.previous is None else len(self.previous))
         fixed: Array = self._known + self._ridge * total / 2 * np.eye(self._known.shape[1])
         return fixed

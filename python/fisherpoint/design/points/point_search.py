@@ -5,23 +5,24 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from ...basics.values import FrozenMapping
+from ...basics.values import Array, FrozenMapping
 from ...engine import _core
 from ...information.candidates import CandidateSource
 from ...information.evaluation import Evaluation, evaluate_information, finite_fisher
 from ...information.output_covariance import Criterion, criterion
 from ...information.point_information import PointInformation
+from ...information.prior_information import prior_information
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
 from ..average import Average
 from ..efficiency import Efficiency
 from ..found import FoundDesign, TraceRecord
 from ..optimality.aims import Aim, LogDet, aim_of
-from ..optimality.asked import criterion as criterion_asked
+from ..optimality.asked import criterion_of
 from ..over_prior import Scenarios
 from ..scenario_values import ScenarioValues, scenario_values
 from ..settings import ExchangeSettings
@@ -70,7 +71,9 @@ class PointSearch:
         over = self.scenarios
         self.over = Scenarios((self.problem,), Average.of_all(1), (self.previous,)) if over is None else over
         self.aims: tuple[Aim, ...] = tuple(map(self._aim, self.over.problems))
-        self.seen = SeenCandidates(self.problem, self.threads, self.aims)
+        p = len(self.problem.estimated)
+        self.of_prior = prior_information(self.problem) if self.settings.prior_information else np.zeros((p, p))
+        self.seen = SeenCandidates(self.problem, self.threads, self.aims, self.of_prior)
         self.away = None if self.settings.confidence is None else Away(self.problem, self.settings, self.seen.validity)
         keep = self.seen.add if self.settings.references and self.problem.noise_std is not None else None
         elsewhere, rng = () if over is None else over.problems, np.random.default_rng(self.settings.seed)
@@ -82,9 +85,7 @@ class PointSearch:
         self._record(0, False)
 
     def _aim(self, problem: DesignProblem) -> Aim:
-        given = self.settings
-        options: dict[str, Any] = {"of": given.of, "conditions": given.conditions, "scale": given.scale}
-        return aim_of(criterion_asked(problem, given.criterion, **options, threads=self.threads))
+        return aim_of(criterion_of(problem, self.settings, self.threads))
 
     @property
     def at_mean(self) -> Aim:
@@ -141,7 +142,7 @@ class PointSearch:
     def _log_det(self, prepared: PointInformation, ridge: float, scenario: int = 0) -> float:
         known, own = self._previous[scenario], len(prepared) + (0 if self.previous is None else len(self.previous))
         share = 1.0 if known is None else (len(known) + len(prepared)) / own  # a previous point may be none in a scenario
-        return self._phi(self._accumulate(prepared, scenario), ridge, share, scenario)
+        return self._phi(self._accumulate(prepared, scenario), ridge, share, scenario, 2 / own * self.of_prior)
 
     def _accumulate(self, prepared: PointInformation, scenario: int = 0) -> _core.FisherAccumulator:
         """The previous points, and these."""
@@ -151,18 +152,25 @@ class PointSearch:
     def _with_previous(self, information: PointInformation) -> PointInformation:
         return information if self.previous is None else PointInformation.join([self.previous, information])
 
-    def _phi(self, accumulator: _core.FisherAccumulator, ridge: float, share: float = 1.0, scenario: int = 0) -> float:
+    def _phi(
+        self,
+        accumulator: _core.FisherAccumulator,
+        ridge: float,
+        share: float = 1.0,
+        scenario: int = 0,
+        known: Array | float = 0.0,
+    ) -> float:
         fisher = share * finite_fisher(
             accumulator.fisher(accumulator.output_covariance(self.criterion.given, self.criterion.pooled))
         )
-        return self.aims[scenario].value(fisher + ridge * np.eye(len(fisher)))
+        return self.aims[scenario].value(fisher + known + ridge * np.eye(len(fisher)))
 
     def under_noise(self) -> Evaluation | None:
         if self.problem.noise_std is None:
             return None
         information = self._with_previous(self.best.information)
         d = criterion(self.problem, information, self.threads, "noise")
-        return evaluate_information(self.problem, information, d, self.threads)
+        return evaluate_information(self.problem, information, d, self.threads, self.settings.prior_information)
 
     @property
     def count(self) -> int:
@@ -206,7 +214,7 @@ class PointSearch:
         problems, total, evaluations = self.over.problems, len(self._with_previous(self.best.information)), []
         for problem, known, own in zip(problems, self.over.previous, self.best.information.everywhere, strict=True):
             everything = own if known is None else PointInformation.join([known, own])
-            evaluation = evaluate_information(problem, everything, self.criterion, self.threads)
+            evaluation = evaluate_information(problem, everything, self.criterion, self.threads, self.settings.prior_information)
             scale = len(problem.estimated) * float(np.log(len(everything) / total))
             evaluations.append(replace(evaluation, log_det=evaluation.log_det + scale))
         value = None if isinstance(self.aims[0], LogDet) else self.best.log_det

@@ -10,18 +10,26 @@ from ...basics.values import Array
 from ...information.combinations import combination
 from ...information.evaluation import null_direction
 from ...information.problem import DesignProblem
-from ..optimality.aims import Aim, LogDet, aim_of
-from ..optimality.candidate_rows import CandidateRows
-from ..optimality.estimable import estimable
+from .aims import Aim, LogDet, aim_of
+from .candidate_rows import CandidateRows
+from .estimable import estimable
 
 NOT_TOLD = 1e-6
 """Share of what is asked that may be outside of what is told, as rounding."""
 
 
-def told_aims(problem: DesignProblem, aims: Sequence[Aim], rows: Array, known: Array, count: int) -> tuple[Aim, ...]:
-    """What to maximise with `count` points of some candidates: criteria of all parameters ask for what these determine alone.
+def told_aims(
+    problem: DesignProblem,
+    aims: Sequence[Aim],
+    rows: Array,
+    known: Array,
+    count: int,
+    named: tuple[str, str] = ("n_experiments", "points"),
+) -> tuple[Aim, ...]:
+    """What to maximise with `count` points, or runs, of some candidates.
 
-    log det F is left as it is: singular designs differ in it by what they tell, once a little is added to F.
+    Criteria of all parameters ask for what these determine alone. log det F is left as it is: singular designs differ in it by what
+    they tell, once a little is added to F.
 
     Parameters
     ----------
@@ -32,13 +40,15 @@ def told_aims(problem: DesignProblem, aims: Sequence[Aim], rows: Array, known: A
     known : ndarray, (S, p, p)
         Information that is there without them.
     count : int
+    named : (str, str)
+        What errors call the count, and what is counted.
 
     Raises
     ------
     ValueError
         Where they do not determine the functions or parameters that are asked for, or so few points cannot.
     """
-    result: list[Aim] = []
+    (size, kind), result = named, list[Aim]()
     for aim, own, there in zip(aims, rows, known, strict=True):
         if isinstance(aim, LogDet):
             result.append(aim)
@@ -47,7 +57,7 @@ def told_aims(problem: DesignProblem, aims: Sequence[Aim], rows: Array, known: A
         if not space.rank or aim.criterion.outside(space) > NOT_TOLD:
             left = "; ".join(combination(null_direction(v, space.length, problem.estimated)) for v in space.null)
             raise ValueError(
-                f"region: expected points that determine what criterion {name!r} asks, given none that tell about {left}"
+                f"region: expected {kind} that determine what criterion {name!r} asks, given none that tell about {left}"
             )
         restricted = aim.criterion.restricted(space.span)
         if restricted is aim.criterion:
@@ -56,7 +66,7 @@ def told_aims(problem: DesignProblem, aims: Sequence[Aim], rows: Array, known: A
         most = count * own.shape[1] + int(np.linalg.matrix_rank(there))
         if most < space.rank:
             raise ValueError(
-                f"n_experiments: expected points enough to determine {space.rank} parameters, all of which criterion {name!r} asks "
+                f"{size}: expected {kind} enough to determine {space.rank} parameters, all of which criterion {name!r} asks "
                 f"for, given {count}, which determine {most} at most"
             )
         result.append(aim_of(restricted) if len(space.null) else aim)
