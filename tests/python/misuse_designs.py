@@ -84,6 +84,7 @@ def design_cases() -> dict[str, Case]:
             scale=(None, NONE),
             prior_information=(False, FLAG),
             n_experiments=(None, NONE),
+            over=(None, NONE),
             n_candidates=(20, INT),
             starts=(5, INT),
             tolerance=(1e-4, NUMBER),
