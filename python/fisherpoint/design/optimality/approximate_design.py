@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -120,6 +120,7 @@ class ApproximateDesign(Shown, Kept):
     left_out: Mapping[str, int]
     deleted: int
     seconds: float
+    _: KW_ONLY
     over: OverPrior | None = None
 
     _INSIDE = (Estimable, EstimableOver)
