@@ -174,6 +174,17 @@ def design_cases() -> dict[str, Case]:
             method=("paper", TEXT),
             progress=(None, NONE, FUNCTION),
             previous=(None, NONE, POINTS, ARRAY, NAMES),
+            over=(None, NONE),
+            criterion=("D",),
+            of=(None, NONE),
+            conditions=(None, NONE),
+            scale=(None, NONE),
+            prior_information=(False, FLAG),
+        ),
+        "sweep for a function": case(
+            lambda criterion, of: fp.sweep(problem(), [4], n_candidates=5, max_iterations=1, criterion=criterion, of=of),
+            criterion=("c", TEXT),
+            of=("a", TEXT, TERM),
         ),
         "Cost": case(
             fp.Cost,

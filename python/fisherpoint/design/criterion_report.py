@@ -43,7 +43,12 @@ def asked_for(design: ByCriterion) -> str:
 
 def maximised(design: ByCriterion) -> str:
     """What stands at the axis of a picture, and in sentences about what is proven."""
-    settings, over = design.settings, design.settings.over
+    return maximised_of(design.settings)
+
+
+def maximised_of(settings: Settings) -> str:
+    """The same by the settings of a search."""
+    over = settings.over
     what = "log det F"
     if settings.criterion != "D":
         sign = "-" if settings.criterion in ("A", "c", "I", "ME") else ""

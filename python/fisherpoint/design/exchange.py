@@ -162,14 +162,11 @@ def exchange(
     if keep is not None:
         known, kept = _with_kept(problem, keep, known, settings.n_experiments, threads)
     if settings.over is not None:
-        scenarios = _scenarios(problem, settings, previous, keep, known, threads)
+        scenarios = scenarios_of(problem, settings, previous, keep, known, threads)
     search = _search(problem, settings, threads, known, kept, scenarios)
     stop_reason = search.run(progress)
-    if criterion != "D" and stop_reason != "interrupted" and not np.isfinite(search.best.log_det):
-        raise ValueError(
-            f"n_experiments: expected points enough to determine what criterion {criterion!r} asks, given "
-            f"{settings.n_experiments}: the search has found none that do"
-        )
+    if stop_reason != "interrupted":
+        check_determined(search)
     efficiency = None
     under_noise = search.under_noise()
     if settings.references and stop_reason != "interrupted":
@@ -180,7 +177,17 @@ def exchange(
     return Design(**vars(search.found(stop_reason, under_noise, efficiency, left_out)))
 
 
-def _scenarios(
+def check_determined(search: PointSearch) -> None:
+    """Raise where no points were found that determine what another criterion than log det F asks."""
+    asked, count = search.settings.criterion, search.settings.n_experiments
+    if asked != "D" and not np.isfinite(search.best.log_det):
+        raise ValueError(
+            f"n_experiments: expected points enough to determine what criterion {asked!r} asks, given {count}: the search has"
+            " found none that do"
+        )
+
+
+def scenarios_of(
     problem: DesignProblem,
     settings: ExchangeSettings,
     previous: Previous | None,

@@ -15,6 +15,7 @@ from ..basics.kept import Codec, Kept
 from ..information.codec import evaluation_from_json, evaluation_to_json, problem_from_json, problem_to_json
 from ..information.evaluation import Evaluation
 from ..information.previous import Previous, previous_information
+from ..information.prior_information import prior_information as information_of_prior
 from ..information.problem import DesignProblem
 from ..information.problem_report import problem_sections
 from ..points.codec import points_from_json, points_to_json
@@ -23,10 +24,13 @@ from ..points.settings import resolve_threads
 from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
 from .cost import Cost
+from .exchange import check_determined, scenarios_of
+from .optimality.aims import LogDet
+from .over_prior import OverPrior
 from .points.point_search import Progress
 from .points.seen_candidates import SeenCandidates
 from .points.size_search import sized_searches
-from .settings import MOST, ExchangeSettings, most_iterations
+from .settings import MOST, ExchangeSettings, check_asked, most_iterations
 from .sweep_report import sweep_report
 from .swept import SizedDesign, SweptDesigns
 
@@ -41,11 +45,12 @@ MOST_SIZES = 1000
 class Sweep(SweptDesigns, Shown, Kept):
     """Designs of several sizes, as `sweep` found them; `SweptDesigns` has its attributes."""
 
-    _INSIDE = (SizedDesign, Cost)
+    _INSIDE = (SizedDesign, Cost, ExchangeSettings)
     _CODEC: ClassVar[Codec] = {
         DesignProblem: (problem_to_json, problem_from_json),
         Experiments: (points_to_json, points_from_json),
         Evaluation: (evaluation_to_json, lambda data: evaluation_from_json(data, data["n_points"])),
+        OverPrior: (OverPrior.to_json, OverPrior.from_json),
     }
 
     def _asked(self) -> Sequence[Section]:
@@ -98,6 +103,12 @@ def sweep(
     method: str = "auto",
     progress: Callable[[int, Progress], None] | None = None,
     previous: Previous | None = None,
+    over: OverPrior | None = None,
+    criterion: str = "D",
+    of: str | Sequence[str] | None = None,
+    conditions: Experiments | None = None,
+    scale: Mapping[str, float] | None = None,
+    prior_information: bool = False,
 ) -> Sweep:
     """Find designs of several sizes, each from the last one and the candidates of all before.
 
@@ -109,7 +120,7 @@ def sweep(
         The sizes, such as ``range(9, 31)``.
     cost : Cost, optional
         What the designs are charged with. It does not change the designs: each is the best that was found of its size.
-    n_candidates, max_iterations, seed, threads, method, previous
+    n_candidates, max_iterations, seed, threads, method, previous, over, criterion, of, conditions, scale, prior_information
         As for :func:`fisherpoint.exchange`, for each size.
     time_limit : float, optional
         Stop after so many seconds, with the sizes that are done then.
@@ -148,19 +159,28 @@ def sweep(
         screen=True,
         local=0.5,
         method=method,
+        over=over,
+        criterion=criterion,
+        of=of,  # type: ignore[arg-type]  # the settings make it a tuple
+        conditions=conditions,
+        scale=scale,
+        prior_information=prior_information,
     )
+    check_asked(settings, problem)
     known, _ = previous_information(problem, previous, threads)
-    seen = SeenCandidates(problem, threads)
-    found: list[tuple[Any, Evaluation]] = []
+    scenarios = None if over is None else scenarios_of(problem, settings, previous, None, known, threads)
+    seen = SeenCandidates(problem, threads, of_prior=information_of_prior(problem) if prior_information else 0.0)
+    found: list[tuple[Any, Evaluation, float]] = []
     stop_reason = "done"
     try:
-        for search in sized_searches(problem, settings, sizes, threads, known, seen):
+        for search in sized_searches(problem, settings, sizes, threads, known, seen, scenarios):
             size = search.settings.n_experiments
             if search.run(None if progress is None else partial(progress, size)) == "interrupted":
                 raise KeyboardInterrupt
+            check_determined(search)
             evaluation = search.under_noise()
             assert evaluation is not None
-            found.append((search.best.information, evaluation))
+            found.append((search.best.information, evaluation, search.best.log_det))
             if time_limit is not None and time.perf_counter() - started > time_limit and size != sizes[-1]:
                 stop_reason = "time_limit"
                 break
@@ -168,13 +188,17 @@ def sweep(
         if not found:
             raise
         stop_reason = "interrupted"
-    designs, bound = [], None
-    for information, evaluation in found:
-        if bound is None or known is not None:  # beside previous points it depends on the size
-            bound = seen.bound(information, known)
+    designs, bound, asked = [], None, seen.aims[0]
+    usual = over is None and isinstance(asked, LogDet)
+    for information, evaluation, maximised in found:
+        if bound is None or known is not None or prior_information:  # beside what is known it depends on the size
+            bound = seen.bound(information, known) if scenarios is None else seen.bound_over(information, known, scenarios)
         points = information.experiments
-        at_most = None if bound is None else max(bound.log_det, evaluation.log_det)
-        designs.append(SizedDesign(points, evaluation, None if cost is None else cost.of(points, problem.model), at_most))
+        value = evaluation.log_det if usual else maximised
+        at_most = None if bound is None else max(bound.log_det, value)
+        costs = None if cost is None else cost.of(points, problem.model)
+        told = (None, None, 1) if usual else (maximised, asked.level, asked.criterion.degree)
+        designs.append(SizedDesign(points, evaluation, costs, at_most, *told))
     return Sweep(
         problem=problem,
         designs=tuple(designs),
@@ -182,6 +206,7 @@ def sweep(
         n_previous=0 if known is None else len(known),
         n_candidates=0 if bound is None else bound.n_candidates,
         stop_reason=stop_reason,
+        settings=settings,
         seconds=time.perf_counter() - started,
     )
 

@@ -14,6 +14,7 @@ from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from .cost import Cost
 from .efficiency import d_efficiency
+from .settings import ExchangeSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,28 +29,49 @@ class SizedDesign:
     cost : float or None
         None where no costs were given.
     at_most : float or None
-        Proven: no design of as many of the candidates that all searches together have evaluated has a larger log det F, (7).
+        Proven: no design of as many of the candidates that all searches together have evaluated has a larger log det F, (7), or
+        more of what was maximised in its place.
+    maximised : float or None
+        Of F as in (7), what was: level log phi of another criterion than "D", or the average over scenarios. None for log det F at
+        the prior mean.
+    level, degree : int or None
+        Of that criterion, where there is another.
     """
 
     points: Experiments
     evaluation: Evaluation
     cost: float | None
     at_most: float | None
+    maximised: float | None = None
+    level: int | None = None
+    degree: int = 1
+
+    @property
+    def _value(self) -> float:
+        return self.evaluation.log_det if self.maximised is None else self.maximised
+
+    @property
+    def _level(self) -> int:
+        return len(self.evaluation.parameters) if self.level is None else self.level
 
     @property
     def at_least(self) -> float | None:
-        """The D-efficiency against `at_most`: a lower bound among designs of these candidates."""
-        return d_efficiency(self.evaluation.log_det, self.at_most, len(self.evaluation.parameters))
+        """The efficiency against `at_most`: a lower bound among designs of these candidates."""
+        return d_efficiency(self._value, self.at_most, self._level)
 
     @property
     def information(self) -> float:
-        """log det F in its sum form, the sum over the measurements, standardised: it rises with each."""
-        return float(self.evaluation.log_det + len(self.evaluation.parameters) * np.log(self.evaluation.n_points / 2))
+        """log det F, or what was maximised, of the sum over the measurements, standardised: it rises with each."""
+        return float(self._value + self._level * self.degree * np.log(self.evaluation.n_points / 2))
 
     @property
     def mean_error(self) -> float:
-        """det(F)^(-1/2p): the geometric mean of the standard errors over the principal directions, in prior std."""
-        return float(np.exp(-self.information / (2 * len(self.evaluation.parameters))))
+        """phi^(-1/2): for "D" det(F)^(-1/2p), the geometric mean of the standard errors over the principal directions.
+
+        These are in prior std. For "c" it is the standard deviation of the function, for "I" that of predictions, for "A" the root
+        of the sum of the squared errors; over the prior the geometric mean over the scenarios, or over those that count.
+        """
+        return float(np.exp(-self.information / (2 * self._level)))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -67,6 +89,8 @@ class SweptDesigns:
     stop_reason : {"done", "interrupted", "time_limit"}
         Where it is not "done", larger sizes are missing.
     seconds : float
+    settings : ExchangeSettings or None
+        Of the search for the smallest design; the others differ in their size. None in older files.
     """
 
     problem: DesignProblem
@@ -76,6 +100,7 @@ class SweptDesigns:
     n_candidates: int
     stop_reason: str
     seconds: float
+    settings: ExchangeSettings | None = None
 
     def __getitem__(self, n_experiments: int) -> SizedDesign:
         if n_experiments not in self.sizes:
@@ -92,8 +117,8 @@ class SweptDesigns:
     def knee(self) -> int | None:
         """The size from which on more experiments help little; None where fewer than three designs determine all parameters.
 
-        The mean standard error, det(F)^(-1/2p), falls with the size; the knee is where its curve lies furthest below the straight
-        line from the first to the last of the sizes (Satopaa et al. 2011). It depends on these two, and is no optimum.
+        The mean standard error, `SizedDesign.mean_error`, falls with the size; the knee is where its curve lies furthest below the
+        straight line from the first to the last of the sizes (Satopaa et al. 2011). It depends on these two, and is no optimum.
         """
         able = [of for of in self.designs if np.isfinite(of.information)]
         if len(able) < 3:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...information.point_information import PointInformation
 from ...information.problem import DesignProblem
+from ..over_prior import Scenarios
 from ..settings import ExchangeSettings, searched_by
 from .auto_search import LEAST_GAIN, AutoSearch
 from .exchange_search import ExchangeSearch
@@ -35,8 +36,10 @@ class FollowingSearch(AutoSearch):
 
     def _all_rounds(self) -> Iterator[None]:
         assert self.candidates is not None
-        pool, design, gain = self._pool(self.candidates), self.best.information, np.inf
-        while gain > LEAST_GAIN * self._known.shape[1]:
+        pool, gain = self._pool(self.candidates), np.inf
+        self._ask_for_what_is_told(pool)
+        design = self.best.information
+        while gain > LEAST_GAIN * self._level:
             before = self._value(design)
             design = self._kept(self._ascended(self._kept(self._exchanged(design, pool))))
             for _ in range(ROUNDS):
@@ -52,6 +55,7 @@ def sized_searches(
     threads: int,
     previous: PointInformation | None,
     seen: SeenCandidates,
+    scenarios: Scenarios | None = None,
 ) -> Iterator[PointSearch]:
     """Searches of ascending sizes, each to be run before the next is asked for; `seen` then has the candidates of those before."""
     last = candidates = None
@@ -61,14 +65,16 @@ def sized_searches(
         if searched_by(settings.method, problem) == "paper":
             search = ExchangeSearch(problem, own, threads, previous)
         elif last is None:
-            search = AutoSearch(problem, own, threads, previous)
+            search = AutoSearch(problem, own, threads, previous, scenarios=scenarios)
         else:
             design = last.best.information
             if candidates is None:
                 candidates = seen.best(design, previous, GOOD)
             known = [design] if candidates is None else [candidates, design]
             more = np.arange(size) % len(design)  # repeated points give way to others where these tell more
-            search = FollowingSearch(problem, own, threads, previous, start=design[more], candidates=PointInformation.join(known))
+            found = PointInformation.join(known)
+            search = FollowingSearch(problem, own, threads, previous, scenarios=scenarios, start=design[more], candidates=found)
         yield search
         seen.include(search.seen)
+        seen.aims = search.seen.aims
         last = search
