@@ -201,6 +201,8 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "scale": 'For `"A"`, `"E"` and `"ME"`, what errors of the parameters are compared with, by name.',
             "confidence": "Share of the plants that the prior allows which must be able"
             " to run [all points](../how_to/limits.md#points-that-most-plants-can-run).",
+            "prior_information": "Whether the [prior's information](../how_to/criteria.md#what-the-prior-knows) counts beside that"
+            " of the measurements.",
             "output_covariance": "The [form of D](../explanation/output_covariance.md).",
             "parameters": "The parameters to estimate; the others are taken as known.",
             "kinks": 'Whether trajectories may cross kinks; `"exclude"` leaves out points that do.',

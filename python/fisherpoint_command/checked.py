@@ -100,9 +100,9 @@ def run_rows(problem: fp.DesignProblem, given: Mapping[str, Any]) -> list[Row]:
     settings = fp.RunSettings(**{one.name: given.get(one.name, defaults[one.name]) for one in fields(fp.RunSettings)})
     assert isinstance(problem.region, fp.RunRegion)
     n = problem.region.segments
-    over = [] if settings.over is None else [("criterion", f"D, over the prior: {settings.over}")]
+    over = "" if settings.over is None else f", over the prior: {settings.over}"
     return [
-        *over,
+        ("criterion", f"{settings.criterion}{over}"),
         ("runs", f"{settings.n_runs} of {counted(n, 'segment')}"),
         ("method", f"{counted(settings.n_starts, 'start')} from a pool of {counted(settings.n_candidates, 'random run')}"),
         about(settings.n_candidates * n, "segments of the pool; ascents take as many again and more"),

@@ -59,7 +59,8 @@ def design_of_runs(
 
         def progress(now: fp.RunProgress) -> None:
             if sign is not None:
-                found = f"log det {now.log_det:.3f}, best {now.best:.3f}"
+                what = "log det" if settings.get("criterion", "D") == "D" else "log of the criterion"
+                found = f"{what} {now.log_det:.3f}, best {now.best:.3f}"
                 sign.print(f"start {now.start} of {now.n_starts}: {found}, {now.seconds:.0f} s")
 
         found = fp.design_runs(problem, **settings, threads=threads, progress=progress)

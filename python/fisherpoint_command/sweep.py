@@ -19,7 +19,10 @@ from .standard_input import one_from_standard_input
 MOST_SIZES = 1000
 """Of one sweep."""
 
-SETTINGS = ("n_candidates", "max_iterations", "seed", "time_limit", "method", "singular")
+SETTINGS = (
+    *("n_candidates", "max_iterations", "seed", "time_limit", "method", "singular"),
+    *("over", "criterion", "of", "conditions", "scale", "prior_information"),
+)
 """Keys of [design] that hold for every size."""
 
 
@@ -74,10 +77,6 @@ def sweep(
         raise ConfigError(f"--budget: expected a cost of at least 0, given {budget:g}")
     if budget is not None and cost is None:
         raise config.error("cost", "missing; expected a table [cost] with --budget")
-    if config.design.over is not None:
-        raise config.error("design.over", "expected none with designs of several sizes, which are for the prior mean")
-    if config.design.criterion not in (None, "D"):
-        raise config.error("design.criterion", "expected none with designs of several sizes, which are compared by log det F")
     settings = {name: value for name, value in config.exchange_settings().items() if name in SETTINGS}
     if seed is not None:
         settings["seed"] = seed

@@ -50,6 +50,16 @@ def design_cases() -> dict[str, Case]:
             time_limit=(1.0, NUMBER, NONE),
             progress=(None, NONE, FUNCTION),
             previous=(None, NONE, POINTS, ARRAY, NAMES),
+            criterion=("D",),
+            of=(None, NONE),
+            conditions=(None, NONE),
+            scale=(None, NONE),
+            prior_information=(False, FLAG),
+        ),
+        "design_runs for a function": case(
+            lambda criterion, of: fp.design_runs(run_problem(), n_starts=1, n_candidates=20, criterion=criterion, of=of),
+            criterion=("c", TEXT),
+            of=("k", TEXT, TERM),
         ),
         "pieces": case(
             fp.pieces,
@@ -75,6 +85,7 @@ def design_cases() -> dict[str, Case]:
             scale=(None, NONE),
             prior_information=(False, FLAG),
             n_experiments=(None, NONE),
+            over=(None, NONE),
             n_candidates=(20, INT),
             starts=(5, INT),
             tolerance=(1e-4, NUMBER),
@@ -136,7 +147,12 @@ def design_cases() -> dict[str, Case]:
             rtol=rtol,
         ),
         "evaluate_design": case(
-            fp.evaluate_design, problem=(problem(),), points=of_points, threads=threads, previous=(None, NONE, POINTS, ARRAY, NAMES)
+            fp.evaluate_design,
+            problem=(problem(),),
+            points=of_points,
+            threads=threads,
+            previous=(None, NONE, POINTS, ARRAY, NAMES),
+            prior_information=(False, FLAG),
         ),
         "evaluate_under_noise": case(
             fp.evaluate_under_noise,
@@ -144,6 +160,7 @@ def design_cases() -> dict[str, Case]:
             points=of_points,
             threads=threads,
             previous=(None, NONE, POINTS, ARRAY, NAMES),
+            prior_information=(False, FLAG),
         ),
         "feasibility": case(
             fp.feasibility,
@@ -176,6 +193,17 @@ def design_cases() -> dict[str, Case]:
             singular=("estimable",),
             progress=(None, NONE, FUNCTION),
             previous=(None, NONE, POINTS, ARRAY, NAMES),
+            over=(None, NONE),
+            criterion=("D",),
+            of=(None, NONE),
+            conditions=(None, NONE),
+            scale=(None, NONE),
+            prior_information=(False, FLAG),
+        ),
+        "sweep for a function": case(
+            lambda criterion, of: fp.sweep(problem(), [4], n_candidates=5, max_iterations=1, criterion=criterion, of=of),
+            criterion=("c", TEXT),
+            of=("a", TEXT, TERM),
         ),
         "Cost": case(
             fp.Cost,
@@ -215,6 +243,7 @@ def design_cases() -> dict[str, Case]:
             of=(None, NONE),
             conditions=(None, NONE),
             scale=(None, NONE),
+            prior_information=(False, FLAG),
         ),
         "exchange for a function": case(
             lambda criterion, of: fp.exchange(

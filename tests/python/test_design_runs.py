@@ -13,6 +13,7 @@ import pytest
 import fisherpoint as fp
 from bench.runs import decay, reactor
 from fisherpoint.design.average import Average
+from fisherpoint.design.optimality.aims import aim_of
 from fisherpoint.design.runs.run_moves import moved_runs
 from fisherpoint.design.runs.run_objective import RunObjective
 from fisherpoint.design.runs.run_pictures import limits_of
@@ -99,7 +100,8 @@ def test_the_gradient_is_that_of_differences(kappa: float, central: bool, error:
     problem = problem_of(limited, {"b": 2.0, "c": 1.0}, {"y": 0.01}, region, uncertain=None, initial_state_std={"x": 0.01})
     coordinates = region.coordinates(limited)
     plants = problem.theta * [[1.0, 1.0], [1.1, 0.9]]
-    objective = RunObjective(problem, coordinates, plants, Average.of_all(2), np.zeros((2, 2, 2)), FINE)
+    aims = [aim_of(fp.criterion(problem))] * 2
+    objective = RunObjective(problem, coordinates, plants, Average.of_all(2), np.zeros((2, 2, 2)), aims, FINE)
     objective.kappa = kappa
     z = np.random.default_rng(0).uniform(0.3, 0.7, (2, len(coordinates)))
     linear = linear_rows(objective, z, None, central, np.random.default_rng(0))

@@ -170,6 +170,85 @@ def test_misuse_is_told(found: fp.Sweep) -> None:
         found.reaching({})
 
 
+# --- for other criteria -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"criterion": "c", "of": "V / K"},
+        {"criterion": "A"},
+        {"criterion": "E"},
+        {"over": fp.OverPrior("worst", scenarios=[{}, {"K": 0.2}])},
+        {"criterion": "c", "of": "V / K", "over": fp.OverPrior("log", scenarios=[{}, {"K": 0.2}])},
+        {"prior_information": True},
+        {"criterion": "A", "prior_information": True},
+    ],
+)
+def test_sizes_are_those_of_exchange(options: dict[str, Any], tmp_path: Path) -> None:
+    problem = fp.load_problem(EXAMPLES / "michaelis_menten.toml")
+    found = fp.sweep(problem, [2, 3, 5], n_candidates=20, **options)
+    with_prior = options.get("prior_information", False)
+    for of in found.designs:
+        size = len(of.points)
+        alone = fp.exchange(problem, size, n_candidates=20, **options)
+        level = alone.criterion.level
+        value = alone.trace[-1].log_det + level * np.log(size / 2)
+        assert of.information == pytest.approx(value, abs=2e-3 * level)
+        assert of.evaluation.log_det == pytest.approx(
+            fp.evaluate_design(problem, of.points, prior_information=with_prior).log_det, abs=1e-9
+        )
+        assert of.at_least is not None and alone.efficiency is not None and of.at_most is not None
+        assert of.at_least == pytest.approx(alone.efficiency.at_least, abs=2e-2) and of.at_least <= 1 + 1e-9
+        if options == {"criterion": "c", "of": "V / K"}:
+            assert of.mean_error == pytest.approx(np.sqrt(alone.value), rel=1e-3)
+        if options == {"criterion": "A", "prior_information": True}:
+            assert of.mean_error == pytest.approx(np.sqrt(alone.value), rel=1e-3)
+    assert found[5].mean_error < found[3].mean_error < found[2].mean_error and found.knee is not None
+    found.save(tmp_path / "sweep.json")
+    again = fp.Sweep.load(tmp_path / "sweep.json")
+    assert str(again.report()) == str(found.report()) and again.settings == found.settings
+    assert ("prior's information counts" in str(found.report())) == with_prior
+
+
+def test_sizes_that_cannot_tell_what_is_asked_are_an_error() -> None:
+    problem = fp.load_problem(EXAMPLES / "michaelis_menten.toml")
+    with pytest.raises(ValueError, match="n_experiments: expected points enough to determine"):
+        fp.sweep(problem, [1, 2], criterion="c", of="V / K", n_candidates=20, max_iterations=20)
+    with pytest.raises(ValueError, match="n_experiments: expected points enough to determine 2 parameters, as singular = 'error'"):
+        fp.sweep(problem, [1, 2], criterion="A", singular="error", n_candidates=20, max_iterations=20)
+    with pytest.raises(ValueError, match='over: expected method = "auto"'):
+        fp.sweep(problem, [2], over=fp.OverPrior("log"), method="paper")
+
+
+def test_sizes_that_cannot_tell_all_are_chosen_by_log_det() -> None:
+    """Nothing is claimed of them; those after them are by the criterion."""
+    found = fp.sweep(quadratic(), [2, 3, 4], criterion="A", n_candidates=10, max_iterations=30)
+    few, enough, more = found.designs
+    assert few.evaluation.rank == 2 and few.information == -np.inf and few.at_least is None
+    assert enough.at_least is not None and more.information > enough.information and not found.not_told
+    for of in (enough, more):
+        assert of.mean_error**2 == pytest.approx(np.trace(np.linalg.inv(of.evaluation.information)), rel=1e-6)
+
+
+@pytest.mark.parametrize("options", [{"criterion": "A"}, {"over": fp.OverPrior("log", scenarios=[{}, {"a": 2.0}])}])
+def test_criteria_ask_for_what_can_be_told(options: dict[str, Any]) -> None:
+    model = fp.SymbolicModel([], ["(a + b) * x"], states={}, inputs={"x": "1"}, outputs={"y": "1"}, parameters={"a": "1", "b": "1"})
+    prior = fp.GaussianPrior({"a": 1.0, "b": 1.0}, std={"a": 1.0, "b": 2.0})
+    problem = fp.DesignProblem(model, prior, fp.ExperimentRegion({"x": (-1.0, 1.0)}), noise_std={"y": 0.5})
+    found = fp.sweep(problem, [1, 2], n_candidates=10, max_iterations=30, **options)
+    (left,) = found.not_told
+    assert left["a"] / left["b"] == pytest.approx(-2.0, rel=1e-6)
+    for of in found.designs:
+        assert np.abs(of.points.u) == pytest.approx(1.0, abs=1e-6)
+        assert of.at_least == pytest.approx(1.0, abs=5e-3)
+        assert of.mean_error**2 == pytest.approx(0.25 / 5 / len(of.points), rel=1e-5)  # of a + 2 b, in units of its length
+    with_prior = fp.sweep(problem, [1, 2], n_candidates=10, max_iterations=30, prior_information=True, singular="error", **options)
+    assert not with_prior.not_told and with_prior.ridge == 0 and with_prior[1].evaluation.rank == 2
+    with pytest.raises(ValueError, match=r"^region: expected points that determine all parameters, as singular = 'error' asks"):
+        fp.sweep(problem, [1, 2], n_candidates=10, max_iterations=30, singular="error", **options)
+
+
 # --- the command --------------------------------------------------------------------------------------------------------
 
 
@@ -199,6 +278,18 @@ def test_the_command_writes_every_size(tmp_path: Path, capsys: pytest.CaptureFix
     assert "Within a budget of 10: the design of 3 points tells most." in printed.out
     again = fp.Sweep.load(out / "sweep.json")
     assert again.sizes == (2, 3, 4) and again[3].cost == 9.0
+
+
+def test_the_command_has_the_criteria_of_the_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, out = tmp_path / "problem.toml", tmp_path / "sizes"
+    asked = 'max_iterations = 24\nn_candidates = 5\ncriterion = "c"\nof = "V / K"\nover = "log"\nscenarios = 2'
+    file.write_text((EXAMPLES / "michaelis_menten.toml").read_text().replace("max_iterations = 200", asked))
+    with pytest.raises(SystemExit) as left:
+        cli.main(["sweep", str(file), "-L", "2,3", "-o", str(out), "--no-plots"])
+    printed = capsys.readouterr()
+    assert left.value.code == 0, printed.err
+    settings = fp.Sweep.load(out / "sweep.json").settings
+    assert settings is not None and (settings.criterion, settings.of) == ("c", "V / K") and settings.over is not None
 
 
 @pytest.mark.parametrize(

@@ -224,7 +224,11 @@ class Campaign(Shown):
         prior = self.problem.prior if self.fit is None else self.fit.posterior()
         settings = replace(self.settings, seed=batch_seed(self.settings.seed, len(self.history)))
         found = self._state.kind.design(
-            self.problem.replace(prior=prior), settings, threads=self._threads, progress=progress, previous=self.data
+            self.problem.replace(prior=prior),
+            settings,
+            threads=self._threads,
+            progress=progress,
+            previous=None if settings.prior_information else self.data,  # the posterior has them in it
         )
         if self._files is not None:
             self._files.write_batch(replace(self._state, planned=found))

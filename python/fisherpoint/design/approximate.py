@@ -13,19 +13,22 @@ from ..basics.values import FrozenMapping
 from ..engine.levels import kernels
 from ..information.combinations import combination
 from ..information.evaluation import null_directions
+from ..information.prior_information import prior_information as information_of_prior
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from ..points.region import ExperimentRegion
 from ..points.settings import resolve_threads
 from .optimality.approximate_design import ApproximateDesign
-from .optimality.approximate_design import prior_information as information_of_prior
 from .optimality.asked import CRITERIA, OF_ALL
 from .optimality.asked import criterion as criterion_of
+from .optimality.averaged import Averaged, EstimableOver, parted
 from .optimality.candidate_rows import CandidateRows
 from .optimality.continuous import Refinement, refined
+from .optimality.criteria import Criterion
 from .optimality.estimable import estimable
 from .optimality.point_rows import PointRows, check_additive
 from .optimality.weights import optimal_weights
+from .over_prior import OverPrior, Scenarios, moved_problems
 from .points.auto_search import AutoSearch
 from .settings import SINGULAR, ExchangeSettings
 
@@ -33,6 +36,9 @@ MOST_CANDIDATES = 10**6
 
 MORE_POINTS, SEARCH, SEARCHED = 3, 600, 2000
 """Points beyond the parameters of a design that is searched for first, its iterations, and how many of its candidates are taken."""
+
+MOST_OF_ALL = 320
+"""Scenarios times parameters: matrices of this size are made of every candidate that is weighed."""
 
 SAMPLE = 2000
 """Candidates that a design keeps for its pictures."""
@@ -49,6 +55,7 @@ def approximate(
     prior_information: bool = False,
     n_experiments: int | None = None,
     singular: str = "estimable",
+    over: OverPrior | None = None,
     n_candidates: int = 5000,
     starts: int = 1000,
     tolerance: float = 1e-6,
@@ -79,6 +86,9 @@ def approximate(
     singular : {"estimable", "error"}
         Where no candidate tells about some combinations of parameters, "D", "A" and "E" ask for the others, and the result names
         what is left open; or that is an error.
+    over : OverPrior, optional
+        An average of the criterion over scenarios in the place of its value at the prior mean, as for :func:`fisherpoint.exchange`:
+        of log det F, or log phi of "Ds", "A", "c" and "I". Points must be valid in every scenario.
     n_candidates : int
         Candidates that are drawn in the region first; those that are no points are left out.
     starts : int
@@ -105,7 +115,7 @@ def approximate(
     if check_choice(criterion, CRITERIA, "criterion") == "ME":
         raise ValueError("criterion: expected one with a concave form, given 'ME': no bound holds for the condition number")
     check_choice(singular, SINGULAR, "singular")
-    asked = criterion_of(problem, criterion, of=of, conditions=conditions, scale=scale, threads=threads)
+    asked: Criterion = criterion_of(problem, criterion, of=of, conditions=conditions, scale=scale, threads=threads)
     starts = check_positive_int(starts, "starts", 1, MOST_CANDIDATES)
     n_candidates = check_positive_int(n_candidates, "n_candidates", 1, MOST_CANDIDATES)
     seed, threads = check_positive_int(seed, "seed", 0), resolve_threads(threads)
@@ -115,15 +125,21 @@ def approximate(
     n_experiments = _experiments(check_flag(prior_information, "prior_information"), n_experiments)
     if candidates is not None:
         check_type(candidates, Experiments, "candidates")
+    scenarios = None if over is None else _scenarios(problem, over, criterion)
     constant = None if n_experiments is None else information_of_prior(problem) / n_experiments
 
-    source = PointRows(problem, threads)
+    if scenarios is not None:
+        there = [
+            criterion_of(one, criterion, of=of, conditions=conditions, scale=scale, threads=threads) for one in scenarios.problems
+        ]
+        asked = Averaged(there, scenarios.average, [len(problem.estimated)] * len(there))
+    source = PointRows(problem, threads, () if scenarios is None else scenarios.problems)
     rng = np.random.default_rng(seed)
     given = candidates
     if given is None:
         _check_region(problem)
         searches = criterion != "c" and problem.model.kernels is kernels
-        searched = _searched(problem, seed, threads) if searches else None
+        searched = _searched(problem, seed, threads, scenarios) if searches else None
         given = _drawn(problem, n_candidates, rng)
         given = given if searched is None else Experiments.join([given, searched])
     rows, places = source.valid(given)
@@ -131,10 +147,13 @@ def approximate(
         told = ", ".join(f"{reason} {count}" for reason, count in source.rejected.items())
         raise ValueError(f"candidates: expected valid points, given none: {told or 'no points at all'}")
     points, pool = given[places], CandidateRows(rows, constant)
-    space = estimable(pool.triangle())
-    names = problem.estimated
-    null = null_directions(space.null, space.length, names)
+    spaces = [estimable(part.triangle()) for part in pool.parts]
+    space, least = spaces[0] if over is None else EstimableOver.of(spaces), min(spaces, key=lambda one: one.rank)
+    null = null_directions(least.null, least.length, problem.estimated)
     refused = singular == "error" and criterion in OF_ALL and null
+    if not refused and len({one.rank for one in spaces}) > 1:
+        told = "; ".join(combination(one) for one in null)
+        raise ValueError(f"over: expected scenarios that tell about the same, given some in which no candidate tells about {told}")
     if refused or not space.rank or asked.outside(space) > 1e-6:
         told = "; ".join(combination(one) for one in null)
         what = "all parameters, as singular = 'error' asks" if refused else "what is asked"
@@ -145,7 +164,7 @@ def approximate(
     if candidates is None:
 
         def others(k: int) -> Experiments | None:
-            return _searched(problem, seed + 1 + k, threads) if searches else None
+            return _searched(problem, seed + 1 + k, threads, scenarios) if searches else None
 
         found = refined(source, points, pool, asked, weights, starts, tolerance, rng, others)
     weights = found.weights
@@ -159,9 +178,10 @@ def approximate(
         conditions=conditions,
         scale=None if scale is None else FrozenMapping(dict(scale)),
         n_experiments=n_experiments,
+        over=over,
         points=found.points,
         weights=weights.weights,
-        information=information,
+        information=information if over is None else parted(information, len(spaces)),
         value=told_by.value(inside),
         efficiency=weights.efficiency,
         largest=weights.largest,
@@ -176,6 +196,18 @@ def approximate(
         deleted=weights.deleted,
         seconds=time.perf_counter() - started,
     )
+
+
+def _scenarios(problem: DesignProblem, over: OverPrior, criterion: str) -> Scenarios:
+    """The problem at each of the scenarios, of which there may not be too many."""
+    check_type(over, OverPrior, "over")
+    if criterion == "E":
+        raise ValueError("criterion: expected 'D', 'Ds', 'A', 'c' or 'I' with over, given 'E', which has kinks of its own")
+    problems, average = moved_problems(problem, over)
+    size, most = len(problems) * len(problem.estimated), MOST_OF_ALL // len(problem.estimated)
+    if size > MOST_OF_ALL:
+        raise ValueError(f"over: expected at most {most} scenarios of {len(problem.estimated)} parameters, given {len(problems)}")
+    return Scenarios(problems, average, (None,) * len(problems))
 
 
 def _experiments(added: bool, n_experiments: int | None) -> int | None:
@@ -195,7 +227,7 @@ def _check_region(problem: DesignProblem) -> None:
         raise ValueError(f"region: expected an ExperimentRegion where no candidates are given, given {given}")
 
 
-def _searched(problem: DesignProblem, seed: int, threads: int) -> Experiments | None:
+def _searched(problem: DesignProblem, seed: int, threads: int, scenarios: Scenarios | None) -> Experiments | None:
     """The best candidates of a search for an exact design: it looks on every scale near good points, where peaks may be narrow.
 
     For "c", whose optima are often singular, they say little; many close ones only hold up its weights.
@@ -210,10 +242,13 @@ def _searched(problem: DesignProblem, seed: int, threads: int) -> Experiments | 
         max_redraws=0,
         references=True,
     )
-    search = AutoSearch(problem, settings, threads)
+    search = AutoSearch(problem, settings, threads, scenarios=scenarios)
     if search.run(None) == "interrupted":
         raise KeyboardInterrupt
     found = search.seen.best(search.best.information, None, SEARCHED)
+    own = search.best.information.experiments
+    if scenarios is not None:  # the candidates are those of the prior mean, the design is for all of them
+        return own if found is None else Experiments.join([found.experiments, own])
     return None if found is None else found.experiments
 
 

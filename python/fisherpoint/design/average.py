@@ -62,16 +62,16 @@ class Average:
         np.put_along_axis(result, order, counted * (len(weights) / total), axis=0)
         return result
 
-    def softened(self, values: Array) -> tuple[float, Array]:
+    def softened(self, values: Array, softness: float = SOFTNESS) -> tuple[float, Array]:
         """A smooth bound of the average of values (S,) from above, near to it, and what each of them counts for.
 
-        The relative entropy of q against w, times `SOFTNESS`, is added to what q minimises.
+        The relative entropy of q against w, times the softness, is added to what q minimises.
         """
         if self.is_mean:
             return float(self.value(values)), self.weights
         w = self.weights / len(self.weights)
-        most = w * len(w) / self._least_total
-        inclined = np.log(w) - (values - values.min()) / SOFTNESS
+        most = self.most
+        inclined = np.log(w) - (values - values.min()) / softness
         full = np.zeros(len(w), dtype=bool)
         while True:  # those that would have more than they may are given what they may, and the others share the rest
             q = np.where(full, most, 0.0)
@@ -84,7 +84,7 @@ class Average:
             full |= over
         positive = q > 0
         entropy = float((q[positive] * np.log(q[positive] / w[positive])).sum())
-        return float(q @ values) + SOFTNESS * entropy, q * len(w)
+        return float(q @ values) + softness * entropy, q * len(w)
 
     def ratios(self, log_dets: Array | None, ratios: Sequence[Array]) -> Array:
         """exp of what the average gains (N,) where the determinants are multiplied by ratios (N,) in each scenario.
@@ -98,6 +98,12 @@ class Average:
             return np.asarray(np.exp(self.value(gained)))
         assert log_dets is not None
         return np.asarray(np.exp(self.value(log_dets[:, None] + gained) - self.value(log_dets)))
+
+    @property
+    def most(self) -> Array:
+        """What each q may be, (S,)."""
+        w = self.weights / len(self.weights)
+        return np.asarray(w * len(w) / self._least_total)
 
     @property
     def _least_total(self) -> float:

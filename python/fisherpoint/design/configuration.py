@@ -47,6 +47,8 @@ __all__ = ["Config", "ConfigError", "load_config", "load_problem"]
 
 _PROBLEM_KEYS = {"output_covariance", "parameters", "kinks", "jumps", "rtol", "assumed_covariance", "along"}
 
+_OF_RUNS = {"n_candidates", "seed", "time_limit", "criterion", "of", "scale", "prior_information"}
+
 
 class Config(ModelFile):
     """A whole configuration file; made by :func:`load_config`."""
@@ -152,10 +154,13 @@ class Config(ModelFile):
     def exchange_settings(self) -> dict[str, Any]:
         """Keyword arguments for :func:`fisherpoint.exchange`; what the file leaves out is left to its defaults."""
         settings = self.design.model_dump(exclude=_PROBLEM_KEYS | {"over", "scenarios", "share"}, exclude_none=True)
-        if self.design.conditions is not None:
-            with self._names_key("design"):
-                settings["conditions"] = self._conditions(Path(self._source).parent / self.design.conditions)
-        return settings | self._over()
+        return settings | self._with_conditions() | self._over()
+
+    def _with_conditions(self) -> dict[str, Any]:
+        if self.design.conditions is None:
+            return {}
+        with self._names_key("design"):
+            return {"conditions": self._conditions(Path(self._source).parent / self.design.conditions)}
 
     def _conditions(self, path: Path) -> Experiments:
         try:
@@ -166,7 +171,8 @@ class Config(ModelFile):
     def run_settings(self) -> dict[str, Any]:
         """Keyword arguments for :func:`fisherpoint.design_runs`; what the file leaves out is left to its defaults."""
         search = {} if self.runs is None else self.runs.search()
-        return search | self.design.model_dump(include={"n_candidates", "seed", "time_limit"}, exclude_none=True) | self._over()
+        search |= self.design.model_dump(include=_OF_RUNS, exclude_none=True) | self._over()
+        return search | self._with_conditions()
 
     def _over(self) -> dict[str, Any]:
         with self._names_key("design"):

@@ -201,6 +201,7 @@ class DesignTable(Table):
     conditions: str | None = None
     scale: dict[str, Positive] | None = None
     confidence: Annotated[float, Field(gt=0, lt=1)] | None = None
+    prior_information: bool | None = None
     output_covariance: Literal["noise", "region", "pooled", "pointwise"] | None = None
     parameters: Annotated[list[str], Field(min_length=1)] | None = None
     kinks: Literal["cross", "exclude"] | None = None

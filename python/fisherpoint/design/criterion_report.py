@@ -4,23 +4,51 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Protocol
 
 import numpy as np
 
+from ..information.evaluation import Evaluation
 from ..show.numbers import computed, percent_down
-from .found import FoundDesign
-from .optimality.asked import named
+from .optimality.asked import Asked, named
+from .optimality.criteria import Criterion
+from .over_prior import OverPrior
 
 
-def asked_for(design: FoundDesign) -> str:
+class Settings(Asked, Protocol):
+    @property
+    def over(self) -> OverPrior | None: ...
+    @property
+    def prior_information(self) -> bool: ...
+
+
+class ByCriterion(Protocol):
+    """A design of points or runs."""
+
+    @property
+    def settings(self) -> Settings: ...
+    @property
+    def evaluation(self) -> Evaluation: ...
+    @property
+    def criterion(self) -> Criterion: ...
+    @property
+    def value(self) -> float: ...
+
+
+def asked_for(design: ByCriterion) -> str:
     """The end of a headline; nothing for log det F, which is the usual one."""
     name, of = design.settings.criterion, design.settings.of
     return "" if name == "D" else f"; chosen by criterion {name}, {named(name, of)}"
 
 
-def maximised(design: FoundDesign) -> str:
+def maximised(design: ByCriterion) -> str:
     """What stands at the axis of a picture, and in sentences about what is proven."""
-    settings, over = design.settings, design.settings.over
+    return maximised_of(design.settings)
+
+
+def maximised_of(settings: Settings) -> str:
+    """The same by the settings of a search."""
+    over = settings.over
     what = "log det F"
     if settings.criterion != "D":
         sign = "-" if settings.criterion in ("A", "c", "I", "ME") else ""
@@ -29,9 +57,11 @@ def maximised(design: FoundDesign) -> str:
     return what if over is None else over.described_with(what)
 
 
-def facts_asked(design: FoundDesign) -> Iterator[tuple[str, str]]:
-    """The criterion and its value; nothing for log det F, which is told anyway."""
+def facts_asked(design: ByCriterion) -> Iterator[tuple[str, str]]:
+    """The criterion and its value, but for log det F, which is told anyway; and whether the prior counts."""
     settings = design.settings
+    if settings.prior_information:
+        yield "prior information", "counts once beside the data, in the criterion, what is proven of it, and the standard errors"
     if settings.criterion == "D":
         return
     yield "criterion", f"{settings.criterion}: {named(settings.criterion, settings.of)}"
@@ -42,12 +72,12 @@ def facts_asked(design: FoundDesign) -> Iterator[tuple[str, str]]:
         value += f", with errors in units of {', '.join(f'{size:g} ({name})' for name, size in settings.scale.items())}"
     elif settings.criterion in ("A", "E", "ME"):
         value += ", parameters in units of their prior std"
-    yield "its value with these points", value
+    yield "its value with this design", value
     if settings.criterion in ("A", "E", "ME") and design.evaluation.null_directions:
-        yield "asked for", "what the points determine; what they leave open stands below"
+        yield "asked for", "what the design determines; what it leaves open stands below"
 
 
-def told(design: FoundDesign, value: float) -> str:
+def told(design: ByCriterion, value: float) -> str:
     """What is maximised at the prior mean, (7), as the criterion tells it for all measurements."""
     if design.settings.criterion == "D":
         return f"{value:.4f}"
@@ -61,7 +91,7 @@ def at_least(share: float) -> str:
     return f"at least {percent_down(share)}"
 
 
-def bound_of(design: FoundDesign, value: float) -> str:
+def bound_of(design: ByCriterion, value: float) -> str:
     """The bound of what is maximised, as the criterion tells it."""
     settings = design.settings
     if settings.over is not None:

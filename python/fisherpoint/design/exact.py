@@ -10,12 +10,12 @@ import numpy as np
 from ..basics.checks import as_positive, check_choice, check_flag, check_positive_int, check_type
 from ..basics.values import FrozenMapping
 from ..information.combinations import combination
-from ..information.evaluation import null_direction
+from ..information.evaluation import null_directions
+from ..information.prior_information import prior_information as information_of_prior
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from ..points.settings import resolve_threads
 from .exact_search import ExactSearch, Limits
-from .optimality.approximate_design import prior_information as information_of_prior
 from .optimality.asked import CRITERIA
 from .optimality.asked import criterion as criterion_of
 from .optimality.branch_and_bound import ExactProgress
@@ -118,7 +118,7 @@ def exact(
         raise ValueError(f"candidates: expected valid points, given none: {told or 'no points at all'}")
     pool = CandidateRows(rows, None if known is None else known / n)
     space = estimable(pool.triangle())
-    null = tuple(null_direction(v, space.length, problem.estimated) for v in space.null)
+    null = null_directions(space.null, space.length, problem.estimated)
     if not space.rank or asked.outside(space) > 1e-6:
         told = "; ".join(combination(one) for one in null)
         raise ValueError(f"candidates: expected some that determine what is asked, given none that tell about {told}")

@@ -27,11 +27,11 @@ from .efficiency import Efficiency, efficiency_of, median_of, random_designs
 from .found import FoundDesign
 from .optimality.aims import LogDet, LogDetWithin
 from .optimality.asked import OF_ALL
+from .optimality.told import refuse_open
 from .over_prior import OverPrior, Scenarios, moved_problems
 from .points.auto_search import AutoSearch
 from .points.exchange_search import ExchangeSearch
 from .points.point_search import PointSearch, Progress
-from .points.told import refuse_open
 from .result import Design
 from .settings import ExchangeSettings, check_asked, most_iterations, searched_by
 
@@ -61,6 +61,7 @@ def exchange(
     conditions: Experiments | None = None,
     scale: Mapping[str, float] | None = None,
     confidence: float | None = None,
+    prior_information: bool = False,
 ) -> Design:
     """Find the design with the largest det F, or the best by another criterion, by exchanging points for candidates.
 
@@ -122,6 +123,10 @@ def exchange(
         The share of the plants of the prior that must be able to run all points, such as 0.99; for method "auto". Points then keep
         so far away from jumps and limits that plants further out than the prior's can run them; `Design.feasible` says whether that
         was enough. Without it a point must be valid on the nodes of the rule, and one plant in ten may not be able to run one.
+    prior_information : bool
+        Whether the inverse of the prior's covariance counts beside the points and the previous ones, for method "auto" with D = R.
+        The criterion, the bounds and the standard errors are then those of an estimate in which the prior takes part, and fewer
+        points than parameters are enough. A prior that is the posterior of the previous data counts these once more: give one.
 
     Returns
     -------
@@ -154,6 +159,7 @@ def exchange(
         conditions=conditions,
         scale=scale,
         confidence=confidence,
+        prior_information=prior_information,
     )
     check_asked(settings, problem)
     if progress is not None and not callable(progress):
@@ -164,15 +170,12 @@ def exchange(
     if keep is not None:
         known, kept = _with_kept(problem, keep, known, settings.n_experiments, threads)
     if settings.over is not None:
-        scenarios = _scenarios(problem, settings, previous, keep, known, threads)
+        scenarios = scenarios_of(problem, settings, previous, keep, known, threads)
     search = _search(problem, settings, threads, known, kept, scenarios)
     stop_reason = search.run(progress)
     interrupted = stop_reason == "interrupted"
-    if not interrupted and not np.isfinite(search.best.log_det) and not isinstance(search.aims[0], LogDet | LogDetWithin):
-        raise ValueError(
-            f"n_experiments: expected points enough to determine what criterion {criterion!r} asks, given "
-            f"{settings.n_experiments}: the search has found none that do"
-        )
+    if not interrupted:
+        check_determined(search)
     efficiency = None
     under_noise = search.under_noise()
     evaluation = search.evaluation(under_noise)
@@ -188,7 +191,17 @@ def exchange(
     return Design(**vars(search.found(stop_reason, evaluation, under_noise, efficiency, left_out)))
 
 
-def _scenarios(
+def check_determined(search: PointSearch) -> None:
+    """Raise where no points were found that determine what another criterion than log det F asks."""
+    asked, count = search.settings.criterion, search.settings.n_experiments
+    if not np.isfinite(search.best.log_det) and not isinstance(search.aims[0], LogDet | LogDetWithin):
+        raise ValueError(
+            f"n_experiments: expected points enough to determine what criterion {asked!r} asks, given {count}: the search has"
+            " found none that do"
+        )
+
+
+def scenarios_of(
     problem: DesignProblem,
     settings: ExchangeSettings,
     previous: Previous | None,
@@ -265,7 +278,8 @@ def _references(search: PointSearch, evaluation: Evaluation, under_noise: Evalua
         own, over = search.best.information, search.scenarios
         bound = seen.bound(own, search.previous) if over is None else seen.bound_over(own, search.previous, over)
     start = search.count, settings.seed, search.threads, search.previous, settings.time_limit
-    random = random_designs(problem, *start, aim.value)
+    total = search.count + (0 if search.previous is None else len(search.previous))
+    random = random_designs(problem, *start, lambda fisher: aim.value(fisher + 2 / total * search.of_prior))
     return efficiency_of(
         search.problem,
         search.criterion,

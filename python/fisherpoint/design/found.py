@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from ..information.feasibility import Feasibility, feasibility
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from .efficiency import Efficiency
-from .optimality.asked import criterion
+from .optimality.asked import criterion_of_design
 from .optimality.criteria import Criterion
 from .scenario_values import ScenarioValues
 from .settings import ExchangeSettings
@@ -108,14 +107,7 @@ class FoundDesign:
 
         Where F is singular "D", "A", "E" and "ME" ask for what the points determine.
         """
-        given = self.settings
-        options: dict[str, Any] = {"of": given.of, "conditions": given.conditions, "scale": given.scale}
-        asked = criterion(self.problem, given.criterion, **options)
-        nulls = self.evaluation.null_directions
-        if not nulls:
-            return asked
-        columns = np.array([[null.get(name, 0.0) for name in self.evaluation.parameters] for null in nulls]).T
-        return asked.restricted(np.linalg.qr(columns, mode="complete")[0][:, len(nulls) :])
+        return criterion_of_design(self.problem, self.settings, self.evaluation)
 
     @property
     def value(self) -> float:

@@ -139,8 +139,9 @@ def moved_problems(problem: DesignProblem, over: OverPrior) -> tuple[tuple[Desig
         if np.array_equal(values, problem.theta):
             problems.append(problem)
         else:  # nobody asks for the nodes of this prior
-            mean = dict(zip(names, values.tolist(), strict=True))
-            problems.append(problem.replace(prior=GaussianPrior(mean, dict(problem.prior.std))))
+            mean, given = dict(zip(names, values.tolist(), strict=True)), problem.prior
+            spread = {"covariance": given.covariance} if given.correlated else {"std": dict(given.std)}
+            problems.append(problem.replace(prior=GaussianPrior(mean, **spread)))
     share = {"log": 1.0, "worst": 0.0, "cvar": over.share}[over.kind]
     equal = np.ptp(weights) <= 1e-12
     return tuple(problems), Average(np.ones(len(weights)) if equal else weights * len(weights), share)

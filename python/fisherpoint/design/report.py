@@ -11,7 +11,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from ..basics.quantity import Quantity
-from ..information.evaluation import value_of_criterion
+from ..information.evaluation import WITH_PRIOR, value_of_criterion
 from ..information.feasibility import Feasibility
 from ..information.nearby import DISTANCE, Nearby, times
 from ..information.problem import DesignProblem
@@ -148,17 +148,20 @@ def _parameter_table(evaluated: Evaluated) -> Section:
         )
         return Section("No standard errors", notes=[note])
     noise = "the sensor noise (D = R)" if problem.assumed is None else "the sensor noise and what is uncertain (R_k)"
-    columns = ("parameter", "unit", "mean", "prior std", "standard error", "RSE", "of prior std")
+    alone = under_noise.without_prior
+    columns = ["parameter", "unit", "mean", "prior std", "standard error", "RSE", "of prior std"]
+    columns += [] if alone is None else ["without the prior"]
     units = {quantity.name: quantity.unit for quantity in problem.model.parameters}
     rows, marked = [], []
     for k, name in enumerate(problem.estimated):
         mean, std = problem.prior.mean[name], problem.prior.std[name]
         error = (under_noise.standard_errors or {}).get(name, math.nan)
         rse = (under_noise.rse or {}).get(name, math.nan)
-        rows.append((name, units[name], number(mean), number(std), computed(error), percent(rse), percent(error / std)))
+        told = (name, units[name], number(mean), number(std), computed(error), percent(rse), percent(error / std))
+        rows.append(told if alone is None else (*told, computed(alone[name])))
         if name in under_noise.weak_parameters:
             marked.append(k)
-    notes = []
+    notes = [] if alone is None else [WITH_PRIOR]
     if problem.assumed is not None and problem.assumed_covariance != "predictive":
         notes.append(
             'To first order in what is uncertain; assumed_covariance = "predictive" takes in curvature, which may make estimates '

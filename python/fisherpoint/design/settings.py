@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass
 from typing import Any, TypeVar
 
 from ..basics.checks import (
@@ -62,6 +62,7 @@ class ExchangeSettings:
     conditions: Experiments | None = None
     scale: Mapping[str, float] | None = None
     confidence: float | None = None
+    prior_information: bool = False
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -79,15 +80,22 @@ class ExchangeSettings:
         check_choice(self.method, METHODS, "method")
         check_choice(self.singular, SINGULAR, "singular")
         _check_kind_of_over(self.over)
-        check_choice(self.criterion, CRITERIA, "criterion")
-        if self.of is not None and not isinstance(self.of, str):
-            set_field(self, "of", tuple(check_name(one, "of") for one in as_sequence(self.of, "of", "names")))
-        if self.conditions is not None:
-            check_type(self.conditions, Experiments, "conditions")
-        if self.scale is not None:
-            set_field(self, "scale", by_name(self.scale, None, "scale", as_std))
+        _check_what_is_asked(self)
         if self.confidence is not None:
             set_field(self, "confidence", as_probability(self.confidence, "confidence"))
+
+
+def _check_what_is_asked(settings: ExchangeSettings | RunSettings) -> None:
+    """Check the criterion and what it needs by their kinds, each by itself."""
+    set_field = object.__setattr__
+    check_choice(settings.criterion, CRITERIA, "criterion")
+    if settings.of is not None and not isinstance(settings.of, str):
+        set_field(settings, "of", tuple(check_name(one, "of") for one in as_sequence(settings.of, "of", "names")))
+    if settings.conditions is not None:
+        check_type(settings.conditions, Experiments, "conditions")
+    if settings.scale is not None:
+        set_field(settings, "scale", by_name(settings.scale, None, "scale", as_std))
+    set_field(settings, "prior_information", check_flag(settings.prior_information, "prior_information"))
 
 
 def _check_kind_of_over(over: object) -> None:
@@ -118,7 +126,12 @@ def check_asked(settings: ExchangeSettings, problem: DesignProblem) -> None:
         )
     if method == "auto" and kind == "noise":
         return
-    for name, given in (("over", settings.over is not None), (f"criterion {settings.criterion!r}", settings.criterion != "D")):
+    asked = {
+        "over": settings.over is not None,
+        f"criterion {settings.criterion!r}": settings.criterion != "D",
+        "prior_information": settings.prior_information,
+    }
+    for name, given in asked.items():
         if given:
             raise ValueError(
                 f'{name}: expected method = "auto", output_covariance = "noise" and a model of equations, '
@@ -136,7 +149,13 @@ class RunSettings:
     seed: int
     confidence: float | None
     time_limit: float | None
-    over: OverPrior | None = field(default=None, kw_only=True)
+    _: KW_ONLY
+    over: OverPrior | None = None
+    criterion: str = "D"
+    of: str | tuple[str, ...] | None = None
+    conditions: Experiments | None = None
+    scale: Mapping[str, float] | None = None
+    prior_information: bool = False
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -148,6 +167,7 @@ class RunSettings:
         if self.time_limit is not None:
             set_field(self, "time_limit", as_positive(self.time_limit, "time_limit", "time in s"))
         _check_kind_of_over(self.over)
+        _check_what_is_asked(self)
 
 
 def settings_to_json(settings: ExchangeSettings | RunSettings) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from ..information.codec import evaluation_from_json, evaluation_to_json, proble
 from ..information.evaluation import Evaluation
 from ..information.point_information import PointInformation
 from ..information.previous import Previous, previous_information
+from ..information.prior_information import prior_information as information_of_prior
 from ..information.problem import DesignProblem
 from ..information.problem_report import problem_sections
 from ..points.codec import points_from_json, points_to_json
@@ -26,11 +27,15 @@ from ..points.settings import resolve_threads
 from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
 from .cost import Cost
+from .exchange import check_determined, scenarios_of
+from .optimality.aims import Aim, LogDet
+from .optimality.asked import OF_ALL
+from .optimality.told import not_told, refuse_open
+from .over_prior import OverPrior
 from .points.point_search import PointSearch, Progress
 from .points.seen_candidates import SeenCandidates
 from .points.size_search import sized_searches
-from .points.told import not_told, refuse_open
-from .settings import MOST, ExchangeSettings, most_iterations
+from .settings import MOST, ExchangeSettings, check_asked, most_iterations
 from .sweep_report import sweep_report
 from .swept import SizedDesign, SweptDesigns, log_det_of
 
@@ -45,11 +50,12 @@ MOST_SIZES = 1000
 class Sweep(SweptDesigns, Shown, Kept):
     """Designs of several sizes, as `sweep` found them; `SweptDesigns` has its attributes."""
 
-    _INSIDE = (SizedDesign, Cost)
+    _INSIDE = (SizedDesign, Cost, ExchangeSettings)
     _CODEC: ClassVar[Codec] = {
         DesignProblem: (problem_to_json, problem_from_json),
         Experiments: (points_to_json, points_from_json),
         Evaluation: (evaluation_to_json, lambda data: evaluation_from_json(data, data["n_points"])),
+        OverPrior: (OverPrior.to_json, OverPrior.from_json),
     }
 
     def _asked(self) -> Sequence[Section]:
@@ -103,6 +109,12 @@ def sweep(
     singular: str = "estimable",
     progress: Callable[[int, Progress], None] | None = None,
     previous: Previous | None = None,
+    over: OverPrior | None = None,
+    criterion: str = "D",
+    of: str | Sequence[str] | None = None,
+    conditions: Experiments | None = None,
+    scale: Mapping[str, float] | None = None,
+    prior_information: bool = False,
 ) -> Sweep:
     """Find designs of several sizes, each from the last one and the candidates of all before.
 
@@ -115,6 +127,8 @@ def sweep(
     cost : Cost, optional
         What the designs are charged with. It does not change the designs: each is the best that was found of its size.
     n_candidates, max_iterations, seed, threads, method, singular, previous
+        As for :func:`fisherpoint.exchange`, for each size.
+    over, criterion, of, conditions, scale, prior_information
         As for :func:`fisherpoint.exchange`, for each size.
     time_limit : float, optional
         Stop after so many seconds, with the sizes that are done then.
@@ -154,26 +168,36 @@ def sweep(
         local=0.5,
         method=method,
         singular=singular,
+        over=over,
+        criterion=criterion,
+        of=of,  # type: ignore[arg-type]  # the settings make it a tuple
+        conditions=conditions,
+        scale=scale,
+        prior_information=prior_information,
     )
+    check_asked(settings, problem)
     known, _ = previous_information(problem, previous, threads)
-    seen = SeenCandidates(problem, threads)
-    found: list[tuple[PointInformation, Evaluation]] = []
+    scenarios = None if over is None else scenarios_of(problem, settings, previous, None, known, threads)
+    seen = SeenCandidates(problem, threads, of_prior=information_of_prior(problem) if prior_information else 0.0)
+    found: list[_Found] = []
     space, ridge = None, 0.0
     search: PointSearch | None = None
     stop_reason = "done"
     try:
-        for search in sized_searches(problem, settings, sizes, threads, known, seen):
+        for search in sized_searches(problem, settings, sizes, threads, known, seen, scenarios):
             size = search.settings.n_experiments
             if search.run(None if progress is None else partial(progress, size)) == "interrupted":
                 raise KeyboardInterrupt
-            information, evaluation = _of(search)
-            if evaluation.null_directions:
+            check_determined(search)
+            one = _found(search)
+            if one.evaluation.null_directions:
                 space = search.look_at_what_is_told()
-                seen.aims = search.aims
-                if singular == "error":
+                if singular == "error" and criterion in OF_ALL:
                     refuse_open(problem, space, size)
+            seen.include(search.seen)
+            seen.aims = search.aims
             ridge = max(ridge, search.ridge)
-            found.append((information, evaluation))
+            found.append(one)
             if time_limit is not None and time.perf_counter() - started > time_limit and size != sizes[-1]:
                 stop_reason = "time_limit"
                 break
@@ -183,19 +207,21 @@ def sweep(
             if search is None:
                 raise
             stop_reason = "interrupted_first"  # who interrupts wants an end: nothing is proven of this one
-            found.append(_of(search))
-    designs, bound = [], None
+            found.append(_found(search))
     level = None if space is None or not len(space.null) else space.rank
-    for information, evaluation in found:
-        log_det = log_det_of(evaluation, level)
-        # Beside previous points it depends on the size.
-        if stop_reason != "interrupted_first" and np.isfinite(log_det) and (bound is None or known is not None):
-            bound = seen.bound(information, known)
+    designs, bound = [], None
+    for information, evaluation, aim, maximised in found:
+        own = level if maximised is None else aim.level
+        value = log_det_of(evaluation, level) if maximised is None else maximised
+        # Beside what is known it depends on the size.
+        afresh = bound is None or known is not None or prior_information
+        if afresh and stop_reason != "interrupted_first" and np.isfinite(value):
+            bound = seen.bound(information, known) if scenarios is None else seen.bound_over(information, known, scenarios)
         points = information.experiments
-        at_most = None if bound is None or not np.isfinite(log_det) else max(bound.log_det, log_det)
-        designs.append(
-            SizedDesign(points, evaluation, None if cost is None else cost.of(points, problem.model), at_most, level=level)
-        )
+        at_most = None if bound is None or not np.isfinite(value) else max(bound.log_det, value)
+        costs = None if cost is None else cost.of(points, problem.model)
+        degree = 1 if maximised is None else aim.criterion.degree
+        designs.append(SizedDesign(points, evaluation, costs, at_most, maximised=maximised, level=own, degree=degree))
     return Sweep(
         problem=problem,
         designs=tuple(designs),
@@ -203,16 +229,29 @@ def sweep(
         n_previous=0 if known is None else len(known),
         n_candidates=0 if bound is None else bound.n_candidates,
         stop_reason=stop_reason,
+        settings=settings,
         seconds=time.perf_counter() - started,
         not_told=() if space is None else not_told(problem, space),
         ridge=ridge,
     )
 
 
-def _of(search: PointSearch) -> tuple[PointInformation, Evaluation]:
-    evaluation = search.under_noise()
+class _Found(NamedTuple):
+    """A design of one size; `maximised` is None where that is log det F at the prior mean, and -inf where points are too few."""
+
+    information: PointInformation
+    evaluation: Evaluation
+    aim: Aim
+    maximised: float | None
+
+
+def _found(search: PointSearch) -> _Found:
+    evaluation, aim, maximised = search.under_noise(), search.aims[0], search.best.log_det
     assert evaluation is not None
-    return search.best.information, evaluation
+    if aim.criterion.name != search.settings.criterion:  # the points are too few for it, and chosen by log det F
+        aim, maximised = search.asked[0], -np.inf
+    usual = search.scenarios is None and isinstance(search.asked[0], LogDet)
+    return _Found(search.best.information, evaluation, aim, None if usual else maximised)
 
 
 def _sizes(given: Iterable[int]) -> list[int]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from ..information.combinations import combination
 from ..show.numbers import computed, counted, number, percent, percent_down
 from ..show.section import Report, Section
+from .criterion_report import maximised_of
+from .optimality.asked import OF_ALL
 from .singular_report import GUIDE, ridge_facts
 from .swept import SweptDesigns
 
@@ -16,9 +16,24 @@ _LARGEST = 3
 """Parameters that are named for each size: those with the largest standard errors next to the prior's."""
 
 
+_ERRORS = {
+    "D": ("mean error", "det(F)^(-1/2p), the geometric mean over the directions of the parameters, in prior std"),
+    "Ds": ("mean error", "the geometric mean over the directions of the parameters that were asked for, in prior std"),
+    "A": ("joint error", "the root of the trace of F^-1, of errors next to their scales"),
+    "E": ("largest error", "that of the combination of parameters that is known worst, next to its scale"),
+    "ME": ("error ratio", "the largest error of a combination of parameters over the smallest"),
+    "c": ("error", "the standard deviation of the function"),
+    "I": ("error", "the root of the mean variance of the predictions"),
+}
+"""By criterion, what phi^(-1/2) is called, and is."""
+
+
 def sweep_report(sweep: SweptDesigns) -> Report:
     """The designs by size."""
-    prior = sweep.problem.prior.std
+    prior, asked = sweep.problem.prior.std, sweep.settings
+    name = "D" if asked is None else asked.criterion
+    error, what = _ERRORS.get(name, _ERRORS["D"]), "log det F" if asked is None else maximised_of(asked)
+    written = computed if name in ("c", "I", "ME") else percent
     rows, marked, timed = [], [], bool(sweep.problem.model.states)
     most = len(sweep.problem.estimated) - len(sweep.not_told)
     for k, (size, of) in enumerate(zip(sweep.sizes, sweep.designs, strict=True)):
@@ -27,12 +42,12 @@ def sweep_report(sweep: SweptDesigns) -> Report:
         if errors is None:
             rank = of.evaluation.rank
             worst = f"F is singular: rank {rank}{f' of {most} that are possible' if rank < most else ''}"
-            mean = percent(of.mean_error) if told else "-"
+            mean = written(of.mean_error) if told else "-"
         else:
-            share = {name: errors[name] / prior[name] for name in sweep.problem.estimated}
-            largest = sorted(share, key=lambda name: -share[name])[:_LARGEST]
-            worst = ", ".join(f"{name} {percent(share[name])}" for name in largest)
-            mean = percent(of.mean_error)
+            share = {one: errors[one] / prior[one] for one in sweep.problem.estimated}
+            largest = sorted(share, key=lambda one: -share[one])[:_LARGEST]
+            worst = ", ".join(f"{one} {percent(share[one])}" for one in largest)
+            mean = written(of.mean_error)
         if size == sweep.knee:
             marked.append(k)
         at_least = "-" if of.at_least is None else percent_down(of.at_least)
@@ -41,10 +56,8 @@ def sweep_report(sweep: SweptDesigns) -> Report:
         lasting = [number(float(of.points.dt.sum()))] if timed else []
         rows.append((str(size), information, mean, worst, at_least, *lasting, *cost))
     lasting = ["duration [s]"] if timed else []
-    columns = ["points", "log det F, sum", "mean error", "largest errors, of prior std", "efficiency at least", *lasting]
-    notes = [
-        "mean error: det(F)^(-1/2p), the geometric mean over the directions of the parameters, in prior std.",
-    ]
+    columns = ["points", f"{what}, sum", error[0], "largest errors, of prior std", "efficiency at least", *lasting]
+    notes = [f"{error[0]}: {error[1]}."]
     if sweep.n_candidates:
         notes.append(
             f"efficiency at least: proven among designs of the {sweep.n_candidates} candidates that the searches have evaluated, by"
@@ -52,14 +65,21 @@ def sweep_report(sweep: SweptDesigns) -> Report:
         )
     if sweep.knee is not None:
         notes.append(f"From {sweep.knee} points on, which are marked, more help little next to the first ones.")
+    notes += [f"{fact}: {text}." for fact, text in ridge_facts(sweep)]
+    if asked is not None and asked.prior_information:
+        notes.append("The prior's information counts once beside the data, in the criterion, its bounds and the errors.")
+    if asked is not None and asked.over is not None:
+        notes.append("The errors of parameters are those at the prior mean.")
     table = Section("Designs by size", [*columns, *([] if sweep.cost is None else ["cost"])], rows, marked, notes)
-    table = replace(table, notes=[*table.notes, *(f"{what}: {text}." for what, text in ridge_facts(sweep))])
     warnings = []
     if sweep.not_told:
         left = "; ".join(map(combination, sweep.not_told))
+        of_rest = f"{what}, {error[0]}s and efficiencies are of the rest"
+        if name not in OF_ALL:
+            of_rest = f"what criterion {name} asks is determined all the same"
         warnings.append(
-            f"No point of the region was found to tell about {left} (in prior std): log det F, mean errors and efficiencies are of"
-            f" the rest. Measure other outputs, widen the region, or leave parameters out (parameters = [...]). See {GUIDE}."
+            f"No point of the region was found to tell about {left} (in prior std): {of_rest}. Measure other outputs, widen the"
+            f" region, or leave parameters out (parameters = [...]). See {GUIDE}."
         )
     if sweep.stop_reason != "done":
         why = "The time limit is over" if sweep.stop_reason == "time_limit" else "Interrupted"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from .cost import Cost
 from .efficiency import d_efficiency
+from .settings import ExchangeSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,40 +29,60 @@ class SizedDesign:
     cost : float or None
         None where no costs were given.
     at_most : float or None
-        Proven: no design of as many of the candidates that all searches together have evaluated has a larger log det F, (7). None
-        where the points are too few to determine as much as these candidates do.
+        Proven: no design of as many of the candidates that all searches together have evaluated has a larger log det F, (7), or
+        more of what was maximised in its place. None where the points are too few to determine as much as these candidates do.
+    maximised : float or None
+        Of F as in (7), what was: level log phi of another criterion than "D", or the average over scenarios; -inf where points were
+        too few for it, which are chosen by log det F. None for log det F at the prior mean.
     level : int or None
-        How many directions of the parameters points of the region can determine, where these are not all: log dets are of them.
+        Of that criterion, where there is another; else how many directions of the parameters points of the region can determine,
+        where these are not all: log dets are of them.
+    degree : int
+        Of the criterion.
     """
 
     points: Experiments
     evaluation: Evaluation
     cost: float | None
     at_most: float | None
-    level: int | None = field(default=None, kw_only=True)
+    _: KW_ONLY
+    maximised: float | None = None
+    level: int | None = None
+    degree: int = 1
 
     @property
     def log_det(self) -> float:
-        """log det F, (7), of what points of the region can determine; -inf where this design's determine less."""
-        return log_det_of(self.evaluation, self.level)
+        """log det F, (7), of what points of the region can determine; -inf where this design's determine less.
+
+        Where something else was maximised it is that of all parameters.
+        """
+        return log_det_of(self.evaluation, self.level if self.maximised is None else None)
 
     @property
     def at_least(self) -> float | None:
-        """The D-efficiency against `at_most`: a lower bound among designs of these candidates."""
-        return d_efficiency(self.log_det, self.at_most, self._p)
+        """The efficiency against `at_most`: a lower bound among designs of these candidates."""
+        return d_efficiency(self._value, self.at_most, self._level)
 
     @property
     def information(self) -> float:
-        """`log_det` in its sum form, the sum over the measurements, standardised: it rises with each."""
-        return float(self.log_det + self._p * np.log(self.evaluation.n_points / 2))
+        """`log_det`, or what was maximised, of the sum over the measurements, standardised: it rises with each."""
+        return float(self._value + self._level * self.degree * np.log(self.evaluation.n_points / 2))
 
     @property
     def mean_error(self) -> float:
-        """det(F)^(-1/2p): the geometric mean of the standard errors over the principal directions, in prior std."""
-        return float(np.exp(-self.information / (2 * self._p)))
+        """phi^(-1/2): for "D" det(F)^(-1/2p), the geometric mean of the standard errors over the principal directions.
+
+        These are in prior std. For "c" it is the standard deviation of the function, for "I" that of predictions, for "A" the root
+        of the sum of the squared errors; over the prior the geometric mean over the scenarios, or over those that count.
+        """
+        return float(np.exp(-self.information / (2 * self._level)))
 
     @property
-    def _p(self) -> int:
+    def _value(self) -> float:
+        return self.log_det if self.maximised is None else self.maximised
+
+    @property
+    def _level(self) -> int:
         return len(self.evaluation.parameters) if self.level is None else self.level
 
 
@@ -88,6 +109,8 @@ class SweptDesigns:
         Where it is not "done", larger sizes are missing; "interrupted_first", before the first size was done, of which this is the
         best design so far.
     seconds : float
+    settings : ExchangeSettings or None
+        Of the search for the smallest design; the others differ in their size. None in older files.
     not_told : tuple of mappings of parameter name to float
         Combinations of standardised parameters that no point of the region was found to tell about.
     ridge : float
@@ -101,8 +124,10 @@ class SweptDesigns:
     n_candidates: int
     stop_reason: str
     seconds: float
-    not_told: tuple[Mapping[str, float], ...] = field(default=(), kw_only=True)
-    ridge: float = field(default=0.0, kw_only=True)
+    _: KW_ONLY
+    settings: ExchangeSettings | None = None
+    not_told: tuple[Mapping[str, float], ...] = ()
+    ridge: float = 0.0
 
     def __getitem__(self, n_experiments: int) -> SizedDesign:
         if n_experiments not in self.sizes:
@@ -119,8 +144,8 @@ class SweptDesigns:
     def knee(self) -> int | None:
         """The size from which on more experiments help little; None where fewer than three designs determine all parameters.
 
-        The mean standard error, det(F)^(-1/2p), falls with the size; the knee is where its curve lies furthest below the straight
-        line from the first to the last of the sizes (Satopaa et al. 2011). It depends on these two, and is no optimum.
+        The mean standard error, `SizedDesign.mean_error`, falls with the size; the knee is where its curve lies furthest below the
+        straight line from the first to the last of the sizes (Satopaa et al. 2011). It depends on these two, and is no optimum.
         """
         able = [of for of in self.designs if np.isfinite(of.information)]
         if len(able) < 3:

@@ -72,6 +72,8 @@ def evaluation_to_json(evaluation: Evaluation | None) -> dict[str, Any] | None:
         value = getattr(evaluation, field.name)
         if isinstance(value, np.ndarray):
             value = value.tolist()
+        elif field.name == "without_prior" and value is not None:
+            value = {name: number_to_json(error) for name, error in value.items()}
         elif isinstance(value, Mapping):
             value = dict(value)
         elif isinstance(value, Nearby):
@@ -83,10 +85,10 @@ def evaluation_to_json(evaluation: Evaluation | None) -> dict[str, Any] | None:
 
 
 def evaluation_from_json(data: dict[str, Any] | None, n_points: int) -> Evaluation | None:
-    """The evaluation of which this is the JSON; older files lack `n_points`, `nearby`, `units` and `log_det_estimable`."""
+    """The evaluation of which this is the JSON; older files lack some of what it has now."""
     if data is None:
         return None
-    data = {"n_points": n_points, "nearby": None, "units": {}, "log_det_estimable": None} | data
+    data = {"n_points": n_points, "nearby": None, "units": {}, "log_det_estimable": None, "without_prior": None} | data
     values = {field.name: data[field.name] for field in fields(Evaluation)}
     values["n_points"] = check_positive_int(values["n_points"], "n_points")
     for name in ("parameters", "outputs", "outputs_left_out"):
@@ -95,6 +97,9 @@ def evaluation_from_json(data: dict[str, Any] | None, n_points: int) -> Evaluati
         values[name] = None if values[name] is None else np.array(values[name], dtype=np.float64)
     for name in ("standard_errors", "rse", "prior_std"):
         values[name] = None if values[name] is None else FrozenMapping(dict(values[name]))
+    if values["without_prior"] is not None:
+        errors = {name: np.inf if error is None else error for name, error in values["without_prior"].items()}
+        values["without_prior"] = by_name(errors, values["parameters"], "without_prior", _error, complete=True)
     values["units"] = FrozenMapping({name: Quantity(name, unit).unit for name, unit in dict(values["units"]).items()})
     values["null_directions"] = tuple(FrozenMapping(dict(direction)) for direction in values["null_directions"])
     values["log_det"] = log_det_from_json(values["log_det"])
@@ -114,14 +119,14 @@ def _nearby_to_json(nearby: Nearby) -> dict[str, Any]:
 def _nearby_from_json(data: dict[str, Any], parameters: tuple[str, ...], n_points: int) -> Nearby:
     growth = {name: np.inf if value is None else value for name, value in data["growth"].items()}
     return Nearby(
-        by_name(growth, parameters, "growth", _growth, complete=True),
+        by_name(growth, parameters, "growth", _error, complete=True),
         by_name(data["parameters"], parameters, "parameters", as_float, complete=True),
         tuple(check_positive_int(k, "points", 0, most=n_points - 1) for k in data["points"]),
         by_name(data["lost"], Status.__members__, "lost", check_positive_int),
     )
 
 
-def _growth(value: Any, name: str) -> float:
+def _error(value: Any, name: str) -> float:
     return value if value == np.inf else as_float(value, name)
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..basics.checks import check_choice, check_type
+from ..basics.checks import check_choice, check_flag, check_type
 from ..basics.extras import needed_for
 from ..basics.kept import Kept
 from ..basics.quantity import names_of
@@ -28,6 +28,7 @@ from .null_space import column_scaled_svd, pivots, reduced_basis, unscaled
 from .output_covariance import Criterion, cholesky_factor, criterion, needs_covariances, whitened
 from .point_information import PointInformation, point_information
 from .previous import Previous, previous_information
+from .prior_information import prior_rows
 from .problem import DesignProblem
 from .run_information import run_information
 
@@ -40,6 +41,11 @@ RANK_TOLERANCE = 1e-9
 
 ROUNDING = 1e-7
 """Of components of null directions, where there are several."""
+
+UNDETERMINED = 1e-6
+"""Share of a parameter in what the data leave open from which on they do not determine it."""
+
+WITH_PRIOR = "With the prior's information, as of an estimate in which the prior takes part; the last column is of the data alone."
 
 ACCURATE = 1e-6
 """Below this share of the largest, the squares in F have lost digits: log det is taken from the singular values then."""
@@ -83,6 +89,10 @@ class Evaluation(Shown, Kept):
         log det of `fisher` over what it determines: of Q^T F Q, with an orthonormal basis Q of all that is orthogonal to the
         `null_directions`; `log_det` where there are none. Only designs that leave the same directions open compare by it. None
         where nothing is determined, and in files of versions that did not keep it.
+    without_prior : mapping of parameter name to float, or None
+        Where the prior's information counts beside that of the data, the standard errors of the data alone, inf of parameters that
+        these do not determine; else None. `fisher`, and all that follows from it, then has the prior's information in it, once:
+        2/L of it, with L the measurements alone.
     """
 
     _INSIDE = (Nearby,)
@@ -105,6 +115,7 @@ class Evaluation(Shown, Kept):
     nearby: Nearby | None = None
     units: Mapping[str, str] = field(default_factory=lambda: FrozenMapping({}))
     log_det_estimable: float | None = None
+    without_prior: Mapping[str, float] | None = None
 
     @property
     def information(self) -> Array:
@@ -170,14 +181,18 @@ class Evaluation(Shown, Kept):
     def report(self) -> Report:
         """Standard errors, and what is not determined."""
         kind = self.output_covariance_kind
-        columns = ("parameter", "unit", "prior std", "standard error", "RSE", "of prior std")
+        alone = self.without_prior
+        columns = ["parameter", "unit", "prior std", "standard error", "RSE", "of prior std"]
+        columns += [] if alone is None else ["without the prior"]
         rows = []
         for name in self.parameters:
             error, std = (self.standard_errors or {}).get(name, np.nan), self.prior_std[name]
             share = percent((self.rse or {}).get(name, np.nan))
-            rows.append((name, self.units.get(name, "-"), number(std), computed(error), share, percent(error / std)))
+            last = [] if alone is None else [computed(alone[name])]
+            rows.append((name, self.units.get(name, "-"), number(std), computed(error), share, percent(error / std), *last))
         marked = [k for k, name in enumerate(self.parameters) if name in self.weak_parameters]
         notes = [] if kind == "noise" else ["Those of an estimate only where D is R: see evaluate_under_noise"]
+        notes += [] if alone is None else [WITH_PRIOR]
         notes += [] if self.nearby is None else [self.nearby.described]
         facts = [("output covariance D", kind), ("outputs used", ", ".join(self.outputs))]
         if self.outputs_left_out:
@@ -190,7 +205,8 @@ class Evaluation(Shown, Kept):
 def value_of_criterion(evaluation: Evaluation) -> list[tuple[str, str]]:
     """The criterion, or what makes F singular, as facts of a report."""
     if evaluation.covariance is not None:
-        return [("log det F", f"{evaluation.log_det:.4f} (parameters in units of their prior std, F as in (7))")]
+        prior = ", with the prior's information" * (evaluation.without_prior is not None)
+        return [("log det F", f"{evaluation.log_det:.4f} (parameters in units of their prior std, F as in (7){prior})")]
     rank = f"{evaluation.rank} of {len(evaluation.parameters)}: singular, log det is -inf"
     facts = [("rank of F", rank), *(("not determined (in prior std)", combination(null)) for null in evaluation.null_directions)]
     if evaluation.log_det_estimable is not None:
@@ -200,7 +216,12 @@ def value_of_criterion(evaluation: Evaluation) -> list[tuple[str, str]]:
 
 
 def evaluate_design(
-    problem: DesignProblem, points: Experiments | Runs, *, threads: int | None = None, previous: Previous | None = None
+    problem: DesignProblem,
+    points: Experiments | Runs,
+    *,
+    threads: int | None = None,
+    previous: Previous | None = None,
+    prior_information: bool = False,
 ) -> Evaluation:
     """Evaluate any design, also one with fewer points than parameters.
 
@@ -214,6 +235,8 @@ def evaluate_design(
     threads : int, optional
     previous : Measurements, Experiments, Design, or a sequence of these, optional
         Points whose information is already collected, as for `exchange`: the evaluation is of all points together.
+    prior_information : bool
+        Whether the inverse of the prior's covariance counts beside them, as for `exchange`; where D is R.
 
     Returns
     -------
@@ -223,10 +246,14 @@ def evaluate_design(
     Raises
     ------
     ValueError
-        Where a point is none (its trajectory is not ok, or it starts on a switching surface), or D is singular.
+        Where a point is none (its trajectory is not ok, or it starts on a switching surface), D is singular, or the prior's
+        information is to count under another D than R.
     """
     check_type(problem, DesignProblem, "problem")
     _check_points(points)
+    kind = "noise" if isinstance(points, Runs) else str(problem.output_covariance)
+    if check_flag(prior_information, "prior_information") and kind != "noise":
+        raise ValueError(f"prior_information: expected output_covariance 'noise', under which F is information, given {kind!r}")
     if isinstance(points, Runs):
         information = run_information(problem, points, threads)
     else:
@@ -237,18 +264,24 @@ def evaluate_design(
         warnings.warn(f"previous: expected points that are valid at the prior mean, left out {reasons}", stacklevel=2)
     if known is not None:
         information = PointInformation.join([known, information])
-    return evaluate_information(problem, information, criterion(problem, information, threads), threads)
+    return evaluate_information(problem, information, criterion(problem, information, threads), threads, prior_information)
 
 
 def evaluate_under_noise(
-    problem: DesignProblem, points: Experiments | Runs, *, threads: int | None = None, previous: Previous | None = None
+    problem: DesignProblem,
+    points: Experiments | Runs,
+    *,
+    threads: int | None = None,
+    previous: Previous | None = None,
+    prior_information: bool = False,
 ) -> Evaluation | None:
     """Evaluate a design with D = R, or R_k, whatever the problem's D is; None where the sensor noise is not known."""
     check_type(problem, DesignProblem, "problem")
     _check_points(points)
     if problem.noise_std is None:
         return None
-    return evaluate_design(problem.replace(output_covariance="noise"), points, threads=threads, previous=previous)
+    under_noise = problem.replace(output_covariance="noise")
+    return evaluate_design(under_noise, points, threads=threads, previous=previous, prior_information=prior_information)
 
 
 def _check_points(points: object) -> None:
@@ -258,17 +291,22 @@ def _check_points(points: object) -> None:
         raise ValueError("points: expected at least one point, given none")
 
 
-def evaluate_information(problem: DesignProblem, information: PointInformation, d: Criterion, threads: int | None) -> Evaluation:
-    """Evaluate points whose information is known."""
+def evaluate_information(
+    problem: DesignProblem, information: PointInformation, d: Criterion, threads: int | None, prior_information: bool = False
+) -> Evaluation:
+    """Evaluate points whose information is known, with that of the prior beside it on request."""
     names, std = problem.estimated, problem.std
     prepared = d.prepare(information)
     accumulator = d.accumulate(prepared)
     covariance_of_outputs = accumulator.output_covariance(d.given, d.pooled)
     factor = cholesky_factor(covariance_of_outputs, d.names, d.kind)
     fisher = finite_fisher(accumulator.fisher(covariance_of_outputs))
+    white, known, without_prior = whitened(factor, prepared.sensitivity).reshape(-1, len(names)), None, None
+    if prior_information:
+        known, without_prior = prior_rows(problem), _errors_of(white, names, std)
+        fisher, white = fisher + 2 / len(prepared) * known.T @ known, np.concatenate([white, known])
     log_det = _core.log_det(fisher)
 
-    white = whitened(factor, prepared.sensitivity).reshape(-1, len(names))
     singular_values, directions, length = column_scaled_svd(white)
     share = singular_values / max(singular_values.max(), 1e-300)
     rank = int((share > RANK_TOLERANCE).sum())
@@ -303,7 +341,7 @@ def evaluate_information(problem: DesignProblem, information: PointInformation, 
             {name: standard_errors[name] / abs(problem.prior.mean[name]) for name in names if problem.prior.mean[name]}
         )
         if d.kind == "noise":
-            nearby = nearby_of(problem, information, d, factor, half, threads)
+            nearby = nearby_of(problem, information, d, factor, half, threads, known)
     else:
         log_det = -np.inf
 
@@ -329,7 +367,19 @@ def evaluate_information(problem: DesignProblem, information: PointInformation, 
         units=FrozenMapping({q.name: q.unit for q in problem.model.parameters if q.name in names}),
         nearby=nearby,
         log_det_estimable=float(log_det) if np.isfinite(log_det) else estimable,
+        without_prior=without_prior,
     )
+
+
+def _errors_of(white: Array, names: tuple[str, ...], std: Array) -> Mapping[str, float]:
+    """Standard errors from whitened sensitivities (m, p) alone; inf of parameters that these do not determine."""
+    singular_values, directions, length = column_scaled_svd(white)
+    told = singular_values > RANK_TOLERANCE * max(singular_values.max(), 1e-300)
+    size = np.where(length > 0, length, 1.0)
+    errors = np.linalg.norm(directions[told].T / singular_values[told], axis=1) / size
+    left_open = np.linalg.norm(directions[~told], axis=0) > UNDETERMINED
+    errors = np.where(left_open | ~(length > 0), np.inf, errors)
+    return FrozenMapping(dict(zip(names, (errors * std).tolist(), strict=True)))
 
 
 def finite_fisher(fisher: Array) -> Array:

@@ -104,7 +104,13 @@ def times(growth: float) -> str:
 
 
 def nearby_of(
-    problem: DesignProblem, information: PointInformation, d: Criterion, factor: Array, half: Array, threads: int | None
+    problem: DesignProblem,
+    information: PointInformation,
+    d: Criterion,
+    factor: Array,
+    half: Array,
+    threads: int | None,
+    known: Array | None = None,
 ) -> Nearby:
     """Evaluate points near the prior mean.
 
@@ -120,6 +126,8 @@ def nearby_of(
     half : ndarray, (p, p)
         half half^T is the promised covariance of the standardised parameters; columns are its principal axes.
     threads : int or None
+    known : ndarray, (k, p), optional
+        Rows that count beside those of the points wherever the parameters are: the prior's information.
     """
     names, promised, moves = problem.estimated, np.linalg.norm(half, axis=1), _moves(half)
     at_mean = _white(d, factor, information)
@@ -137,7 +145,7 @@ def nearby_of(
         there = _white(d, factor, replace(information, sensitivity=sensitivity))
         kept = np.isin(found, WITHOUT_TANGENT)
         there[kept] = at_mean[kept]
-        root = _half(there)
+        root = _half(there, known)
         errors = np.linalg.norm(root, axis=1)
         ratio = errors / promised
         j = int(np.argmax(ratio))
@@ -179,9 +187,10 @@ def _white(d: Criterion, factor: Array, information: PointInformation) -> Array:
     return np.asarray(np.linalg.solve(factor, d.prepare(information).sensitivity), dtype=np.float64)
 
 
-def _half(white: Array) -> Array:
+def _half(white: Array, known: Array | None) -> Array:
     """A root (p, p) of the covariance; what is not determined has a standard error that is large, but finite."""
-    singular_values, directions, length = column_scaled_svd(_shortened(white.reshape(-1, white.shape[2])))
+    rows = _shortened(white.reshape(-1, white.shape[2]))
+    singular_values, directions, length = column_scaled_svd(rows if known is None else np.concatenate([rows, known]))
     floor = max(singular_values[0], TINY) / (100 * UNDETERMINED)
     root: Array = directions.T / np.maximum(singular_values, floor) / np.where(length > 0, length, 1.0)[:, None]
     return root

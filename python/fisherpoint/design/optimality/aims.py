@@ -46,6 +46,11 @@ class Aim(ABC):
         """`level` log phi(F); -inf where F does not determine what is asked."""
         return self.level * self.criterion.log_phi(fisher)
 
+    def values(self, fishers: Array) -> Array:
+        """The same of many F (..., p, p), (...)."""
+        flat = fishers.reshape(-1, *fishers.shape[-2:])
+        return np.asarray(self.level * self.criterion.log_phis(flat).reshape(fishers.shape[:-2]))
+
     @abstractmethod
     def added(self, fisher: Array, columns: Array) -> Array:
         """exp of the value at F + W W^T (N,) less `offset`, of columns (p, n, N)."""
@@ -74,6 +79,10 @@ class LogDet(Aim):
 
     def value(self, fisher: Array) -> float:
         return _core.log_det(fisher)
+
+    def values(self, fishers: Array) -> Array:
+        sign, value = np.linalg.slogdet(fishers)
+        return np.where(sign > 0, value, -np.inf)
 
     def added(self, fisher: Array, columns: Array) -> Array:
         return gains(fisher, columns)
@@ -126,7 +135,8 @@ class _Sloped(Aim):
     """With the slope that the criterion has."""
 
     def slope(self, fisher: Array, rows: Array) -> tuple[float, Array]:
-        slope = self.criterion.slope(fisher + TINY * np.diag(np.diag(fisher)))
+        diagonal = np.diag(fisher)
+        slope = self.criterion.slope(fisher + TINY * np.diag(np.maximum(diagonal, TINY * diagonal.max())))
         return self.level * slope.log_phi, self.level * (rows @ slope.half) @ slope.half.T
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -18,14 +18,18 @@ from ...basics.quantity import names_of
 from ...basics.values import Array
 from ...information.codec import problem_from_json, problem_to_json
 from ...information.previous import HasPoints
+from ...information.prior_information import prior_information
 from ...information.problem import DesignProblem
 from ...information.problem_report import problem_sections
 from ...points.codec import points_from_json, points_to_json
 from ...points.experiments import Experiments
 from ...show.section import Report, Section
 from ...show.shown import Plots, Shown
+from ..average import Average
+from ..over_prior import OverPrior, moved_problems
 from .approximate_report import approximate_report
 from .asked import criterion
+from .averaged import Averaged, EstimableOver, joined
 from .candidate_rows import CandidateRows
 from .criteria import Criterion
 from .estimable import Estimable
@@ -56,14 +60,18 @@ class ApproximateDesign(Shown, Kept):
     scale : mapping of parameter name to float, or None
     n_experiments : int or None
         With how many experiments the prior's information was weighed; None where it was not added.
+    over : OverPrior or None
+        The criterion over the prior; None where it is of the prior mean.
     points : Experiments
         The support.
     weights : ndarray, (m,)
         They sum to 1.
-    information : ndarray, (p, p)
-        M = sum_i w_i F_i, with parameters in units of their prior std, and 1/n_experiments of the prior's where it was added.
+    information : ndarray, (p, p), or (S, p, p)
+        M = sum_i w_i F_i, with parameters in units of their prior std, and 1/n_experiments of the prior's where it was added; in
+        each of the scenarios, where the criterion is over the prior.
     value : float
-        The criterion at M, which is that of one experiment; n of them have n M.
+        The criterion at M, which is that of one experiment; n of them have n M. Over the prior it is the average over the scenarios
+        of log phi times `level`, which is log det M for "D".
     efficiency : float
         Lower bound of the share of the optimum that the design reaches, by concavity, among everything that was searched.
     largest : float
@@ -112,18 +120,53 @@ class ApproximateDesign(Shown, Kept):
     left_out: Mapping[str, int]
     deleted: int
     seconds: float
+    _: KW_ONLY
+    over: OverPrior | None = None
 
-    _INSIDE = (Estimable,)
+    _INSIDE = (Estimable, EstimableOver)
     _CODEC: ClassVar[Codec] = {
         DesignProblem: (problem_to_json, problem_from_json),
         Experiments: (points_to_json, points_from_json),
+        OverPrior: (OverPrior.to_json, OverPrior.from_json),
     }
 
     @cached_property
     def criterion(self) -> Criterion:
-        """The criterion, as a function of information matrices."""
+        """The criterion, as a function of information matrices; at the prior mean."""
+        return self._criterion_at(self.problem)
+
+    def _criterion_at(self, problem: DesignProblem) -> Criterion:
         options = {"of": self.of, "conditions": self.conditions, "scale": self.scale}
-        return criterion(self.problem, self.criterion_name, **options)  # type: ignore[arg-type]
+        return criterion(problem, self.criterion_name, **options)  # type: ignore[arg-type]
+
+    @cached_property
+    def _scenarios(self) -> tuple[tuple[DesignProblem, ...], Average] | None:
+        return None if self.over is None else moved_problems(self.problem, self.over)
+
+    @cached_property
+    def _asked_for(self) -> Criterion:
+        """What was maximised, of block-diagonal matrices where that is over scenarios."""
+        if self._scenarios is None:
+            return self.criterion
+        problems, average = self._scenarios
+        return Averaged([self._criterion_at(one) for one in problems], average, [len(self.problem.estimated)] * len(problems))
+
+    @property
+    def scenario_values(self) -> tuple[float, ...] | None:
+        """The criterion at M in each scenario; None where it is of the prior mean."""
+        if self._scenarios is None:
+            return None
+        assert isinstance(self.estimable, EstimableOver)
+        found = []
+        for one, matrix, space in zip(self._scenarios[0], self.information, self.estimable.parts, strict=True):
+            own = self._criterion_at(one)
+            if len(space.null):
+                own, matrix = own.within(space.orthonormal), space.span.T @ matrix @ space.span
+            found.append(own.value(matrix))
+        return tuple(found)
+
+    def _rows(self, threads: int | None) -> PointRows:
+        return PointRows(self.problem, threads, () if self._scenarios is None else self._scenarios[0])
 
     @property
     def _constant(self) -> Array | None:
@@ -132,7 +175,7 @@ class ApproximateDesign(Shown, Kept):
     def sensitivity(self, points: Experiments, *, threads: int | None = None) -> Array:
         """The sensitivity function (K,) at any points; NaN where a point is none. The design is optimal where it is <= `level`."""
         result = np.full(len(points), np.nan)
-        rows, places = PointRows(self.problem, threads).at_mean(points)
+        rows, places = self._rows(threads).at_mean(points)
         result[places] = self.level * CandidateRows(rows, self._constant).along(self.half)
         return result
 
@@ -156,16 +199,16 @@ class ApproximateDesign(Shown, Kept):
             raise ValueError("points: expected at least one point, given none")
         if self.n_experiments not in (None, count):
             raise ValueError(f"points: expected as many as n_experiments, {self.n_experiments}, given {count}")
-        rows, places = PointRows(self.problem, threads).at_mean(given)
+        rows, places = self._rows(threads).at_mean(given)
         if len(rows) < count:
             wrong = int(np.setdiff1d(np.arange(count), places)[0])
             raise ValueError(f"points: expected valid ones, given points[{wrong}], which is none at the prior mean")
         return self._share(CandidateRows(rows, self._constant).information(np.arange(count), np.full(count, 1 / count)))
 
     def _share(self, information: Array) -> float:
-        into = self.estimable.into
-        inner = self.criterion.within(self.estimable)
-        ratio = inner.log_phi(into.T @ information @ into) - inner.log_phi(into.T @ self.information @ into)
+        into, own = self.estimable.into, self.information if self.over is None else joined(list(self.information))
+        inner = self._asked_for.within(self.estimable)
+        ratio = inner.log_phi(into.T @ information @ into) - inner.log_phi(into.T @ own @ into)
         if ratio + np.log(self.efficiency) > BEYOND:
             warnings.warn(
                 "points: expected a design that the bound holds for, given a better one: it has points that were not found when "
@@ -228,11 +271,3 @@ class ApproximateDesign(Shown, Kept):
     def report(self) -> Report:
         """The support, the value, and what is proven about it."""
         return approximate_report(self)
-
-
-def prior_information(problem: DesignProblem) -> Array:
-    """Inverse (p, p) of the prior's covariance in units of its std, for the estimated parameters with the others known."""
-    correlation = problem.prior.correlation
-    half = np.linalg.solve(np.linalg.cholesky(correlation), np.eye(len(correlation)))
-    rows = [problem.prior.names.index(name) for name in problem.estimated]
-    return np.asarray((half.T @ half)[np.ix_(rows, rows)])

@@ -12,6 +12,7 @@ from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
 from ...show.numbers import computed, counted, number, percent_down
 from ...show.section import Report, Section
+from ..over_prior import OverPrior
 from .asked import WORDS
 
 CLEARLY = 0.999
@@ -29,6 +30,10 @@ class Reported(Protocol):
     def of(self) -> str | tuple[str, ...] | None: ...
     @property
     def n_experiments(self) -> int | None: ...
+    @property
+    def over(self) -> OverPrior | None: ...
+    @property
+    def scenario_values(self) -> tuple[float, ...] | None: ...
     @property
     def points(self) -> Experiments: ...
     @property
@@ -84,11 +89,8 @@ def _proof(design: Reported) -> Section:
     asked = "" if design.of is None else f" of {design.of if isinstance(design.of, str) else ', '.join(design.of)}"
     facts = [
         ("criterion", f"{design.criterion_name}{asked}"),
-        (f"{WORDS[design.criterion_name]} of one experiment", computed(design.value, 7)),
-        (
-            "largest sensitivity met, the level at best",
-            f"{design.level * design.largest:.7g}, level {design.level}",
-        ),
+        *_values(design),
+        ("largest sensitivity met, the level at best", f"{design.level * design.largest:.7g}, level {design.level}"),
         ("efficiency by concavity", f"at least {floored(design.efficiency)}"),
         ("over all of", counted(design.n_candidates, "candidate")),
     ]
@@ -104,6 +106,18 @@ def _proof(design: Reported) -> Section:
     if design.starts:
         notes.append("Points of the region that no ascent came to are not covered: the sensitivity function has many maxima")
     return Section("What is proven", (), [*facts, ("time", f"{design.seconds:.1f} s")], notes=notes)
+
+
+def _values(design: Reported) -> Iterator[tuple[str, str]]:
+    """The criterion of one experiment, or its average over scenarios, and the smallest and largest of these."""
+    name, words, values = design.criterion_name, WORDS[design.criterion_name], design.scenario_values
+    if design.over is None or values is None:
+        yield f"{words} of one experiment", computed(design.value, 7)
+        return
+    what = words if name in ("D", "Ds") else f"-log({words})"
+    yield "maximised", f"{design.over.described_with(what)} over {counted(len(values), 'scenario')}"
+    yield "its value, of one experiment", computed(design.value, 7)
+    yield "in the scenarios", f"{words} from {computed(min(values), 5)} to {computed(max(values), 5)}"
 
 
 def _warnings(design: Reported) -> Iterator[str]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Protocol
 
 import numpy as np
 
 from ...basics.checks import as_std, by_name, check_choice, check_type, some_names_among
 from ...basics.quantity import names_of
 from ...basics.values import Array
+from ...information.evaluation import Evaluation
 from ...information.point_information import point_information
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
@@ -85,6 +87,33 @@ def criterion(
     if name == "A":
         return Variance("A", np.diag(sizes), True)
     return SmallestEigenvalue(np.diag(1 / sizes)) if name == "E" else ConditionNumber(np.diag(1 / sizes))
+
+
+class Asked(Protocol):
+    """The settings of a search."""
+
+    @property
+    def criterion(self) -> str: ...
+    @property
+    def of(self) -> str | Sequence[str] | None: ...
+    @property
+    def conditions(self) -> Experiments | None: ...
+    @property
+    def scale(self) -> Mapping[str, float] | None: ...
+
+
+def criterion_of(problem: DesignProblem, asked: Asked, threads: int | None = None) -> Criterion:
+    """What the settings of a search ask for."""
+    return criterion(problem, asked.criterion, of=asked.of, conditions=asked.conditions, scale=asked.scale, threads=threads)
+
+
+def criterion_of_design(problem: DesignProblem, asked: Asked, evaluation: Evaluation) -> Criterion:
+    """The same; where F of a design is singular, "A", "E" and "ME" ask for the rest."""
+    found, nulls = criterion_of(problem, asked), evaluation.null_directions
+    if not nulls:
+        return found
+    columns = np.array([[null.get(name, 0.0) for name in evaluation.parameters] for null in nulls]).T
+    return found.restricted(np.linalg.qr(columns, mode="complete")[0][:, len(nulls) :])
 
 
 def named(name: str, of: str | Sequence[str] | None) -> str:

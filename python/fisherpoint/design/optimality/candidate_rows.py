@@ -28,20 +28,37 @@ class CandidateRows:
 
     Parameters
     ----------
-    rows : ndarray, (K, n, p)
-        dy/dtheta in units of the noise and of the parameters' scale.
+    rows : ndarray, (K, n, p), or (K, S, n, p) of S scenarios
+        dy/dtheta in units of the noise and of the parameters' scale. With scenarios F_i has the matrices there as blocks on its
+        diagonal.
     constant : ndarray, (p, p), optional
-        What is added to each F_i: a share of information that is there already.
+        What is added to each F_i, in every scenario: a share of information that is there already.
     """
 
     def __init__(self, rows: Array, constant: Array | None = None) -> None:
         self.rows, self.constant = rows, constant
+
+    @property
+    def parts(self) -> list[CandidateRows]:
+        """The candidates in each scenario; themselves where there are none."""
+        return [self] if self.rows.ndim == 3 else [CandidateRows(own, self.constant) for own in np.moveaxis(self.rows, 1, 0)]
+
+    def _places(self, into: Array) -> list[tuple[CandidateRows, Array, NDArray[np.intp]]]:
+        """The candidates in each scenario, what of columns (S p, q) belongs to it, and which of these are not zero there."""
+        parts, p, found = self.parts, self.rows.shape[-1], []
+        for s, part in enumerate(parts):
+            own = into[s * p : (s + 1) * p]
+            there = np.flatnonzero(own.any(axis=0))
+            found.append((part, own[:, there], there))
+        return found
 
     def __len__(self) -> int:
         return len(self.rows)
 
     def along(self, half: Array) -> Array:
         """tr(Y Y^T F_i) for every candidate, (K,)."""
+        if self.rows.ndim == 4:
+            return np.asarray(sum(part.along(own) for part, own, _ in self._places(half)))
         count, _, p = self.rows.shape
         result = np.empty(count)
         step = max(1, PRODUCT // max(1, self.rows[:1].size * half.shape[1]))
@@ -55,12 +72,23 @@ class CandidateRows:
 
     def matrices(self, chosen: Places, into: Array) -> Array:
         """B^T F_i B (m, r, r) of those that are chosen."""
+        if self.rows.ndim == 4:
+            blocks = np.zeros((len(chosen), into.shape[1], into.shape[1]))
+            for part, own, there in self._places(into):
+                blocks[:, there[:, None], there] = part.matrices(chosen, own)
+            return blocks
         rows = self.rows[chosen] @ into
         matrices = np.swapaxes(rows, 1, 2) @ rows
         return np.asarray(matrices if self.constant is None else matrices + into.T @ self.constant @ into)
 
     def information(self, chosen: Places, weights: Array) -> Array:
-        """sum_i w_i F_i, (p, p)."""
+        """sum_i w_i F_i, (p, p), or (S p, S p)."""
+        if self.rows.ndim == 4:
+            p, count = self.rows.shape[3], self.rows.shape[1]
+            total = np.zeros((count * p, count * p))
+            for s, part in enumerate(self.parts):
+                total[s * p : (s + 1) * p, s * p : (s + 1) * p] = part.information(chosen, weights)
+            return total
         rows = (self.rows[chosen] * np.sqrt(weights)[:, None, None]).reshape(-1, self.rows.shape[2])
         return np.asarray(rows.T @ rows if self.constant is None else rows.T @ rows + weights.sum() * self.constant)
 

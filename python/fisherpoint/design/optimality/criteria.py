@@ -12,6 +12,7 @@ is 1: the equivalence theorem. It holds for matrices of any rank.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,6 +65,7 @@ class Criterion(ABC):
     """
 
     name: str
+    k: Array
     level: int = 1
     kinked: bool = False
     degree: int = 1  # of phi: 0 where it does not matter how much is measured
@@ -84,12 +86,30 @@ class Criterion(ABC):
     def log_phi(self, information: Array) -> float:
         """log phi; -inf where the matrix does not determine what is asked."""
 
+    def log_phis(self, matrices: Array) -> Array:
+        """log phi of many matrices (m, p, p), (m,)."""
+        return np.array([self.log_phi(matrix) for matrix in matrices])
+
     def efficiency(self, information: Array, reference: Array) -> float:
         """phi of a matrix as a share of that of another: so many times fewer measurements would do with the other."""
         value, other = self.log_phi(information), self.log_phi(reference)
         if not np.isfinite(other):
             raise ValueError(f"reference: expected information that determines what criterion {self.name!r} asks, given none")
         return float(np.exp(value - other))
+
+    def _of_regular(self, matrices: Array, of_solved: Callable[[Array], Array]) -> Array:
+        """log phi of many matrices from L^-1 K (m, p, s), side by side where these are regular; of the others one by one."""
+        scale = np.sqrt(np.maximum(np.diagonal(matrices, axis1=1, axis2=2), 0.0))
+        scale = np.where(scale > 0, scale, 1.0)
+        scaled = matrices / (scale[:, :, None] * scale[:, None, :])
+        values = np.linalg.eigvalsh(scaled)
+        regular = values[:, 0] > _SINGULAR * values.shape[1] * values[:, -1]
+        result = np.full(len(matrices), -np.inf)
+        if regular.any():
+            rows = self.k / scale[regular][:, :, None]
+            result[regular] = of_solved(np.linalg.solve(np.linalg.cholesky(scaled[regular]), rows))
+        result[~regular] = [self.log_phi(matrix) for matrix in matrices[~regular]]
+        return result
 
     def slope(self, information: Array, share: float = 0.0, size: float | None = None) -> Slope:
         """Derivatives of log phi at a regular matrix; `share` of `size` smooths what has kinks ("E")."""
@@ -132,6 +152,13 @@ class Determinant(Criterion):
         if solved is None:
             return -np.inf
         return -2.0 * float(np.log(np.abs(np.diag(np.linalg.qr(solved, mode="r")))).sum()) / self.level
+
+    def log_phis(self, matrices: Array) -> Array:
+        def of_solved(solved: Array) -> Array:
+            pivots = np.diagonal(np.linalg.qr(solved, mode="r"), axis1=1, axis2=2)
+            return np.asarray(-2.0 * np.log(np.abs(pivots)).sum(axis=1) / self.level)
+
+        return self._of_regular(matrices, of_solved)
 
     def slope(self, information: Array, share: float = 0.0, size: float | None = None) -> Slope:
         factor = np.asarray(np.linalg.cholesky(information), dtype=np.float64)
@@ -180,6 +207,9 @@ class Variance(Criterion):
     def log_phi(self, information: Array) -> float:
         solved = _half_solved(information, self.k)
         return -np.inf if solved is None else -float(np.log(np.square(solved).sum()))
+
+    def log_phis(self, matrices: Array) -> Array:
+        return self._of_regular(matrices, lambda solved: np.asarray(-np.log(np.square(solved).sum(axis=(1, 2)))))
 
     def slope(self, information: Array, share: float = 0.0, size: float | None = None) -> Slope:
         factor = np.asarray(np.linalg.cholesky(information), dtype=np.float64)
@@ -231,6 +261,11 @@ class SmallestEigenvalue(Criterion):
     def log_phi(self, information: Array) -> float:
         values = np.linalg.eigvalsh(self._scaled(information))
         return float(np.log(values[0])) if values[0] > _SINGULAR * values[-1] else -np.inf
+
+    def log_phis(self, matrices: Array) -> Array:
+        values = np.linalg.eigvalsh(self._scaled(matrices))
+        able = values[:, 0] > _SINGULAR * values[:, -1]
+        return np.asarray(np.log(values[:, 0], where=able, out=np.full(len(values), -np.inf)))
 
     def slope(self, information: Array, share: float = 0.0, size: float | None = None) -> Slope:
         values, vectors = np.linalg.eigh(self._scaled(information))
@@ -291,6 +326,12 @@ class ConditionNumber(Criterion):
     def log_phi(self, information: Array) -> float:
         values = np.linalg.eigvalsh(self.k.T @ information @ self.k)
         return float(np.log(values[0] / values[-1])) if values[0] > _SINGULAR * values[-1] else -np.inf
+
+    def log_phis(self, matrices: Array) -> Array:
+        values = np.linalg.eigvalsh(self.k.T @ matrices @ self.k)
+        able = values[:, 0] > _SINGULAR * values[:, -1]
+        shares = np.divide(values[:, 0], values[:, -1], where=able, out=np.ones(len(values)))
+        return np.where(able, np.log(shares), -np.inf)
 
     def restricted(self, span: Array) -> Criterion:
         return ConditionNumber(_without_zeros(self.k, span))

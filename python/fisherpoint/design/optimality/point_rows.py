@@ -33,18 +33,20 @@ class PointRows:
     ----------
     problem : DesignProblem
     threads : int or None
+    elsewhere : tuple of DesignProblem
+        The same problem in scenarios, in all of which points have to be valid; then there are rows of each.
     """
 
-    def __init__(self, problem: DesignProblem, threads: int | None) -> None:
-        self.problem, self._threads = problem, threads
+    def __init__(self, problem: DesignProblem, threads: int | None, elsewhere: tuple[DesignProblem, ...] = ()) -> None:
+        self.problem, self._threads, self._elsewhere = problem, threads, elsewhere
         self._region = problem.region if isinstance(problem.region, ExperimentRegion) else None
         self.rejected: Counter[str] = Counter()
 
     def at_mean(self, points: Experiments) -> tuple[Array, NDArray[np.intp]]:
-        """Rows (V, n, p) of those that are valid at the prior mean, and their places."""
+        """Rows (V, n, p), or (V, S, n, p), of those that are valid at the prior mean, and their places."""
         rows, places = [], []
         for first in range(0, len(points), MOST_POINTS):
-            information, kept, _ = surviving(self.problem, self._region, points[first : first + MOST_POINTS], self._threads)
+            information, kept, _ = self._surviving(points[first : first + MOST_POINTS])
             rows.append(self.whitened(information))
             places.append(kept + first)
         return np.concatenate(rows), np.concatenate(places)
@@ -53,7 +55,7 @@ class PointRows:
         """Rows of those that are valid at the prior mean and on all nodes of the rule, and their places; others are counted."""
         rows, places = [], []
         for first in range(0, len(points), MOST_POINTS):
-            information, kept, lost = surviving(self.problem, self._region, points[first : first + MOST_POINTS], self._threads)
+            information, kept, lost = self._surviving(points[first : first + MOST_POINTS])
             _, status = with_covariance(self.problem, information, self._threads)
             good = status == Status.ok
             self.rejected.update(+lost)
@@ -63,7 +65,12 @@ class PointRows:
         return np.concatenate(rows), np.concatenate(places)
 
     def whitened(self, information: PointInformation) -> Array:
-        """dy/dtheta times the prior std, in units of the noise (K, n, p)."""
+        """dy/dtheta times the prior std, in units of the noise (K, n, p), or (K, S, n, p)."""
         d = criterion(self.problem, information, self._threads)
-        prepared = d.prepare(information)
-        return whitened(cholesky_factor(d.given, d.names, d.kind), prepared.sensitivity)
+        factor = cholesky_factor(d.given, d.names, d.kind)
+        if not self._elsewhere:
+            return whitened(factor, d.prepare(information).sensitivity)
+        return np.stack([whitened(factor, d.prepare(one).sensitivity) for one in information.everywhere], axis=1)
+
+    def _surviving(self, points: Experiments) -> tuple[PointInformation, NDArray[np.intp], Counter[str]]:
+        return surviving(self.problem, self._region, points, self._threads, self._elsewhere)

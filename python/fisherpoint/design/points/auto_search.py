@@ -13,7 +13,7 @@ all nodes of the rule before it may enter.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,12 +25,13 @@ from ...points.experiments import Experiments
 from ...points.region import ExperimentRegion
 from ..optimality.aims import LogDet
 from ..optimality.criteria import Determinant
+from ..optimality.estimable import Estimable
+from ..optimality.told import told_aims
 from .point_ascent import PointAscent, scenario_rows, whitened_rows
 from .point_search import Incumbent, PointSearch, Progress
 from .pool import Pool, best_of_each, far_apart
 from .pool_exchange import PoolExchange, greedy
 from .replicates import with_copies
-from .told import told_aims
 
 POOL, MOST_POOL = 400, 50_000
 """Candidates at the edges of the region for each group, as a multiple of `n_candidates`, and at most; half as many random ones."""
@@ -96,11 +97,11 @@ class AutoSearch(PointSearch):
     def __post_init__(self) -> None:
         super().__post_init__()
         p = len(self.problem.estimated)
-        self._known = np.zeros((len(self.over.problems), p, p))
+        self._known = np.tile(self.of_prior, (len(self.over.problems), 1, 1))
         for s, known in enumerate(self.over.previous):
             if known is not None:
                 rows = whitened_rows(self.criterion, known).reshape(-1, p)
-                self._known[s] = np.einsum("kp,kq->pq", rows, rows)
+                self._known[s] += np.einsum("kp,kq->pq", rows, rows)
         self._level, self._log_dets = self.aims[0].level, [LogDet(Determinant("D", np.eye(p), True))] * len(self.aims)
         self._drawn_share = max(LEAST_SHARE, min(1.0, AS_MANY / len(self._known)))
         self._rng = np.random.default_rng([self.settings.seed, 2])
@@ -262,11 +263,12 @@ class AutoSearch(PointSearch):
         """Of a design whose points stand first."""
         return PoolExchange(columns, np.arange(count), self._fixed, self.over.average, self.aims)
 
-    def _ask_for_what_is_told(self, pool: Pool) -> None:
-        """Where no candidate tells about some parameters, ask for the others."""
+    def _ask_for_what_is_told(self, pool: Pool, spaces: Sequence[Estimable] | None = None) -> None:
+        """Where no candidate tells about some parameters, ask for the others; `spaces` are of more candidates, where there were."""
         rows, singular = pool.columns.transpose(0, 3, 2, 1), self.settings.singular
-        aims, spaces = told_aims(self.problem, self.asked, rows, self._known, self.count, singular)
-        self.space = spaces[0] if self.scenarios is None else None
+        aims, self.spaces = told_aims(self.problem, self.asked, rows, self._known, self.count, singular, spaces=spaces)
+        if self.scenarios is None:
+            self.space = self.spaces[0]
         if aims != self.aims:
             self.aims, self._level = aims, aims[0].level
             self.seen.aims = aims
@@ -280,7 +282,9 @@ class AutoSearch(PointSearch):
 
     @property
     def _fixed(self) -> Array:
-        """What is added to F, the sum over the points: previous ones, and as long as designs are singular a little of the prior."""
+        """What is added to F, the sum over the points: previous ones, the prior's where it counts, and as long as designs are
+        singular a little of the prior.
+        """
         total = self.count + (0 if self.previous is None else len(self.previous))
         fixed: Array = self._known + self._ridge * total / 2 * np.eye(self._known.shape[1])
         return fixed

@@ -5,31 +5,32 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from ...basics.values import FrozenMapping
+from ...basics.values import Array, FrozenMapping
 from ...engine import _core
 from ...information.candidates import CandidateSource
 from ...information.evaluation import Evaluation, evaluate_information, finite_fisher
 from ...information.output_covariance import Criterion, criterion
 from ...information.point_information import PointInformation
+from ...information.prior_information import prior_information
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
 from ..average import Average
 from ..efficiency import Efficiency
 from ..found import FoundDesign, TraceRecord
 from ..optimality.aims import Aim, LogDet, LogDetWithin, aim_of, restricted
-from ..optimality.asked import criterion as criterion_asked
+from ..optimality.asked import criterion_of
 from ..optimality.candidate_rows import CandidateRows
 from ..optimality.estimable import Estimable, estimable
+from ..optimality.told import not_told
 from ..over_prior import Scenarios
 from ..scenario_values import ScenarioValues, scenario_values
 from ..settings import ExchangeSettings
 from .away import Away
 from .seen_candidates import SeenCandidates
-from .told import not_told
 
 RIDGE = 1e-9
 """Share of the prior's information that is added to F as long as a design is singular, so that singular designs can be told
@@ -78,8 +79,11 @@ class PointSearch:
         self.asked: tuple[Aim, ...] = tuple(map(self._aim, self.over.problems))
         self.aims = self.asked  # or what of it the candidates can determine
         self.space: Estimable | None = None  # what these determine, at the prior mean, where it was looked at
+        self.spaces: tuple[Estimable, ...] | None = None  # the same of the pools of a search, in each scenario
         self.ridge = 0.0  # what was added to F while designs were singular
-        self.seen = SeenCandidates(self.problem, self.threads, self.aims)
+        p = len(self.problem.estimated)
+        self.of_prior = prior_information(self.problem) if self.settings.prior_information else np.zeros((p, p))
+        self.seen = SeenCandidates(self.problem, self.threads, self.aims, self.of_prior)
         self.away = None if self.settings.confidence is None else Away(self.problem, self.settings, self.seen.validity)
         keep = self.seen.add if self.settings.references and self.problem.noise_std is not None else None
         elsewhere, rng = () if over is None else over.problems, np.random.default_rng(self.settings.seed)
@@ -91,9 +95,7 @@ class PointSearch:
         self._record(0, False)
 
     def _aim(self, problem: DesignProblem) -> Aim:
-        given = self.settings
-        options: dict[str, Any] = {"of": given.of, "conditions": given.conditions, "scale": given.scale}
-        return aim_of(criterion_asked(problem, given.criterion, **options, threads=self.threads))
+        return aim_of(criterion_of(problem, self.settings, self.threads))
 
     @property
     def at_mean(self) -> Aim:
@@ -173,7 +175,7 @@ class PointSearch:
     def _log_det(self, prepared: PointInformation, ridge: float, scenario: int = 0) -> float:
         known, own = self._previous[scenario], len(prepared) + (0 if self.previous is None else len(self.previous))
         share = 1.0 if known is None else (len(known) + len(prepared)) / own  # a previous point may be none in a scenario
-        return self._phi(self._accumulate(prepared, scenario), ridge, share, scenario)
+        return self._phi(self._accumulate(prepared, scenario), ridge, share, scenario, 2 / own * self.of_prior)
 
     def _accumulate(self, prepared: PointInformation, scenario: int = 0) -> _core.FisherAccumulator:
         """The previous points, and these."""
@@ -183,18 +185,25 @@ class PointSearch:
     def _with_previous(self, information: PointInformation) -> PointInformation:
         return information if self.previous is None else PointInformation.join([self.previous, information])
 
-    def _phi(self, accumulator: _core.FisherAccumulator, ridge: float, share: float = 1.0, scenario: int = 0) -> float:
+    def _phi(
+        self,
+        accumulator: _core.FisherAccumulator,
+        ridge: float,
+        share: float = 1.0,
+        scenario: int = 0,
+        known: Array | float = 0.0,
+    ) -> float:
         fisher = share * finite_fisher(
             accumulator.fisher(accumulator.output_covariance(self.criterion.given, self.criterion.pooled))
         )
-        return self.aims[scenario].value(fisher + ridge * np.eye(len(fisher)))
+        return self.aims[scenario].value(fisher + known + ridge * np.eye(len(fisher)))
 
     def under_noise(self) -> Evaluation | None:
         if self.problem.noise_std is None:
             return None
         information = self._with_previous(self.best.information)
         d = criterion(self.problem, information, self.threads, "noise")
-        return evaluate_information(self.problem, information, d, self.threads)
+        return evaluate_information(self.problem, information, d, self.threads, self.settings.prior_information)
 
     @property
     def count(self) -> int:
@@ -245,7 +254,7 @@ class PointSearch:
         scenarios = zip(problems, self.over.previous, self.best.information.everywhere, self.aims, strict=True)
         for problem, known, own, aim in scenarios:
             everything = own if known is None else PointInformation.join([known, own])
-            evaluation = evaluate_information(problem, everything, self.criterion, self.threads)
+            evaluation = evaluate_information(problem, everything, self.criterion, self.threads, self.settings.prior_information)
             log_det = evaluation.log_det
             if isinstance(aim, LogDetWithin) and evaluation.rank == aim.level:
                 log_det = float(evaluation.log_det_estimable or 0.0)

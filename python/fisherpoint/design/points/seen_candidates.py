@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...basics.values import Array
 from ...information.output_covariance import criterion
 from ...information.point_information import PointInformation
 from ...information.problem import DesignProblem
@@ -18,11 +19,11 @@ from ..optimality.asked import criterion as criterion_asked
 from ..optimality.candidate_rows import CandidateRows, Places
 from ..optimality.criteria import ConditionNumber, Determinant
 from ..optimality.estimable import estimable
+from ..optimality.told import NOT_TOLD
 from ..optimality.weights import Weights, optimal_weights
 from ..over_prior import Scenarios
 from .over_bound import over_bound
 from .point_ascent import scenario_rows, whitened_rows
-from .told import NOT_TOLD
 
 MOST_NUMBERS = 20_000_000
 """Numbers of sensitivities that are kept, of 8 bytes each, of all scenarios; candidates after these are not."""
@@ -61,10 +62,15 @@ class _Best(NamedTuple):
 
 
 class SeenCandidates:
-    """What was valid at the prior mean; `aims` is what is maximised in each scenario, log det F where none are given."""
+    """What was valid at the prior mean; `aims` is what is maximised in each scenario, log det F where none are given.
 
-    def __init__(self, problem: DesignProblem, threads: int, aims: Sequence[Aim] | None = None) -> None:
-        self._problem, self._threads = problem, threads
+    `of_prior` (p, p) is information that counts beside whatever design, as the previous points do, but is no measurement.
+    """
+
+    def __init__(
+        self, problem: DesignProblem, threads: int, aims: Sequence[Aim] | None = None, of_prior: Array | float = 0.0
+    ) -> None:
+        self._problem, self._threads, self._of_prior = problem, threads, of_prior
         self.aims = (aim_of(criterion_asked(problem)),) if aims is None else tuple(aims)
         self._seen: list[PointInformation] = []
         self._numbers = 0
@@ -108,11 +114,11 @@ class SeenCandidates:
         everything, noise = _Parts(parts), criterion(self._problem, design, self._threads, "noise")
         rows = np.concatenate([scenario_rows(noise, part) for part in parts], axis=1)
         p, total = rows.shape[3], count + (0 if previous is None else len(previous))
-        known = np.zeros((len(rows), p, p))
+        known = np.zeros((len(rows), p, p)) + self._of_prior / count
         for s, there in enumerate(over.previous):
             if there is not None:
                 flat = whitened_rows(noise, there).reshape(-1, p)
-                known[s] = flat.T @ flat / count
+                known[s] += flat.T @ flat / count
 
         def runs_everywhere(places: Places) -> NDArray[np.bool_]:
             return self.validity.of(everything[places])
@@ -155,6 +161,8 @@ class SeenCandidates:
         if previous is not None:
             flat = whitened_rows(noise, previous).reshape(-1, p)
             known = flat.T @ flat / count
+        if np.any(self._of_prior):
+            known = np.asarray(self._of_prior / count) if known is None else known + self._of_prior / count
         candidates = CandidateRows(rows, known)
         space, aim = estimable(candidates.triangle()), self.aims[0]
         whole = isinstance(aim, LogDet | LogDetWithin)

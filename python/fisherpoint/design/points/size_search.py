@@ -9,6 +9,7 @@ import numpy as np
 
 from ...information.point_information import PointInformation
 from ...information.problem import DesignProblem
+from ..over_prior import Scenarios
 from ..settings import ExchangeSettings, searched_by
 from .auto_search import LEAST_GAIN, AutoSearch
 from .exchange_search import ExchangeSearch
@@ -30,21 +31,19 @@ class FollowingSearch(AutoSearch):
     candidates: PointInformation | None = None
     last: PointSearch | None = None
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.last is not None:  # what candidates can determine does not depend on the size
-            self.aims, self.space, self._level = self.last.aims, self.last.space, self.last.aims[0].level
-            self.seen.aims = self.aims
-            self.best = self._incumbent(self.best.information)
-
     def _first(self) -> PointInformation:
         assert self.start is not None
         return self.start
 
     def _all_rounds(self) -> Iterator[None]:
         assert self.candidates is not None
-        pool, design, gain = self._pool(self.candidates), self.best.information, np.inf
-        while gain > LEAST_GAIN * self._known.shape[1]:
+        pool, gain = self._pool(self.candidates), np.inf
+        if self.last is not None:
+            self.space = self.last.space
+        # What candidates can determine does not depend on the size; the best of them, which are few, may tell less.
+        self._ask_for_what_is_told(pool, None if self.last is None else self.last.spaces)
+        design = self.best.information
+        while gain > LEAST_GAIN * self._level:
             before = self._value(design)
             design = self._kept(self._ascended(self._kept(self._exchanged(design, pool))))
             for _ in range(ROUNDS):
@@ -60,8 +59,9 @@ def sized_searches(
     threads: int,
     previous: PointInformation | None,
     seen: SeenCandidates,
+    scenarios: Scenarios | None = None,
 ) -> Iterator[PointSearch]:
-    """Searches of ascending sizes, each to be run before the next is asked for; `seen` then has the candidates of those before."""
+    """Searches of ascending sizes, each to be run, and its candidates included in `seen`, before the next is asked for."""
     last = candidates = None
     search: PointSearch
     for size in sizes:
@@ -69,18 +69,22 @@ def sized_searches(
         if searched_by(settings.method, problem) == "paper":
             search = ExchangeSearch(problem, own, threads, previous)
         elif last is None:
-            search = AutoSearch(problem, own, threads, previous)
+            search = AutoSearch(problem, own, threads, previous, scenarios=scenarios)
         else:
             design = last.best.information
             if candidates is None:
                 candidates = seen.best(design, previous, GOOD)
             known = [design] if candidates is None else [candidates, design]
             more = np.arange(size) % len(design)  # repeated points give way to others where these tell more
-            candidates_and_design = PointInformation.join(known)
             search = FollowingSearch(
-                problem, own, threads, previous, start=design[more], candidates=candidates_and_design, last=last
+                problem,
+                own,
+                threads,
+                previous,
+                scenarios=scenarios,
+                start=design[more],
+                candidates=PointInformation.join(known),
+                last=last,
             )
         yield search
-        seen.include(search.seen)
-        seen.aims = search.aims
         last = search

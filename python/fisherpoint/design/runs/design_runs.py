@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -14,12 +14,16 @@ from ...information.evaluation import evaluate_design
 from ...information.feasibility import feasibility
 from ...information.point_information import PointInformation
 from ...information.previous import Previous, previous_information
+from ...information.prior_information import prior_information as information_of_prior
 from ...information.problem import DesignProblem
 from ...information.run_information import checked_problem, information_matrices
+from ...points.experiments import Experiments
 from ...points.run_region import RunRegion
 from ...points.settings import resolve_threads
 from ..average import Average
 from ..found import DRAWS, UNSEEN
+from ..optimality.aims import aim_of
+from ..optimality.asked import criterion_of
 from ..over_prior import OverPrior, moved_problems
 from ..scenario_values import scenario_values
 from ..settings import RunSettings
@@ -41,8 +45,13 @@ def design_runs(
     progress: Callable[[RunProgress], None] | None = None,
     previous: Previous | None = None,
     over: OverPrior | None = None,
+    criterion: str = "D",
+    of: str | Sequence[str] | None = None,
+    conditions: Experiments | None = None,
+    scale: Mapping[str, float] | None = None,
+    prior_information: bool = False,
 ) -> RunDesign:
-    """Find the runs with the largest det F that enough of the prior's plants can run.
+    """Find the runs with the largest det F, or the best by another criterion, that enough of the prior's plants can run.
 
     Random runs with the usual profiles of inputs are exchanged for each other, then all free numbers of all runs are improved
     together by a Gauss-Newton ascent, and by single changes (docs/explanation/runs.md).
@@ -72,6 +81,14 @@ def design_runs(
     over : OverPrior, optional
         A criterion over the prior in the place of log det F at its mean; the time is that of one scenario times their number. Runs
         must reach their ends in every scenario.
+    criterion : {"D", "A", "E", "ME", "c", "Ds", "I"}
+        What the runs are to be good for; :func:`fisherpoint.criterion` says what they are, and what they need. Where no run tells
+        about some parameters, "A", "E" and "ME" ask for the others.
+    of, conditions, scale
+        What the criterion needs. The output of "I" is predicted at experiment points.
+    prior_information : bool
+        Whether the inverse of the prior's covariance counts beside the runs and what was previous to them, as for
+        :func:`fisherpoint.exchange`.
 
     Returns
     -------
@@ -81,7 +98,8 @@ def design_runs(
     Raises
     ------
     TypeError, ValueError
-        For misuse, and where hardly any run of the region reaches its end; the reasons are listed.
+        For misuse, where hardly any run of the region reaches its end, with the reasons, and where the runs cannot determine what
+        a criterion other than "D" asks.
     """
     check_type(problem, DesignProblem, "problem")
     if not isinstance(problem.region, RunRegion):
@@ -96,6 +114,11 @@ def design_runs(
         confidence=confidence,
         time_limit=time_limit,
         over=over,
+        criterion=criterion,
+        of=of,  # type: ignore[arg-type]  # the settings make it a tuple
+        conditions=conditions,
+        scale=scale,
+        prior_information=prior_information,
     )
     if progress is not None and not callable(progress):
         raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
@@ -107,6 +130,8 @@ def design_runs(
         reasons = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
         warnings.warn(f"previous: expected what is valid at the prior mean, left out {reasons}", stacklevel=2)
     there = np.array([_known_there(moved, problem, known, previous, threads) for moved in problems])
+    if settings.prior_information:
+        there = there + information_of_prior(problem)
     search = RunSearch(
         problem,
         problem.region,
@@ -114,6 +139,7 @@ def design_runs(
         theta,
         average,
         there,
+        [aim_of(criterion_of(moved, settings, threads)) for moved in problems],
         confidence=settings.confidence,
         n_starts=settings.n_starts,
         n_candidates=settings.n_candidates,
@@ -122,26 +148,38 @@ def design_runs(
         time_limit=settings.time_limit,
     )
     stop_reason = search.run(progress)
+    if criterion != "D" and not np.isfinite(search.best.value):
+        raise ValueError(
+            f"n_runs: expected runs enough to determine what criterion {criterion!r} asks, given {settings.n_runs}: the search has "
+            "found none that do"
+        )
     runs, seconds = search.runs(), search.seconds
     classical: dict[str, ClassicalRuns] = {}
-    if stop_reason != "interrupted" and not search.pool.singular and problem.model.kernels is kernels:
+    if stop_reason != "interrupted" and not search.singular and problem.model.kernels is kernels:
         try:
             samples = problem.region.samples
             classical = classical_runs(search.objective, search.guard, settings.n_runs, samples, settings.seed)
         except KeyboardInterrupt:
             stop_reason = "interrupted"
-    scenarios = None
+    scenarios, with_prior = None, settings.prior_information
+    evaluation = evaluate_design(problem, runs, threads=threads, previous=previous, prior_information=with_prior)
     if settings.over is not None:
-        of_each = [evaluate_design(moved, runs, threads=threads, previous=previous) for moved in problems]
-        scenarios = scenario_values(problems, average, of_each)
+        of_each = [
+            evaluate_design(moved, runs, threads=threads, previous=previous, prior_information=with_prior) for moved in problems
+        ]
+        of_mean = None  # of F as in (7)
+        if criterion != "D":
+            asked = search.objective.aims[0]
+            of_mean = search.best.value - asked.level * asked.criterion.degree * float(np.log(evaluation.n_points / 2))
+        scenarios = scenario_values(problems, average, of_each, of_mean)
     return RunDesign(
         problem=problem,
         settings=settings,
         runs=runs,
-        evaluation=evaluate_design(problem, runs, threads=threads, previous=previous),
-        log_det=-np.inf if search.pool.singular else search.best.value,
+        evaluation=evaluation,
+        log_det=-np.inf if search.singular else search.best.value,
         scenarios=scenarios,
-        ends=tuple(-np.inf if search.pool.singular else end.value for end in search.ends),
+        ends=tuple(-np.inf if search.singular else end.value for end in search.ends),
         again=search.again,
         feasibility=feasibility(problem, runs, draws=DRAWS, seed=settings.seed + UNSEEN, threads=threads),
         stop_reason=stop_reason,

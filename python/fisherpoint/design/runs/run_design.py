@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -17,11 +18,14 @@ from ...information.evaluation import Evaluation
 from ...information.feasibility import Feasibility
 from ...information.problem import DesignProblem
 from ...information.problem_report import problem_sections, settings_section
-from ...points.codec import runs_from_json, runs_to_json
+from ...points.codec import points_from_json, points_to_json, runs_from_json, runs_to_json
+from ...points.experiments import Experiments
 from ...points.run_files import plan_csv, runs_csv
 from ...points.runs import Runs
 from ...show.section import Report, Section
 from ...show.shown import Plots, Shown
+from ..optimality.asked import criterion_of_design
+from ..optimality.criteria import Criterion
 from ..over_prior import OverPrior
 from ..scenario_values import ScenarioValues, scenario_values_from_json, scenario_values_to_json
 from ..settings import RunSettings
@@ -49,9 +53,10 @@ class RunDesign(Shown, Kept):
         Of the runs, and of previous points and runs with them, at the prior mean.
     log_det : float
         What was maximised: log det F in its sum form, parameters standardised by the prior, or its average over the scenarios of a
-        criterion over the prior. -inf where no runs of the region determine all parameters.
+        criterion over the prior. -inf where no runs of the region determine all parameters. With another criterion than "D" log phi
+        times its `level` in the place of log det F, such as the negative logarithm of the trace of F^-1.
     ends : tuple of float
-        log det F that each start of the search came to, in the order in which they were followed.
+        The same that each start of the search came to, in the order in which they were followed.
     again : int
         How many of them are as good as the best one.
     feasibility : Feasibility
@@ -62,7 +67,7 @@ class RunDesign(Shown, Kept):
         Runs drawn at random for the search, and those of them that do not reach their ends.
     seconds : float
     classical : mapping of profile to float
-        log det F of the best of a hundred random runs of each classical profile, steps for one, whether plants can run them or not.
+        The same of the best of a hundred random runs of each classical profile, steps for one, whether plants can run them or not.
     classical_shares : mapping of profile to float
         The share of the plants that can run these.
     scenarios : ScenarioValues or None
@@ -90,10 +95,21 @@ class RunDesign(Shown, Kept):
     _CODEC: ClassVar[Codec] = {
         DesignProblem: (problem_to_json, problem_from_json),
         Runs: (runs_to_json, runs_from_json),
+        Experiments: (points_to_json, points_from_json),
         Evaluation: (evaluation_to_json, lambda data: evaluation_from_json(data, data["n_points"])),
         OverPrior: (OverPrior.to_json, OverPrior.from_json),
         ScenarioValues: (scenario_values_to_json, lambda data: scenario_values_from_json(data, tuple(data["standard_errors"]))),
     }
+
+    @cached_property
+    def criterion(self) -> Criterion:
+        """What was asked for, as a function of information matrices; where F is singular, "A", "E" and "ME" ask for the rest."""
+        return criterion_of_design(self.problem, self.settings, self.evaluation)
+
+    @property
+    def value(self) -> float:
+        """The criterion at the prior mean with all measurements, previous ones too: at `Evaluation.information`."""
+        return self.criterion.value(self.evaluation.information)
 
     @property
     def points(self) -> Runs:

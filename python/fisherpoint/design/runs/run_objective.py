@@ -1,8 +1,10 @@
-"""What runs are worth by their free numbers: an average over plants of log det F, less what runs cost that come near limits."""
+"""What runs are worth by their free numbers: an average over plants of log det F, or of another criterion in its form, less what
+runs cost that come near limits.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -20,6 +22,7 @@ from ...points.runs import Runs
 from ...points.settings import Settings
 from ...points.status import Status
 from ..average import Average
+from ..optimality.aims import Aim
 from .run_margins import RunMargins, costs_of
 
 LOOKS, MORE_LOOKS = 2, 4
@@ -48,7 +51,8 @@ class Judged:
 
 
 class RunObjective:
-    """An average over plants of log det F, F the sum over L runs, each described by its free numbers, less what runs cost.
+    """An average over plants of log det F, or another criterion, F the sum over L runs, each described by its free numbers, less
+    what runs cost.
 
     Parameters
     ----------
@@ -60,6 +64,8 @@ class RunObjective:
         Over these.
     previous : ndarray, (R, p, p)
         Information that is there without the runs.
+    aims : sequence of Aim
+        What is maximised on each plant.
     settings : Settings
         Of the trajectories.
 
@@ -78,10 +84,11 @@ class RunObjective:
         plants: Array,
         average: Average,
         previous: Array,
+        aims: Sequence[Aim],
         settings: Settings,
     ) -> None:
         self.problem, self.coordinates, self.plants, self.previous = problem, coordinates, plants, previous
-        self.average = average
+        self.average, self.aims = average, tuple(aims)
         self.kappa, self.looks, self.settings = 0.0, LOOKS, settings
         self.margins = RunMargins(problem)
         self._parallel = problem.model.kernels is kernels  # functions of Python need not bear several threads
@@ -94,22 +101,34 @@ class RunObjective:
 
         return Judged.join(self.in_parts(part, len(runs)))
 
+    def rows(self, runs: Runs) -> Array:
+        """Whitened rows (R, K, m, p) of runs, each by itself."""
+
+        def part(some: slice) -> Array:
+            of_all = self.tangents(runs[some], threads=1).rows(self.problem).sensitivity
+            white = of_all / np.sqrt(np.diag(self.problem.noise_covariance))[:, None]
+            return white.reshape(len(self.plants), -1, white.shape[1] * white.shape[2], white.shape[3])
+
+        return np.concatenate(self.in_parts(part, len(runs)), axis=1)
+
     def sample_matrices(self, runs: Runs) -> Array:
         """F (L, N, R, p, p) of the samples of runs, each by itself."""
         sensitivity = self.tangents(runs).rows(self.problem).sensitivity
         f = information_matrices(self.problem, sensitivity.reshape(-1, 1, *sensitivity.shape[2:]))
         return np.moveaxis(f.reshape(len(self.plants), *runs.dt.shape, *f.shape[1:]), 0, 2)
 
-    def log_dets(self, total: Array) -> Array:
-        """The average over the plants of log det of F (..., R, p, p); -inf where one that counts is singular."""
-        sign, value = np.linalg.slogdet(total)
-        return self.average.value(np.moveaxis(np.where(sign > 0, value, -np.inf), -1, 0))
+    def averages(self, total: Array) -> Array:
+        """The average over the plants of log det of F (..., R, p, p), or of another criterion in its form.
+
+        -inf where an F that counts is singular, or does not determine what is asked.
+        """
+        return self.average.value(np.stack([aim.values(total[..., s, :, :]) for s, aim in enumerate(self.aims)]))
 
     def of(self, judged: Judged) -> float:
         """The criterion of runs together, less their costs."""
         if not judged.ok.all():
             return -np.inf
-        return float(self.log_dets(judged.matrices.sum(axis=0) + self.previous)) - float(judged.costs.sum())
+        return float(self.averages(judged.matrices.sum(axis=0) + self.previous)) - float(judged.costs.sum())
 
     def values(self, z: Array, selected: NDArray[np.bool_] | None = None) -> Array:
         """The criterion less costs (T,) of T designs of L runs, of free numbers (T, L, d); `selected` (L, N) samples count."""
@@ -117,7 +136,7 @@ class RunObjective:
         flags = None if selected is None else np.tile(selected, (designs, 1))
         judged = self.judged(self.tried(z.reshape(designs * runs, -1), flags))
         f = judged.matrices.reshape(designs, runs, *judged.matrices.shape[1:]).sum(axis=1)
-        values = self.log_dets(f + self.previous) - judged.costs.reshape(designs, runs).sum(axis=1)
+        values = self.averages(f + self.previous) - judged.costs.reshape(designs, runs).sum(axis=1)
         return np.where(judged.ok.reshape(designs, runs).all(axis=1), values, -np.inf)
 
     def tried(self, z: Array, selected: NDArray[np.bool_] | None) -> Runs:

@@ -45,7 +45,7 @@ class RunPool:
     rejected : Counter
         Those of them that do not reach their ends, by reason.
     singular : bool
-        Whether not even all of its runs together determine all parameters.
+        Whether not even all of its runs together, and what is known beside them, determine all parameters.
 
     Raises
     ------
@@ -77,7 +77,13 @@ class RunPool:
         self._z, self._judged = np.concatenate(z), Judged.join(found)
         everything = self._judged.matrices.sum(axis=(0, 1)) + objective.previous.sum(axis=0)
         size = np.sqrt(np.maximum(np.diag(everything), 1e-300))
-        self.singular = bool(np.linalg.eigvalsh(everything / size / size[:, None])[0] < 1e-13)
+        alone = np.linalg.eigvalsh(objective.previous)[:, 0].min() > 0 if objective.previous.any() else False
+        self.singular = not alone and bool(np.linalg.eigvalsh(everything / size / size[:, None])[0] < 1e-13)
+
+    @property
+    def rows(self) -> Array:
+        """Whitened rows (R, K, m, p) of all of them."""
+        return self._objective.rows(self._objective.tried(self._z, None))
 
     def _count(self, runs: Runs) -> None:
         """Why runs do not reach their ends, at the prior mean."""
@@ -93,7 +99,7 @@ class RunPool:
 
     def best(self, count: int) -> Runs:
         """The runs that say most, each by itself."""
-        values = self._objective.log_dets(self._judged.matrices + RIDGE * np.eye(self._judged.matrices.shape[-1]))
+        values = self._objective.averages(self._judged.matrices + RIDGE * np.eye(self._judged.matrices.shape[-1]))
         return self._objective.coordinates.runs(self._z[np.argsort(-values, kind="stable")[:count]])
 
     def chosen(self, n_runs: int, rng: np.random.Generator, part: int = PART) -> Array:
@@ -111,7 +117,7 @@ class RunPool:
             before = value
             for k in range(n_runs):
                 others, paid = total - f[chosen[k]], costs[chosen].sum() - costs[chosen[k]]
-                values = objective.log_dets(others + f + ridge) - costs - paid
+                values = objective.averages(others + f + ridge) - costs - paid
                 chosen[k] = int(np.argmax(values))
                 total, value = others + f[chosen[k]], float(values[chosen[k]])
             if not value > before + LEAST_GAIN:

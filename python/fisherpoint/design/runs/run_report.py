@@ -16,7 +16,10 @@ from ...points.run_region import RunRegion
 from ...points.runs import Runs
 from ...show.numbers import computed, counted, number, percent
 from ...show.section import Report, Section
+from ..criterion_report import asked_for, facts_asked, maximised
 from ..efficiency import d_efficiency
+from ..optimality.asked import Asked
+from ..optimality.criteria import Criterion
 from ..over_prior import OverPrior
 from ..over_report import over_sections
 from ..report import ROWS_OF_PAGES, plants_sections
@@ -25,13 +28,15 @@ from ..scenario_values import ScenarioValues
 _ROWS = 40  # runs shown of a longer list
 
 
-class Settings(Protocol):
+class Settings(Asked, Protocol):
     @property
     def n_starts(self) -> int: ...
     @property
     def confidence(self) -> float | None: ...
     @property
     def over(self) -> OverPrior | None: ...
+    @property
+    def prior_information(self) -> bool: ...
 
 
 class HasRuns(Protocol):
@@ -50,6 +55,10 @@ class Reported(HasRuns, Protocol):
 
     @property
     def settings(self) -> Settings: ...
+    @property
+    def criterion(self) -> Criterion: ...
+    @property
+    def value(self) -> float: ...
     @property
     def log_det(self) -> float: ...
     @property
@@ -83,11 +92,14 @@ def run_report(design: Reported) -> Report:
     samples = counted(int(runs.measured.sum()), "sample")
     headline = (
         f"{counted(len(runs), 'run')} with {samples} for {problem.model.name}, {counted(len(parameters), 'parameter')} to estimate"
+        f"{asked_for(design)}"
     )
     inner = design.evaluation.report()
     plants = plants_sections(design.feasibility, design.settings.confidence)
-    over = over_sections(design, _maximised(design))
-    sections = [_runs_table(problem, runs), *inner.sections, *over, *plants, _search(design), *_classical(design)]
+    over = over_sections(design, maximised(design))
+    facts = list(facts_asked(design))
+    asked = [Section("Asked for", (), facts)] if facts else []
+    sections = [_runs_table(problem, runs), *inner.sections, *asked, *over, *plants, _search(design), *_classical(design)]
     return Report(headline, sections, [*_warnings(design), *inner.warnings])
 
 
@@ -129,15 +141,10 @@ def segments_table(model: Model, runs: Runs, title: str = "Segments of the runs"
     return Section(title, columns, rows, notes=notes)
 
 
-def _maximised(design: Reported) -> str:
-    over = design.settings.over
-    return "log det F" if over is None else over.described
-
-
 def _search(design: Reported) -> Section:
     told = {"all_starts": "every start was followed", "time_limit": "the time was up", "interrupted": "interrupted"}
     singular = not np.isfinite(design.log_det)
-    what = f"{_maximised(design)}, sum over samples"
+    what = f"{maximised(design)}, sum over samples"
     facts = [
         (what, "-inf: singular" if singular else computed(design.log_det, 6)),
         ("starts followed", f"{len(design.ends)} of {design.settings.n_starts}"),
@@ -148,7 +155,7 @@ def _search(design: Reported) -> Section:
     ]
     others = sorted((end for end in design.ends if np.isfinite(end)), reverse=True)
     values = ", ".join(computed(end, 5) for end in others[:8]) + (" ..." if len(others) > 8 else "")
-    note = f"Starts ended at {_maximised(design)} = {values}."
+    note = f"Starts ended at {maximised(design)} = {values}."
     if len(others) < len(design.ends):
         note += f" {len(design.ends) - len(others)} ended at runs that touch a surface at the problem's tolerance."
     return Section("Search", (), facts, notes=[] if singular else [note])
@@ -160,14 +167,15 @@ def _classical(design: Reported) -> Iterator[Section]:
         return
     rows = []
     for name, value in sorted(design.classical.items(), key=lambda one: -one[1]):
-        efficiency = d_efficiency(value, design.log_det, len(design.evaluation.parameters))
+        efficiency = d_efficiency(value, design.log_det, design.criterion.level)
         share = percent(design.classical_shares.get(name, np.nan))
         rows.append((name, "-inf: singular" if not np.isfinite(value) else computed(value, 5), percent(efficiency or 0.0), share))
     note = (
         "The best of a hundred random ones of each kind at the prior mean, or of fewer where they are long. They may tell more than"
         " the design where fewer plants can run them."
     )
-    yield Section("Beside classical runs", ("inputs", "log det F, sum", "D-efficiency", "plants that can"), rows, notes=[note])
+    columns = ("inputs", f"{maximised(design)}, sum", f"{design.settings.criterion}-efficiency", "plants that can")
+    yield Section("Beside classical runs", columns, rows, notes=[note])
 
 
 def _warnings(design: Reported) -> Iterator[str]:
@@ -182,7 +190,12 @@ def _warnings(design: Reported) -> Iterator[str]:
     elif design.again == 1 and len(design.ends) > 1:
         yield "Only one start came to this design: there may be a better one. More starts (n_starts) tell."
     evaluation = design.evaluation
-    if evaluation.rank < len(evaluation.parameters):
+    if evaluation.rank < len(evaluation.parameters) and design.settings.criterion != "D":
+        yield (
+            f"F is singular: the runs determine what criterion {design.settings.criterion} asks, but not all parameters. What is"
+            " left open stands beside the criterion."
+        )
+    elif evaluation.rank < len(evaluation.parameters):
         yield (
             f"The runs determine {evaluation.rank} of {len(evaluation.parameters)} parameters: the combinations named below"
             " the criterion cannot be estimated from them, however often they are repeated."

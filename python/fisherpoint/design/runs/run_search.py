@@ -9,7 +9,7 @@ known about whether there is a better one.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +21,8 @@ from ...information.run_information import run_rows, run_settings
 from ...points.run_region import RunCoordinates, RunRegion
 from ...points.runs import Runs
 from ..average import Average
+from ..optimality.aims import Aim, LogDet
+from ..optimality.told import RUNS, told_aims
 from .run_ascent import Peak, ascend
 from .run_moves import moved_runs
 from .run_objective import MORE_LOOKS, RunObjective
@@ -95,6 +97,8 @@ class RunSearch:
     average : Average
         How.
     previous : ndarray, (R, p, p)
+    aims : sequence of Aim
+        What is maximised on each plant.
     confidence : float or None
         Share of the prior's plants that must be able to run the design.
     n_starts, n_candidates, seed, threads : int
@@ -106,6 +110,8 @@ class RunSearch:
         What each start ended with.
     pool : RunPool
         Random runs, with which starts begin.
+    singular : bool
+        Whether log det F is asked for, and no runs determine all parameters.
     """
 
     def __init__(
@@ -116,6 +122,7 @@ class RunSearch:
         plants: Array,
         average: Average,
         previous: Array,
+        aims: Sequence[Aim],
         *,
         confidence: float | None,
         n_starts: int,
@@ -129,7 +136,7 @@ class RunSearch:
         self.coordinates: RunCoordinates = region.coordinates(problem.model)
         self._settings = run_settings(problem, threads)
         finer = (min(self._settings[0], FINE), *self._settings[1:])
-        self.objective = RunObjective(problem, self.coordinates, plants, average, previous, finer)
+        self.objective = RunObjective(problem, self.coordinates, plants, average, previous, aims, finer)
         self._rng = np.random.default_rng(seed)
         self._confidence = confidence
         self.guard = RunPlants(problem, PLANTS, np.random.default_rng([seed, 1]), self._settings)
@@ -137,8 +144,11 @@ class RunSearch:
         self._sketched: list[Found] = []
         wanted = max(4 * n_runs, 20, min(n_candidates, MOST_SEGMENTS_OF_POOL // (region.segments * len(plants))))
         self.pool = RunPool(self.objective, wanted, self._rng)
-        if self.pool.singular:
+        self.singular = self.pool.singular and isinstance(aims[0], LogDet)
+        if self.singular:
             self.objective.previous = self.objective.previous + RIDGE * np.eye(previous.shape[-1])
+        elif not isinstance(aims[0], LogDet):
+            self.objective.aims, _ = told_aims(problem, aims, self.pool.rows, previous, n_runs, "estimable", RUNS)
         self._kappa = 0.0 if confidence is None or self._easy() else KAPPA
         if self._kappa:
             self.objective.kappa = self._kappa
@@ -269,9 +279,11 @@ class RunSearch:
         paid = float(judged.costs.sum())
         for k in range(len(z)):
             moved = moved_runs(self.coordinates, z[k], self._rng)
+            if not len(moved):  # nothing of it is free
+                continue
             rows = None if selected is None else np.repeat(selected[k : k + 1], len(moved), axis=0)
             tried, own = self.objective.judged(self.objective.tried(moved, rows)), judged.some([k])
-            values = self.objective.log_dets(total - own.matrices[0] + tried.matrices) - (paid - own.costs[0] + tried.costs)
+            values = self.objective.averages(total - own.matrices[0] + tried.matrices) - (paid - own.costs[0] + tried.costs)
             values = np.where(tried.ok, values, -np.inf)
             m = int(np.argmax(values))
             if values[m] > value + LEAST_GAIN:

@@ -7,6 +7,7 @@ need not be computed again.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from ...basics.values import Array
 from ...information.run_tangents import RunTangents, tangents_from
 from ...points.status import Status
+from ..optimality.aims import slopes_of
 from .linear_rows import LinearRows
 from .run_objective import RunObjective
 
@@ -96,6 +98,7 @@ def linear_rows(
         objective.average,
         objective.kappa,
         variable,
+        partial(slopes_of, objective.aims),
     )
 
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ...points.runs import Runs
+from ..optimality.aims import LogDet
 from .run_objective import RunObjective
 
 ROUNDS_OF_WEIGHTS = 100
@@ -23,14 +24,14 @@ def best_samples(objective: RunObjective, runs: Runs, count: int) -> NDArray[np.
     chosen = np.zeros(shape, dtype=bool)
     np.put_along_axis(chosen, order[:, :count], True, axis=1)
     total = f[chosen].sum(axis=0) + objective.previous
-    value = float(objective.log_dets(total))
+    value = float(objective.averages(total))
     for _ in range(MOST_EXCHANGES):
         best, change = value, None
         for run in range(shape[0]):
             inside, outside = np.flatnonzero(chosen[run]), np.flatnonzero(allowed[run] & ~chosen[run])
             if not len(outside):
                 continue
-            values = objective.log_dets(total - f[run, inside][:, None] + f[run, outside][None])
+            values = objective.averages(total - f[run, inside][:, None] + f[run, outside][None])
             a, b = np.unravel_index(int(np.argmax(values)), values.shape)
             if values[a, b] > best + 1e-9:
                 best, change = float(values[a, b]), (run, int(inside[a]), int(outside[b]))
@@ -44,13 +45,28 @@ def best_samples(objective: RunObjective, runs: Runs, count: int) -> NDArray[np.
 
 
 def _weights(objective: RunObjective, f: Array, allowed: NDArray[np.bool_], count: int) -> Array:
-    """Weights (L, N) that sum up to `count` in each run, by the multiplicative algorithm (Titterington 1976)."""
+    """Weights (L, N) that sum up to `count` in each run, by the multiplicative algorithm (Titterington 1976).
+
+    With the root of what another criterion than log det F gains: with all of it weights may go to and fro.
+    """
     weights = np.where(allowed, count / np.maximum(allowed.sum(axis=1, keepdims=True), 1), 0.0)
     p = f.shape[-1]
     for _ in range(ROUNDS_OF_WEIGHTS):
         total = np.einsum("kn,knrij->rij", weights, f) + objective.previous
         ridge = 1e-12 * np.trace(total, axis1=1, axis2=2)[:, None, None] * np.eye(p)
-        gain = np.trace(np.linalg.solve(total + ridge, f), axis1=-2, axis2=-1).mean(axis=-1)
-        weights = weights * gain
+        weights = weights * _gains(objective, f, total + ridge)
         weights *= count / np.maximum(weights.sum(axis=1, keepdims=True), 1e-300)
     return weights
+
+
+def _gains(objective: RunObjective, f: Array, total: Array) -> Array:
+    """What weights (L, N) of samples are multiplied by, at M (R, p, p) on each plant.
+
+    Where a criterion sees only what is known worst, those of log det F are the better start of an exchange.
+    """
+    if isinstance(objective.aims[0], LogDet) or objective.aims[0].bounded:
+        return np.asarray(np.trace(np.linalg.solve(total, f), axis1=-2, axis2=-1).mean(axis=-1))
+    slopes = [aim.slope(matrix, np.eye(len(matrix))) for aim, matrix in zip(objective.aims, total, strict=True)]
+    gradients, values = np.stack([by for _, by in slopes]), np.array([value for value, _ in slopes])
+    along = np.einsum("lnrij,rij,r->ln", f, gradients, objective.average.parts(values) / len(values), optimize=True)
+    return np.asarray(np.sqrt(np.maximum(along, 0.0)))

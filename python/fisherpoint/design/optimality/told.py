@@ -10,10 +10,10 @@ from ...basics.values import Array
 from ...information.combinations import combination
 from ...information.evaluation import null_directions
 from ...information.problem import DesignProblem
-from ..optimality.aims import Aim, LogDet, restricted
-from ..optimality.candidate_rows import CandidateRows
-from ..optimality.criteria import Determinant
-from ..optimality.estimable import Estimable, estimable
+from .aims import Aim, LogDet, restricted
+from .candidate_rows import CandidateRows
+from .criteria import Determinant
+from .estimable import Estimable, estimable
 
 NOT_TOLD = 1e-6
 """Share of what is asked that may be outside of what is told, as rounding."""
@@ -21,14 +21,25 @@ NOT_TOLD = 1e-6
 LOOKED_AT = 200
 """Candidates of which is looked at how many directions one of them tells about."""
 
+POINTS, RUNS = ("n_experiments", "points"), ("n_runs", "runs")
+"""What errors call the count, and what is counted."""
+
 
 def told_aims(
-    problem: DesignProblem, aims: Sequence[Aim], rows: Array, known: Array, count: int, singular: str
+    problem: DesignProblem,
+    aims: Sequence[Aim],
+    rows: Array,
+    known: Array,
+    count: int,
+    singular: str,
+    named: tuple[str, str] = POINTS,
+    spaces: Sequence[Estimable] | None = None,
 ) -> tuple[tuple[Aim, ...], tuple[Estimable, ...]]:
-    """What to maximise with `count` points of some candidates, and what these determine together, in each scenario.
+    """What to maximise with `count` points, or runs, of some candidates, and what these determine together, in each scenario.
 
     Criteria of all parameters ask for what the candidates determine alone. Where so few points cannot determine all of that, it is
-    log det F that tells designs apart once a little is added to F: other criteria see only what is added.
+    log det F that tells designs apart once a little is added to F: other criteria see only what is added. Of runs, which are many
+    samples each, that is an error.
 
     Parameters
     ----------
@@ -40,6 +51,10 @@ def told_aims(
         Information that is there without them.
     count : int
     singular : {"estimable", "error"}
+    named : (str, str)
+        `POINTS` or `RUNS`.
+    spaces : sequence of Estimable, optional
+        What candidates determine in each scenario, where that is known from more than these.
 
     Raises
     ------
@@ -47,41 +62,48 @@ def told_aims(
         Where they do not determine the functions or parameters that are asked for, or tell nothing at all; with "error" where they
         do not determine all parameters, or so few points cannot.
     """
+    size, kind = named
     result: list[Aim] = []
-    spaces: list[Estimable] = []
-    for aim, own, there in zip(aims, rows, known, strict=True):
-        space = estimable(CandidateRows(own, there / count).triangle())
-        spaces.append(space)
+    if spaces is None:
+        spaces = [estimable(CandidateRows(own, there / count).triangle()) for own, there in zip(rows, known, strict=True)]
+    for aim, own, there, space in zip(aims, rows, known, spaces, strict=True):
         name = aim.criterion.name
         if not space.rank or aim.criterion.outside(space) > NOT_TOLD:
             raise ValueError(
-                f"region: expected points that determine what criterion {name!r} asks, given none that tell about "
+                f"region: expected {kind} that determine what criterion {name!r} asks, given none that tell about "
                 f"{combinations(not_told(problem, space))}"
             )
         if aim.criterion.restricted(space.span) is aim.criterion:
             result.append(aim)
             continue
-        too_few = count < space.rank and _most(own, there, count) < space.rank
+        most = space.rank if count >= space.rank else _most(own, there, count)
+        too_few = most < space.rank
         if singular == "error":
-            refuse_open(problem, space, count if too_few else None)
+            refuse_open(problem, space, count if too_few else None, named)
         if too_few and not isinstance(aim, LogDet):
+            if named == RUNS:
+                raise ValueError(
+                    f"{size}: expected {kind} enough to determine {space.rank} parameters, all of which criterion {name!r} asks "
+                    f"for, given {count}, which determine {most} at most"
+                )
             aim = LogDet(Determinant("D", np.eye(len(space.length)), True))
         result.append(restricted(aim, space))
     return tuple(result), tuple(spaces)
 
 
-def refuse_open(problem: DesignProblem, space: Estimable, count: int | None) -> None:
+def refuse_open(problem: DesignProblem, space: Estimable, count: int | None, named: tuple[str, str] = POINTS) -> None:
     """Raise where points of a space leave parameters open; `count` is their number where these are too few."""
+    size, kind = named
     if len(space.null):
         raise ValueError(
-            "region: expected points that determine all parameters, as singular = 'error' asks, given none that tell about "
+            f"region: expected {kind} that determine all parameters, as singular = 'error' asks, given none that tell about "
             f"{combinations(not_told(problem, space))}, in prior std: estimate fewer parameters (parameters = [...]), measure "
             "other outputs, or widen the region"
         )
     if count is not None:
         raise ValueError(
-            f"n_experiments: expected points enough to determine {space.rank} parameters, as singular = 'error' asks, given "
-            f"{count}, which leave some of them open whatever the points are: take more points, or estimate fewer parameters "
+            f"{size}: expected {kind} enough to determine {space.rank} parameters, as singular = 'error' asks, given "
+            f"{count}, which leave some of them open whatever the {kind} are: take more {kind}, or estimate fewer parameters "
             "(parameters = [...])"
         )
 
