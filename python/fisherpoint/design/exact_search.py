@@ -25,7 +25,7 @@ from .points.pool_exchange import PoolExchange, greedy
 POOL, STARTS = 2000, 6
 """Candidates with the largest sensitivity that points are exchanged over, and designs from which that begins."""
 
-MOST_LEFT = 20_000
+MOST_LEFT = 50_000
 """Candidates that may be left for branch and bound."""
 
 COPIES = 1e-10
