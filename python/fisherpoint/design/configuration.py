@@ -166,7 +166,11 @@ class Config(ModelFile):
     def run_settings(self) -> dict[str, Any]:
         """Keyword arguments for :func:`fisherpoint.design_runs`; what the file leaves out is left to its defaults."""
         search = {} if self.runs is None else self.runs.search()
-        return search | self.design.model_dump(include={"n_candidates", "seed", "time_limit"}, exclude_none=True) | self._over()
+        return (
+            search
+            | self.design.model_dump(include={"n_candidates", "seed", "time_limit", "singular"}, exclude_none=True)
+            | self._over()
+        )
 
     def _over(self) -> dict[str, Any]:
         with self._names_key("design"):

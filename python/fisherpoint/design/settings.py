@@ -137,6 +137,7 @@ class RunSettings:
     confidence: float | None
     time_limit: float | None
     over: OverPrior | None = field(default=None, kw_only=True)
+    singular: str = field(default="estimable", kw_only=True)
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -147,6 +148,7 @@ class RunSettings:
             set_field(self, "confidence", as_probability(self.confidence, "confidence"))
         if self.time_limit is not None:
             set_field(self, "time_limit", as_positive(self.time_limit, "time_limit", "time in s"))
+        check_choice(self.singular, SINGULAR, "singular")
         _check_kind_of_over(self.over)
 
 

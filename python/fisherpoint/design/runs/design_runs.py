@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from ...basics.checks import check_type
 from ...basics.values import Array, FrozenMapping
 from ...engine.levels import kernels
+from ...information.combinations import combination
 from ...information.evaluation import evaluate_design
 from ...information.feasibility import feasibility
 from ...information.point_information import PointInformation
@@ -24,6 +25,7 @@ from ..over_prior import OverPrior, moved_problems
 from ..scenario_values import scenario_values
 from ..settings import RunSettings
 from .run_design import RunDesign
+from .run_pool import RIDGE
 from .run_references import ClassicalRuns, classical_runs
 from .run_search import RunProgress, RunSearch
 
@@ -41,6 +43,7 @@ def design_runs(
     progress: Callable[[RunProgress], None] | None = None,
     previous: Previous | None = None,
     over: OverPrior | None = None,
+    singular: str = "estimable",
 ) -> RunDesign:
     """Find the runs with the largest det F that enough of the prior's plants can run.
 
@@ -72,6 +75,9 @@ def design_runs(
     over : OverPrior, optional
         A criterion over the prior in the place of log det F at its mean; the time is that of one scenario times their number. Runs
         must reach their ends in every scenario.
+    singular : {"estimable", "error"}
+        Where so many runs, or no runs of the region, determine all parameters: "estimable" designs for those that can be
+        determined, and the report names the rest; "error" raises.
 
     Returns
     -------
@@ -81,7 +87,8 @@ def design_runs(
     Raises
     ------
     TypeError, ValueError
-        For misuse, and where hardly any run of the region reaches its end; the reasons are listed.
+        For misuse, where hardly any run of the region reaches its end; the reasons are listed; and with ``singular="error"``
+        where parameters are left open.
     """
     check_type(problem, DesignProblem, "problem")
     if not isinstance(problem.region, RunRegion):
@@ -96,6 +103,7 @@ def design_runs(
         confidence=confidence,
         time_limit=time_limit,
         over=over,
+        singular=singular,
     )
     if progress is not None and not callable(progress):
         raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
@@ -121,8 +129,13 @@ def design_runs(
         threads=threads,
         time_limit=settings.time_limit,
     )
+    if settings.singular == "error" and search.pool.singular:
+        _refuse("no run tells about", search.pool.open, "measure other outputs, estimate fewer parameters, or widen the region")
     stop_reason = search.run(progress)
     runs, seconds = search.runs(), search.seconds
+    evaluation = evaluate_design(problem, runs, threads=threads, previous=previous)
+    if settings.singular == "error" and evaluation.null_directions and stop_reason != "interrupted":
+        _refuse("these runs leave open", evaluation.null_directions, "make more runs, or longer ones with more samples")
     classical: dict[str, ClassicalRuns] = {}
     if stop_reason != "interrupted" and not search.pool.singular and problem.model.kernels is kernels:
         try:
@@ -138,7 +151,7 @@ def design_runs(
         problem=problem,
         settings=settings,
         runs=runs,
-        evaluation=evaluate_design(problem, runs, threads=threads, previous=previous),
+        evaluation=evaluation,
         log_det=-np.inf if search.pool.singular else search.best.value,
         scenarios=scenarios,
         ends=tuple(-np.inf if search.pool.singular else end.value for end in search.ends),
@@ -150,6 +163,14 @@ def design_runs(
         seconds=seconds,
         classical=FrozenMapping({name: one.log_det for name, one in classical.items()}),
         classical_shares=FrozenMapping({name: one.share for name, one in classical.items()}),
+        ridge=RIDGE if search.pool.singular else 0.0,
+    )
+
+
+def _refuse(what: str, directions: Sequence[Mapping[str, float]], help_: str) -> None:
+    raise ValueError(
+        f"region: expected runs that determine all parameters, as singular = 'error' asks; {what} "
+        f"{'; '.join(map(combination, directions))}, in prior std: {help_}"
     )
 
 

@@ -67,6 +67,9 @@ class RunDesign(Shown, Kept):
         The share of the plants that can run these.
     scenarios : ScenarioValues or None
         What the runs are worth in the scenarios of a criterion over the prior; None where it is of the prior mean.
+    ridge : float
+        Share of the prior's information that was added to F where no runs of the region determine all parameters, to tell runs
+        apart; else 0. No figure of the design contains it.
     """
 
     problem: DesignProblem
@@ -84,6 +87,7 @@ class RunDesign(Shown, Kept):
     classical: Mapping[str, float] = FrozenMapping({})
     classical_shares: Mapping[str, float] = FrozenMapping({})
     scenarios: ScenarioValues | None = None
+    ridge: float = 0.0
 
     _INSIDE = (RunSettings, Feasibility)
     _GONE = ("plants",)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...basics.values import Array
+from ...information.evaluation import null_directions
 from ...information.run_tangents import run_tangents
 from ...points.runs import Runs
 from ...points.status import failures_of
@@ -19,6 +20,9 @@ PART = 4
 
 MOST_DRAWN = 20
 """Runs that are drawn at most, for each one that is wanted."""
+
+SINGULAR = 1e-13
+"""Eigenvalue of the information of all runs, scaled to unit diagonal, below which a combination of parameters is not told."""
 
 RIDGE = 1e-9
 """Share of the prior's information that is added to F where runs do not determine all parameters, to tell such runs apart."""
@@ -44,6 +48,8 @@ class RunPool:
         Runs that were drawn for it.
     rejected : Counter
         Those of them that do not reach their ends, by reason.
+    open : tuple of mappings of parameter name to float
+        Combinations of standardised parameters that none of the runs tells about.
     singular : bool
         Whether not even all of its runs together determine all parameters.
 
@@ -77,7 +83,10 @@ class RunPool:
         self._z, self._judged = np.concatenate(z), Judged.join(found)
         everything = self._judged.matrices.sum(axis=(0, 1)) + objective.previous.sum(axis=0)
         size = np.sqrt(np.maximum(np.diag(everything), 1e-300))
-        self.singular = bool(np.linalg.eigvalsh(everything / size / size[:, None])[0] < 1e-13)
+        values, vectors = np.linalg.eigh(everything / size / size[:, None])
+        self.singular = bool(values[0] < SINGULAR)
+        length = np.sqrt(np.maximum(np.diag(everything), 0.0))
+        self.open = null_directions(vectors[:, values < SINGULAR].T, length, objective.problem.estimated)
 
     def _count(self, runs: Runs) -> None:
         """Why runs do not reach their ends, at the prior mean."""

@@ -21,6 +21,7 @@ from ..over_prior import OverPrior
 from ..over_report import over_sections
 from ..report import ROWS_OF_PAGES, plants_sections
 from ..scenario_values import ScenarioValues
+from ..singular_report import ridge_facts
 
 _ROWS = 40  # runs shown of a longer list
 
@@ -68,6 +69,8 @@ class Reported(HasRuns, Protocol):
     def rejected(self) -> Mapping[str, int]: ...
     @property
     def seconds(self) -> float: ...
+    @property
+    def ridge(self) -> float: ...
     @property
     def classical(self) -> Mapping[str, float]: ...
     @property
@@ -144,6 +147,7 @@ def _search(design: Reported) -> Section:
         ("that ended as well as the best", f"{design.again} of {len(design.ends)}"),
         ("end of the search", told[design.stop_reason]),
         ("runs drawn", f"{design.drawn}, of which {sum(design.rejected.values())} do not reach their ends"),
+        *ridge_facts(design, False),
         ("time", f"{design.seconds:.1f} s"),
     ]
     others = sorted((end for end in design.ends if np.isfinite(end)), reverse=True)
