@@ -18,6 +18,12 @@ WIDTHS = (1280, 400)
 LOOK = """
 const root = page.documentElement;
 const told = { inner: view.innerWidth, wide: root.scrollWidth - view.innerWidth, whole: page.querySelector("footer") !== null };
+const heads = Array.from(page.querySelectorAll("thead th"));
+told.right = Object.fromEntries(heads.map(one => [one.textContent, one.getBoundingClientRect().right]));
+told.unnamed = heads.filter(one => !one.textContent).length;
+const boxes = Array.from(page.querySelectorAll(".picture, .scroll")).filter(one => !one.closest("details:not([open])"));
+told.scrolling = boxes.filter(one => one.clientWidth < one.scrollWidth - 2).length;
+told.cues = page.querySelectorAll(".more:not(pre)").length;
 const table = Array.from(page.querySelectorAll("table.sorted")).find(one => one.textContent.includes("q [m]"));
 if (table) {
   const order = () => Array.from(table.tBodies[0].rows, row => row.cells[0].textContent);
@@ -47,6 +53,18 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, int], Any]
 def test_a_page_is_whole_and_nothing_is_wider_than_it(kind: str, width: int, told: dict[tuple[str, int], Any]) -> None:
     of = told[kind, width]
     assert of["inner"] == width and of["wide"] <= 0 and of["whole"]
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_verdict_is_seen_without_scrolling(width: int, told: dict[tuple[str, int], Any]) -> None:
+    right = told["Validation", width]["right"]
+    assert right["promise"] < width and (width > 400 or right["coverage"] > width)
+
+
+def test_what_scrolls_has_a_cue_and_columns_have_names(told: dict[tuple[str, int], Any]) -> None:
+    assert {key: of["cues"] for key, of in told.items()} == {key: of["scrolling"] for key, of in told.items()}
+    assert not any(of["unnamed"] for of in told.values())
+    assert told["Fit", 400]["cues"] > 3 and told["Fit", 1280]["cues"] == 0
 
 
 @pytest.mark.parametrize("width", WIDTHS)

@@ -12,6 +12,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
@@ -25,7 +26,7 @@ from ..show.correlation import draw_correlation
 from ..show.numbers import number
 from ..show.run_time import SHARES, RunTime
 from ..show.shown import Plots
-from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, scale
+from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, scale, telling, telling_each
 from .profile_curve import OPEN, ProfileCurve
 from .statistics import FitStatistics
 
@@ -56,7 +57,8 @@ def plot_parity(fit: FitStatistics) -> Figure:
             std = factor * np.sqrt(fit.noise_covariance[i, i])
             if len(x) <= MANY and std > 0.01 * (limits[1] - limits[0]):
                 axes.errorbar(x, y, yerr=2 * std, fmt="none", ecolor=NOISE, elinewidth=1.0, alpha=0.45)
-            axes.plot(x, y, "o", color=NOISE, markersize=2 if len(x) > MANY else 5, alpha=0.5 if len(x) > MANY else 0.9)
+            (dots,) = axes.plot(x, y, "o", color=NOISE, markersize=2 if len(x) > MANY else 5, alpha=0.5 if len(x) > MANY else 0.9)
+            _tell_samples(fit, dots, np.flatnonzero(told), i)
             axes.set_xlim(limits)
             axes.set_ylim(limits)
             axes.set_aspect("equal")
@@ -76,15 +78,16 @@ def plot_residuals(fit: FitStatistics) -> Figure:
         panels = figure.subplots(len(fit.tests), 1, sharex=True, squeeze=False)[:, 0]
         figure.suptitle(f"Residuals (measured - predicted) in units of the {noise} noise; the band is +-2", x=0.01, ha="left")
         for axes, (i, quantity) in zip(panels, _measured_outputs(fit), strict=True):
-            number, r = np.arange(1, len(residuals) + 1), residuals[:, i]
+            samples, r = np.arange(1, len(residuals) + 1), residuals[:, i]
             outside = np.abs(r) > 2
             axes.axhspan(-2, 2, color=NOISE, alpha=0.10, linewidth=0)
             axes.axhline(0, color=PRIOR, linewidth=0.8)
             size = 1.5 if len(r) > MANY else 4.5
             if len(r) <= MANY:
-                axes.vlines(number, 0, r, color=PRIOR, linewidth=0.8)
-            axes.plot(number[~outside], r[~outside], "o", color=NOISE, markersize=size)
-            axes.plot(number[outside], r[outside], "o", color=CRITERION, markersize=size)
+                axes.vlines(samples, 0, r, color=PRIOR, linewidth=0.8)
+            for which, color in ((np.abs(r) <= 2, NOISE), (outside, CRITERION)):
+                (dots,) = axes.plot(samples[which], r[which], "o", color=color, markersize=size)
+                _tell_samples(fit, dots, np.flatnonzero(which), i)
             reach = max(3.0, 1.1 * float(np.nanmax(np.abs(r))))
             axes.set_ylim(-reach, reach)
             axes.set_ylabel(quantity.name)
@@ -209,6 +212,7 @@ def plot_time(fit: FitStatistics) -> Figure:
         grid = figure.subplots(len(outputs), len(series), sharex="col", squeeze=False)
         of = f"; the first {len(series)} of {len(everything)}" if len(series) < len(everything) else ""
         figure.suptitle(f"Measured and simulated over time{of}", x=0.01, ha="left")
+        handles: list[Line2D] = []
         measured = fit.predicted + fit.residuals
         for column, ((t, rows, run), time) in enumerate(zip(series, times, strict=True)):
             if run is None or time is None:
@@ -223,15 +227,18 @@ def plot_time(fit: FitStatistics) -> Figure:
                 y = measured[rows, i]
                 told = np.isfinite(y)
                 factor, unit = scale(quantity, np.append(y[told], simulated[:, i]))
-                axes.plot(curve, factor * simulated[:, i], color=NOISE, linewidth=1.3, label="simulated", zorder=1 if few else 3)
+                (line,) = axes.plot(curve, factor * simulated[:, i], color=NOISE, linewidth=1.3, zorder=1 if few else 3)
                 size = {"marker": "o", "markersize": 4} if few else {"marker": ".", "markersize": 3}
                 color = TEXT if few else PRIOR
-                axes.plot(at[told], factor * y[told], linestyle="", color=color, label="measured", zorder=2, **size)
+                (dots,) = axes.plot(at[told], factor * y[told], linestyle="", color=color, zorder=2, **size)
+                handles = handles or [line, dots]
+                telling([line], f"{quantity.name} as simulated", f"simulated-{column}-{i}")
+                _tell_samples(fit, dots, np.arange(rows.start, rows.stop)[told], i)
                 rms = np.sqrt(np.mean(np.square(fit.residuals[rows, i][told]))) if told.any() else np.nan
                 text = f"root mean square of the residuals {number(factor * rms, 3)} {unit}"
                 axes.set_title(text, fontsize=9, loc="right")
                 axes.set_ylabel(f"{quantity.name} [{unit}]")
-        grid[0, 0].legend(loc="best", frameon=True, framealpha=0.9, edgecolor="none", ncols=2)
+        grid[0, 0].legend(handles, ("simulated", "measured"), loc="best", frameon=True, framealpha=0.9, edgecolor="none", ncols=2)
     return figure
 
 
@@ -289,6 +296,24 @@ def _nothing(text: str) -> Figure:
 
 def _measured_outputs(fit: FitStatistics) -> Iterator[tuple[int, Quantity]]:
     return ((i, quantity) for i, quantity in enumerate(fit.model.outputs) if quantity.name in fit.tests)
+
+
+def _tell_samples(fit: FitStatistics, dots: Line2D, samples: NDArray[np.intp], i: int) -> None:
+    """Have each dot of an output say of which sample it is, and what was measured; not where there are too many to hit one."""
+    if len(samples) > MANY or not len(samples):
+        return
+    quantity = fit.model.outputs[i]
+    factor, unit = scale(quantity, fit.predicted[:, i])
+    texts = [
+        f"sample {k + 1}: {quantity.name} measured {_in(factor * (fit.predicted + fit.residuals)[k, i], unit)}, "
+        f"predicted {_in(factor * fit.predicted[k, i], unit)}, off by {fit.standardised[k, i]:+.2f} std of the noise"
+        for k in samples.tolist()
+    ]
+    telling_each(dots, texts, f"samples-{i}-{samples[0]}")
+
+
+def _in(value: float, unit: str) -> str:
+    return f"{number(value)} {unit}".removesuffix(" 1")
 
 
 def _joint_quantile(level: float, degrees: float) -> float:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import ArrayLike
 
@@ -52,6 +53,11 @@ def telling(curves: Iterable[Artist], label: str, name: str) -> None:
     for k, curve in enumerate(curves):
         curve.set_gid(f"{TELLS}{name}-{k}")
         curve.set_label(label)
+
+
+def telling_each(dots: Line2D, texts: Iterable[str], name: str) -> None:
+    """Have each dot of a line without gaps tell its own text where the mouse is on it, in a page."""
+    telling([dots], "\n".join(texts), name)
 
 
 def scale(quantity: Quantity, values: ArrayLike) -> tuple[float, str]:
