@@ -23,10 +23,9 @@ from ..points.runs import Runs
 from ..points.settings import checked_arguments
 from ..show import style
 from ..show.correlation import draw_correlation
-from ..show.numbers import number
 from ..show.run_time import SHARES, RunTime
 from ..show.shown import Plots
-from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, scale, telling, telling_each
+from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, labelled, said, scale, telling, telling_each
 from .profile_curve import OPEN, ProfileCurve
 from .statistics import FitStatistics
 
@@ -64,8 +63,8 @@ def plot_parity(fit: FitStatistics) -> Figure:
             axes.set_aspect("equal")
             axes.xaxis.set_major_locator(MaxNLocator(4))
             axes.yaxis.set_major_locator(MaxNLocator(4))
-            axes.set_xlabel(f"predicted {quantity.name} [{unit}]")
-            axes.set_ylabel(f"measured [{unit}]")
+            axes.set_xlabel(labelled(f"predicted {quantity.name}", unit))
+            axes.set_ylabel(labelled("measured", unit))
     return figure
 
 
@@ -150,7 +149,7 @@ def plot_ellipses(fit: FitStatistics, level: float = 0.95) -> Figure:
             for column, k in enumerate((i, j)):
                 factor, unit = scale(Quantity(names[k], fit.units[names[k]]), curve[:, column])
                 factors.append(factor)
-                labels.append(f"{names[k]} [{unit}]" if unit != "1" else names[k])
+                labels.append(labelled(names[k], unit))
             x, y = (factors[c] * fit.values[k] for c, k in enumerate((i, j)))
             axes.fill(*(curve * factors)[:-1].T, color=NOISE, alpha=0.15, linewidth=0)
             axes.plot(*(curve * factors).T, color=NOISE, linewidth=1.4)
@@ -235,9 +234,9 @@ def plot_time(fit: FitStatistics) -> Figure:
                 telling([line], f"{quantity.name} as simulated", f"simulated-{column}-{i}")
                 _tell_samples(fit, dots, np.arange(rows.start, rows.stop)[told], i)
                 rms = np.sqrt(np.mean(np.square(fit.residuals[rows, i][told]))) if told.any() else np.nan
-                text = f"root mean square of the residuals {number(factor * rms, 3)} {unit}"
+                text = f"root mean square of the residuals {said(quantity, rms)}"
                 axes.set_title(text, fontsize=9, loc="right")
-                axes.set_ylabel(f"{quantity.name} [{unit}]")
+                axes.set_ylabel(labelled(quantity.name, unit))
         grid[0, 0].legend(handles, ("simulated", "measured"), loc="best", frameon=True, framealpha=0.9, edgecolor="none", ncols=2)
     return figure
 
@@ -303,17 +302,12 @@ def _tell_samples(fit: FitStatistics, dots: Line2D, samples: NDArray[np.intp], i
     if len(samples) > MANY or not len(samples):
         return
     quantity = fit.model.outputs[i]
-    factor, unit = scale(quantity, fit.predicted[:, i])
     texts = [
-        f"sample {k + 1}: {quantity.name} measured {_in(factor * (fit.predicted + fit.residuals)[k, i], unit)}, "
-        f"predicted {_in(factor * fit.predicted[k, i], unit)}, off by {fit.standardised[k, i]:+.2f} std of the noise"
+        f"sample {k + 1}: {quantity.name} measured {said(quantity, (fit.predicted + fit.residuals)[k, i])}, "
+        f"predicted {said(quantity, fit.predicted[k, i])}, off by {fit.standardised[k, i]:+.2f} std of the noise"
         for k in samples.tolist()
     ]
     telling_each(dots, texts, f"samples-{i}-{samples[0]}")
-
-
-def _in(value: float, unit: str) -> str:
-    return f"{number(value)} {unit}".removesuffix(" 1")
 
 
 def _joint_quantile(level: float, degrees: float) -> float:
@@ -349,6 +343,6 @@ def _profile_panel(axes: Axes, profile: ProfileCurve) -> None:
             x, align = (0.02, "left") if side == 0 else (0.98, "right")
             axes.text(x, 0.03, "not bounded", transform=axes.transAxes, ha=align, va="bottom", color=CRITERION, fontsize=8)
     axes.set_ylim(-0.04 * profile.threshold, 1.5 * profile.threshold)
-    axes.set_xlabel(f"{profile.name} [{unit}]" if unit != "1" else profile.name)
+    axes.set_xlabel(labelled(profile.name, unit))
     axes.set_ylabel("deviance")
     axes.xaxis.set_major_locator(MaxNLocator(5))
