@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 pytest.importorskip("matplotlib")
 
-from browser import CHROMIUM, seen
+from browser import CHROMIUM, printed_pages, seen
+from fisherpoint.show.page import to_page
+from fisherpoint.show.page_pictures import for_page
 from page_cases import PICTURES, results
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium")
@@ -75,3 +79,13 @@ def test_tables_sort(width: int, told: dict[tuple[str, int], Any]) -> None:
     assert [q[k] for k in of["up"]] == sorted(q.values()) != list(q.values())
     assert [q[k] for k in of["down"]] == sorted(q.values(), reverse=True)
     assert of["sort"] == "ascending"
+
+
+def test_neither_a_long_file_nor_the_footer_takes_a_sheet_of_its_own(tmp_path: Path) -> None:
+    """Whatever the height of the last picture is."""
+    design, long = results()["Design"], "\n".join(f"key_{k} = {k}" for k in range(400))
+    for kind in ("points", "trajectories"):
+        page = to_page(design.report(), pictures=[for_page(kind, design.plot(kind))], command="x", sources={"x.toml": long})
+        without = re.sub("<footer>.*?</footer>", "", page.replace(long, ""), flags=re.DOTALL)
+        assert "key_7" in page and "key_7" not in without
+        assert printed_pages(page, tmp_path) == printed_pages(without, tmp_path) > 1

@@ -81,7 +81,7 @@ def _asked(asked: Sequence[Section], command: str, sources: Mapping[str, str]) -
         yield "</details>"
     for name, text in sources.items():
         lines = "\n".join(map(_text, text.split("\n")))
-        yield f"<details>\n<summary>{_text(name)}</summary>\n<pre>{lines}</pre>\n</details>"
+        yield f'<details class="source">\n<summary>{_text(name)}</summary>\n<pre>{lines}</pre>\n</details>'
 
 
 def _section(section: Section, level: str) -> Iterator[str]:
