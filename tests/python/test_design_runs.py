@@ -13,12 +13,14 @@ import pytest
 import fisherpoint as fp
 from bench.runs import decay, reactor
 from fisherpoint.design.average import Average
+from fisherpoint.design.configuration import load_config
 from fisherpoint.design.runs.run_moves import moved_runs
 from fisherpoint.design.runs.run_objective import RunObjective
 from fisherpoint.design.runs.run_pictures import limits_of
 from fisherpoint.design.runs.run_profiles import PROFILES, draw_runs
 from fisherpoint.design.runs.run_slopes import linear_rows
 from fisherpoint.points.run_region import RunCoordinates
+from fit_cases import EXAMPLES
 
 FINE: Any = (1e-9, True, True, "fastest", 1)
 
@@ -242,7 +244,26 @@ def test_classical_runs_that_few_plants_can_run_are_told() -> None:
 def test_limits_of_single_quantities_are_lines() -> None:
     problem = slider(mover(), along=["x < 5e-1", "abs(v) < 0.4", "-1.5 <= x", "x + v < 3", "-.2 < x < 2.0"])
     lines = limits_of(problem)
-    assert sorted(lines["x"]) == [-1.5, -0.2, 0.5, 2.0] and sorted(lines["v"]) == [-0.4, 0.4] and set(lines) == {"x", "v"}
+    assert sorted(lines["x"]) == [-1.5, -0.2, 0.5, 2.0] and sorted(lines["v"]) == [-0.4, 0.4] and set(lines) == {"x", "v", "y"}
+    assert lines["y"] == lines["x"]  # which it shows
+
+
+def test_limits_of_what_an_output_shows_are_lines_of_it() -> None:
+    problem = load_config(EXAMPLES / "battery.toml").problem()
+    assert sorted(limits_of(problem)["V"]) == [2.8, 4.2]
+
+
+def test_a_report_of_runs_has_means_and_says_what_is_known_of_the_best() -> None:
+    design = fp.design_runs(slider(mover()), n_starts=1, n_candidates=60)
+    report = design.report()
+    (table,) = (section for section in report.sections if section.title == "Parameters")
+    place = list(table.columns).index("mean")
+    assert [float(row[place]) for row in table.rows] == pytest.approx(
+        [design.problem.prior.mean[row[0]] for row in table.rows], rel=1e-3
+    )
+    (known,) = (dict(section.rows) for section in report.sections if section.title == "D-efficiency")
+    best = max(design.classical, key=lambda name: design.classical[name])
+    assert f"({best}, log det " in known["of the best classical run"] and known["bound"].startswith("none is proven")
 
 
 def test_ctrl_c_keeps_the_best_runs() -> None:

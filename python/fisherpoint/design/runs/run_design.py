@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -16,7 +16,7 @@ from ...information.codec import evaluation_from_json, evaluation_to_json, probl
 from ...information.evaluation import Evaluation
 from ...information.feasibility import Feasibility
 from ...information.problem import DesignProblem
-from ...information.problem_report import problem_sections, settings_section
+from ...information.problem_report import problem_sections
 from ...points.codec import runs_from_json, runs_to_json
 from ...points.run_files import plan_csv, runs_csv
 from ...points.runs import Runs
@@ -25,6 +25,7 @@ from ...show.shown import Plots, Shown
 from ..over_prior import OverPrior
 from ..scenario_values import ScenarioValues, scenario_values_from_json, scenario_values_to_json
 from ..settings import RunSettings
+from ..settings_section import settings_section
 from .run_report import run_report, segments_table
 
 if TYPE_CHECKING:
@@ -118,7 +119,7 @@ class RunDesign(Shown, Kept):
         return replace(report, sections=[*report.sections, segments_table(self.problem.model, self.runs)])
 
     def _asked(self) -> Sequence[Section]:
-        return [*problem_sections(self.problem), settings_section(asdict(self.settings))]
+        return [*problem_sections(self.problem), settings_section(self.settings)]
 
     def _plots(self) -> Plots:
         with needed_for("pictures"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -90,7 +91,9 @@ def run_report(design: Reported) -> Report:
     inner = design.evaluation.report()
     plants = plants_sections(design.feasibility, design.settings.confidence)
     over = over_sections(design, _maximised(design))
-    sections = [_runs_table(problem, runs), *inner.sections, *over, *plants, _search(design), *_classical(design)]
+    parameter_table, *criterion = inner.sections
+    tables = [_runs_table(problem, runs), _with_means(parameter_table, problem), *criterion, *_known(design)]
+    sections = [*tables, *over, *plants, _search(design), *_classical(design)]
     return Report(headline, sections, [*_warnings(design), *inner.warnings])
 
 
@@ -130,6 +133,27 @@ def segments_table(model: Model, runs: Runs, title: str = "Segments of the runs"
     ]
     notes = [f"... and {len(run) - ROWS_OF_PAGES} more"] if len(run) > ROWS_OF_PAGES else []
     return Section(title, columns, rows, notes=notes)
+
+
+def _with_means(table: Section, problem: DesignProblem) -> Section:
+    """The table of an evaluation, which does not know the means, with these before the standard deviations."""
+    place = list(table.columns).index("prior std")
+    columns = [*table.columns[:place], "mean", *table.columns[place:]]
+    rows = [(*row[:place], number(problem.prior.mean[row[0]]), *row[place:]) for row in table.rows]
+    return replace(table, columns=columns, rows=rows)
+
+
+def _known(design: Reported) -> Iterator[Section]:
+    """How good the design is for all that is known, where designs of points have a certificate."""
+    facts = [("bound", "none is proven: better runs may exist, and more starts may find them")]
+    finite = {name: value for name, value in design.classical.items() if np.isfinite(value)}
+    if finite and np.isfinite(design.log_det):
+        name = max(finite, key=lambda one: finite[one])
+        efficiency = d_efficiency(design.log_det, finite[name], len(design.evaluation.parameters))
+        share = percent(design.classical_shares.get(name, np.nan))
+        fact = f"{percent(efficiency or 0.0)} ({name}, log det {computed(finite[name], 5)}, which {share} of the plants can run)"
+        facts.insert(0, ("of the best classical run", fact))
+    yield Section("D-efficiency", (), facts)
 
 
 def _maximised(design: Reported) -> str:
