@@ -8,6 +8,7 @@
 ``python -m bench runs`` compares designs of runs with published ones, and ``python -m bench.windows`` one with windows;
 ``python -m bench pieces`` picks the best windows of a log of a million samples;
 ``python -m bench approximate`` finds optimal weights of a million candidates;
+``python -m bench exact`` finds the best designs of given candidates with their proofs;
 ``python -m bench packs`` for what the core's packs could be made of;
 ``python -m bench cost`` counts instructions per trajectory, and exits with 1 where they are a tenth more than recorded;
 ``python -m bench table FILE`` prints what they wrote with ``--json`` as Markdown.
@@ -31,6 +32,7 @@ from . import (
     cost,
     covariances,
     designs,
+    exact,
     machine,
     memory,
     models,
@@ -79,6 +81,11 @@ def main() -> int:
         of_runs = runs.measure(options.quick, tables.console.print)
         tables.show_runs(of_runs)
         _save(options, {"machine": found, "quick": options.quick, "runs": [asdict(figures) for figures in of_runs]})
+        return 0
+    if options.task == "exact":
+        of_counts = exact.measure(options.quick)
+        print(exact.show(of_counts))
+        _save(options, {"machine": found, "quick": options.quick, "exact": [asdict(figures) for figures in of_counts]})
         return 0
     if options.task == "approximate":
         of_weights = approximate.measure(options.quick)
@@ -188,12 +195,13 @@ def _options() -> argparse.Namespace:
             "runs",
             "pieces",
             "approximate",
+            "exact",
             "packs",
             "cost",
             "table",
         ),
         help="other programs; how the cost grows; models written in Python; many fits; design in batches; stiff"
-        " models; designs of runs; windows of a log; kinds of vectors;"
+        " models; designs of runs; windows of a log; weights and counts of candidates; kinds of vectors;"
         " instructions per trajectory next to the recorded ones; a report as Markdown; nothing for all of fisherpoint next to"
         " SciPy",
     )

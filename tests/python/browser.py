@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 from collections.abc import Mapping, Sequence
@@ -33,6 +34,24 @@ addEventListener("load", () => {
 """
 
 
+def start(directory: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    """Run the browser on an address, or for what the options say."""
+    command = [
+        str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
+        "--disable-background-networking", "--disable-component-update", "--enable-logging=stderr", "--virtual-time-budget=2000",
+        f"--user-data-dir={directory / 'chromium'}", *options,
+    ]  # fmt: skip
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+
+
+def printed_pages(text: str, directory: Path) -> int:
+    """How many sheets of paper a page takes."""
+    page, paper = directory / "printed.html", directory / "printed.pdf"
+    page.write_text(text, encoding="utf-8")
+    start(directory, f"--print-to-pdf={paper}", page.as_uri())
+    return len(re.findall(rb"/Type\s*/Page\b", paper.read_bytes()))
+
+
 def seen(pages: Mapping[str, str], widths: Sequence[int], look: str, directory: Path) -> tuple[dict[tuple[str, int], Any], str]:
     """What JavaScript says of each page in frames of each width, and what the browser complained of.
 
@@ -42,12 +61,7 @@ def seen(pages: Mapping[str, str], widths: Sequence[int], look: str, directory: 
     given = json.dumps([[pages[name], width] for name, width in asked]).replace("</", r"<\/")
     wrapper = directory / "frames.html"
     wrapper.write_text(FRAMES.replace("LOOK", look).replace("PAGES", given), encoding="utf-8")
-    command = [
-        str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
-        "--disable-background-networking", "--disable-component-update", "--enable-logging=stderr", "--virtual-time-budget=2000",
-        f"--user-data-dir={directory / 'chromium'}", "--dump-dom", wrapper.as_uri(),
-    ]  # fmt: skip
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    done = start(directory, "--dump-dom", wrapper.as_uri())
     told = json.loads(Page(done.stdout).within("output"))
     complaints = "\n".join(line for line in done.stderr.splitlines() if ":CONSOLE" in line)
     return dict(zip(asked, told, strict=True)), complaints

@@ -44,6 +44,7 @@ def design_cases() -> dict[str, Case]:
             n_starts=(1, INT),
             n_candidates=(20, INT),
             confidence=(0.9, NUMBER, NONE),
+            singular=("estimable",),
             over=(None, NONE),
             seed=(0, INT),
             threads=threads,
@@ -72,7 +73,13 @@ def design_cases() -> dict[str, Case]:
         ),
         "pieces[]": case(lambda index: log_pieces()[index], index=(0, INT, ARRAY, NAMES, SLICE)),
         "best_pieces": case(
-            fp.best_pieces, problem=(problem(),), pieces=(log_pieces(),), n_pieces=(1, INT), seed=(0, INT), threads=threads
+            fp.best_pieces,
+            problem=(problem(),),
+            pieces=(log_pieces(),),
+            n_pieces=(1, INT),
+            seed=(0, INT),
+            threads=threads,
+            singular=("estimable",),
         ),
         "approximate": case(
             fp.approximate,

@@ -27,6 +27,8 @@ STORED = Path(__file__).with_name("data") / "pictures.json"
 PLACES = 9
 """Of a curve that are stored."""
 
+NUMBER = re.compile(r"[-+]?\d[\d.e-]*")
+
 NEXT = re.compile(r"\n\s+")
 
 DIGITS, TOLERANCE = 4, 1e-3
@@ -90,8 +92,9 @@ def _look(line: Any) -> str:
 
 
 def _told(artist: Any) -> str:
+    """What an artist is called, or tells where the mouse is on it, without its numbers."""
     label = str(artist.get_label())
-    return "" if label.startswith("_") else label
+    return "" if label.startswith("_") else NUMBER.sub("#", label)
 
 
 def _places(points: ArrayLike) -> dict[str, list[float | None]]:

@@ -13,6 +13,7 @@ import pytest
 import fisherpoint as fp
 from bench.runs import decay, reactor
 from fisherpoint.design.average import Average
+from fisherpoint.design.configuration import load_config
 from fisherpoint.design.optimality.aims import aim_of
 from fisherpoint.design.runs.run_moves import moved_runs
 from fisherpoint.design.runs.run_objective import RunObjective
@@ -20,6 +21,7 @@ from fisherpoint.design.runs.run_pictures import limits_of
 from fisherpoint.design.runs.run_profiles import PROFILES, draw_runs
 from fisherpoint.design.runs.run_slopes import linear_rows
 from fisherpoint.points.run_region import RunCoordinates
+from fit_cases import EXAMPLES
 
 FINE: Any = (1e-9, True, True, "fastest", 1)
 
@@ -84,7 +86,17 @@ def test_a_trap_is_told() -> None:
     assert design.evaluation.rank == 3 and design.evaluation.standard_errors is None
     (null,) = design.evaluation.null_directions
     assert set(null) == {"U_b", "i_H", "i_S"}  # the gain tells U_a
-    assert "The runs determine 3 of 4 parameters" in str(design)
+    assert "The runs determine 3 of 4 parameters" in str(design) and design.ridge == 1e-9
+    told = " ".join(str(design).split())
+    assert "1e-9 of the prior's information, to tell designs apart; no figure here contains it" in told
+    assert "log det F of the rest" in told and np.isfinite(design.evaluation.log_det_estimable or np.inf)
+    with pytest.raises(
+        ValueError, match=r"^region: .*'error' asks; no run tells about 1.00 (i_H|U_b|i_S).*, in prior std: measure other"
+    ):
+        fp.design_runs(problem_of(model, mean, {"T": 0.25}, region), n_starts=2, singular="error")
+    short = fp.RunRegion({"T_H": 296.0, "T_S": 296.0, "u": (0, 100), "dt": 60.0}, 2)
+    with pytest.raises(ValueError, match=r"^region: .*'error' asks; (these runs leave open|no run tells about) "):
+        fp.design_runs(problem_of(model, mean, {"T": 0.25}, short), n_starts=1, singular="error")
 
 
 @pytest.mark.parametrize("kappa", [0.0, 3.0])
@@ -234,7 +246,26 @@ def test_classical_runs_that_few_plants_can_run_are_told() -> None:
 def test_limits_of_single_quantities_are_lines() -> None:
     problem = slider(mover(), along=["x < 5e-1", "abs(v) < 0.4", "-1.5 <= x", "x + v < 3", "-.2 < x < 2.0"])
     lines = limits_of(problem)
-    assert sorted(lines["x"]) == [-1.5, -0.2, 0.5, 2.0] and sorted(lines["v"]) == [-0.4, 0.4] and set(lines) == {"x", "v"}
+    assert sorted(lines["x"]) == [-1.5, -0.2, 0.5, 2.0] and sorted(lines["v"]) == [-0.4, 0.4] and set(lines) == {"x", "v", "y"}
+    assert lines["y"] == lines["x"]  # which it shows
+
+
+def test_limits_of_what_an_output_shows_are_lines_of_it() -> None:
+    problem = load_config(EXAMPLES / "battery.toml").problem()
+    assert sorted(limits_of(problem)["V"]) == [2.8, 4.2]
+
+
+def test_a_report_of_runs_has_means_and_says_what_is_known_of_the_best() -> None:
+    design = fp.design_runs(slider(mover()), n_starts=1, n_candidates=60)
+    report = design.report()
+    (table,) = (section for section in report.sections if section.title == "Parameters")
+    place = list(table.columns).index("mean")
+    assert [float(row[place]) for row in table.rows] == pytest.approx(
+        [design.problem.prior.mean[row[0]] for row in table.rows], rel=1e-3
+    )
+    (known,) = (dict(section.rows) for section in report.sections if section.title == "D-efficiency")
+    best = max(design.classical, key=lambda name: design.classical[name])
+    assert f"({best}, log det " in known["of the best classical run"] and known["bound"].startswith("none is proven")
 
 
 def test_ctrl_c_keeps_the_best_runs() -> None:

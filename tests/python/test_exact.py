@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fisherpoint as fp
+from fisherpoint.design.optimality import branch_and_bound
 from fisherpoint.design.optimality.branch_and_bound import BranchAndBound, similar_first
 from fisherpoint.design.optimality.criteria import Criterion, Determinant, SmallestEigenvalue, Variance
 from fisherpoint.design.optimality.relaxation import Box, Group, Relaxation
@@ -179,6 +180,30 @@ def test_neighbours_on_a_fine_grid_do_not_hold_up_the_proof(count: int, n: int) 
     assert better.proven and better.nodes < 100 and sorted(better.counts) == [n // 2, n - n // 2]
 
 
+@pytest.mark.parametrize("most", [10**6, 5])
+def test_similar_candidates_lie_beside_each_other_in_groups_within_groups(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(branch_and_bound, "MOST_GROUPED", most)
+    rng = np.random.default_rng(0)
+    centres = np.repeat([0.0, 1.0, 5.0, 5.0], [3, 5, 4, 1])
+    x = centres + 1e-3 * rng.standard_normal(13)
+    x[-1] = x[-2]  # a copy
+    shuffled = rng.permutation(13)
+    order, parts = similar_first(x[shuffled, None, None])
+    np.testing.assert_array_equal(np.sort(order), np.arange(13))
+    groups = {(part.first, part.end) for part in parts}
+    assert {(k, k + 1) for k in range(13)} <= groups
+    of = [set(range(first, end)) for first, end in groups]
+    assert all(not one & other or one <= other or other <= one for one, other in itertools.combinations(of, 2))
+    members = {frozenset(np.round(centres[shuffled][order[first:end]]).tolist()) for first, end in groups if end - first > 2}
+    assert {frozenset([0.0]), frozenset([1.0]), frozenset([5.0])} <= members
+
+
+def test_twenty_thousand_candidates_are_no_obstacle() -> None:
+    design = fp.exact(MICHAELIS, inputs(np.linspace(0, 5, 20_001)[1:]), 5)
+    assert design.proven and design.n_left > 3000 and design.nodes < 100
+    assert design.of_weights == pytest.approx((6 / 6.25) ** 0.5, abs=1e-4)
+
+
 def test_one_time_determines_the_highest_concentration() -> None:
     """The information of four measurements at the best time is singular; what is asked lies in its range."""
     peak = float(np.log(4.298 / 0.05884) / (4.298 - 0.05884))
@@ -206,11 +231,11 @@ def test_what_stops_the_search_is_told_with_what_is_proven_until_then() -> None:
     assert stopped.stop_reason == "max_nodes" and stopped.nodes == 2 and not stopped.proven
     assert 0.95 < stopped.efficiency < 1 - 1e-4 and stopped.efficiency >= stopped.of_weights - 1e-9
     assert "at least" in repr(stopped) and "the limit of nodes" in str(stopped)
-    assert "may exist" in " ".join(str(stopped).split())
+    assert "there may be one with up to" in " ".join(str(stopped).split())
     late = fp.exact(QUADRATIC, inputs(GRID), 8, time_limit=1e-6)
     assert late.stop_reason == "time_limit" and late.efficiency > 0.9
     done = fp.exact(QUADRATIC, inputs(GRID), 8)
-    assert "proven D-optimal among 9 candidates, to 1e-6" in repr(done) and "may exist" not in str(done)
+    assert "proven D-optimal among 9 candidates, to 1e-6" in repr(done) and "there may be" not in str(done)
     assert fp.exact(QUADRATIC, inputs(GRID), 8, gap=0.1).nodes <= 1
     assert "too many" in str(replace(stopped, stop_reason="candidates"))
 

@@ -10,6 +10,7 @@ from scipy.stats import chi2, f
 
 import fisherpoint as fp
 from fisherpoint.design.configuration import load_config
+from fisherpoint.show.numbers import number
 from fit_cases import EXAMPLES, cylinder, decay
 
 
@@ -50,6 +51,19 @@ def test_pictures_of_a_single_parameter(tmp_path: Path) -> None:
     fit = fp.estimate(model, data, parameters=["k"], noise_std={"c": 0.2})
     paths = plots_fit.save_all(fit, tmp_path)
     assert {path.stem for path in paths} == {"parity", "residuals"}
+
+
+def test_samples_tell_what_was_measured() -> None:
+    from fisherpoint.show.page_pictures import for_page
+
+    problem, data = cylinder()
+    fit = fp.estimate(problem.model, data, problem.prior, noise_std=problem.noise_std)
+    for kind in ("parity", "residuals"):
+        markup = for_page(kind, fit.plot(kind)).markup
+        for sample in range(1, len(data.points) + 1):
+            assert f">sample {sample}: q measured " in markup, kind
+    q = np.asarray(data.y)[0, 0]
+    assert f">sample 1: q measured {number(q)} m, predicted" in markup
 
 
 def test_a_record_is_drawn_over_time(tmp_path: Path) -> None:

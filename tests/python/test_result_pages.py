@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from inspect import signature
 from pathlib import Path
 
 import numpy as np
@@ -13,14 +14,14 @@ import fisherpoint as fp
 from fisherpoint.show.page import to_page
 from fisherpoint.show.page_pictures import for_page
 from fisherpoint.show.section import Report, Section
-from fisherpoint.show.style import telling
+from fisherpoint.show.style import telling, telling_each
 from page_cases import HOSTILE, PICTURES, Page, problem, results
 
 pytest.importorskip("matplotlib")
 
 
 def shown(report: Report) -> Iterator[str]:
-    yield report.headline
+    yield from report.lines or [report.headline]
     yield from report.warnings
     for section in report.sections:
         yield section.title
@@ -53,11 +54,32 @@ def test_a_page_says_what_was_asked_and_with_which_versions(tmp_path: Path) -> N
     results()["Design"].to_html(tmp_path / "report.html", pictures=False)
     page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
     asked = page.within("details")
-    for part in ("What was asked", "sensor noise", "Prior", "Region", "n_candidates", "Linearized"):
+    for part in ("What was asked", "sensor noise", "Prior", "Region", "candidates of a draw", "Linearized"):
         assert part in asked
     assert ["E_oil", "Pa", "1.2e9", "2.4e8", "normal"] in [row for table in page.tables for row in table]
     assert ["v", "m/s", "-0.25", "0.25"] in [row for table in page.tables for row in table]
     assert f"numpy {np.__version__}" in page.within("footer")
+
+
+def test_what_was_asked_is_said_in_words_and_what_goes_without_saying_is_not() -> None:
+    from fisherpoint.design.settings_section import OF_POINTS, OF_RUNS, settings_section
+
+    for search, words in ((fp.exchange, OF_POINTS), (fp.design_runs, OF_RUNS)):
+        usual = {name: one.default for name, one in signature(search).parameters.items()}
+        assert all(value == usual[name] for name, (_, value) in words.items() if value is not None)
+    rows = dict(settings_section(results()["Design"].settings).rows)
+    assert rows == {"points": "12", "candidates of a draw": "5", "iterations, at most": "4", "seed": "0"}
+    assert dict(settings_section(results()["RunDesign"].settings).rows)["random runs to begin with"] == "20"
+
+
+def test_the_page_of_a_validation_says_first_whether_promises_hold(tmp_path: Path) -> None:
+    results()["Validation"].to_html(tmp_path / "report.html", pictures=False)
+    page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert page.within("h1") == "Validation of hydraulic_cylinder: 1 design, 20 virtual experiments"
+    report = results()["Validation"].report()
+    assert report.headline == report.lines[0] == page.within("p").partition("20 virtual experiments each")[0]
+    (table,) = (table for table in page.tables if "coverage" in table[0])
+    assert table[0][:2] == ["parameter", "promise"]
 
 
 def test_misuse_is_told(tmp_path: Path) -> None:
@@ -107,6 +129,15 @@ def test_curves_tell_their_names() -> None:
     assert HOSTILE in [text for path, text in page.texts if path[-1] == "title"]
     assert "hover" in page.classes and "<script" not in picture.markup
     assert "<style" not in picture.markup
+
+
+def test_dots_tell_their_own_texts() -> None:
+    from matplotlib.figure import Figure
+
+    figure = Figure()
+    telling_each(figure.subplots().plot([0, 1, 2], [1, 2, 0], "o")[0], ["first", HOSTILE, "last"], "dots")
+    page = Page(for_page("a_picture", figure).markup)
+    assert [text for path, text in page.texts if path[-2:] == ("use", "title")] == ["first", HOSTILE, "last"]
 
 
 def test_a_picture_is_embedded_in_the_smaller_format() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,12 +17,13 @@ from ..design.points.point_search import Progress
 from ..design.report import points_section
 from ..design.runs.run_report import segments_table
 from ..design.runs.run_search import RunProgress
+from ..design.settings_section import settings_section
 from ..estimation.estimate import estimate
 from ..estimation.fit import Fit
 from ..estimation.precision import quantile
 from ..information.codec import problem_from_json, problem_to_json
 from ..information.problem import DesignProblem
-from ..information.problem_report import problem_sections, settings_section
+from ..information.problem_report import problem_sections
 from ..points.runs import Runs
 from ..points.settings import resolve_threads
 from ..show.section import Report, Section
@@ -318,7 +319,7 @@ class Campaign(Shown):
         return replace(report, sections=[*report.sections, table])
 
     def _asked(self) -> Sequence[Section]:
-        return [*problem_sections(self.problem), settings_section(asdict(self.settings))]
+        return [*problem_sections(self.problem), settings_section(self.settings)]
 
     def _plots(self) -> Plots:
         return {"campaign": self.plot} if self.history else {}

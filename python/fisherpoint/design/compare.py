@@ -137,7 +137,7 @@ class DesignComparison(Shown, Kept):
             value = computed(of.log_det, 5) if np.isfinite(of.log_det) else "-inf: singular"
             sizes = counted(of.count, of.kind), str(of.samples), number(of.duration)
             rows.append((name, *sizes, value, percent(whole[name]), percent(each[name]), percent(of.feasibility.share)))
-        columns = ("design", "", "samples", "duration [s]", "log det F, sum", "D-efficiency", "per sample", "plants that can")
+        columns = ("design", "size", "samples", "duration [s]", "log det F, sum", "D-efficiency", "per sample", "plants that can")
         notes = (
             "log det F: standardised, under the sensor noise. D-efficiency: against the best of these, that is the share of times"
             " that one would be repeated to tell as much.",

@@ -47,7 +47,7 @@ __all__ = ["Config", "ConfigError", "load_config", "load_problem"]
 
 _PROBLEM_KEYS = {"output_covariance", "parameters", "kinks", "jumps", "rtol", "assumed_covariance", "along"}
 
-_OF_RUNS = {"n_candidates", "seed", "time_limit", "criterion", "of", "scale", "prior_information"}
+_OF_RUNS = {"n_candidates", "seed", "time_limit", "singular", "criterion", "of", "scale", "prior_information"}
 
 
 class Config(ModelFile):

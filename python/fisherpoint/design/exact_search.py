@@ -25,7 +25,7 @@ from .points.pool_exchange import PoolExchange, greedy
 POOL, STARTS = 2000, 6
 """Candidates with the largest sensitivity that points are exchanged over, and designs from which that begins."""
 
-MOST_LEFT = 20_000
+MOST_LEFT = 50_000
 """Candidates that may be left for branch and bound."""
 
 COPIES = 1e-10
@@ -155,10 +155,11 @@ class ExactSearch:
         if not len(left) or len(left) > MOST_LEFT:
             return left
         matrices = self._pool.matrices(left, self._into).reshape(len(left), -1)
-        size = max(float(np.abs(matrices).max()), 1e-300)
+        size = np.maximum(np.linalg.norm(matrices, axis=1), 1e-300)[:, None]
+        keys = np.round(np.concatenate([matrices / size, np.log(size)], axis=1) / COPIES)
         counts = np.zeros(len(self._prices)) if self.counts is None else self.counts
         order = np.argsort(-counts[left], kind="stable")
-        first = np.unique(np.round(matrices[order] / (size * COPIES)), axis=0, return_index=True)[1]
+        first = np.unique(keys[order], axis=0, return_index=True)[1]
         return np.sort(left[order[first]])
 
     def _exchange(self, among: NDArray[np.intp]) -> None:

@@ -28,6 +28,13 @@ Floats = NDArray[np.float64]
 BEYOND = 0.08
 """Of a logarithmic axis, the share that lies beyond the bounds on either side, as of the others."""
 
+DIGIT, LINE, MOST_LINES = 4.8, 10.0, 4
+"""Of numbers, in points of 1/72 inch: how wide a character is, how high a line, and how many lines there are at most."""
+
+AWAY, ROOM, BETWEEN = (6.0, 13.0), 4.0, 3.0
+"""Of numbers, in points of 1/72 inch: how far they are from their marker, the gap to other things that is enough, and how densely
+these are taken."""
+
 SAME_PLACE = 3.0
 """Starts that are closer on paper, in points of 1/72 inch, share one label."""
 
@@ -48,7 +55,7 @@ def plot_points(design: Evaluated) -> Figure:
     values |= {quantity.name: paths[:, :, i] for i, quantity in enumerate(model.states)}
     values |= {quantity.name: points.u[:, [i]] for i, quantity in enumerate(model.inputs)}
     values["dt"] = points.dt[:, None]
-    panels = _panels(model)
+    panels = [pair for pair in _panels(model) if any(_is_free(design, q) for q in pair)] or _panels(model)
     held = (*model.inputs, *model.axes[-1:])[0]
 
     with mpl.rc_context(STYLE):
@@ -87,6 +94,16 @@ def _panels(model: Model) -> list[tuple[Quantity, Quantity]]:
         return _pairs(model.inputs, model.outputs[:1])
     dt = model.axes[-1]
     return _pairs(model.states, model.inputs[:1]) + [(dt, other) for other in model.inputs or model.states[:1]]
+
+
+def _is_free(design: Evaluated, quantity: Quantity) -> bool:
+    """Whether points differ in a quantity, or may by the region; outputs do."""
+    if quantity not in design.problem.model.axes:
+        return True
+    column = design.points.table[:, design.problem.model.axes.index(quantity)]
+    bounds = {} if design.problem.region is None else design.problem.region.bounds
+    lower, upper = bounds.get(quantity.name, (column.min(), column.max()))
+    return bool(lower < upper or np.ptp(column) > 0)
 
 
 def _pairs(quantities: Sequence[Quantity], partner: Sequence[Quantity]) -> list[tuple[Quantity, Quantity]]:
@@ -136,26 +153,64 @@ def _number_points(axes: Axes, x: Floats, y: Floats) -> None:
     def on_paper(column: int) -> Floats:
         return axes.transData.transform(np.column_stack([x[:, column], y[:, column]])) * point
 
-    starts, (lowest, highest) = on_paper(0), axes.bbox.get_points() * point
+    starts = on_paper(0)
     places: dict[int, list[str]] = {}  # numbers of starts that lie on each other, by the first of them
     for k, start in enumerate(starts):
         first = next((j for j in places if np.hypot(*(starts[j] - start)) < SAME_PLACE), k)
         places.setdefault(first, []).append(str(k + 1))
-    middle = x.shape[1] // 2
-    occupied = [*starts[list(places)], *on_paper(middle // 2), *on_paper(middle), *on_paper(-1)]
-    angles = np.deg2rad(np.arange(45, 405, 30))
-    around = np.column_stack([np.cos(angles), np.sin(angles)])
+    ways = np.concatenate([_densely(on_path) for on_path in np.stack([on_paper(t) for t in range(x.shape[1])], axis=1)])
+    occupied = np.concatenate([ways, starts[list(places)]])
     for k, numbers in places.items():
-        here, text = starts[k], ", ".join(numbers)
-        half = np.array([2.4 * len(text), 4.0])  # width and height of the text
-        others = np.array([other for other in occupied if not np.allclose(other, here)]).reshape(-1, 2)
-        offsets = (half + 5.5) * around
-        gaps = [np.min(np.hypot(*np.maximum(np.abs(here + offset - others) - half, 0.0).T), initial=12.0) for offset in offsets]
-        outside = np.maximum(lowest - (here + offsets - half), here + offsets + half - highest)
-        offset = offsets[int(np.argmax(gaps - 2.0 * np.maximum(outside, 0.0).sum(axis=1)))]  # beyond the axes are other labels
-        occupied += [here + offset + np.array([along * half[0], 0.0]) for along in (-1, 0, 1)]
-        label = axes.annotate(text, (x[k, 0], y[k, 0]), offset, textcoords="offset points", ha="center", va="center", zorder=4)
-        label.set_path_effects([withStroke(linewidth=2, foreground="white")])
+        others = occupied[~np.isclose(occupied, starts[k]).all(axis=1)]
+        layouts = [_in_lines(numbers, lines) for lines in range(1, min(len(numbers), MOST_LINES) + 1)]
+        marks = starts[[other for other in places if other != k]]
+        found = [_room(starts[k], np.array([DIGIT * width, LINE * lines]) / 2, others, marks, axes) for _, width, lines in layouts]
+        best = int(np.argmax([score - line for line, (score, _, _) in enumerate(found)]))  # a line is easier to read than two
+        _, offset, half = found[best]
+        across = np.linspace(-half[0], half[0], 2 + int(2 * half[0] / BETWEEN))
+        box = np.array([(along, up) for along in across for up in (-half[1], 0.0, half[1])])
+        occupied = np.concatenate([occupied, starts[k] + offset + box])
+        text = layouts[best][0]
+        label = axes.annotate(
+            text, (x[k, 0], y[k, 0]), tuple(offset), textcoords="offset points", ha="center", va="center", zorder=4
+        )
+        label.set(linespacing=1.0, path_effects=[withStroke(linewidth=3, foreground="white")])
+
+
+def _in_lines(numbers: Sequence[str], lines: int) -> tuple[str, int, int]:
+    """Numbers in so many lines, the characters of the longest line, and how many there are."""
+    each = -(-len(numbers) // lines)
+    parts = [", ".join(numbers[first : first + each]) for first in range(0, len(numbers), each)]
+    return ",\n".join(parts), max(map(len, parts)), len(parts)
+
+
+def _room(here: Floats, half: Floats, others: Floats, marks: Floats, axes: Axes) -> tuple[float, Floats, Floats]:
+    """The best place around a marker for a label of this size: how good it is, the offset of its middle, and half of the size."""
+    lowest, highest = axes.bbox.get_points() * 72.0 / axes.figure.dpi
+    angles = np.deg2rad(np.arange(45, 405, 15))
+    around = np.concatenate([away * np.column_stack([np.cos(angles), np.sin(angles)]) for away in AWAY])
+    offsets = half * np.sign(np.round(around, 6)) * np.minimum(1.0, np.abs(around) / AWAY[0]) + around
+    gaps, foreign = (
+        np.array([np.min(np.hypot(*np.maximum(np.abs(here + offset - things) - half, 0.0).T), initial=most) for offset in offsets])
+        for things, most in ((others, ROOM), (marks, np.inf))
+    )
+    own = np.hypot(*np.maximum(np.abs(offsets) - half, 0.0).T)
+    outside = np.maximum(lowest - (here + offsets - half), here + offsets + half - highest)
+    far = np.hypot(*around.T) > AWAY[0] + 1e-6  # nearer is better where there is as much room
+    scores = gaps - 2.0 * np.maximum(outside, 0.0).sum(axis=1) - far  # beyond the axes are other labels
+    scores -= ROOM * (foreign < own + 1.0)  # else it would seem to be another point's
+    best = int(np.argmax(scores))
+    return float(scores[best]), offsets[best], half
+
+
+def _densely(path: Floats) -> Floats:
+    """Places (T, 2) on paper with others between them, so that no label fits in between."""
+    path = path[np.isfinite(path).all(axis=1)]
+    if len(path) < 2:
+        return path
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    at = np.linspace(0.0, along[-1], 2 + int(along[-1] / BETWEEN))
+    return np.column_stack([np.interp(at, along, path[:, 0]), np.interp(at, along, path[:, 1])])
 
 
 def _coordinates(design: Evaluated, horizontal: Quantity, vertical: Quantity, values: dict[str, Floats]) -> tuple[Floats, Floats]:

@@ -63,12 +63,13 @@ def plot_responses(design: Evaluated) -> Figure:
     along, sampled = curve[:, column], points.table[:, column]
     expected, at_points = _outputs(problem, curve), _outputs(problem, points.table)
     factor = along_axis.factor
+    noise_std = [(problem.noise_std or {}).get(output.name, 0.0) for output in model.outputs]
 
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(7.0, 0.6 + 2.9 * len(model.outputs)), layout="constrained")
         grid = figure.subplots(len(model.outputs), 1, squeeze=False, sharex=True)[:, 0]
         for j, (axes, output) in enumerate(zip(grid, model.outputs, strict=True)):
-            factor_y, unit_y = scale(output, expected[:, j])
+            factor_y, unit_y = scale(output, np.append(expected[:, j], noise_std[j]))
             axes.plot(factor * along, factor_y * expected[:, j], color=NOISE, linewidth=1.3)
             noise = None if problem.noise_std is None else factor_y * problem.noise_std[output.name]
             axes.errorbar(
@@ -85,7 +86,7 @@ def plot_responses(design: Evaluated) -> Figure:
         figure.suptitle(f"Experiment points (numbered), outputs at the prior mean{bars}", x=0.01, ha="left")
         settle(figure)  # the layout decides where labels have room
         for j, (axes, output) in enumerate(zip(grid, model.outputs, strict=True)):
-            factor_y = scale(output, expected[:, j])[0]
+            factor_y = scale(output, np.append(expected[:, j], noise_std[j]))[0]
             noise = 0.0 if problem.noise_std is None else factor_y * problem.noise_std[output.name]
             for place, numbers in _places(sampled, lower, upper, along_axis.is_log):
                 above = (factor * place, factor_y * at_points[numbers[0], j] + noise)

@@ -17,8 +17,7 @@ from ..information.draws import drawn_from_prior
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from ..show.durations import duration, make_logarithmic
-from ..show.numbers import number
-from ..show.style import NOISE, STYLE, TEXT, labelled, scale, telling
+from ..show.style import NOISE, STYLE, TEXT, labelled, said, scale, telling
 from .evaluated import Evaluated
 from .paths import FRACTIONS, paths_of
 
@@ -80,19 +79,19 @@ def plot_trajectories(design: Evaluated, max_points: int = 24, plants: int = 200
         figure = Figure(figsize=(width, (1.25 if one_unit else 1.45) * len(points) + 1.0))
         grid, titles = figure.subplots(len(points), len(model.outputs), squeeze=False), []
         for j, output in enumerate(model.outputs):
-            factor, unit = scale(output, np.concatenate([row.mean[:, j] for row in lines]))
+            std = (noise_std or {}).get(output.name, 0.0)
+            factor, unit = scale(output, np.concatenate([[std], *(row.mean[:, j] for row in lines)]))
             titles.append(labelled(output.name, unit))
             for axes, row, group, start, dt in zip(grid[:, j], lines, groups, starts, points.dt, strict=True):
                 shade = {"color": NOISE, "alpha": 0.3, "linewidth": 0}
                 band = axes.fill_between(row.time, factor * row.low[:, j], factor * row.high[:, j], **shade)
                 (line,) = axes.plot(row.time, factor * row.mean[:, j], color=NOISE, linewidth=1.3)
-                ends = factor * start[j], factor * row.mean[-1, j]
-                telling((band, line), _told(group, output, unit, ends, dt), f"{group[0]}-{j}")
+                telling((band, line), _told(group, output, (start[j], row.mean[-1, j]), dt), f"{group[0]}-{j}")
                 handles = [line, band]
                 labels = ["at the prior mean", "5 to 95 % over the prior"]
                 if noise_std is not None:
                     bar = axes.errorbar(
-                        row.time[-1], factor * row.mean[-1, j], factor * noise_std[output.name],
+                        row.time[-1], factor * row.mean[-1, j], factor * std,
                         color=TEXT, fmt=".", markersize=4, capsize=2, linewidth=1,
                     )  # fmt: skip
                     handles.append(bar)
@@ -175,10 +174,10 @@ def _alike(table: Floats) -> list[list[int]]:
     return groups
 
 
-def _told(group: Sequence[int], output: Quantity, unit: str, ends: Sequence[float], dt: float) -> str:
+def _told(group: Sequence[int], output: Quantity, ends: Sequence[float], dt: float) -> str:
     """What the curve of a point says of itself."""
     of = f"point {group[0] + 1}" if len(group) == 1 else f"points {', '.join(str(k + 1) for k in group)}"
-    start, end = (f"{number(value)} {unit}".removesuffix(" 1") for value in ends)
+    start, end = (said(output, value) for value in ends)
     return f"{of}: {output.name} is {start} at the start, {end} after {duration(dt)}, at the prior mean"
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,13 +12,14 @@ from ..basics.checks import as_path
 from ..basics.extras import needed_for
 from ..basics.files import built_from, parse_json, read_bytes, sealed_json, write_together
 from ..basics.messages import printable
-from ..information.problem_report import problem_sections, settings_section
+from ..information.problem_report import problem_sections
 from ..points.experiments import points_csv
 from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
 from .files import FORMAT, FORMAT_VERSION, PICTURES, design_from_json, design_to_json, has_points_of
 from .found import FoundDesign
 from .report import ROWS_OF_PAGES, design_report
+from .settings_section import settings_section
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,7 +38,7 @@ class Design(FoundDesign, Shown):
         return design_report(self, ROWS_OF_PAGES)
 
     def _asked(self) -> Sequence[Section]:
-        return [*problem_sections(self.problem), settings_section(asdict(self.settings))]
+        return [*problem_sections(self.problem), settings_section(self.settings)]
 
     def _plots(self) -> Plots:
         with needed_for("pictures"):

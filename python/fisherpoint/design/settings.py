@@ -151,6 +151,7 @@ class RunSettings:
     time_limit: float | None
     _: KW_ONLY
     over: OverPrior | None = None
+    singular: str = "estimable"
     criterion: str = "D"
     of: str | tuple[str, ...] | None = None
     conditions: Experiments | None = None
@@ -166,6 +167,7 @@ class RunSettings:
             set_field(self, "confidence", as_probability(self.confidence, "confidence"))
         if self.time_limit is not None:
             set_field(self, "time_limit", as_positive(self.time_limit, "time_limit", "time in s"))
+        check_choice(self.singular, SINGULAR, "singular")
         _check_kind_of_over(self.over)
         _check_what_is_asked(self)
 

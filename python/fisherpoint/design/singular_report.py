@@ -57,11 +57,9 @@ class Searched(Protocol):
     def ridge(self) -> float: ...
 
 
-def ridge_facts(design: Searched) -> Iterator[tuple[str, str]]:
-    """What was added to F while designs of the search were singular."""
+def ridge_facts(design: Searched, exchanged: bool = True) -> Iterator[tuple[str, str]]:
+    """What was added to F while designs of the search were singular; `exchanged` over candidates at hand."""
     if design.ridge:
-        yield (
-            "added to F while singular",
-            f"{number(design.ridge)} of the prior's information, to tell designs apart, and in exchanges up to 1e-4 of what "
-            "candidates tell on average; no figure here contains it",
-        )
+        more = ", and in exchanges up to 1e-4 of what candidates tell on average" if exchanged else ""
+        what = f"{number(design.ridge)} of the prior's information, to tell designs apart{more}; no figure here contains it"
+        yield "added to F while singular", what

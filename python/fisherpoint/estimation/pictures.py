@@ -12,6 +12,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
@@ -22,10 +23,9 @@ from ..points.runs import Runs
 from ..points.settings import checked_arguments
 from ..show import style
 from ..show.correlation import draw_correlation
-from ..show.numbers import number
 from ..show.run_time import SHARES, RunTime
 from ..show.shown import Plots
-from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, scale
+from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, labelled, said, scale, telling, telling_each
 from .profile_curve import OPEN, ProfileCurve
 from .statistics import FitStatistics
 
@@ -56,14 +56,15 @@ def plot_parity(fit: FitStatistics) -> Figure:
             std = factor * np.sqrt(fit.noise_covariance[i, i])
             if len(x) <= MANY and std > 0.01 * (limits[1] - limits[0]):
                 axes.errorbar(x, y, yerr=2 * std, fmt="none", ecolor=NOISE, elinewidth=1.0, alpha=0.45)
-            axes.plot(x, y, "o", color=NOISE, markersize=2 if len(x) > MANY else 5, alpha=0.5 if len(x) > MANY else 0.9)
+            (dots,) = axes.plot(x, y, "o", color=NOISE, markersize=2 if len(x) > MANY else 5, alpha=0.5 if len(x) > MANY else 0.9)
+            _tell_samples(fit, dots, np.flatnonzero(told), i)
             axes.set_xlim(limits)
             axes.set_ylim(limits)
             axes.set_aspect("equal")
             axes.xaxis.set_major_locator(MaxNLocator(4))
             axes.yaxis.set_major_locator(MaxNLocator(4))
-            axes.set_xlabel(f"predicted {quantity.name} [{unit}]")
-            axes.set_ylabel(f"measured [{unit}]")
+            axes.set_xlabel(labelled(f"predicted {quantity.name}", unit))
+            axes.set_ylabel(labelled("measured", unit))
     return figure
 
 
@@ -76,15 +77,16 @@ def plot_residuals(fit: FitStatistics) -> Figure:
         panels = figure.subplots(len(fit.tests), 1, sharex=True, squeeze=False)[:, 0]
         figure.suptitle(f"Residuals (measured - predicted) in units of the {noise} noise; the band is +-2", x=0.01, ha="left")
         for axes, (i, quantity) in zip(panels, _measured_outputs(fit), strict=True):
-            number, r = np.arange(1, len(residuals) + 1), residuals[:, i]
+            samples, r = np.arange(1, len(residuals) + 1), residuals[:, i]
             outside = np.abs(r) > 2
             axes.axhspan(-2, 2, color=NOISE, alpha=0.10, linewidth=0)
             axes.axhline(0, color=PRIOR, linewidth=0.8)
             size = 1.5 if len(r) > MANY else 4.5
             if len(r) <= MANY:
-                axes.vlines(number, 0, r, color=PRIOR, linewidth=0.8)
-            axes.plot(number[~outside], r[~outside], "o", color=NOISE, markersize=size)
-            axes.plot(number[outside], r[outside], "o", color=CRITERION, markersize=size)
+                axes.vlines(samples, 0, r, color=PRIOR, linewidth=0.8)
+            for which, color in ((np.abs(r) <= 2, NOISE), (outside, CRITERION)):
+                (dots,) = axes.plot(samples[which], r[which], "o", color=color, markersize=size)
+                _tell_samples(fit, dots, np.flatnonzero(which), i)
             reach = max(3.0, 1.1 * float(np.nanmax(np.abs(r))))
             axes.set_ylim(-reach, reach)
             axes.set_ylabel(quantity.name)
@@ -147,7 +149,7 @@ def plot_ellipses(fit: FitStatistics, level: float = 0.95) -> Figure:
             for column, k in enumerate((i, j)):
                 factor, unit = scale(Quantity(names[k], fit.units[names[k]]), curve[:, column])
                 factors.append(factor)
-                labels.append(f"{names[k]} [{unit}]" if unit != "1" else names[k])
+                labels.append(labelled(names[k], unit))
             x, y = (factors[c] * fit.values[k] for c, k in enumerate((i, j)))
             axes.fill(*(curve * factors)[:-1].T, color=NOISE, alpha=0.15, linewidth=0)
             axes.plot(*(curve * factors).T, color=NOISE, linewidth=1.4)
@@ -209,6 +211,7 @@ def plot_time(fit: FitStatistics) -> Figure:
         grid = figure.subplots(len(outputs), len(series), sharex="col", squeeze=False)
         of = f"; the first {len(series)} of {len(everything)}" if len(series) < len(everything) else ""
         figure.suptitle(f"Measured and simulated over time{of}", x=0.01, ha="left")
+        handles: list[Line2D] = []
         measured = fit.predicted + fit.residuals
         for column, ((t, rows, run), time) in enumerate(zip(series, times, strict=True)):
             if run is None or time is None:
@@ -223,15 +226,18 @@ def plot_time(fit: FitStatistics) -> Figure:
                 y = measured[rows, i]
                 told = np.isfinite(y)
                 factor, unit = scale(quantity, np.append(y[told], simulated[:, i]))
-                axes.plot(curve, factor * simulated[:, i], color=NOISE, linewidth=1.3, label="simulated", zorder=1 if few else 3)
+                (line,) = axes.plot(curve, factor * simulated[:, i], color=NOISE, linewidth=1.3, zorder=1 if few else 3)
                 size = {"marker": "o", "markersize": 4} if few else {"marker": ".", "markersize": 3}
                 color = TEXT if few else PRIOR
-                axes.plot(at[told], factor * y[told], linestyle="", color=color, label="measured", zorder=2, **size)
+                (dots,) = axes.plot(at[told], factor * y[told], linestyle="", color=color, zorder=2, **size)
+                handles = handles or [line, dots]
+                telling([line], f"{quantity.name} as simulated", f"simulated-{column}-{i}")
+                _tell_samples(fit, dots, np.arange(rows.start, rows.stop)[told], i)
                 rms = np.sqrt(np.mean(np.square(fit.residuals[rows, i][told]))) if told.any() else np.nan
-                text = f"root mean square of the residuals {number(factor * rms, 3)} {unit}"
+                text = f"root mean square of the residuals {said(quantity, rms)}"
                 axes.set_title(text, fontsize=9, loc="right")
-                axes.set_ylabel(f"{quantity.name} [{unit}]")
-        grid[0, 0].legend(loc="best", frameon=True, framealpha=0.9, edgecolor="none", ncols=2)
+                axes.set_ylabel(labelled(quantity.name, unit))
+        grid[0, 0].legend(handles, ("simulated", "measured"), loc="best", frameon=True, framealpha=0.9, edgecolor="none", ncols=2)
     return figure
 
 
@@ -291,6 +297,19 @@ def _measured_outputs(fit: FitStatistics) -> Iterator[tuple[int, Quantity]]:
     return ((i, quantity) for i, quantity in enumerate(fit.model.outputs) if quantity.name in fit.tests)
 
 
+def _tell_samples(fit: FitStatistics, dots: Line2D, samples: NDArray[np.intp], i: int) -> None:
+    """Have each dot of an output say of which sample it is, and what was measured; not where there are too many to hit one."""
+    if len(samples) > MANY or not len(samples):
+        return
+    quantity = fit.model.outputs[i]
+    texts = [
+        f"sample {k + 1}: {quantity.name} measured {said(quantity, (fit.predicted + fit.residuals)[k, i])}, "
+        f"predicted {said(quantity, fit.predicted[k, i])}, off by {fit.standardised[k, i]:+.2f} std of the noise"
+        for k in samples.tolist()
+    ]
+    telling_each(dots, texts, f"samples-{i}-{samples[0]}")
+
+
 def _joint_quantile(level: float, degrees: float) -> float:
     from scipy.stats import chi2, f
 
@@ -324,6 +343,6 @@ def _profile_panel(axes: Axes, profile: ProfileCurve) -> None:
             x, align = (0.02, "left") if side == 0 else (0.98, "right")
             axes.text(x, 0.03, "not bounded", transform=axes.transAxes, ha=align, va="bottom", color=CRITERION, fontsize=8)
     axes.set_ylim(-0.04 * profile.threshold, 1.5 * profile.threshold)
-    axes.set_xlabel(f"{profile.name} [{unit}]" if unit != "1" else profile.name)
+    axes.set_xlabel(labelled(profile.name, unit))
     axes.set_ylabel("deviance")
     axes.xaxis.set_major_locator(MaxNLocator(5))

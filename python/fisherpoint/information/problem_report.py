@@ -35,11 +35,6 @@ def problem_sections(problem: DesignProblem) -> list[Section]:
     return [*sections, *_region(problem)]
 
 
-def settings_section(settings: Mapping[str, object]) -> Section:
-    """The settings of a search, those that were not given left out."""
-    return Section("Settings", (), [(name, str(value)) for name, value in settings.items() if value is not None])
-
-
 def prior_section(prior: GaussianPrior, parameters: Iterable[Quantity]) -> Section:
     """Means and standard deviations, and which parameters are log-normal."""
     units = {quantity.name: quantity.unit for quantity in parameters}

@@ -55,7 +55,9 @@ def to_page(
     sources : mapping of name to text, optional
         Files that the command was given.
     """
-    parts = [f"<h1>{_text(report.headline)}</h1>"]
+    title = report.title or report.headline
+    parts = [f"<h1>{_text(title)}</h1>"]
+    parts += [f'<p class="lead">{_text(line)}</p>' for line in report.lines]
     parts += [f'<p class="warning" role="note"><b>Warning:</b> {_text(warning)}</p>' for warning in report.warnings]
     parts += _asked(asked, command, sources or {})
     for section in report.sections:
@@ -66,7 +68,7 @@ def to_page(
     made = ", ".join(f"{name} {version}" for name, version in versions().items() if name != "isa")
     parts.append(f"<footer>Made with {_text(made)}; instruction set {_text(versions()['isa'])}.</footer>")
     template = Template(Path(__file__).with_name("page.html").read_text(encoding="utf-8"))
-    return template.substitute(title=_text(report.headline), body="\n".join(parts))
+    return template.substitute(title=_text(title), body="\n".join(parts))
 
 
 def _asked(asked: Sequence[Section], command: str, sources: Mapping[str, str]) -> Iterator[str]:
@@ -79,7 +81,7 @@ def _asked(asked: Sequence[Section], command: str, sources: Mapping[str, str]) -
         yield "</details>"
     for name, text in sources.items():
         lines = "\n".join(map(_text, text.split("\n")))
-        yield f"<details>\n<summary>{_text(name)}</summary>\n<pre>{lines}</pre>\n</details>"
+        yield f'<details class="source">\n<summary>{_text(name)}</summary>\n<pre>{lines}</pre>\n</details>'
 
 
 def _section(section: Section, level: str) -> Iterator[str]:

@@ -63,12 +63,21 @@ def _inline(svg: bytes, labels: dict[str, str], title: str) -> str:
             element.remove(style)  # it would hold for the whole page
         name = element.get("id", "")
         if name in labels:
-            element.set("class", "hover")
-            told = ElementTree.Element(f"{{{SVG}}}title")
-            told.text = labels[name]
-            element.insert(0, told)
+            texts, dots = labels[name].split("\n"), list(element.iter(f"{{{SVG}}}use"))
+            if len(texts) == len(dots):
+                for dot, text in zip(dots, texts, strict=True):
+                    _tell(dot, text)
+            elif len(texts) == 1:
+                _tell(element, texts[0])
         if name and name not in used:
             del element.attrib["id"]
     root.set("role", "img")
     root.set("aria-label", title)
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def _tell(element: ElementTree.Element, text: str) -> None:
+    element.set("class", "hover")
+    told = ElementTree.Element(f"{{{SVG}}}title")
+    told.text = text
+    element.insert(0, told)

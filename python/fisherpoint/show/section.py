@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+TEXTS = ("unit",)
+"""Columns that are text whatever is in them: 1/s is no number."""
+
 
 @dataclass(frozen=True)
 class Section:
@@ -31,16 +34,23 @@ class Section:
     def is_left(self, place: int) -> bool:
         """Whether a column is text, which goes to the left; columns of numbers go to the right."""
         cells = [row[place] for row in self.rows]
-        return not self.columns or place == 0 or any(cell and not _is_number(cell) for cell in cells)
+        if not self.columns or place == 0 or self.columns[place] in TEXTS:
+            return True
+        return any(cell and not _is_number(cell) for cell in cells)
 
 
 @dataclass(frozen=True)
 class Report:
-    """A headline, sections, and what the user should not miss."""
+    """A headline, sections, and what the user should not miss.
+
+    Where the headline is more than a line, a page has a short title above it, and shows it as these lines.
+    """
 
     headline: str
     sections: Sequence[Section] = ()
     warnings: Sequence[str] = ()
+    title: str = ""
+    lines: Sequence[str] = ()
 
 
 def _is_number(cell: str) -> bool:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import ArrayLike
 
@@ -18,6 +19,7 @@ from ..basics.checks import as_path
 from ..basics.files import write_whole
 from ..basics.messages import shown
 from ..basics.quantity import Quantity
+from .numbers import number
 
 PRIOR, CRITERION, NOISE, TEXT = "#8c8c8c", "#d55e00", "#0072b2", "#333333"
 DPI = 150
@@ -43,6 +45,9 @@ STYLE: dict[Any, Any] = {
 TIMES = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"), (1.0, "s"), (1e-3, "ms"), (1e-6, "µs"))
 """Units of time, in s."""
 
+SMALL, LARGE = 1e-3, 1e5
+"""Largest values of an axis outside of which its unit has a power of ten, in the place of one at the end of the axis."""
+
 TELLS = "tells-"
 """What the ids of curves start with whose labels a page shows where the mouse is."""
 
@@ -54,8 +59,29 @@ def telling(curves: Iterable[Artist], label: str, name: str) -> None:
         curve.set_label(label)
 
 
+def telling_each(dots: Line2D, texts: Iterable[str], name: str) -> None:
+    """Have each dot of a line without gaps tell its own text where the mouse is on it, in a page."""
+    telling([dots], "\n".join(texts), name)
+
+
 def scale(quantity: Quantity, values: ArrayLike) -> tuple[float, str]:
-    """Factor and unit that make the values easy to read: MPa for 2e7 Pa, ms for 0.01 s, h for 2e5 s."""
+    """Factor and unit that make the values easy to read along an axis: MPa for 2e7 Pa, h for 2e5 s, 1e-6 m3 for 4e-6 m3."""
+    factor, unit = prefixed(quantity, values)
+    largest = float(np.nanmax(np.abs(np.asarray(values)), initial=0.0)) * factor
+    if largest and np.isfinite(largest) and not SMALL <= largest < LARGE:
+        power = 3 * int(np.floor(np.log10(largest) / 3))
+        return factor * 10.0**-power, f"1e{power} {unit}".removesuffix(" 1")
+    return factor, unit
+
+
+def said(quantity: Quantity, value: float) -> str:
+    """A value in a sentence, in a unit that is easy to read."""
+    factor, unit = prefixed(quantity, value)
+    return f"{number(factor * value)} {unit}".removesuffix(" 1")
+
+
+def prefixed(quantity: Quantity, values: ArrayLike) -> tuple[float, str]:
+    """Factor and unit, with a prefix where the unit is one that has some: MPa for 2e7 Pa, ms for 0.01 s, h for 2e5 s."""
     largest = float(np.nanmax(np.abs(np.asarray(values)), initial=0.0))
     if quantity.unit == "s":
         for seconds, unit in TIMES[:3]:

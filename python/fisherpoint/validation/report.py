@@ -72,19 +72,22 @@ def validation_report(validation: Validated) -> Report:
         _section(name, design, verdicts[name], validation.runs, _advice(validation, design, verdicts[name]))
         for name, design in validation.designs.items()
     ]
-    return Report(headline(validation, verdicts), [Section("", notes=[done(validation)]), *sections, Section("", notes=LEGEND)])
+    lines = said(validation, verdicts)
+    head = "; ".join(line if k == len(lines) - 1 else line.removesuffix(".") for k, line in enumerate(lines))
+    title = f"Validation of {validation.problem.model.name}: {counted(len(validation.designs), 'design')}"
+    title += f", {counted(validation.runs, 'virtual experiment')}" + (" each" if len(validation.designs) > 1 else "")
+    body = [Section("", notes=[done(validation)]), *sections, Section("", notes=LEGEND)]
+    return Report(head, body, title=title, lines=lines)
 
 
-def headline(validation: Validated, verdicts: Mapping[str, Mapping[str, ParameterVerdict]]) -> str:
-    """Whether the promises hold, in a line."""
-    said = {name: _verdict(validation, design, verdicts[name]) for name, design in validation.designs.items()}
-    if len(said) == 1:
-        (line,) = said.values()
-    else:
-        line = "; ".join(f"{name}: {one}" for name, one in said.items())
+def said(validation: Validated, verdicts: Mapping[str, Mapping[str, ParameterVerdict]]) -> list[str]:
+    """Whether the promises hold, in a line for each design."""
+    lines = [_verdict(validation, design, verdicts[name]) for name, design in validation.designs.items()]
+    if len(lines) > 1:
+        lines = [f"{name}: {line}" for name, line in zip(validation.designs, lines, strict=True)]
     if validation.runs < validation.asked:
-        return f"Interrupted after {validation.runs} of {validation.asked} virtual experiments; {line}"
-    return f"{line[0].upper()}{line[1:]}" if len(said) == 1 else line
+        return [f"Interrupted after {validation.runs} of {validation.asked} virtual experiments; {lines[0]}", *lines[1:]]
+    return [f"{lines[0][0].upper()}{lines[0][1:]}"] if len(lines) == 1 else lines
 
 
 def _verdict(validation: Validated, design: DesignValidation, verdicts: Mapping[str, ParameterVerdict]) -> str:
@@ -181,8 +184,8 @@ def _section(name: str, design: DesignValidation, verdicts: Mapping[str, Paramet
     if design.fits < FEWEST:
         notes.append(f"no figures of errors: expected at least {FEWEST} fits that did not fail")
     columns = (
-        *("parameter", "promised", "claimed", "achieved", "ratio", "typical ratio", "bias", "rmse"),
-        *("coverage", "low", "high", "promise"),
+        *("parameter", "promise", "promised", "claimed", "achieved", "ratio", "typical ratio", "bias", "rmse"),
+        *("coverage", "low", "high"),
     )
     rows = []
     for parameter, of in design.parameters.items():
@@ -191,7 +194,7 @@ def _section(name: str, design: DesignValidation, verdicts: Mapping[str, Paramet
         figures = (of.achieved.over(prior), of.ratio, of.typical_ratio, of.bias.over(prior), of.rmse)
         shares = (with_error(100 * one.value, 100 * one.error, " %") for one in (of.coverage, of.too_low, of.too_high))
         outcome = verdicts[parameter].outcome if parameter in verdicts else "-"
-        rows.append((parameter, *told, *(with_error(one.value, one.error) for one in figures), *shares, outcome))
+        rows.append((parameter, outcome, *told, *(with_error(one.value, one.error) for one in figures), *shares))
     marked = [place for place, parameter in enumerate(design.parameters) if _is_broken(verdicts.get(parameter))]
     notes += [
         f"{parameter} has no interval with ends in {of.without_interval} of {n}"

@@ -24,8 +24,8 @@ from .symmetries import Permutations
 WHOLE = 1e-6
 """What a count may be away from a whole number that is taken for it."""
 
-MOST_GROUPED = 3000
-"""Candidates of which groups of similar ones are formed; the table of all distances grows with the square."""
+MOST_GROUPED = 1000
+"""Candidates up to which groups of similar ones are formed by all their distances, of which the table grows with the square."""
 
 TIGHT = 0.6
 """A group is parted as one where it is so much smaller than the distance to the next one; those of a coarse grid are not."""
@@ -243,9 +243,10 @@ def similar_first(matrices: Array) -> tuple[NDArray[np.intp], list[_Part]]:
     from scipy.cluster.hierarchy import linkage
 
     count = len(matrices)
-    if not 2 < count <= MOST_GROUPED:
+    if count < 3:
         return np.arange(count), [_Part(k, k + 1, 1.0) for k in range(count)]
-    tree = linkage(matrices.reshape(count, -1), method="average")
+    flat = matrices.reshape(count, -1)
+    tree = linkage(flat, method="average") if count <= MOST_GROUPED else _halved(flat)
     size = np.concatenate([np.ones(count, dtype=int), tree[:, 3].astype(int)])
     first = np.zeros(2 * count - 1, dtype=int)
     distance = np.zeros(2 * count - 1)
@@ -257,3 +258,27 @@ def similar_first(matrices: Array) -> tuple[NDArray[np.intp], list[_Part]]:
     close = np.flatnonzero(within[: 2 * count - 2] <= TIGHT * distance[: 2 * count - 2])
     parts = [_Part(int(first[c]), int(first[c] + size[c]), float(distance[c])) for c in close]
     return np.argsort(first[:count]), parts
+
+
+def _halved(flat: Array) -> Array:
+    """A tree (K - 1, 4) as of `linkage`, by halving from all candidates down along the coordinate in which they differ most."""
+    count, splits = len(flat), list[tuple[int, int, float, int]]()
+    waiting, parent = [(np.arange(count), -1, 0)], dict[tuple[int, int], int]()
+    while waiting:
+        some, above, side = waiting.pop()
+        if len(some) == 1:
+            parent[above, side] = int(some[0])
+            continue
+        parent[above, side] = count + len(splits)
+        along = flat[some, int(np.argmax(np.ptp(flat[some], axis=0)))]
+        lower = along <= (along.min() + along.max()) / 2
+        if lower.all():  # to rounding they are the same
+            lower = np.arange(len(some)) < len(some) // 2
+        halves = some[lower], some[~lower]
+        apart = float(np.linalg.norm(flat[halves[0]].mean(axis=0) - flat[halves[1]].mean(axis=0)))
+        waiting += [(half, len(splits), k) for k, half in enumerate(halves)]
+        splits.append((len(splits), 0, apart, len(some)))
+    last = len(splits) - 1  # the root comes first here, and last there
+    number = {count + k: count + last - k for k in range(len(splits))}
+    rows = [(*(number.get(parent[k, side], parent[k, side]) for side in (0, 1)), apart, size) for k, _, apart, size in splits]
+    return np.array(rows[::-1], dtype=float)

@@ -21,8 +21,8 @@ ENDS = {
     "proven": "the gap is closed",
     "max_nodes": "the limit of nodes",
     "time_limit": "the limit of time",
-    "interrupted": "interrupted",
-    "candidates": "too many candidates are left for branch and bound",
+    "interrupted": "an interrupt",
+    "candidates": "too many candidates that are left for branch and bound",
 }
 """Why a search ended."""
 
@@ -117,6 +117,6 @@ def _warnings(design: Reported) -> Iterator[str]:
         )
     if not design.proven:
         yield (
-            f"No better design is known, but one with {number(100 * (1 / design.efficiency - 1), 2)} % more information may exist:"
-            f" the search was ended by {ENDS[design.stop_reason]}."
+            f"No better design is known, but there may be one with up to {number(100 * (1 / design.efficiency - 1), 2)} % more "
+            f"information: the search was ended by {ENDS[design.stop_reason]}."
         )

@@ -161,7 +161,7 @@ class _Search:
             asked = near or _Near(self.stored, self.places)
             along = asked.candidates.along(self.space.into @ slope.half)
             along[self.excluded[asked.places]] = -np.inf
-            added = self._added(along, asked.places, working)
+            added = self._added(along, asked.places, working, slope)
             gap = max(float(along.max()) - 1.0, 0.0)
             if near is None:
                 of_all = gap
@@ -208,7 +208,7 @@ class _Search:
             working = np.union1d(working, taken)
         return working
 
-    def _added(self, along: Array, places: Places, working: Places) -> Places:
+    def _added(self, along: Array, places: Places, working: Places, slope: Slope) -> Places:
         """Candidates that would help and may have a weight; what may not is -inf in `along` from now on.
 
         Where most may not, more are asked for: without any the weights would stay as they are, and be computed once more.
@@ -217,12 +217,15 @@ class _Search:
         share = float(np.clip(ALIKE * (along.max() - 1.0), SAME, MOST_ALIKE)) if self.deletes else SAME
         looks = 0
         while len(added) < ENOUGH and looks < LOOKS and len(wanted := _helpful(left)):
-            best_first = places[wanted[np.argsort(-left[wanted], kind="stable")]]
+            taken = self._taken(places[wanted])
+            along_taken = left[wanted[np.isin(places[wanted], taken)]]
+            best_first = taken[np.argsort(-along_taken, kind="stable")]
             beside = np.union1d(working, added)
-            new = self.unlike(best_first, beside, share)
-            taken = self._taken(np.sort(new))
-            added = np.union1d(added, taken)
-            if len(taken) == len(new):
+            new = self.unlike(best_first, beside, share, slope)
+            if not len(new) and not len(added):  # no weights are as good as those of what is alike, but not the same
+                new = self.unlike(best_first, beside, SAME)
+            added = np.union1d(added, new)
+            if len(taken) == len(wanted):
                 if len(added):
                     break
                 looks += 1
@@ -230,9 +233,14 @@ class _Search:
         along[self.excluded[places]] = -np.inf
         return added
 
-    def unlike(self, wanted: Places, beside: Places, share: float) -> Places:
-        """Candidates whose matrices differ by more than a share from those of others beside them, and of those before them."""
+    def unlike(self, wanted: Places, beside: Places, share: float, slope: Slope | None = None) -> Places:
+        """Candidates whose matrices differ by more than a share from those of others beside them, and of those before them.
+
+        For "D" in coordinates in which M is the identity, so that their sensitivities differ by about as much at most.
+        """
         into = self.space.into
+        if slope is not None and self.deletes:
+            into = np.asarray(np.linalg.solve(slope.factor, into.T).T, dtype=np.float64)
         matrices = self.candidates.matrices(np.concatenate([beside, wanted]), into)
         matrices = matrices.reshape(len(matrices), -1)
         size, count, kept = np.linalg.norm(matrices, axis=1), len(beside), list(range(len(beside)))

@@ -6,15 +6,16 @@ import time
 
 import numpy as np
 
-from ...basics.checks import check_positive_int, check_type
+from ...basics.checks import check_choice, check_positive_int, check_type
 from ...basics.values import Array, FrozenMapping
 from ...data.pieces import Pieces
 from ...information.combinations import combination
-from ...information.evaluation import RANK_TOLERANCE, evaluate_information, null_direction
+from ...information.evaluation import RANK_TOLERANCE, evaluate_information, null_directions
 from ...information.null_space import column_scaled_svd
 from ...information.output_covariance import criterion
 from ...information.piece_information import PieceInformation, picked_information, piece_information, piece_problem
 from ...information.problem import DesignProblem
+from ..settings import SINGULAR
 from .disjoint import Windows
 from .packed import Packed
 from .piece_design import PieceDesign
@@ -24,7 +25,15 @@ RANDOM_CHOICES = 200
 """Random choices of windows, of which the median is told."""
 
 
-def best_pieces(problem: DesignProblem, pieces: Pieces, n_pieces: int, *, seed: int = 0, threads: int | None = None) -> PieceDesign:
+def best_pieces(
+    problem: DesignProblem,
+    pieces: Pieces,
+    n_pieces: int,
+    *,
+    seed: int = 0,
+    threads: int | None = None,
+    singular: str = "estimable",
+) -> PieceDesign:
     """Find the windows of a record that share no sample and have the largest det F together.
 
     F of a window is that of a run which starts at what was measured: the noise of the sensors there moves all of its samples, and
@@ -44,6 +53,9 @@ def best_pieces(problem: DesignProblem, pieces: Pieces, n_pieces: int, *, seed: 
         Of the random choices that the windows are compared with. What is picked does not depend on it.
     threads : int, optional
         Default: every core.
+    singular : {"estimable", "error"}
+        Where so few windows leave parameters open: those that tell most of the others, with a report that names what is open; or an
+        error.
 
     Returns
     -------
@@ -59,6 +71,7 @@ def best_pieces(problem: DesignProblem, pieces: Pieces, n_pieces: int, *, seed: 
     started = time.perf_counter()
     check_type(problem, DesignProblem, "problem")
     check_type(pieces, Pieces, "pieces")
+    check_choice(singular, SINGULAR, "singular")
     count, seed = check_positive_int(n_pieces, "n_pieces"), check_positive_int(seed, "seed", 0)
     problem = piece_problem(problem, pieces)
     _refuse_more(count, Windows(pieces.first, pieces.length))
@@ -73,7 +86,14 @@ def best_pieces(problem: DesignProblem, pieces: Pieces, n_pieces: int, *, seed: 
     packing.in_coordinates(information.packed, information.factor)
     search = PieceSearch(information.packed, packing, windows, count)
     stop_reason = search.run()
-    return _found(problem, pieces, information, search, stop_reason, seed, threads, started)
+    design = _found(problem, pieces, information, search, stop_reason, seed, threads, started)
+    if singular == "error" and design.evaluation.null_directions and stop_reason != "interrupted":
+        told = "; ".join(map(combination, design.evaluation.null_directions))
+        raise ValueError(
+            f"n_pieces: expected windows enough to determine all parameters, as singular = 'error' asks, given {count}, which "
+            f"leave open {told}, in prior std: pick more, or longer ones"
+        )
+    return design
 
 
 def _refuse_more(count: int, windows: Windows) -> None:
@@ -87,7 +107,7 @@ def _refuse_open_directions(problem: DesignProblem, factor: Array) -> None:
     values, directions, length = column_scaled_svd(factor)
     rank = int((values > RANK_TOLERANCE * max(values.max(), 1e-300)).sum())
     if rank < len(names):
-        told = "; ".join(combination(null_direction(v, length, names)) for v in directions[rank:])
+        told = "; ".join(map(combination, null_directions(directions[rank:], length, names)))
         raise ValueError(
             f"pieces: expected windows that together determine all parameters, given {rank} of {len(names)}; not determined, in"
             f" prior std: {told}. Estimate fewer parameters, or take longer windows"
@@ -129,6 +149,7 @@ def _found(
         n_samples=len(pieces.record),
         left_out=FrozenMapping({**pieces.left_out, **information.left_out}),
         exchanges=search.exchanges,
+        ridge=search.ridge,
         stop_reason=stop_reason,
         seconds=time.perf_counter() - started,
     )

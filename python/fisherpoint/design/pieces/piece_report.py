@@ -71,6 +71,8 @@ class Reported(Protocol):
     def stop_reason(self) -> str: ...
     @property
     def seconds(self) -> float: ...
+    @property
+    def ridge(self) -> float: ...
     def versus(self, reference: str) -> float | None: ...
 
 
@@ -121,9 +123,16 @@ def _search(design: Reported) -> Section:
         ("windows", f"{design.n_windows}, of which {design.n_disjoint} share no sample"),
         *((f"left out: {reason}", str(count)) for reason, count in design.left_out.items()),
         ("end of the search", f"{ENDS[design.stop_reason]} ({counted(design.exchanges, 'exchange')})"),
+        *_added(design),
         ("time", f"{design.seconds:.1f} s"),
     ]
     return Section("Search", (), facts)
+
+
+def _added(design: Reported) -> Iterator[tuple[str, str]]:
+    if design.ridge:
+        what = f"{number(design.ridge)} of what all windows tell, to tell choices apart; no figure here contains it"
+        yield "added to F while singular", what
 
 
 def _whole(efficiency: float) -> str:

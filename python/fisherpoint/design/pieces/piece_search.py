@@ -51,6 +51,8 @@ class PieceSearch:
     bound : float
         What log det of no `count` disjoint windows exceeds.
     exchanges : int
+    ridge : float
+        What was added to M, as a share of all windows, while the chosen ones left it singular.
     """
 
     def __init__(self, f: Array, packing: Packed, windows: Windows, count: int) -> None:
@@ -58,6 +60,7 @@ class PieceSearch:
         self.chosen = windows.most()[:count]
         self.bound, self.exchanges = np.inf, 0
         self._value, self._regular = self.log_det(self.chosen), False
+        self.ridge = 0.0
 
     def log_det(self, chosen: Places) -> float:
         return float(self._packing.log_dets(self._total(chosen)))
@@ -96,6 +99,8 @@ class PieceSearch:
     def _ridge(self) -> Array:
         """Nothing from when on the chosen windows do not leave M singular."""
         self._regular = self._regular or not self.singular
+        if not self._regular:
+            self.ridge = RIDGE
         return (0.0 if self._regular else RIDGE) * self._packing.of(np.eye(self._packing.p))
 
     def _weigh(self, m: Array) -> None:

@@ -36,7 +36,7 @@ from .replicates import with_copies
 POOL, MOST_POOL = 400, 50_000
 """Candidates at the edges of the region for each group, as a multiple of `n_candidates`, and at most; half as many random ones."""
 
-PEAKS, NEAR_PEAK = 3, 16
+PEAKS, NEAR_PEAK = 2, 16
 """Candidates that climb in each group, as a multiple of `n_candidates`; those that are drawn near each of them in a round."""
 
 NEAR, OF_GROUPS, LEAST_NEAR = 24, 0.5, 4
@@ -45,7 +45,7 @@ NEAR, OF_GROUPS, LEAST_NEAR = 24, 0.5, 4
 PART, LEAST_PART, MOST_WORK = 0.3, 300, 200_000
 """Share of the pool from which a group begins; how many at least; and points times candidates of an exchange at most."""
 
-GROUPS, FIRST_ROUNDS, CLIMB_ROUNDS, ROUNDS = 4, 2, 10, 6
+GROUPS, FIRST_ROUNDS, CLIMB_ROUNDS, ROUNDS = 4, 2, 18, 6
 """Groups, and in each the rounds of its first design, of the climbing candidates, and of what the design becomes with them.
 
 What a group has missed another one has, and merging takes it over.
@@ -54,7 +54,7 @@ What a group has missed another one has, and merging takes it over.
 MERGED, MERGED_ROUNDS = 2, 4
 """How often candidates climb beside the design that is merged of all groups, and its rounds before that."""
 
-LEAST_ROUNDS = 24
+LEAST_ROUNDS = 28
 """Iterations for each group, and each time that candidates climb later; with less there are fewer."""
 
 AGREE, ALIKE = 3, 3e-4

@@ -10,6 +10,7 @@ import numpy as np
 from ...basics.checks import check_type
 from ...basics.values import Array, FrozenMapping
 from ...engine.levels import kernels
+from ...information.combinations import combination
 from ...information.evaluation import evaluate_design
 from ...information.feasibility import feasibility
 from ...information.point_information import PointInformation
@@ -23,11 +24,12 @@ from ...points.settings import resolve_threads
 from ..average import Average
 from ..found import DRAWS, UNSEEN
 from ..optimality.aims import aim_of
-from ..optimality.asked import criterion_of
+from ..optimality.asked import OF_ALL, criterion_of
 from ..over_prior import OverPrior, moved_problems
 from ..scenario_values import scenario_values
 from ..settings import RunSettings
 from .run_design import RunDesign
+from .run_pool import RIDGE
 from .run_references import ClassicalRuns, classical_runs
 from .run_search import RunProgress, RunSearch
 
@@ -45,6 +47,7 @@ def design_runs(
     progress: Callable[[RunProgress], None] | None = None,
     previous: Previous | None = None,
     over: OverPrior | None = None,
+    singular: str = "estimable",
     criterion: str = "D",
     of: str | Sequence[str] | None = None,
     conditions: Experiments | None = None,
@@ -81,6 +84,9 @@ def design_runs(
     over : OverPrior, optional
         A criterion over the prior in the place of log det F at its mean; the time is that of one scenario times their number. Runs
         must reach their ends in every scenario.
+    singular : {"estimable", "error"}
+        Where so many runs, or any runs of the region, do not determine all parameters: "estimable" designs for those that can be
+        determined, and the report names the rest; "error" raises.
     criterion : {"D", "A", "E", "ME", "c", "Ds", "I"}
         What the runs are to be good for; :func:`fisherpoint.criterion` says what they are, and what they need. Where no run tells
         about some parameters, "A", "E" and "ME" ask for the others.
@@ -98,8 +104,8 @@ def design_runs(
     Raises
     ------
     TypeError, ValueError
-        For misuse, where hardly any run of the region reaches its end, with the reasons, and where the runs cannot determine what
-        a criterion other than "D" asks.
+        For misuse, where hardly any run of the region reaches its end, with the reasons, where the runs cannot determine what
+        a criterion other than "D" asks, and with ``singular="error"`` where parameters are left open.
     """
     check_type(problem, DesignProblem, "problem")
     if not isinstance(problem.region, RunRegion):
@@ -114,6 +120,7 @@ def design_runs(
         confidence=confidence,
         time_limit=time_limit,
         over=over,
+        singular=singular,
         criterion=criterion,
         of=of,  # type: ignore[arg-type]  # the settings make it a tuple
         conditions=conditions,
@@ -147,6 +154,9 @@ def design_runs(
         threads=threads,
         time_limit=settings.time_limit,
     )
+    with_prior, all_asked = settings.prior_information, settings.singular == "error" and criterion in OF_ALL
+    if all_asked and search.pool.singular:
+        _refuse("no run tells about", search.pool.open, "measure other outputs, estimate fewer parameters, or widen the region")
     stop_reason = search.run(progress)
     if criterion != "D" and not np.isfinite(search.best.value):
         raise ValueError(
@@ -154,6 +164,9 @@ def design_runs(
             "found none that do"
         )
     runs, seconds = search.runs(), search.seconds
+    evaluation = evaluate_design(problem, runs, threads=threads, previous=previous, prior_information=with_prior)
+    if all_asked and evaluation.null_directions and stop_reason != "interrupted":
+        _refuse("these runs leave open", evaluation.null_directions, "make more runs, or longer ones with more samples")
     classical: dict[str, ClassicalRuns] = {}
     if stop_reason != "interrupted" and not search.singular and problem.model.kernels is kernels:
         try:
@@ -161,8 +174,7 @@ def design_runs(
             classical = classical_runs(search.objective, search.guard, settings.n_runs, samples, settings.seed)
         except KeyboardInterrupt:
             stop_reason = "interrupted"
-    scenarios, with_prior = None, settings.prior_information
-    evaluation = evaluate_design(problem, runs, threads=threads, previous=previous, prior_information=with_prior)
+    scenarios = None
     if settings.over is not None:
         of_each = [
             evaluate_design(moved, runs, threads=threads, previous=previous, prior_information=with_prior) for moved in problems
@@ -188,6 +200,14 @@ def design_runs(
         seconds=seconds,
         classical=FrozenMapping({name: one.log_det for name, one in classical.items()}),
         classical_shares=FrozenMapping({name: one.share for name, one in classical.items()}),
+        ridge=RIDGE if search.singular else 0.0,
+    )
+
+
+def _refuse(what: str, directions: Sequence[Mapping[str, float]], help_: str) -> None:
+    raise ValueError(
+        f"region: expected runs that determine all parameters, as singular = 'error' asks; {what} "
+        f"{'; '.join(map(combination, directions))}, in prior std: {help_}"
     )
 
 

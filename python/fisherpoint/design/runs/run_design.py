@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -17,7 +17,7 @@ from ...information.codec import evaluation_from_json, evaluation_to_json, probl
 from ...information.evaluation import Evaluation
 from ...information.feasibility import Feasibility
 from ...information.problem import DesignProblem
-from ...information.problem_report import problem_sections, settings_section
+from ...information.problem_report import problem_sections
 from ...points.codec import points_from_json, points_to_json, runs_from_json, runs_to_json
 from ...points.experiments import Experiments
 from ...points.run_files import plan_csv, runs_csv
@@ -29,6 +29,7 @@ from ..optimality.criteria import Criterion
 from ..over_prior import OverPrior
 from ..scenario_values import ScenarioValues, scenario_values_from_json, scenario_values_to_json
 from ..settings import RunSettings
+from ..settings_section import settings_section
 from .run_report import run_report, segments_table
 
 if TYPE_CHECKING:
@@ -72,6 +73,9 @@ class RunDesign(Shown, Kept):
         The share of the plants that can run these.
     scenarios : ScenarioValues or None
         What the runs are worth in the scenarios of a criterion over the prior; None where it is of the prior mean.
+    ridge : float
+        Share of the prior's information that was added to F where no runs of the region determine all parameters, to tell runs
+        apart; else 0. No figure of the design contains it.
     """
 
     problem: DesignProblem
@@ -89,6 +93,7 @@ class RunDesign(Shown, Kept):
     classical: Mapping[str, float] = FrozenMapping({})
     classical_shares: Mapping[str, float] = FrozenMapping({})
     scenarios: ScenarioValues | None = None
+    ridge: float = 0.0
 
     _INSIDE = (RunSettings, Feasibility)
     _GONE = ("plants",)
@@ -130,7 +135,7 @@ class RunDesign(Shown, Kept):
         return replace(report, sections=[*report.sections, segments_table(self.problem.model, self.runs)])
 
     def _asked(self) -> Sequence[Section]:
-        return [*problem_sections(self.problem), settings_section(asdict(self.settings))]
+        return [*problem_sections(self.problem), settings_section(self.settings)]
 
     def _plots(self) -> Plots:
         with needed_for("pictures"):

@@ -22,7 +22,7 @@ from ...points.status import Status
 from ...show.numbers import counted
 from ...show.run_time import LOOKS, SHARES, RunTime
 from ...show.shown import Plots
-from ...show.style import NOISE, PRIOR, STYLE, TEXT, scale, telling
+from ...show.style import NOISE, PRIOR, STYLE, TEXT, labelled, scale, telling
 from .run_plants import RunPlants
 from .run_report import HasRuns
 
@@ -77,7 +77,7 @@ def plot_runs(problem: DesignProblem, runs: Runs) -> Figure:
                 factor, unit = scale(quantity, shown.u[:, :, i])
                 held = factor * np.append(shown.u[k, :n, i], shown.u[k, n - 1, i])
                 grid[i, k].step(t, held, where="post", color=TEXT, linewidth=1.2)
-                grid[i, 0].set_ylabel(f"{quantity.name} [{unit}]")
+                grid[i, 0].set_ylabel(labelled(quantity.name, unit))
             for j, quantity in enumerate(model.outputs):
                 axes: Any = grid[len(model.inputs) + j, k]
                 factor, unit = scale(quantity, mean.y[:, :, j])
@@ -88,11 +88,11 @@ def plot_runs(problem: DesignProblem, runs: Runs) -> Figure:
                     axes.axhline(factor * limit, color=TEXT, linewidth=0.8, linestyle="--")
                 (line,) = axes.plot(looks, factor * mean.y[k, : n * LOOKS, j], color=NOISE, linewidth=1.2)
                 samples = counted(int(shown.measured[k, :n].sum()), "sample")
-                telling([line], f"run {k + 1}: {quantity.name} [{unit}] at the prior mean, {samples}", f"{k}-{j}")
+                telling([line], f"run {k + 1}: {labelled(quantity.name, unit)} at the prior mean, {samples}", f"{k}-{j}")
                 at = np.flatnonzero(shown.measured[k, :n])
                 sampled = mean.y[k, at * LOOKS + LOOKS - 1, j]
                 axes.plot(t[at + 1], factor * sampled, "o", color=NOISE, markersize=3.2)
-                grid[len(model.inputs) + j, 0].set_ylabel(f"{quantity.name} [{unit}]")
+                grid[len(model.inputs) + j, 0].set_ylabel(labelled(quantity.name, unit))
             grid[0, k].set_title(f"run {k + 1}")
             time.mark(grid[:, k])
         more = f"; {len(runs) - columns} further runs are not shown" if len(runs) > columns else ""
@@ -130,15 +130,22 @@ def plot_information(problem: DesignProblem, runs: Runs) -> Figure:
 
 
 def limits_of(problem: DesignProblem) -> dict[str, list[float]]:
-    """Numbers that limits along the way compare single states or outputs with, by name; other limits are no lines."""
+    """Numbers that limits along the way compare single states or outputs with, by name; other limits are no lines.
+
+    An output is also known by its equation: limits speak of states, inputs and parameters alone.
+    """
     found: dict[str, list[float]] = {}
-    for text in problem.along or ():
-        parts = [part.strip() for part in re.split(r"[<>]=?", text)]
+    texts = getattr(problem.model, "texts", ((), ()))[1]  # of equations; a model of functions has none
+    shown = {"".join(text.split()): q.name for text, q in zip(texts, problem.model.outputs, strict=False)}
+    for limit in problem.along or ():
+        parts = ["".join(part.split()) for part in re.split(r"[<>]=?", limit)]
         numbers = [float(part) for part in parts if re.fullmatch(NUMBER, part)]
         for part in parts:
-            if match := re.fullmatch(r"(abs\()?([A-Za-z_]\w*)(?(1)\))", part):
-                values = numbers + [-number for number in numbers] if match[1] else numbers
-                found.setdefault(match[2], []).extend(values)
+            inside = part.removeprefix("abs(").removesuffix(")") if part.startswith("abs(") else part
+            values = numbers if inside == part else [*numbers, *(-number for number in numbers)]
+            names = {inside} if re.fullmatch(r"[A-Za-z_]\w*", inside) else set()
+            for name in names | {shown[text] for text in (inside, part) if text in shown}:
+                found.setdefault(name, []).extend(values)
     return found
 
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...basics.values import Array
+from ...information.evaluation import null_directions
 from ...information.run_tangents import run_tangents
 from ...points.runs import Runs
 from ...points.status import failures_of
@@ -19,6 +20,9 @@ PART = 4
 
 MOST_DRAWN = 20
 """Runs that are drawn at most, for each one that is wanted."""
+
+SINGULAR = 1e-13
+"""Eigenvalue of the information of all runs, scaled to unit diagonal, below which a combination of parameters is not told."""
 
 RIDGE = 1e-9
 """Share of the prior's information that is added to F where runs do not determine all parameters, to tell such runs apart."""
@@ -44,6 +48,8 @@ class RunPool:
         Runs that were drawn for it.
     rejected : Counter
         Those of them that do not reach their ends, by reason.
+    open : tuple of mappings of parameter name to float
+        Combinations of standardised parameters that none of the runs tells about.
     singular : bool
         Whether not even all of its runs together, and what is known beside them, determine all parameters.
 
@@ -78,7 +84,11 @@ class RunPool:
         everything = self._judged.matrices.sum(axis=(0, 1)) + objective.previous.sum(axis=0)
         size = np.sqrt(np.maximum(np.diag(everything), 1e-300))
         alone = np.linalg.eigvalsh(objective.previous)[:, 0].min() > 0 if objective.previous.any() else False
-        self.singular = not alone and bool(np.linalg.eigvalsh(everything / size / size[:, None])[0] < 1e-13)
+        values, vectors = np.linalg.eigh(everything / size / size[:, None])
+        left = np.zeros(len(values), dtype=bool) if alone else values < SINGULAR
+        self.singular = bool(left.any())
+        length = np.sqrt(np.maximum(np.diag(everything), 0.0))
+        self.open = null_directions(vectors[:, left].T, length, objective.problem.estimated)
 
     @property
     def rows(self) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -24,6 +25,7 @@ from ..over_prior import OverPrior
 from ..over_report import over_sections
 from ..report import ROWS_OF_PAGES, plants_sections
 from ..scenario_values import ScenarioValues
+from ..singular_report import ridge_facts
 
 _ROWS = 40  # runs shown of a longer list
 
@@ -78,6 +80,8 @@ class Reported(HasRuns, Protocol):
     @property
     def seconds(self) -> float: ...
     @property
+    def ridge(self) -> float: ...
+    @property
     def classical(self) -> Mapping[str, float]: ...
     @property
     def scenarios(self) -> ScenarioValues | None: ...
@@ -99,7 +103,9 @@ def run_report(design: Reported) -> Report:
     over = over_sections(design, maximised(design))
     facts = list(facts_asked(design))
     asked = [Section("Asked for", (), facts)] if facts else []
-    sections = [_runs_table(problem, runs), *inner.sections, *asked, *over, *plants, _search(design), *_classical(design)]
+    parameter_table, *criterion = inner.sections
+    tables = [_runs_table(problem, runs), _with_means(parameter_table, problem), *criterion, *asked, *_known(design)]
+    sections = [*tables, *over, *plants, _search(design), *_classical(design)]
     return Report(headline, sections, [*_warnings(design), *inner.warnings])
 
 
@@ -141,6 +147,27 @@ def segments_table(model: Model, runs: Runs, title: str = "Segments of the runs"
     return Section(title, columns, rows, notes=notes)
 
 
+def _with_means(table: Section, problem: DesignProblem) -> Section:
+    """The table of an evaluation, which does not know the means, with these before the standard deviations."""
+    place = list(table.columns).index("prior std")
+    columns = [*table.columns[:place], "mean", *table.columns[place:]]
+    rows = [(*row[:place], number(problem.prior.mean[row[0]]), *row[place:]) for row in table.rows]
+    return replace(table, columns=columns, rows=rows)
+
+
+def _known(design: Reported) -> Iterator[Section]:
+    """How good the design is for all that is known, where designs of points have a certificate."""
+    facts = [("bound", "none is proven: better runs may exist, and more starts may find them")]
+    finite, name = {one: value for one, value in design.classical.items() if np.isfinite(value)}, design.settings.criterion
+    if finite and np.isfinite(design.log_det):
+        best = max(finite, key=lambda one: finite[one])
+        efficiency = d_efficiency(design.log_det, finite[best], design.criterion.level)
+        share, what = percent(design.classical_shares.get(best, np.nan)), "log det" if name == "D" else maximised(design)
+        fact = f"{percent(efficiency or 0.0)} ({best}, {what} {computed(finite[best], 5)}, which {share} of the plants can run)"
+        facts.insert(0, ("of the best classical run", fact))
+    yield Section(f"{name}-efficiency", (), facts)
+
+
 def _search(design: Reported) -> Section:
     told = {"all_starts": "every start was followed", "time_limit": "the time was up", "interrupted": "interrupted"}
     singular = not np.isfinite(design.log_det)
@@ -151,6 +178,7 @@ def _search(design: Reported) -> Section:
         ("that ended as well as the best", f"{design.again} of {len(design.ends)}"),
         ("end of the search", told[design.stop_reason]),
         ("runs drawn", f"{design.drawn}, of which {sum(design.rejected.values())} do not reach their ends"),
+        *ridge_facts(design, False),
         ("time", f"{design.seconds:.1f} s"),
     ]
     others = sorted((end for end in design.ends if np.isfinite(end)), reverse=True)
