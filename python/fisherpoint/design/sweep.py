@@ -197,8 +197,10 @@ def sweep(
         value = evaluation.log_det if usual else maximised
         at_most = None if bound is None else max(bound.log_det, value)
         costs = None if cost is None else cost.of(points, problem.model)
-        told = (None, None, 1) if usual else (maximised, asked.level, asked.criterion.degree)
-        designs.append(SizedDesign(points, evaluation, costs, at_most, *told))
+        told: dict[str, Any] = {}
+        if not usual:
+            told = {"maximised": maximised, "level": asked.level, "degree": asked.criterion.degree}
+        designs.append(SizedDesign(points, evaluation, costs, at_most, **told))
     return Sweep(
         problem=problem,
         designs=tuple(designs),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 
@@ -42,6 +42,7 @@ class SizedDesign:
     evaluation: Evaluation
     cost: float | None
     at_most: float | None
+    _: KW_ONLY
     maximised: float | None = None
     level: int | None = None
     degree: int = 1
@@ -100,6 +101,7 @@ class SweptDesigns:
     n_candidates: int
     stop_reason: str
     seconds: float
+    _: KW_ONLY
     settings: ExchangeSettings | None = None
 
     def __getitem__(self, n_experiments: int) -> SizedDesign:
