@@ -51,6 +51,7 @@ def design_cases() -> dict[str, Case]:
             time_limit=(1.0, NUMBER, NONE),
             progress=(None, NONE, FUNCTION),
             previous=(None, NONE, POINTS, ARRAY, NAMES),
+            keep=(None, NONE),
             criterion=("D",),
             of=(None, NONE),
             conditions=(None, NONE),

@@ -38,6 +38,18 @@ def information_of(w: np.ndarray, chosen: Any) -> np.ndarray:
     return np.asarray(np.einsum("pnk,qnk->pq", own, own))
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_many_matrices_are_worth_what_each_is(name: str) -> None:
+    """Also those that do not determine what is asked, or all parameters."""
+    rng, aim = np.random.default_rng(4), aims()[name]
+    rows = [rng.standard_normal((k, P)) * 10.0 ** rng.uniform(-3, 3, P) for k in (1, 2, P, P + 1, 3 * P)]
+    matrices = np.stack([*(own.T @ own for own in rows), np.zeros((P, P)), np.diag([*np.ones(P - 1), 0.0])]).reshape(7, 1, P, P)
+    each = np.array([[aim.value(matrix[0])] for matrix in matrices])
+    some = slice(2, 5) if name == "D" else slice(None)  # a singular matrix may have a tiny determinant
+    np.testing.assert_allclose(aim.values(matrices)[some], each[some], rtol=1e-7)
+    assert np.isfinite(each[2:5]).all() and not np.isfinite(each[5])
+
+
 # --- what F + W W^T is worth, for all W at once ------------------------------------------------------------------------------
 
 

@@ -215,6 +215,59 @@ def test_mistakes(asked: dict[str, Any], expected: str) -> None:
         fp.design_runs(problem(), **asked)
 
 
+# --- runs that are kept -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "options_of", [{}, {"criterion": "c", "of": "b / c"}, {"over": fp.OverPrior("worst", scenarios=[{}, {"c": 2.0}])}]
+)
+def test_kept_runs_stay_and_the_others_are_the_best_beside_them(options_of: dict[str, Any], tmp_path: Path) -> None:
+    given, kept = problem(levels={"u": [-1, 0, 1]}), all_runs(4)[[7]]
+    design = fp.design_runs(given, 2, keep=kept, **QUICK, **options_of)
+    assert len(design.runs) == 2 and np.array_equal(design.runs.u[0], kept.u[0]) and design.n_kept == 1
+    over = options_of.get("over")
+    scenarios = [{}] if over is None else [dict(one) for one in over.scenarios]
+    best = -np.inf
+    for k in range(81):
+        values = []
+        for one in scenarios:
+            there = given.replace(prior=fp.GaussianPrior(MEAN | one, dict(given.prior.std)))
+            f = fp.evaluate_design(there, fp.Runs.join([kept, all_runs(4)[[k]]])).information
+            criterion = fp.criterion(there, options_of.get("criterion", "D"), of=options_of.get("of"))
+            values.append(criterion.level * criterion.log_phi(f))
+        best = max(best, min(values))
+    assert design.log_det == pytest.approx(best, abs=1e-4)
+    assert "Run 1 was given, and kept" in str(design.report())
+    design.save(tmp_path)
+    assert fp.RunDesign.load(tmp_path).n_kept == 1
+
+
+def test_kept_runs_may_be_a_design_and_be_shorter() -> None:
+    first = fp.design_runs(problem(3), 1, **QUICK)
+    more = fp.design_runs(problem(4), 2, keep=first, **QUICK)
+    assert more.runs.segments.tolist() == [3, 4]
+    assert more.log_det > first.log_det
+
+
+@pytest.mark.parametrize(
+    ("keep", "expected"),
+    [
+        (all_runs(4)[:2], "keep: expected fewer runs than n_runs, 2, and at least one; given 2"),
+        ("runs", "keep: expected Runs or a RunDesign, given str"),
+        (fp.Experiments(x0=[[0.0, 0.0]], u=[[1.0]], dt=[3.0]), "keep: expected Runs or a RunDesign, given Experiments"),
+    ],
+)
+def test_mistakes_with_kept_runs(keep: Any, expected: str) -> None:
+    with pytest.raises((ValueError, TypeError), match=expected):
+        fp.design_runs(problem(), 2, keep=keep)
+
+
+def test_kept_runs_that_leave_the_limits_are_refused() -> None:
+    limited = problem().replace(along=["abs(x) < 0.5"])
+    with pytest.raises(ValueError, match=r"keep: expected runs that reach their ends, given others: .*runs\[0\]"):
+        fp.design_runs(limited, 2, keep=all_runs(4)[-1:])
+
+
 # --- files --------------------------------------------------------------------------------------------------------------------
 
 

@@ -61,7 +61,7 @@ def facts_asked(design: ByCriterion) -> Iterator[tuple[str, str]]:
     """The criterion and its value, but for log det F, which is told anyway; and whether the prior counts."""
     settings = design.settings
     if settings.prior_information:
-        yield "prior information", "counts once beside the data, in the criterion, what is proven of it, and the standard errors"
+        yield "prior information", "counts once beside the data, in the criterion, its bounds and the standard errors"
     if settings.criterion == "D":
         return
     yield "criterion", f"{settings.criterion}: {named(settings.criterion, settings.of)}"

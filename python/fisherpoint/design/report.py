@@ -128,10 +128,14 @@ def points_section(title: str, model: Model, points: Experiments, most: int = RO
 
 
 def _kept(evaluated: Evaluated) -> list[str]:
-    n_kept = getattr(evaluated, "n_kept", 0)
-    if not n_kept:
+    return kept_note("Point", getattr(evaluated, "n_kept", 0))
+
+
+def kept_note(kind: str, count: int) -> list[str]:
+    """Which of the points, or runs, were given."""
+    if not count:
         return []
-    return [f"{'Point 1 was' if n_kept == 1 else f'Points 1 to {n_kept} were'} given, and kept; the others were searched for."]
+    return [f"{f'{kind} 1 was' if count == 1 else f'{kind}s 1 to {count} were'} given, and kept; the others were searched for."]
 
 
 def _more(total: int, most: int = ROWS) -> list[str]:

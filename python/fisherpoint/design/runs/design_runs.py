@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from ...basics.checks import check_type
+from ...basics.messages import listed
 from ...basics.values import Array, FrozenMapping
 from ...engine.levels import kernels
 from ...information.combinations import combination
@@ -17,9 +18,10 @@ from ...information.point_information import PointInformation
 from ...information.previous import Previous, previous_information
 from ...information.prior_information import prior_information as information_of_prior
 from ...information.problem import DesignProblem
-from ...information.run_information import checked_problem, information_matrices
+from ...information.run_information import checked_problem, information_matrices, run_information
 from ...points.experiments import Experiments
 from ...points.run_region import RunRegion
+from ...points.runs import Runs
 from ...points.settings import resolve_threads
 from ..average import Average
 from ..found import DRAWS, UNSEEN
@@ -46,6 +48,7 @@ def design_runs(
     time_limit: float | None = None,
     progress: Callable[[RunProgress], None] | None = None,
     previous: Previous | None = None,
+    keep: Runs | RunDesign | None = None,
     over: OverPrior | None = None,
     singular: str = "estimable",
     criterion: str = "D",
@@ -81,6 +84,9 @@ def design_runs(
         Called with a `RunProgress` after each start.
     previous : Measurements, Experiments, Runs, a design, or a sequence of these, optional
         What is already measured, or planned: its information counts beside that of the runs.
+    keep : Runs or RunDesign, optional
+        Runs that the design must have, such as those that were chosen by hand, or of a design to which more are added. They are its
+        first, stay as they are, and count among the `n_runs`; they need not be of the region.
     over : OverPrior, optional
         A criterion over the prior in the place of log det F at its mean; the time is that of one scenario times their number. Runs
         must reach their ends in every scenario.
@@ -137,12 +143,16 @@ def design_runs(
         reasons = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
         warnings.warn(f"previous: expected what is valid at the prior mean, left out {reasons}", stacklevel=2)
     there = np.array([_known_there(moved, problem, known, previous, threads) for moved in problems])
+    kept = None
+    if keep is not None:
+        kept = _kept(keep, problem.region, settings.n_runs)
+        there = there + np.array([_information_of_kept(moved, kept, threads) for moved in problems])
     if settings.prior_information:
         there = there + information_of_prior(problem)
     search = RunSearch(
         problem,
         problem.region,
-        settings.n_runs,
+        settings.n_runs - (0 if kept is None else len(kept)),
         theta,
         average,
         there,
@@ -153,6 +163,7 @@ def design_runs(
         seed=settings.seed,
         threads=threads,
         time_limit=settings.time_limit,
+        kept=kept,
     )
     with_prior, all_asked = settings.prior_information, settings.singular == "error" and criterion in OF_ALL
     if all_asked and search.pool.singular:
@@ -164,6 +175,7 @@ def design_runs(
             "found none that do"
         )
     runs, seconds = search.runs(), search.seconds
+    runs = runs if kept is None else Runs.join([kept, runs])
     evaluation = evaluate_design(problem, runs, threads=threads, previous=previous, prior_information=with_prior)
     if all_asked and evaluation.null_directions and stop_reason != "interrupted":
         _refuse("these runs leave open", evaluation.null_directions, "make more runs, or longer ones with more samples")
@@ -171,7 +183,7 @@ def design_runs(
     if stop_reason != "interrupted" and not search.singular and problem.model.kernels is kernels:
         try:
             samples = problem.region.samples
-            classical = classical_runs(search.objective, search.guard, settings.n_runs, samples, settings.seed)
+            classical = classical_runs(search.objective, search.guard, search.n_runs, samples, settings.seed)
         except KeyboardInterrupt:
             stop_reason = "interrupted"
     scenarios = None
@@ -200,6 +212,7 @@ def design_runs(
         seconds=seconds,
         classical=FrozenMapping({name: one.log_det for name, one in classical.items()}),
         classical_shares=FrozenMapping({name: one.share for name, one in classical.items()}),
+        n_kept=0 if kept is None else len(kept),
         ridge=RIDGE if search.singular else 0.0,
     )
 
@@ -209,6 +222,27 @@ def _refuse(what: str, directions: Sequence[Mapping[str, float]], help_: str) ->
         f"region: expected runs that determine all parameters, as singular = 'error' asks; {what} "
         f"{'; '.join(map(combination, directions))}, in prior std: {help_}"
     )
+
+
+def _kept(keep: object, region: RunRegion, n_runs: int) -> Runs:
+    """The runs that are kept, fewer than those of the design."""
+    kept = getattr(keep, "runs", keep)
+    if not isinstance(kept, Runs):
+        raise TypeError(f"keep: expected Runs or a RunDesign, given {type(keep).__name__}")
+    if not 0 < len(kept) < n_runs:
+        raise ValueError(f"keep: expected fewer runs than n_runs, {n_runs}, and at least one; given {len(kept)}")
+    if region.shared:
+        raise ValueError(f"keep: expected a region without shared, as kept runs stay as they are, given {listed(region.shared)}")
+    return kept
+
+
+def _information_of_kept(moved: DesignProblem, kept: Runs, threads: int) -> Array:
+    """F (p, p) of runs that are kept, in a scenario."""
+    try:
+        rows = run_information(moved, kept, threads).sensitivity
+    except ValueError as error:
+        raise ValueError(f"keep: expected runs that reach their ends, given others: {error}") from error
+    return np.asarray(information_matrices(moved, rows[None])[0])
 
 
 def _known_there(

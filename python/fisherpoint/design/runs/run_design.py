@@ -71,6 +71,8 @@ class RunDesign(Shown, Kept):
         The same of the best of a hundred random runs of each classical profile, steps for one, whether plants can run them or not.
     classical_shares : mapping of profile to float
         The share of the plants that can run these.
+    n_kept : int
+        The first so many runs were given, and stay.
     scenarios : ScenarioValues or None
         What the runs are worth in the scenarios of a criterion over the prior; None where it is of the prior mean.
     ridge : float
@@ -93,6 +95,7 @@ class RunDesign(Shown, Kept):
     classical: Mapping[str, float] = FrozenMapping({})
     classical_shares: Mapping[str, float] = FrozenMapping({})
     scenarios: ScenarioValues | None = None
+    n_kept: int = 0
     ridge: float = 0.0
 
     _INSIDE = (RunSettings, Feasibility)

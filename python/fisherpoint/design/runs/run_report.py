@@ -23,7 +23,7 @@ from ..optimality.asked import Asked
 from ..optimality.criteria import Criterion
 from ..over_prior import OverPrior
 from ..over_report import over_sections
-from ..report import ROWS_OF_PAGES, plants_sections
+from ..report import ROWS_OF_PAGES, kept_note, plants_sections
 from ..scenario_values import ScenarioValues
 from ..singular_report import ridge_facts
 
@@ -74,6 +74,8 @@ class Reported(HasRuns, Protocol):
     @property
     def stop_reason(self) -> str: ...
     @property
+    def n_kept(self) -> int: ...
+    @property
     def drawn(self) -> int: ...
     @property
     def rejected(self) -> Mapping[str, int]: ...
@@ -104,12 +106,13 @@ def run_report(design: Reported) -> Report:
     facts = list(facts_asked(design))
     asked = [Section("Asked for", (), facts)] if facts else []
     parameter_table, *criterion = inner.sections
-    tables = [_runs_table(problem, runs), _with_means(parameter_table, problem), *criterion, *asked, *_known(design)]
+    table = _runs_table(problem, runs, design.n_kept)
+    tables = [table, _with_means(parameter_table, problem), *criterion, *asked, *_known(design)]
     sections = [*tables, *over, *plants, _search(design), *_classical(design)]
     return Report(headline, sections, [*_warnings(design), *inner.warnings])
 
 
-def _runs_table(problem: DesignProblem, runs: Runs) -> Section:
+def _runs_table(problem: DesignProblem, runs: Runs, n_kept: int) -> Section:
     model = problem.model
     columns = ["run", *(f"{q.name} at the start [{q.unit}]" for q in model.states), "segments", "samples", "duration [s]"]
     columns += [f"{q.name} [{q.unit}]" for q in model.inputs]
@@ -124,6 +127,7 @@ def _runs_table(problem: DesignProblem, runs: Runs) -> Section:
         sizes = [str(runs.segments[k]), str(int(runs.measured[k].sum())), number(float(runs.dt[k].sum()))]
         rows.append([str(k + 1), *start, *sizes, *told])
     notes = [f"... and {len(runs) - _ROWS} more"] if len(runs) > _ROWS else []
+    notes += kept_note("Run", n_kept)
     return Section("Runs: start, hold the inputs of each segment, sample at the ends that are measured", columns, rows, notes=notes)
 
 

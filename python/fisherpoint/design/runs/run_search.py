@@ -103,6 +103,8 @@ class RunSearch:
         Share of the prior's plants that must be able to run the design.
     n_starts, n_candidates, seed, threads : int
     time_limit : float or None
+    kept : Runs, optional
+        Which plants have to run too; what they tell is in `previous`.
 
     Attributes
     ----------
@@ -130,6 +132,7 @@ class RunSearch:
         seed: int,
         threads: int,
         time_limit: float | None,
+        kept: Runs | None = None,
     ) -> None:
         self._began = time.perf_counter()
         self.problem, self.region, self.n_runs, self.n_starts, self._limit = problem, region, n_runs, n_starts, time_limit
@@ -140,6 +143,7 @@ class RunSearch:
         self._rng = np.random.default_rng(seed)
         self._confidence = confidence
         self.guard = RunPlants(problem, PLANTS, np.random.default_rng([seed, 1]), self._settings)
+        self._can_run_kept = np.ones(PLANTS, dtype=bool) if kept is None else self.guard.can_run(kept)
         self.ends: list[Found] = []
         self._sketched: list[Found] = []
         wanted = max(4 * n_runs, 20, min(n_candidates, MOST_SEGMENTS_OF_POOL // (region.segments * len(plants))))
@@ -261,7 +265,7 @@ class RunSearch:
             return Found(z, selected, -np.inf, 0.0, False)
         judged = self.objective.judged(self.objective.tried(z, selected))
         value = self.objective.of(judged) + float(judged.costs.sum())
-        share = float(self.guard.can_run(planned).mean())
+        share = float((self.guard.can_run(planned) & self._can_run_kept).mean())
         return Found(z, selected, value, share, self._enough(share))
 
     def _chosen_samples(self, z: Array) -> NDArray[np.bool_] | None:
