@@ -57,6 +57,9 @@ MERGED, MERGED_ROUNDS = 2, 4
 LEAST_ROUNDS = 28
 """Iterations for each group, and each time that candidates climb later; with less there are fewer."""
 
+FOR_PLANTS = 2
+"""Times as many where a share of the plants is asked: the design is followed to its end for several sets of them."""
+
 AGREE, ALIKE = 3, 3e-4
 """No more groups follow where so many are as good as the best of them but for so much for each parameter: the problem is easy."""
 
@@ -124,7 +127,8 @@ class AutoSearch(PointSearch):
         random = self._pool(PointInformation.join([first, self.source.draw(max(1, count // 2))]))
         random.valid[: len(first)] = 1
         self._confirm(random, np.arange(min(len(random), TAUGHT)))
-        times = int(np.clip(settings.max_iterations // LEAST_ROUNDS, 1, GROUPS + MERGED))
+        least = LEAST_ROUNDS if self.away is None else FOR_PLANTS * LEAST_ROUNDS
+        times = int(np.clip(settings.max_iterations // least, 1, GROUPS + MERGED))
         ends, found, easy = list[PointInformation](), random[np.arange(len(first))], False
         while not easy and len(ends) < min(times, GROUPS):
             pool = self._with_edges(random, count)
