@@ -287,6 +287,7 @@ def test_settings_are_kept() -> None:
         "conditions": None,
         "scale": None,
         "confidence": None,
+        "prior_information": False,
     }
     assert design.problem is given and given.rule == SMALL
     assert design.seconds >= design.trace[-1].seconds
