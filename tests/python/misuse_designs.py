@@ -48,7 +48,7 @@ def design_cases() -> dict[str, Case]:
             seed=(0, INT),
             threads=threads,
             time_limit=(1.0, NUMBER, NONE),
-            progress=(None, NONE, FUNCTION),
+            progress=(None, NONE, FLAG, FUNCTION),
             previous=(None, NONE, POINTS, ARRAY, NAMES),
         ),
         "pieces": case(
@@ -79,6 +79,7 @@ def design_cases() -> dict[str, Case]:
             tolerance=(1e-4, NUMBER),
             seed=(0, INT),
             threads=threads,
+            progress=(None, NONE, FLAG, FUNCTION),
         ),
         "criterion": case(
             fp.criterion,
@@ -155,7 +156,7 @@ def design_cases() -> dict[str, Case]:
             threads=threads,
             time_limit=(1.0, NONE, NUMBER),
             method=("paper", TEXT),
-            progress=(None, NONE, FUNCTION),
+            progress=(None, NONE, FLAG, FUNCTION),
             previous=(None, NONE, POINTS, ARRAY, NAMES),
         ),
         "Cost": case(
@@ -181,7 +182,7 @@ def design_cases() -> dict[str, Case]:
             max_iterations=(1, NONE, INT),
             seed=(0, INT),
             threads=threads,
-            progress=(None, NONE, FUNCTION),
+            progress=(None, NONE, FLAG, FUNCTION),
             patience=(None, NONE, INT),
             time_limit=(1.0, NONE, NUMBER),
             max_redraws=(1, INT),
@@ -257,8 +258,12 @@ def design_cases() -> dict[str, Case]:
         "Campaign.is_in": case(fp.Campaign.is_in, directory=(files(), PATH, TEXT)),
         "Campaign.told": case(lambda data: campaign().told(data), data=(data(),)),
         "RuleComparison.cheapest": case(lambda within: comparison().cheapest(within), within=(0.01, NUMBER)),
-        "Campaign.tell": case(lambda data: campaign().tell(data), data=(data(),)),
+        "Campaign.tell": case(
+            lambda data, progress: campaign().tell(data, progress=progress),
+            data=(data(),),
+            progress=(None, NONE, FLAG, FUNCTION),
+        ),
         "Campaign.tell runs": case(lambda data: fp.Campaign(run_problem(), n_starts=1).tell(data), data=(run_data(),)),
-        "Campaign.next": case(lambda progress: campaign().next(progress=progress), progress=(None, NONE, FUNCTION)),
+        "Campaign.next": case(lambda progress: campaign().next(progress=progress), progress=(None, NONE, FLAG, FUNCTION)),
         "Campaign.targets": case(lambda targets: setattr(campaign(), "targets", targets), targets=({"k": 0.1}, MAP, NONE, NUMBER)),
     }

@@ -228,5 +228,5 @@ def test_names_of_files_do_not_reach_the_terminal_raw(
     (run / f"{ESCAPE}.csv").write_bytes((run / "design.csv").read_bytes())
     options = ("--runs", 20, "--no-plots", "--force")
     assert told("validate", model_file, run / f"{ESCAPE}.csv", "-o", run / ESCAPE, *options).count(shown_name) >= 2
-    assert shown_name in told("campaign", model_file, "-o", run / ESCAPE, "--no-plots")
+    assert shown_name in told("campaign", model_file, "-o", run / f"campaign{ESCAPE}", "--no-plots")
     assert shown_name in told("design", run / f"none{ESCAPE}.toml", "-o", run, code=2)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from ..points.region import ExperimentRegion
 from ..points.settings import resolve_threads
+from ..show.progress import Step, check_progress, following
 from .optimality.approximate_design import ApproximateDesign
 from .optimality.approximate_design import prior_information as information_of_prior
 from .optimality.asked import CRITERIA
@@ -38,6 +40,14 @@ SAMPLE = 2000
 """Candidates that a design keeps for its pictures."""
 
 
+class ApproximateProgress(NamedTuple):
+    """What `approximate` is doing: "searching" for candidates, or "weighing" them; how many it has tried or weighs, and seconds."""
+
+    doing: str
+    candidates: int
+    seconds: float
+
+
 def approximate(
     problem: DesignProblem,
     candidates: Experiments | None = None,
@@ -53,6 +63,7 @@ def approximate(
     tolerance: float = 1e-6,
     seed: int = 0,
     threads: int | None = None,
+    progress: bool | Callable[[ApproximateProgress], None] | None = None,
 ) -> ApproximateDesign:
     """Find weights of points, and prove how near to the best weights they are.
 
@@ -84,6 +95,9 @@ def approximate(
     seed : int
     threads : int, optional
         Default: every core.
+    progress : bool or callable, optional
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with an `ApproximateProgress` each time
+        that something is done.
 
     Returns
     -------
@@ -111,36 +125,44 @@ def approximate(
     if candidates is not None:
         check_type(candidates, Experiments, "candidates")
     constant = None if n_experiments is None else information_of_prior(problem) / n_experiments
+    check_progress(progress)
 
-    source = PointRows(problem, threads)
-    rng = np.random.default_rng(seed)
-    given = candidates
-    if given is None:
-        _check_region(problem)
-        searches = criterion != "c" and problem.model.kernels is kernels
-        searched = _searched(problem, seed, threads) if searches else None
-        given = _drawn(problem, n_candidates, rng)
-        given = given if searched is None else Experiments.join([given, searched])
-    rows, places = source.valid(given)
-    if not len(rows):
-        told = ", ".join(f"{reason} {count}" for reason, count in source.rejected.items())
-        raise ValueError(f"candidates: expected valid points, given none: {told or 'no points at all'}")
-    points, pool = given[places], CandidateRows(rows, constant)
-    space = estimable(pool.triangle())
-    names = problem.estimated
-    null = tuple(null_direction(v, space.length, names) for v in space.null)
-    if not space.rank or asked.outside(space) > 1e-6:
-        told = "; ".join(combination(one) for one in null)
-        raise ValueError(f"candidates: expected some that determine what is asked, given none that tell about {told}")
-    left_out = FrozenMapping(dict(+source.rejected))
-    weights = optimal_weights(pool, asked, tolerance=tolerance, seed=seed, space=space)
-    found = Refinement(points[weights.chosen], rows[weights.chosen], weights, len(rows), 0)
-    if candidates is None:
+    with following(progress, "approximate", _step, counted=False) as hears:
 
-        def others(k: int) -> Experiments | None:
-            return _searched(problem, seed + 1 + k, threads) if searches else None
+        def tell(doing: str, candidates: int) -> None:
+            if hears is not None:
+                hears(ApproximateProgress(doing, candidates, time.perf_counter() - started))
 
-        found = refined(source, points, pool, asked, weights, starts, tolerance, rng, others)
+        source = PointRows(problem, threads)
+        rng = np.random.default_rng(seed)
+        given = candidates
+        if given is None:
+            _check_region(problem)
+            searches = criterion != "c" and problem.model.kernels is kernels
+            searched = _searched(problem, seed, threads, tell) if searches else None
+            given = _drawn(problem, n_candidates, rng)
+            given = given if searched is None else Experiments.join([given, searched])
+        rows, places = source.valid(given)
+        if not len(rows):
+            told = ", ".join(f"{reason} {count}" for reason, count in source.rejected.items())
+            raise ValueError(f"candidates: expected valid points, given none: {told or 'no points at all'}")
+        points, pool = given[places], CandidateRows(rows, constant)
+        space = estimable(pool.triangle())
+        names = problem.estimated
+        null = tuple(null_direction(v, space.length, names) for v in space.null)
+        if not space.rank or asked.outside(space) > 1e-6:
+            told = "; ".join(combination(one) for one in null)
+            raise ValueError(f"candidates: expected some that determine what is asked, given none that tell about {told}")
+        left_out = FrozenMapping(dict(+source.rejected))
+        tell("weighing", len(pool))
+        weights = optimal_weights(pool, asked, tolerance=tolerance, seed=seed, space=space)
+        found = Refinement(points[weights.chosen], rows[weights.chosen], weights, len(rows), 0)
+        if candidates is None:
+
+            def others(k: int) -> Experiments | None:
+                return _searched(problem, seed + 1 + k, threads, tell) if searches else None
+
+            found = refined(source, points, pool, asked, weights, starts, tolerance, rng, others, tell)
     weights = found.weights
     information = CandidateRows(found.rows, constant).information(np.arange(len(found.rows)), weights.weights)
     inside = space.span.T @ information @ space.span if len(space.null) else information
@@ -188,7 +210,11 @@ def _check_region(problem: DesignProblem) -> None:
         raise ValueError(f"region: expected an ExperimentRegion where no candidates are given, given {given}")
 
 
-def _searched(problem: DesignProblem, seed: int, threads: int) -> Experiments | None:
+def _step(now: ApproximateProgress) -> Step:
+    return Step(state=f"{now.doing}, {now.candidates} candidates")
+
+
+def _searched(problem: DesignProblem, seed: int, threads: int, tell: Callable[[str, int], None]) -> Experiments | None:
     """The best candidates of a search for an exact design: it looks on every scale near good points, where peaks may be narrow.
 
     For "c", whose optima are often singular, they say little; many close ones only hold up its weights.
@@ -204,7 +230,7 @@ def _searched(problem: DesignProblem, seed: int, threads: int) -> Experiments | 
         references=True,
     )
     search = AutoSearch(problem, settings, threads)
-    if search.run(None) == "interrupted":
+    if search.run(lambda now: tell("searching", now.drawn)) == "interrupted":
         raise KeyboardInterrupt
     found = search.seen.best(search.best.information, None, SEARCHED)
     return None if found is None else found.experiments

@@ -23,6 +23,7 @@ from ..points.experiments import Experiments
 from ..points.region import ExperimentRegion
 from ..points.settings import resolve_threads
 from ..points.status import Status, failures_of
+from ..show.progress import check_progress, following
 from .efficiency import Efficiency, efficiency_of, median_of, random_designs
 from .found import FoundDesign
 from .optimality.aims import LogDet
@@ -32,6 +33,7 @@ from .points.exchange_search import ExchangeSearch
 from .points.point_search import PointSearch, Progress
 from .result import Design
 from .settings import ExchangeSettings, check_asked, most_iterations, searched_by
+from .told import points_step
 
 
 def exchange(
@@ -42,7 +44,7 @@ def exchange(
     max_iterations: int | None = None,
     seed: int = 0,
     threads: int | None = None,
-    progress: Callable[[Progress], None] | None = None,
+    progress: bool | Callable[[Progress], None] | None = None,
     patience: int | None = None,
     time_limit: float | None = None,
     max_redraws: int = 1,
@@ -73,8 +75,8 @@ def exchange(
         The same seed gives the same design, for any number of threads.
     threads : int, optional
         Default: every core.
-    progress : callable, optional
-        Called with a `Progress` once per iteration.
+    progress : bool or callable, optional
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` once per iteration.
     patience : int, optional
         Stop after so many iterations in a row without an exchange.
     time_limit : float, optional
@@ -148,8 +150,7 @@ def exchange(
         confidence=confidence,
     )
     check_asked(settings, problem)
-    if progress is not None and not callable(progress):
-        raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
+    check_progress(progress)
     threads = resolve_threads(threads)
     known, left_out = previous_information(problem, previous, threads)
     kept = scenarios = None
@@ -157,20 +158,21 @@ def exchange(
         known, kept = _with_kept(problem, keep, known, settings.n_experiments, threads)
     if settings.over is not None:
         scenarios = _scenarios(problem, settings, previous, keep, known, threads)
-    search = _search(problem, settings, threads, known, kept, scenarios)
-    stop_reason = search.run(progress)
-    if criterion != "D" and stop_reason != "interrupted" and not np.isfinite(search.best.log_det):
-        raise ValueError(
-            f"n_experiments: expected points enough to determine what criterion {criterion!r} asks, given "
-            f"{settings.n_experiments}: the search has found none that do"
-        )
-    efficiency = None
-    under_noise = search.under_noise()
-    if settings.references and stop_reason != "interrupted":
-        try:
-            efficiency = _references(search, under_noise)
-        except KeyboardInterrupt:
-            stop_reason = "interrupted"
+    with following(progress, "iteration", points_step(criterion), "drawing the first points") as told:
+        search = _search(problem, settings, threads, known, kept, scenarios)
+        stop_reason = search.run(told)
+        if criterion != "D" and stop_reason != "interrupted" and not np.isfinite(search.best.log_det):
+            raise ValueError(
+                f"n_experiments: expected points enough to determine what criterion {criterion!r} asks, given "
+                f"{settings.n_experiments}: the search has found none that do"
+            )
+        efficiency = None
+        under_noise = search.under_noise()
+        if settings.references and stop_reason != "interrupted":
+            try:
+                efficiency = _references(search, under_noise)
+            except KeyboardInterrupt:
+                stop_reason = "interrupted"
     return Design(**vars(search.found(stop_reason, under_noise, efficiency, left_out)))
 
 

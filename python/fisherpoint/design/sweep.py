@@ -21,6 +21,7 @@ from ..information.problem_report import problem_sections
 from ..points.codec import points_from_json, points_to_json
 from ..points.experiments import Experiments
 from ..points.settings import resolve_threads
+from ..show.progress import check_progress, following
 from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
 from .cost import Cost
@@ -30,6 +31,7 @@ from .points.size_search import sized_searches
 from .settings import MOST, ExchangeSettings, most_iterations
 from .sweep_report import sweep_report
 from .swept import SizedDesign, SweptDesigns
+from .told import sizes_step
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -97,7 +99,7 @@ def sweep(
     threads: int | None = None,
     time_limit: float | None = None,
     method: str = "auto",
-    progress: Callable[[int, Progress], None] | None = None,
+    progress: bool | Callable[[int, Progress], None] | None = None,
     previous: Previous | None = None,
 ) -> Sweep:
     """Find designs of several sizes, each from the last one and the candidates of all before.
@@ -114,8 +116,9 @@ def sweep(
         As for :func:`fisherpoint.exchange`, for each size.
     time_limit : float, optional
         Stop after so many seconds, with the sizes that are done then.
-    progress : callable, optional
-        Called with the size and a `Progress` once per iteration.
+    progress : bool or callable, optional
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with the size and a `Progress` once per
+        iteration.
 
     Returns
     -------
@@ -134,8 +137,7 @@ def sweep(
     if cost is not None:
         check_type(cost, Cost, "cost")
         cost.check(problem.model)
-    if progress is not None and not callable(progress):
-        raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
+    check_progress(progress)
     sizes, threads = _sizes(n_experiments), resolve_threads(threads)
     settings = ExchangeSettings(
         n_experiments=sizes[0],
@@ -156,14 +158,15 @@ def sweep(
     search: PointSearch | None = None
     stop_reason = "done"
     try:
-        for search in sized_searches(problem, settings, sizes, threads, known, seen):
-            size = search.settings.n_experiments
-            if search.run(None if progress is None else partial(progress, size)) == "interrupted":
-                raise KeyboardInterrupt
-            found.append(_of(search))
-            if time_limit is not None and time.perf_counter() - started > time_limit and size != sizes[-1]:
-                stop_reason = "time_limit"
-                break
+        with following(progress, "sizes", sizes_step(sizes), "drawing the first points") as told:
+            for search in sized_searches(problem, settings, sizes, threads, known, seen):
+                size = search.settings.n_experiments
+                if search.run(None if told is None else partial(told, size)) == "interrupted":
+                    raise KeyboardInterrupt
+                found.append(_of(search))
+                if time_limit is not None and time.perf_counter() - started > time_limit and size != sizes[-1]:
+                    stop_reason = "time_limit"
+                    break
     except KeyboardInterrupt:
         stop_reason = "interrupted"
         if not found:

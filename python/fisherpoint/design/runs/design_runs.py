@@ -18,11 +18,13 @@ from ...information.problem import DesignProblem
 from ...information.run_information import checked_problem, information_matrices
 from ...points.run_region import RunRegion
 from ...points.settings import resolve_threads
+from ...show.progress import check_progress, following
 from ..average import Average
 from ..found import DRAWS, UNSEEN
 from ..over_prior import OverPrior, moved_problems
 from ..scenario_values import scenario_values
 from ..settings import RunSettings
+from ..told import runs_step
 from .run_design import RunDesign
 from .run_references import ClassicalRuns, classical_runs
 from .run_search import RunProgress, RunSearch
@@ -38,7 +40,7 @@ def design_runs(
     seed: int = 0,
     threads: int | None = None,
     time_limit: float | None = None,
-    progress: Callable[[RunProgress], None] | None = None,
+    progress: bool | Callable[[RunProgress], None] | None = None,
     previous: Previous | None = None,
     over: OverPrior | None = None,
 ) -> RunDesign:
@@ -65,8 +67,8 @@ def design_runs(
         Default: every core.
     time_limit : float, optional
         Stop after about so many seconds.
-    progress : callable, optional
-        Called with a `RunProgress` after each start.
+    progress : bool or callable, optional
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `RunProgress` after each start.
     previous : Measurements, Experiments, Runs, a design, or a sequence of these, optional
         What is already measured, or planned: its information counts beside that of the runs.
     over : OverPrior, optional
@@ -97,8 +99,7 @@ def design_runs(
         time_limit=time_limit,
         over=over,
     )
-    if progress is not None and not callable(progress):
-        raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
+    check_progress(progress)
     threads = resolve_threads(threads)
     problems, average = ((problem,), Average.of_all(1)) if settings.over is None else moved_problems(problem, settings.over)
     theta = np.array([moved.theta for moved in problems])
@@ -107,29 +108,30 @@ def design_runs(
         reasons = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
         warnings.warn(f"previous: expected what is valid at the prior mean, left out {reasons}", stacklevel=2)
     there = np.array([_known_there(moved, problem, known, previous, threads) for moved in problems])
-    search = RunSearch(
-        problem,
-        problem.region,
-        settings.n_runs,
-        theta,
-        average,
-        there,
-        confidence=settings.confidence,
-        n_starts=settings.n_starts,
-        n_candidates=settings.n_candidates,
-        seed=settings.seed,
-        threads=threads,
-        time_limit=settings.time_limit,
-    )
-    stop_reason = search.run(progress)
-    runs, seconds = search.runs(), search.seconds
-    classical: dict[str, ClassicalRuns] = {}
-    if stop_reason != "interrupted" and not search.pool.singular and problem.model.kernels is kernels:
-        try:
-            samples = problem.region.samples
-            classical = classical_runs(search.objective, search.guard, settings.n_runs, samples, settings.seed)
-        except KeyboardInterrupt:
-            stop_reason = "interrupted"
+    with following(progress, "start", runs_step, "drawing the first runs") as told:
+        search = RunSearch(
+            problem,
+            problem.region,
+            settings.n_runs,
+            theta,
+            average,
+            there,
+            confidence=settings.confidence,
+            n_starts=settings.n_starts,
+            n_candidates=settings.n_candidates,
+            seed=settings.seed,
+            threads=threads,
+            time_limit=settings.time_limit,
+        )
+        stop_reason = search.run(told)
+        runs, seconds = search.runs(), search.seconds
+        classical: dict[str, ClassicalRuns] = {}
+        if stop_reason != "interrupted" and not search.pool.singular and problem.model.kernels is kernels:
+            try:
+                samples = problem.region.samples
+                classical = classical_runs(search.objective, search.guard, settings.n_runs, samples, settings.seed)
+            except KeyboardInterrupt:
+                stop_reason = "interrupted"
     scenarios = None
     if settings.over is not None:
         of_each = [evaluate_design(moved, runs, threads=threads, previous=previous) for moved in problems]
