@@ -193,6 +193,7 @@ def identifiability(
     theta = draw_theta(model, prior, check_positive_int(n_theta, "n_theta", most=MOST_THETA), rng)
     region = default_region(model, theta[0]) if region is None else region
     check_type(region, ExperimentRegion, "region")
+    region = region.in_units_of(model)
     region.check(model, crossed_surfaces(model, kinks=True, jumps=True))
 
     sampler = Sampler(model, region, chosen, starts, rng, threads)

@@ -121,6 +121,7 @@ class DesignProblem(InNotebooks):
         set_field = object.__setattr__
         set_field(self, "rtol", check_rtol(self.rtol))
         if self.region is not None:
+            set_field(self, "region", self.region.in_units_of(self.model))
             self.region.check(self.model, self.crossed)
             bounds = [self.region.bounds[quantity.name] for quantity in self.model.states]
             warn_of_small_states(self.model, "the region keeps", np.array(bounds).reshape(-1, 2).T, stacklevel=4)
