@@ -90,6 +90,14 @@ def test_statuses_are_named() -> None:
     assert repr(fp.simulate(MODEL, runs(), THETA)) == "RunTrajectories(2 runs, 1 state, 1 output; status: 2 ok)"
 
 
+def test_other_results_name_their_statuses_too() -> None:
+    rule = fp.predictive_covariance(MODEL, points(2), problem().prior, fp.Unscented())
+    assert repr(rule) == "PredictiveCovariance(2 points, 1 output; status: 2 ok)"
+    record = fp.simulate_record(MODEL, np.arange(20.0), np.zeros(20), THETA, [1.0])
+    assert repr(record) == "RecordTrajectory(20 samples, 1 state, 1 output; status: ok, 19 reached)"
+    assert "and 10 more" in record._repr_html_()
+
+
 def test_trajectories_are_tuples_still() -> None:
     found = fp.simulate(MODEL, points(), THETA)
     x, y, status = found
