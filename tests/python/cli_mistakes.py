@@ -99,7 +99,7 @@ MISTAKES: dict[str, Mistake] = {
     ),
     "CSV for TOML": Mistake("design data.csv -o out", ("data.csv: not valid TOML: ",)),
     "TOML for CSV": Mistake(
-        "evaluate enzyme.toml enzyme.toml", ("enzyme.toml: expected the names of the columns", "given '# Enzyme", "no comments here")
+        "evaluate enzyme.toml enzyme.toml", ("enzyme.toml: expected the names of the columns", "given '# Enzyme", "no comments")
     ),
     "unreadable": Mistake("design /proc/self/mem -o out", ("/proc/self/mem: expected a readable TOML file, given: ",)),
     "twice a key": enzyme(

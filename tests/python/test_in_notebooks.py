@@ -6,12 +6,16 @@ import pickle
 import re
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import fisherpoint as fp
+
+pytest.importorskip("sympy", reason="needs the extras")
+pytest.importorskip("matplotlib", reason="needs the extras")
 
 MODEL = fp.SymbolicModel(["-k*h + u"], ["h"], {"h": "m"}, {"u": "m/s"}, {"k": "1/s"}, {"y": "m"})
 JUMPS = fp.SymbolicModel(["-k*heaviside(h - 1)*h - k"], ["h"], {"h": "m"}, {}, {"k": "m/s"}, {"y": "m"}, check_units=False)
@@ -107,3 +111,39 @@ def test_trajectories_are_tuples_still() -> None:
 
 def test_a_criterion_tells_what_it_is() -> None:
     assert repr(fp.criterion(problem(), "c", of="k")) == "<Criterion c: the variance of one function of the parameters>"
+
+
+RECORD = fp.Record(np.arange(40.0), 0.1 * np.sin(np.arange(40.0)) ** 2, 0.5 + 0.1 * np.cos(np.arange(40.0)))
+JUMPING = fp.DesignProblem(
+    JUMPS,
+    fp.GaussianPrior({"k": 1.0}, relative_std={"k": 0.3}),
+    fp.ExperimentRegion({"h": (0.1, 3.0), "dt": (0.01, 1.0)}),
+    noise_std={"y": 0.01},
+    jumps="exclude",
+)
+DRAWN: dict[str, Callable[[], Any]] = {
+    "windows": lambda: fp.best_pieces(problem(), fp.pieces(RECORD, MODEL, length=5), 4),
+    "feasibility": lambda: fp.feasibility(
+        JUMPING, fp.Experiments([[1.5], [0.9], [2.0]], np.empty((3, 0)), [0.3, 0.1, 0.4]), draws=200
+    ),
+    "all can run it": lambda: fp.feasibility(problem(), points(), draws=50),
+    "identifiability": lambda: fp.identifiability(MODEL, problem().prior, problem().region),
+    "rules": lambda: fp.compare_rules(problem(), points(3), [fp.Linearized(), fp.Unscented(), fp.SparseGaussHermite(2)]),
+}
+
+
+@pytest.mark.parametrize("name", DRAWN)
+def test_it_has_a_picture(name: str, tmp_path: Path) -> None:
+    found = DRAWN[name]()
+    figure = found.plot(path=tmp_path / name)
+    assert (tmp_path / f"{name}.png").stat().st_size > 5000
+    assert all(axes.has_data() for axes in figure.axes) or name == "all can run it"
+    found.to_html(tmp_path / "page.html")
+    assert ("<figure>" in (tmp_path / "page.html").read_text()) == (name != "all can run it")
+
+
+def test_the_picture_of_feasibility_is_that_of_its_numbers() -> None:
+    found = DRAWN["feasibility"]()
+    (axes,) = found.plot().axes
+    heights = np.sum([[bar.get_height() for bar in bars] for bars in axes.containers], axis=0)
+    assert 0 < found.share < 1 and heights == pytest.approx(1 - found.shares)
