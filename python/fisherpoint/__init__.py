@@ -9,7 +9,7 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .campaign.campaign import Campaign
     from .data import Measurements, Record, RecordTrajectory, VirtualRig, simulate_record
     from .data.pieces import Pieces, pieces
-    from .design.approximate import approximate
+    from .design.approximate import ApproximateProgress, approximate
     from .design.compare import ComparedDesign, DesignComparison, compare
     from .design.configuration import load_problem
     from .design.cost import Cost
@@ -35,7 +35,7 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .design.sweep import Sweep, sweep
     from .design.swept import SizedDesign
     from .engine.levels import available_isas, isa
-    from .estimation.estimate import estimate
+    from .estimation.estimate import EstimateProgress, estimate
     from .estimation.fit import Fit
     from .information.assumed import assumed_covariance
     from .information.comparison import RuleComparison, compare_rules
@@ -72,6 +72,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "ApproximateDesign",
+    "ApproximateProgress",
     "CallableModel",
     "Campaign",
     "ComparedDesign",
@@ -83,6 +84,7 @@ __all__ = [
     "DesignProblem",
     "DesignValidation",
     "Efficiency",
+    "EstimateProgress",
     "Evaluation",
     "ExactDesign",
     "ExactProgress",
@@ -168,7 +170,7 @@ _PLACES = {
     ".campaign.campaign": ("Campaign",),
     ".data": ("Measurements", "Record", "RecordTrajectory", "VirtualRig", "simulate_record"),
     ".data.pieces": ("Pieces", "pieces"),
-    ".design.approximate": ("approximate",),
+    ".design.approximate": ("ApproximateProgress", "approximate"),
     ".design.compare": ("ComparedDesign", "DesignComparison", "compare"),
     ".design.configuration": ("load_problem",),
     ".design.cost": ("Cost",),
@@ -194,7 +196,7 @@ _PLACES = {
     ".design.sweep": ("Sweep", "sweep"),
     ".design.swept": ("SizedDesign",),
     ".engine.levels": ("available_isas", "isa"),
-    ".estimation.estimate": ("estimate",),
+    ".estimation.estimate": ("EstimateProgress", "estimate"),
     ".estimation.fit": ("Fit",),
     ".information.assumed": ("assumed_covariance",),
     ".information.comparison": ("RuleComparison", "compare_rules"),

@@ -28,12 +28,6 @@ class Sign:
         self._thread = threading.Thread(target=self._tell, daemon=True)
         self._thread.start()
 
-    def print(self, line: str) -> None:
-        """Print a line that stays above the sign."""
-        with self._lock:
-            self._write(f"{ERASE if self._shows else ''}{line}\n")
-            self._shows, Sign.last = False, perf_counter()
-
     def end(self) -> None:
         """Take it away."""
         self._done.set()
@@ -58,13 +52,13 @@ class Sign:
 
 
 @contextmanager
-def alive(what: str) -> Iterator[Sign | None]:
+def alive(what: str) -> Iterator[None]:
     """Show on standard error, where that is a terminal, what is being done and for how long; nothing where it is done at once."""
     if "--quiet" in ARGUMENTS.get() or not sys.stderr.isatty():
-        yield None
+        yield
         return
     sign = Sign(what)
     try:
-        yield sign
+        yield
     finally:
         sign.end()

@@ -57,11 +57,12 @@ def campaign(
     saved at once: after a kill the same command goes on.
     """
     with importing():
+        import rich.progress  # noqa: F401  for the bar
+
         import fisherpoint.campaign.campaign  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_whole
         from fisherpoint.design.configuration import ConfigError
 
-        from .alive import alive
         from .results import free_for_campaign, needed
         from .terminal import as_file, read_config
         from .written import write_shown
@@ -80,11 +81,9 @@ def campaign(
     try:
         measured = None if data is None else _read(config, data)
         run = _opened(config, settings, output, threads)
-        with alive("estimating"):
-            lines = [] if data is None or measured is None else _taken(run, data, measured)
+        lines = [] if data is None or measured is None else _taken(run, data, measured, progress=not quiet)
         if not run.done or run.planned is not None:
-            with alive("searching for the next batch"):
-                run.next()
+            run.next(progress=not quiet)
     except RuntimeError as error:  # another process
         raise ConfigError(str(error)) from error
     except KeyboardInterrupt:
@@ -170,12 +169,12 @@ def _read(config: Config, path: Path) -> fp.Measurements:
     return read_data(path, "measurements", fp.Measurements.from_csv, config.build_model())
 
 
-def _taken(run: fp.Campaign, path: Path, data: fp.Measurements) -> list[str]:
+def _taken(run: fp.Campaign, path: Path, data: fp.Measurements, progress: bool) -> list[str]:
     """Take the measured batch, but not twice: a command that was killed is given again."""
     before = run.told(data)
     if before is not None:
         return [f"{path}: these are the data of batch {before}, which were taken before"]
-    run.tell(data)
+    run.tell(data, progress=progress)
     return [f"{path}: taken as batch {len(run.history)}"]
 
 

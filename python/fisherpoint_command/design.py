@@ -67,6 +67,7 @@ def design(
     early and keeps the best design so far.
     """
     with importing():
+        import rich.progress  # noqa: F401  for the bar
         import scipy.special  # noqa: F401  not where it is needed, in the middle of the search, which Ctrl-C is to end in order
 
         import fisherpoint.design.exchange  # noqa: F401  with all that it imports
@@ -117,7 +118,7 @@ def design(
             from fisherpoint.design.pictures import plots_of
 
     try:
-        found = _exchange(problem, settings, threads, show=not quiet)
+        found = fp.exchange(problem, **settings, threads=threads, progress=not quiet)
     except KeyboardInterrupt:
         complain("interrupted before a design was found; nothing was saved")
         return INTERRUPTED
@@ -145,35 +146,3 @@ def _with_over(settings: dict[str, Any], over: Over | None) -> dict[str, Any]:
         return settings
     in_file = settings.get("over")
     return settings | {"over": fp.OverPrior(over.value) if in_file is None else replace(in_file, kind=over.value)}
-
-
-def _exchange(problem: fp.DesignProblem, settings: dict[str, Any], threads: int | None, show: bool) -> fp.Design:
-    """Run the exchange under a progress bar on standard error, which fits into 80 columns."""
-    with importing():
-        from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
-    console = Console(stderr=True)
-    bar = Progress(
-        TextColumn("iteration"),
-        MofNCompleteColumn(),
-        BarColumn(bar_width=12),
-        TextColumn("{task.fields[state]}"),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=not (show and console.is_terminal),
-    )
-    with bar:
-        task = bar.add_task("design", total=None, state="drawing the first points")
-        what = "log det" if settings.get("criterion", "D") == "D" else "log of the criterion"
-
-        def progress(now: fp.Progress) -> None:
-            rate = now.drawn / now.seconds if now.seconds > 0 else 0.0
-            state = f"{what} {now.log_det:.3f}, {rate:.0f} points/s"
-            if now.iteration == now.max_iterations:
-                state = "proving how good it is"
-            bar.update(task, completed=now.iteration, total=now.max_iterations, state=state)
-
-        return fp.exchange(problem, **settings, threads=threads, progress=progress)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -55,6 +56,7 @@ def estimate(
     """
     with importing():
         import numpy as np
+        import rich.progress  # noqa: F401  for the bar
 
         import fisherpoint.estimation.estimate  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_whole
@@ -86,8 +88,8 @@ def estimate(
     if not no_plots:
         with importing(), needed_for("pictures"):
             from fisherpoint.estimation.pictures import plots_of  # what can fail for a trivial reason fails before the work
-    with alive("estimating"):
-        fit = _estimate(problem, parts, no_prior, known, noise_std, threads)
+    fit = _estimate(problem, parts, no_prior, known, noise_std, threads, progress=not quiet)
+    with alive("computing profiles") if profiles else nullcontext():
         found = [fit.profile(name) for name in fit.parameters] if profiles else []
     report = fit.report(profiles=found)
     make_directory(output, old)
@@ -111,6 +113,7 @@ def _estimate(
     known: bool,
     noise_std: Mapping[str, float] | None,
     threads: int | None,
+    progress: bool,
 ) -> fp.Fit:
     return fp.estimate(
         problem.model,
@@ -124,6 +127,7 @@ def _estimate(
         initial_state_std=problem.initial_state_std if known else None,
         assumed_rule=problem.assumed_rule,
         threads=threads,
+        progress=progress,
     )
 
 

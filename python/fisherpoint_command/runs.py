@@ -19,9 +19,8 @@ from fisherpoint.points.run_files import RUN, SEGMENT
 from fisherpoint.points.run_trajectories import RunTrajectories
 from fisherpoint.show.section import Report
 
-from .alive import alive
 from .checked import run_rows, tell
-from .exits import INTERRUPTED
+from .exits import INTERRUPTED, complain
 from .results import free_directory, make_directory, remove_old
 from .terminal import as_file, say, show
 from .written import PAGE, write_page, write_shown
@@ -55,15 +54,11 @@ def design_of_runs(
         with needed_for("pictures"):
             from fisherpoint.design.runs.run_pictures import plots_of  # what can fail for a trivial reason fails before the work
 
-    with alive("searching for runs") as sign:
-
-        def progress(now: fp.RunProgress) -> None:
-            if sign is not None:
-                what = "log det" if settings.get("criterion", "D") == "D" else "log of the criterion"
-                found = f"{what} {now.log_det:.3f}, best {now.best:.3f}"
-                sign.print(f"start {now.start} of {now.n_starts}: {found}, {now.seconds:.0f} s")
-
-        found = fp.design_runs(problem, **settings, threads=threads, progress=progress)
+    try:
+        found = fp.design_runs(problem, **settings, threads=threads, progress=not quiet)
+    except KeyboardInterrupt:
+        complain("interrupted before a first start was followed; nothing was saved")
+        return INTERRUPTED
     make_directory(output, old)
     found.save(output)
     report = found.report()

@@ -52,9 +52,8 @@ def sweep(
     or of the first one the best design so far.
     """
     with importing():
+        import rich.progress  # noqa: F401  for the bar
         import scipy.special  # noqa: F401  not where it is needed, in the middle of the search, which Ctrl-C is to end in order
-        from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
         import fisherpoint.design.sweep  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_together
@@ -95,21 +94,11 @@ def sweep(
         with importing(), needed_for("pictures"):
             from fisherpoint.design import sweep_picture  # noqa: F401  what can fail for a trivial reason fails before the work
 
-    console = Console(stderr=True)
-    columns = (TextColumn("sizes"), MofNCompleteColumn(), BarColumn(bar_width=20), TextColumn("{task.fields[state]}"))
-    bar = Progress(*columns, TimeElapsedColumn(), console=console, transient=True, disable=quiet or not console.is_terminal)
-    with bar:
-        task = bar.add_task("sweep", total=len(counts), state="drawing the first points")
-
-        def progress(size: int, now: fp.Progress) -> None:
-            bar.update(task, completed=counts.index(size), state=f"{size} points, log det {now.log_det:.3f}")
-
         try:
-            found = fp.sweep(problem, counts, cost=cost, threads=threads, progress=progress, previous=told or None, **settings)
+            found = fp.sweep(problem, counts, cost=cost, threads=threads, progress=not quiet, previous=told or None, **settings)
         except KeyboardInterrupt:
             complain("interrupted before there was a design; nothing was saved")
             return INTERRUPTED
-
     make_directory(output, old)
     report = found.report()
     tables = {f"design_{len(of.points)}.csv": points_csv(of.points, problem.model) for of in found.designs}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -52,6 +52,8 @@ def validate(
     and keeps what was found by then.
     """
     with importing():
+        import rich.progress  # noqa: F401  for the bar
+
         import fisherpoint.validation.validate  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_together
 
@@ -78,8 +80,17 @@ def validate(
     if not no_plots:
         with importing(), needed_for("pictures"):
             from fisherpoint.validation import pictures as plots_validation  # noqa: F401  what can fail for a trivial reason fails before the work
-    settings = {"runs": runs, "theta": theta.value, "seed": seed, "noise": noise.value, "use_prior": use_prior, "threads": threads}
-    found = _validate(problem, points, settings, show=not quiet)
+    found = fp.validate(
+        problem,
+        points,
+        runs=runs,
+        theta=theta.value,
+        seed=seed,
+        noise=noise.value,
+        use_prior=use_prior,
+        threads=threads,
+        progress=not quiet,
+    )
     make_directory(output, old)
     contents = {"validation.csv": found.to_pandas().to_csv(), "report.txt": as_file(found.report())}
     written = [path.name for path in write_together(output, contents, stale=["validation.png", PAGE])]
@@ -91,32 +102,3 @@ def validate(
         say(f"Written to {output}: {', '.join(written)}")
     remove_old(output, old, written, quiet)
     return INTERRUPTED if found.interrupted else 0
-
-
-def _validate(
-    problem: fp.DesignProblem, points: dict[str, fp.Experiments | fp.Runs], settings: dict[str, Any], show: bool
-) -> fp.Validation:
-    """Run the virtual experiments under a progress bar on standard error, which fits into 80 columns."""
-    with importing():
-        from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
-    console = Console(stderr=True)
-    bar = Progress(
-        TextColumn("virtual experiments"),
-        MofNCompleteColumn(),
-        BarColumn(bar_width=12),
-        TextColumn("{task.fields[state]}"),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=not (show and console.is_terminal),
-    )
-    with bar:
-        task = bar.add_task("validate", total=settings["runs"], state="")
-
-        def progress(now: fp.ValidationProgress) -> None:
-            bar.update(task, completed=now.runs, state=f"{now.failed} failed" if now.failed else "")
-
-        return fp.validate(problem, points, progress=progress, **settings)

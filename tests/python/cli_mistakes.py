@@ -99,7 +99,7 @@ MISTAKES: dict[str, Mistake] = {
     ),
     "CSV for TOML": Mistake("design data.csv -o out", ("data.csv: not valid TOML: ",)),
     "TOML for CSV": Mistake(
-        "evaluate enzyme.toml enzyme.toml", ("enzyme.toml: row 4: expected one entry, as the header '# Enzyme kinetics", "given 4")
+        "evaluate enzyme.toml enzyme.toml", ("enzyme.toml: expected the names of the columns", "given '# Enzyme", "no comments")
     ),
     "unreadable": Mistake("design /proc/self/mem -o out", ("/proc/self/mem: expected a readable TOML file, given: ",)),
     "twice a key": enzyme(
@@ -329,6 +329,10 @@ MISTAKES: dict[str, Mistake] = {
         HEADER + ROW.replace("0.002", "-0.002"), "row 1, column dt: expected a positive duration in s, given '-0.002'"
     ),
     "wrong unit in a header": points(HEADER.replace("p_A", "p_A [kg]") + ROW, "column p_A", "kg"),
+    "comment before the header": points(
+        "# of Monday, 10:30, rig 2\n" + HEADER + ROW, "expected the names of the columns", "given '# of Monday", "no comments here"
+    ),
+    "comment in between": points(HEADER + ROW + "# again, late\n" + ROW, "row 2: expected 7 entries, given 2", "no comments here"),
     "decimal commas": points(HEADER + ROW.replace("0.15", "0,15"), "row 1: expected 7 entries, given 8; use semicolons"),
     "bytes": points(b"\x89PNG\r\n\x1a\n\xff", "expected a CSV text file in UTF-8, given bytes that are not text"),
     "runs for points": Mistake("evaluate enzyme.toml runs.csv", ("runs.csv: expected the columns", "given run, segment, A")),

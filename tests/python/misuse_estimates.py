@@ -7,7 +7,7 @@ from functools import cache
 import fisherpoint as fp
 from misuse_case import Case, case, within
 from misuse_examples import NOISE, THETA, data, fit, model, points, prior, problem, region, run_data, runs
-from misuse_values import ARRAY, FLAG, INT, MAP, MODEL, NAMES, NONE, NUMBER, PATH, POINTS, PRIOR, TEXT
+from misuse_values import ARRAY, FLAG, FUNCTION, INT, MAP, MODEL, NAMES, NONE, NUMBER, PATH, POINTS, PRIOR, TEXT
 
 
 @cache
@@ -65,6 +65,7 @@ def estimate_cases() -> dict[str, Case]:
             starts=(1, INT),
             rtol=rtol,
             threads=threads,
+            progress=(None, NONE, FLAG, FUNCTION),
         ),
         "estimate, runs": case(
             fp.estimate,

@@ -122,6 +122,7 @@ def point_cases() -> dict[str, Case]:
         ),
         "ExperimentRegion": case(fp.ExperimentRegion, bounds=(BOUNDS, MAP), constraints=(["h < 1.5"], ARRAY, NAMES, FUNCTION)),
         "bounds of h": case(lambda pair: fp.ExperimentRegion(BOUNDS | {"h": pair}), pair=((0.5, 2.0), ARRAY)),
+        "unit of h": case(lambda unit: fp.ExperimentRegion(BOUNDS | {"h": (0.5, 2.0, unit)}), unit=("m", TEXT)),
         "lower bound of h": case(lambda lower: fp.ExperimentRegion(BOUNDS | {"h": (lower, 2.0)}), lower=(0.5, NUMBER)),
         "ExperimentRegion.check": case(region().check, model=of_model),
         "ExperimentRegion.draw": case(

@@ -131,7 +131,7 @@ def test_an_interrupted_design_is_saved_and_reported(run: Any, file: Path, tmp_p
 
     def interrupted(*arguments: Any, progress: Any, **settings: Any) -> fp.Design:
         def stop(now: fp.Progress) -> None:
-            progress(now)
+            assert progress is True
             if now.iteration == 2:
                 raise KeyboardInterrupt
 

@@ -180,7 +180,7 @@ def test_other_failures_are_one_line_and_change_nothing(run: Any, file: Path, tm
 def test_an_interrupt_leaves_a_campaign_to_go_on_with(
     run: Any, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(*_: object) -> fp.Experiments:
+    def interrupted(*_: object, **__: object) -> fp.Experiments:
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:

@@ -23,6 +23,36 @@ def mistakes(rate: str, output: str = "x", unit: str = "m", **units: Any) -> tup
 
 
 @pytest.mark.parametrize(
+    ("rate", "parameters", "expected"),
+    [
+        ("-k*x", {"k": "1/h"}, "equations.x: expected 1/s, as time is in s, given -k*x in 0.0002778 1/s"),
+        ("u - k*x", {"k": "1/min"}, "equations.x: expected 1/s, as time is in s, given -k*x in 0.01667 1/s"),
+        ("m*x/(n + x)", {"m": "1/d", "n": "1"}, "equations.x: expected 1/s, as time is in s, given m*x/(n + x) in 1.157e-05 1/s"),
+        ("-k*x", {"k": "1/s"}, None),
+        ("-k*x/3600", {"k": "1/h"}, None),  # a number that may carry a unit
+        ("-k*x", {"k": "1"}, None),
+        ("-k*x", {"k": "1/ms"}, None),  # no unit in which one forgets what time is in
+    ],
+)
+def test_a_stated_time_is_certain_beside_one(rate: str, parameters: dict[str, str], expected: str | None) -> None:
+    model = fp.SymbolicModel([rate], ["x"], {"x": "1"}, {"u": "1"}, parameters, {"y": "1"}, check_units=False)
+    assert model.mistakes_in_units == (() if expected is None else (expected,))
+
+
+@pytest.mark.parametrize(
+    ("state", "constant", "told"), [("K", "degC", True), ("degC", "K", True), ("degC", "°C", False), ("K", "K", False)]
+)
+def test_temperatures_have_one_zero(state: str, constant: str, told: bool) -> None:
+    given = (["-k*(T - T_a)"], ["T"], {"T": state}, {}, {"k": "1/s"}, {"y": state})
+    found = fp.SymbolicModel(*given, constants={"T_a": (25.0, constant)}, check_units=False).mistakes_in_units
+    of = ("T_a", "T") if constant == "degC" else ("T", "T_a")
+    text = f"equations.T: {of[0]} in degC and {of[1]} in K cannot be added, as 0 degC is 273.15 K: expected one unit of both"
+    assert found == ((text,) if told else ())
+    other = fp.SymbolicModel(["-k*where(T > T_a, T, 0)"], *given[1:], constants={"T_a": (25.0, constant)}, check_units=False)
+    assert bool(other.mistakes_in_units) == told
+
+
+@pytest.mark.parametrize(
     ("rate", "expected"),
     [
         ("x**2 - k*x", "equations.x: x**2 in m2 and -k*x in m/s cannot be added"),

@@ -264,7 +264,7 @@ def test_results_so_far_survive_an_interrupt() -> None:
     of, expected = (one.per_run.estimate for one in (found.designs["design 1"], whole.designs["design"]))  # type: ignore[union-attr]
     np.testing.assert_allclose(of, expected, rtol=1e-9)
     assert not whole.interrupted
-    with pytest.raises(TypeError, match="progress: expected a function, given int"):
+    with pytest.raises(TypeError, match="progress: expected True, False or a function, given int"):
         fp.validate(line(), points, runs=10, progress=3)  # type: ignore[arg-type]
 
 

@@ -50,6 +50,12 @@ class CsvTable:
             raise ValueError(f"{path}: expected a CSV text file in UTF-8, given bytes that are not text: {error}") from error
         lines = io.StringIO(text, newline="")  # keeps the line breaks as they are, as csv wants them
         first = next((line for line in lines if line.strip()), "")
+        if first.lstrip().startswith("#"):
+            given = shown(first.strip(), 40)
+            raise ValueError(
+                f"{path}: expected the names of the columns in the first line, given {given}: lines that begin with # are no "
+                "comments here; remove them, or the # before the names"
+            )
         lines.seek(0)
         self.separator = max(",;\t", key=first.count)
         try:
@@ -62,6 +68,8 @@ class CsvTable:
         for k, row in enumerate(rows):
             if len(row) != len(header):
                 hint = self._comma_hint if self.separator == "," and len(row) > len(header) else ""
+                if row[0].lstrip().startswith("#"):
+                    hint = "; lines that begin with # are no comments here: remove them"
                 if k + 1 == len(rows) and text[-1] not in "\r\n":
                     hint = ", at the end of the file, which has no line break: is it cut off?"
                 expected = (

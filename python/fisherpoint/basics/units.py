@@ -113,7 +113,7 @@ _PREFIXES = {
 }
 UNITS = {prefix + name: (prefix, name) for prefix in _PREFIXES for name in _PREFIXED}
 UNITS |= {name: ("", name) for name in (*_PREFIXED, *_PLAIN)}  # before one with a prefix: min is a minute, cd a candela
-_CELSIUS = ("degC", "°C")
+CELSIUS = ("degC", "°C")
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<power>(?:\^|\*\*)\s*[+-]?(?:\d+\.\d+|\d+)|(?<=[A-Za-zΩ%])[+-]?\d+)|(?P<name>sqrt(?=\s*\()|[^\W\d_]+|%|°C)"
@@ -212,7 +212,7 @@ def _power_text(name: str, power: Fraction) -> str:
 
 
 def _zero_between(given: str, wanted: str) -> float:
-    return 273.15 * ((given.strip() in _CELSIUS) - (wanted.strip() in _CELSIUS))
+    return 273.15 * ((given.strip() in CELSIUS) - (wanted.strip() in CELSIUS))
 
 
 def _ratio(given: str, wanted: str, place: str) -> UnitValue:

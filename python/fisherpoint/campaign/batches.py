@@ -68,7 +68,7 @@ class Kind:
         settings: Settings,
         *,
         threads: int,
-        progress: Callable[..., None] | None,
+        progress: bool | Callable[..., None] | None,
         previous: Measurements | None,
     ) -> Points:
         """The next batch.

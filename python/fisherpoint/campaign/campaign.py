@@ -18,7 +18,7 @@ from ..design.report import points_section
 from ..design.runs.run_report import segments_table
 from ..design.runs.run_search import RunProgress
 from ..design.settings_section import settings_section
-from ..estimation.estimate import estimate
+from ..estimation.estimate import EstimateProgress, estimate
 from ..estimation.fit import Fit
 from ..estimation.precision import quantile
 from ..information.codec import problem_from_json, problem_to_json
@@ -203,13 +203,13 @@ class Campaign(Shown):
             self._fit = self._estimated(self.history[:-1], self.history[-1].data)
         return self._fit
 
-    def next(self, *, progress: Callable[[Progress], None] | Callable[[RunProgress], None] | None = None) -> Points:
+    def next(self, *, progress: bool | Callable[[Progress], None] | Callable[[RunProgress], None] | None = None) -> Points:
         """Return the next points, or runs, to measure: those that are planned, or else newly designed ones.
 
         Parameters
         ----------
-        progress : callable, optional
-            As for `exchange`, or `design_runs`.
+        progress : bool or callable, optional
+            As for `exchange`, or `design_runs`: True shows a bar.
 
         Raises
         ------
@@ -236,7 +236,7 @@ class Campaign(Shown):
         self._change(planned=found)
         return found
 
-    def tell(self, data: Measurements) -> Fit:
+    def tell(self, data: Measurements, *, progress: bool | Callable[[EstimateProgress], None] | None = None) -> Fit:
         """Add data, estimate, and save; the next points will be new ones.
 
         Parameters
@@ -244,6 +244,8 @@ class Campaign(Shown):
         data : Measurements
             Of the planned points or runs, or of others: starts as measured, some left out, replicates, data from before the
             campaign.
+        progress : bool or callable, optional
+            As for `estimate`: True shows a bar.
 
         Returns
         -------
@@ -270,7 +272,7 @@ class Campaign(Shown):
         if told is not None:
             raise ValueError(f"data: expected new measurements, given those of batch {told} again")
         check_new([one.data for one in self.history], data)
-        fit = self._estimated(self.history, data)
+        fit = self._estimated(self.history, data, progress)
         batch = Batch(
             planned=self.planned,
             data=data,
@@ -346,7 +348,12 @@ class Campaign(Shown):
         stage = "all targets met" if self.done else "a batch to measure" if self.planned is not None else "a batch to design"
         return f"Campaign({self.problem.model.name}, {len(self.history)} batches told, {stage})"
 
-    def _estimated(self, before: tuple[Batch, ...], data: Measurements) -> Fit:
+    def _estimated(
+        self,
+        before: tuple[Batch, ...],
+        data: Measurements,
+        progress: bool | Callable[[EstimateProgress], None] | None = None,
+    ) -> Fit:
         """The fit of the data of the batches `before` and of `data`, a function of these alone.
 
         It starts at the estimate before, too: the batch was designed there, and at the prior's mean their trajectories may fail.
@@ -363,6 +370,7 @@ class Campaign(Shown):
             initial_state_std=problem.initial_state_std,
             assumed_rule=problem.assumed_rule,
             threads=self._threads,
+            progress=progress,
         )
 
     def _change(self, **changes: Any) -> None:

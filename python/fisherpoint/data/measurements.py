@@ -16,12 +16,14 @@ from ..basics.values import Array
 from ..models import Model
 from ..points.experiments import Experiments
 from ..points.runs import Runs
+from ..show.first_rows import InNotebooks, beside, first_rows, numbered
+from ..show.section import Report
 from .measured_outputs import measured_outputs, measured_run_outputs, told_runs
 from .measurement_files import measurements_csv, read_measurements
 
 
 @dataclass(frozen=True, eq=False)
-class Measurements:
+class Measurements(InNotebooks):
     """The outputs that were measured at K experiment points, or in K runs.
 
     Parameters
@@ -130,6 +132,19 @@ class Measurements:
         return isinstance(other, Measurements) and self.points == other.points and np.array_equal(self.y, other.y, equal_nan=True)
 
     __hash__ = None  # type: ignore[assignment]  # arrays
+
+    def _in_notebook(self) -> Report:
+        outputs = numbered("y", self.samples)
+        if isinstance(self.points, Runs):
+            run, segment = np.nonzero(self.points.measured)
+            places: dict[str, Any] = {
+                "run": list(map(str, run)),
+                "segment": list(map(str, segment)),
+                "t": self.points.t[run, segment],
+            }
+            return Report(repr(self), [first_rows(len(run), {**places, **outputs})])
+        (points,) = self.points._in_notebook().sections
+        return Report(repr(self), [beside(points, first_rows(len(self), outputs))])
 
     def __repr__(self) -> str:
         samples = self.samples

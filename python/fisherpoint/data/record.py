@@ -17,13 +17,15 @@ from ..basics.messages import listed, shown
 from ..basics.quantity import Quantity, names_of
 from ..basics.values import Array
 from ..models import Model
+from ..show.first_rows import InNotebooks, first_rows, numbered
+from ..show.section import Report
 from .measured_outputs import measured_outputs
 
 TIME = Quantity("t", "s", "time of a sample")
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
+class Record(InNotebooks):
     """N samples of one trajectory: y[n] = g(x(t[n]), u[n], theta), with u[n] held from t[n] to t[n+1], and x(t[0]) = x0.
 
     Parameters
@@ -76,6 +78,10 @@ class Record:
         return (
             f"Record({len(self)} samples over {self.t[-1] - self.t[0]:g} s, {sizes}, known start of {', '.join(self.x0) or 'none'})"
         )
+
+    def _in_notebook(self) -> Report:
+        columns = {"t": self.t, **numbered("u", self.u), **numbered("y", self.y)}
+        return Report(repr(self), [first_rows(len(self), columns)])
 
     @property
     def samples(self) -> Array:

@@ -15,6 +15,10 @@ from ..models import Model
 from ..points.natural_sizes import warn_of_small_states
 from ..points.settings import Settings, check_rtol
 from ..points.status import Status
+from ..show.first_rows import first_rows, numbered
+from ..show.numbers import counted
+from ..show.section import Report
+from ..show.text import to_html
 from .record import checked_times, held_inputs
 
 
@@ -28,6 +32,13 @@ class RecordTrajectory(NamedTuple):
     y: Array
     status: Status
     reached: int
+
+    def __repr__(self) -> str:
+        sizes = f"{counted(len(self.x), 'sample')}, {counted(self.x.shape[1], 'state')}, {counted(self.y.shape[1], 'output')}"
+        return f"RecordTrajectory({sizes}; status: {self.status}, {self.reached} reached)"
+
+    def _repr_html_(self) -> str:
+        return to_html(Report(repr(self), [first_rows(len(self.x), {**numbered("x", self.x), **numbered("y", self.y)})]))
 
 
 def simulate_record(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from ..points.region import ExperimentRegion
 from ..points.settings import resolve_threads
+from ..show.progress import Step, check_progress, following
 from .optimality.approximate_design import ApproximateDesign
 from .optimality.asked import CRITERIA, OF_ALL
 from .optimality.asked import criterion as criterion_of
@@ -44,6 +46,14 @@ SAMPLE = 2000
 """Candidates that a design keeps for its pictures."""
 
 
+class ApproximateProgress(NamedTuple):
+    """What `approximate` is doing: "searching" for candidates, or "weighing" them; how many it has tried or weighs, and seconds."""
+
+    doing: str
+    candidates: int
+    seconds: float
+
+
 def approximate(
     problem: DesignProblem,
     candidates: Experiments | None = None,
@@ -61,6 +71,7 @@ def approximate(
     tolerance: float = 1e-6,
     seed: int = 0,
     threads: int | None = None,
+    progress: bool | Callable[[ApproximateProgress], None] | None = None,
 ) -> ApproximateDesign:
     """Find weights of points, and prove how near to the best weights they are.
 
@@ -98,6 +109,9 @@ def approximate(
     seed : int
     threads : int, optional
         Default: every core.
+    progress : bool or callable, optional
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with an `ApproximateProgress` each time
+        that something is done.
 
     Returns
     -------
@@ -127,46 +141,56 @@ def approximate(
         check_type(candidates, Experiments, "candidates")
     scenarios = None if over is None else _scenarios(problem, over, criterion)
     constant = None if n_experiments is None else information_of_prior(problem) / n_experiments
+    check_progress(progress)
 
     if scenarios is not None:
         there = [
             criterion_of(one, criterion, of=of, conditions=conditions, scale=scale, threads=threads) for one in scenarios.problems
         ]
         asked = Averaged(there, scenarios.average, [len(problem.estimated)] * len(there))
-    source = PointRows(problem, threads, () if scenarios is None else scenarios.problems)
-    rng = np.random.default_rng(seed)
-    given = candidates
-    if given is None:
-        _check_region(problem)
-        searches = criterion != "c" and problem.model.kernels is kernels
-        searched = _searched(problem, seed, threads, scenarios) if searches else None
-        given = _drawn(problem, n_candidates, rng)
-        given = given if searched is None else Experiments.join([given, searched])
-    rows, places = source.valid(given)
-    if not len(rows):
-        told = ", ".join(f"{reason} {count}" for reason, count in source.rejected.items())
-        raise ValueError(f"candidates: expected valid points, given none: {told or 'no points at all'}")
-    points, pool = given[places], CandidateRows(rows, constant)
-    spaces = [estimable(part.triangle()) for part in pool.parts]
-    space, least = spaces[0] if over is None else EstimableOver.of(spaces), min(spaces, key=lambda one: one.rank)
-    null = null_directions(least.null, least.length, problem.estimated)
-    refused = singular == "error" and criterion in OF_ALL and null
-    if not refused and len({one.rank for one in spaces}) > 1:
-        told = "; ".join(combination(one) for one in null)
-        raise ValueError(f"over: expected scenarios that tell about the same, given some in which no candidate tells about {told}")
-    if refused or not space.rank or asked.outside(space) > 1e-6:
-        told = "; ".join(combination(one) for one in null)
-        what = "all parameters, as singular = 'error' asks" if refused else "what is asked"
-        raise ValueError(f"candidates: expected some that determine {what}, given none that tell about {told}, in prior std")
-    left_out = FrozenMapping(dict(+source.rejected))
-    weights = optimal_weights(pool, asked, tolerance=tolerance, seed=seed, space=space)
-    found = Refinement(points[weights.chosen], rows[weights.chosen], weights, len(rows), 0)
-    if candidates is None:
+    with following(progress, "approximate", _step, counted=False) as hears:
 
-        def others(k: int) -> Experiments | None:
-            return _searched(problem, seed + 1 + k, threads, scenarios) if searches else None
+        def tell(doing: str, candidates: int) -> None:
+            if hears is not None:
+                hears(ApproximateProgress(doing, candidates, time.perf_counter() - started))
 
-        found = refined(source, points, pool, asked, weights, starts, tolerance, rng, others)
+        source = PointRows(problem, threads, () if scenarios is None else scenarios.problems)
+        rng = np.random.default_rng(seed)
+        given = candidates
+        if given is None:
+            _check_region(problem)
+            searches = criterion != "c" and problem.model.kernels is kernels
+            searched = _searched(problem, seed, threads, scenarios, tell) if searches else None
+            given = _drawn(problem, n_candidates, rng)
+            given = given if searched is None else Experiments.join([given, searched])
+        rows, places = source.valid(given)
+        if not len(rows):
+            told = ", ".join(f"{reason} {count}" for reason, count in source.rejected.items())
+            raise ValueError(f"candidates: expected valid points, given none: {told or 'no points at all'}")
+        points, pool = given[places], CandidateRows(rows, constant)
+        spaces = [estimable(part.triangle()) for part in pool.parts]
+        space, least = spaces[0] if over is None else EstimableOver.of(spaces), min(spaces, key=lambda one: one.rank)
+        null = null_directions(least.null, least.length, problem.estimated)
+        refused = singular == "error" and criterion in OF_ALL and null
+        if not refused and len({one.rank for one in spaces}) > 1:
+            told = "; ".join(combination(one) for one in null)
+            raise ValueError(
+                f"over: expected scenarios that tell about the same, given some in which no candidate tells about {told}"
+            )
+        if refused or not space.rank or asked.outside(space) > 1e-6:
+            told = "; ".join(combination(one) for one in null)
+            what = "all parameters, as singular = 'error' asks" if refused else "what is asked"
+            raise ValueError(f"candidates: expected some that determine {what}, given none that tell about {told}, in prior std")
+        left_out = FrozenMapping(dict(+source.rejected))
+        tell("weighing", len(pool))
+        weights = optimal_weights(pool, asked, tolerance=tolerance, seed=seed, space=space)
+        found = Refinement(points[weights.chosen], rows[weights.chosen], weights, len(rows), 0)
+        if candidates is None:
+
+            def others(k: int) -> Experiments | None:
+                return _searched(problem, seed + 1 + k, threads, scenarios, tell) if searches else None
+
+            found = refined(source, points, pool, asked, weights, starts, tolerance, rng, others, tell)
     weights = found.weights
     information = CandidateRows(found.rows, constant).information(np.arange(len(found.rows)), weights.weights)
     inside = space.span.T @ information @ space.span if len(space.null) else information
@@ -227,7 +251,13 @@ def _check_region(problem: DesignProblem) -> None:
         raise ValueError(f"region: expected an ExperimentRegion where no candidates are given, given {given}")
 
 
-def _searched(problem: DesignProblem, seed: int, threads: int, scenarios: Scenarios | None) -> Experiments | None:
+def _step(now: ApproximateProgress) -> Step:
+    return Step(state=f"{now.doing}, {now.candidates} candidates")
+
+
+def _searched(
+    problem: DesignProblem, seed: int, threads: int, scenarios: Scenarios | None, tell: Callable[[str, int], None]
+) -> Experiments | None:
     """The best candidates of a search for an exact design: it looks on every scale near good points, where peaks may be narrow.
 
     For "c", whose optima are often singular, they say little; many close ones only hold up its weights.
@@ -243,7 +273,7 @@ def _searched(problem: DesignProblem, seed: int, threads: int, scenarios: Scenar
         references=True,
     )
     search = AutoSearch(problem, settings, threads, scenarios=scenarios)
-    if search.run(None) == "interrupted":
+    if search.run(lambda now: tell("searching", now.drawn)) == "interrupted":
         raise KeyboardInterrupt
     found = search.seen.best(search.best.information, None, SEARCHED)
     own = search.best.information.experiments

@@ -23,6 +23,7 @@ from ..points.experiments import Experiments
 from ..points.region import ExperimentRegion
 from ..points.settings import resolve_threads
 from ..points.status import Status, failures_of
+from ..show.progress import check_progress, following
 from .efficiency import Efficiency, efficiency_of, median_of, random_designs
 from .found import FoundDesign
 from .optimality.aims import LogDet, LogDetWithin
@@ -34,6 +35,7 @@ from .points.exchange_search import ExchangeSearch
 from .points.point_search import PointSearch, Progress
 from .result import Design
 from .settings import ExchangeSettings, check_asked, most_iterations, searched_by
+from .told import points_step
 
 
 def exchange(
@@ -44,7 +46,7 @@ def exchange(
     max_iterations: int | None = None,
     seed: int = 0,
     threads: int | None = None,
-    progress: Callable[[Progress], None] | None = None,
+    progress: bool | Callable[[Progress], None] | None = None,
     patience: int | None = None,
     time_limit: float | None = None,
     max_redraws: int = 1,
@@ -77,8 +79,8 @@ def exchange(
         The same seed gives the same design, for any number of threads.
     threads : int, optional
         Default: every core.
-    progress : callable, optional
-        Called with a `Progress` once per iteration.
+    progress : bool or callable, optional
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` once per iteration.
     patience : int, optional
         Stop after so many iterations in a row without an exchange.
     time_limit : float, optional
@@ -162,8 +164,7 @@ def exchange(
         prior_information=prior_information,
     )
     check_asked(settings, problem)
-    if progress is not None and not callable(progress):
-        raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
+    check_progress(progress)
     threads = resolve_threads(threads)
     known, left_out = previous_information(problem, previous, threads)
     kept = scenarios = None
@@ -171,23 +172,24 @@ def exchange(
         known, kept = _with_kept(problem, keep, known, settings.n_experiments, threads)
     if settings.over is not None:
         scenarios = scenarios_of(problem, settings, previous, keep, known, threads)
-    search = _search(problem, settings, threads, known, kept, scenarios)
-    stop_reason = search.run(progress)
-    interrupted = stop_reason == "interrupted"
-    if not interrupted:
-        check_determined(search)
-    efficiency = None
-    under_noise = search.under_noise()
-    evaluation = search.evaluation(under_noise)
-    if evaluation.null_directions:
-        space = search.look_at_what_is_told()
-        if settings.singular == "error" and criterion in OF_ALL and not interrupted:
-            refuse_open(problem, space, settings.n_experiments)
-    if settings.references and not interrupted:
-        try:
-            efficiency = _references(search, evaluation, under_noise)
-        except KeyboardInterrupt:
-            stop_reason = "interrupted"
+    with following(progress, "iteration", points_step(criterion), "drawing the first points") as told:
+        search = _search(problem, settings, threads, known, kept, scenarios)
+        stop_reason = search.run(told)
+        interrupted = stop_reason == "interrupted"
+        if not interrupted:
+            check_determined(search)
+        efficiency = None
+        under_noise = search.under_noise()
+        evaluation = search.evaluation(under_noise)
+        if evaluation.null_directions:
+            space = search.look_at_what_is_told()
+            if settings.singular == "error" and criterion in OF_ALL and not interrupted:
+                refuse_open(problem, space, settings.n_experiments)
+        if settings.references and not interrupted:
+            try:
+                efficiency = _references(search, evaluation, under_noise)
+            except KeyboardInterrupt:
+                stop_reason = "interrupted"
     return Design(**vars(search.found(stop_reason, evaluation, under_noise, efficiency, left_out)))
 
 

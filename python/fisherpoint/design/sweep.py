@@ -24,6 +24,7 @@ from ..information.problem_report import problem_sections
 from ..points.codec import points_from_json, points_to_json
 from ..points.experiments import Experiments
 from ..points.settings import resolve_threads
+from ..show.progress import check_progress, following
 from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
 from .cost import Cost
@@ -38,6 +39,7 @@ from .points.size_search import sized_searches
 from .settings import MOST, ExchangeSettings, check_asked, most_iterations
 from .sweep_report import sweep_report
 from .swept import SizedDesign, SweptDesigns, log_det_of
+from .told import sizes_step
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -107,7 +109,7 @@ def sweep(
     time_limit: float | None = None,
     method: str = "auto",
     singular: str = "estimable",
-    progress: Callable[[int, Progress], None] | None = None,
+    progress: bool | Callable[[int, Progress], None] | None = None,
     previous: Previous | None = None,
     over: OverPrior | None = None,
     criterion: str = "D",
@@ -132,8 +134,9 @@ def sweep(
         As for :func:`fisherpoint.exchange`, for each size.
     time_limit : float, optional
         Stop after so many seconds, with the sizes that are done then.
-    progress : callable, optional
-        Called with the size and a `Progress` once per iteration.
+    progress : bool or callable, optional
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with the size and a `Progress` once per
+        iteration.
 
     Returns
     -------
@@ -152,8 +155,7 @@ def sweep(
     if cost is not None:
         check_type(cost, Cost, "cost")
         cost.check(problem.model)
-    if progress is not None and not callable(progress):
-        raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
+    check_progress(progress)
     sizes, threads = _sizes(n_experiments), resolve_threads(threads)
     settings = ExchangeSettings(
         n_experiments=sizes[0],
@@ -184,23 +186,24 @@ def sweep(
     search: PointSearch | None = None
     stop_reason = "done"
     try:
-        for search in sized_searches(problem, settings, sizes, threads, known, seen, scenarios):
-            size = search.settings.n_experiments
-            if search.run(None if progress is None else partial(progress, size)) == "interrupted":
-                raise KeyboardInterrupt
-            check_determined(search)
-            one = _found(search)
-            if one.evaluation.null_directions:
-                space = search.look_at_what_is_told()
-                if singular == "error" and criterion in OF_ALL:
-                    refuse_open(problem, space, size)
-            seen.include(search.seen)
-            seen.aims = search.aims
-            ridge = max(ridge, search.ridge)
-            found.append(one)
-            if time_limit is not None and time.perf_counter() - started > time_limit and size != sizes[-1]:
-                stop_reason = "time_limit"
-                break
+        with following(progress, "sizes", sizes_step(sizes), "drawing the first points") as told:
+            for search in sized_searches(problem, settings, sizes, threads, known, seen, scenarios):
+                size = search.settings.n_experiments
+                if search.run(None if told is None else partial(told, size)) == "interrupted":
+                    raise KeyboardInterrupt
+                check_determined(search)
+                one = _found(search)
+                if one.evaluation.null_directions:
+                    space = search.look_at_what_is_told()
+                    if singular == "error" and criterion in OF_ALL:
+                        refuse_open(problem, space, size)
+                seen.include(search.seen)
+                seen.aims = search.aims
+                ridge = max(ridge, search.ridge)
+                found.append(one)
+                if time_limit is not None and time.perf_counter() - started > time_limit and size != sizes[-1]:
+                    stop_reason = "time_limit"
+                    break
     except KeyboardInterrupt:
         stop_reason = "interrupted"
         if not found:

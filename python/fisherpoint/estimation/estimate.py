@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any
+from time import perf_counter
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,6 +21,8 @@ from ..points.natural_sizes import warn_of_small_states
 from ..points.settings import check_rtol, resolve_threads
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import Rule
+from ..show.numbers import counted
+from ..show.progress import Step, check_progress, following
 from .fit import Fit
 from .known_noise import KnownNoise
 from .observed import Observed
@@ -28,6 +32,14 @@ from .starts import MOST_STARTS, evaluable_starts, further_starts, start_guess
 from .unknown_noise import check_noise_can_be_told
 from .unknowns import checked_bounds, prior_factor, unknowns_of
 from .weighting import WeightedResiduals, noise_covariance
+
+
+class EstimateProgress(NamedTuple):
+    """What `estimate` has done: evaluations of the residuals at a set of unknowns, from how many starts it goes on, and seconds."""
+
+    evaluations: int
+    searches: int
+    seconds: float
 
 
 def estimate(
@@ -45,6 +57,7 @@ def estimate(
     starts: int = 8,
     rtol: float = 1e-9,
     threads: int | None = None,
+    progress: bool | Callable[[EstimateProgress], None] | None = None,
 ) -> Fit:
     """Estimate parameters from measured data, (5).
 
@@ -81,6 +94,9 @@ def estimate(
     rtol : float
         Tolerance of the trajectories.
     threads : int, optional
+    progress : bool or callable, optional
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with an `EstimateProgress` after each
+        evaluation of the residuals.
 
     Returns
     -------
@@ -94,6 +110,7 @@ def estimate(
         For misuse, and where no start has trajectories that are ok.
     """
     check_type(model, Model, "model")
+    check_progress(progress)
     parts = _parts(data, model)
     names = names_of(model.parameters)
     chosen = some_names_among(names if parameters is None else parameters, names, "parameters")
@@ -124,29 +141,56 @@ def estimate(
     for name, log in zip(observed.names, unknowns.log, strict=True):
         if log and not begin[name] > 0:
             raise ValueError(f"start[{name!r}]: expected a positive number, as its prior is log-normal; given {begin[name]:g}")
-    z0 = evaluable_starts(observed, unknowns, begin, spread, check_positive_int(starts, "starts", most=MOST_STARTS))
-    factor = None if prior is None else prior_factor(prior, unknowns)
-    residuals = WeightedResiduals(observed, unknowns, observed.y[None], np.eye(observed.y.shape[1]), factor)
+    starts = check_positive_int(starts, "starts", most=MOST_STARTS)
+    with _heard(observed, progress):
+        z0 = evaluable_starts(observed, unknowns, begin, spread, starts)
+        factor = None if prior is None else prior_factor(prior, unknowns)
+        residuals = WeightedResiduals(observed, unknowns, observed.y[None], np.eye(observed.y.shape[1]), factor)
 
-    if noise_std is not None:
-        sensors = noise_covariance(model, noise_std, observed.y)
-        noise = KnownNoise(model, parts, sensors, uncertain, initial_state_std, assumed_rule, rtol, threads)
-        found = search_with_known_noise(residuals, z0, noise)
-    elif uncertain or initial_state_std:
-        raise ValueError("noise_std: expected the sensor noise together with uncertain or initial_state_std, given none")
-    else:
-        check_noise_can_be_told(observed, prior)
-        found = search_with_unknown_noise(residuals, z0)
-        sensors = found.residuals.covariance
+        if noise_std is not None:
+            sensors = noise_covariance(model, noise_std, observed.y)
+            noise = KnownNoise(model, parts, sensors, uncertain, initial_state_std, assumed_rule, rtol, threads)
+            found = search_with_known_noise(residuals, z0, noise)
+        elif uncertain or initial_state_std:
+            raise ValueError("noise_std: expected the sensor noise together with uncertain or initial_state_std, given none")
+        else:
+            check_noise_can_be_told(observed, prior)
+            found = search_with_unknown_noise(residuals, z0)
+            sensors = found.residuals.covariance
 
-    fit = _fit(parts, prior, noise_std is not None, sensors, found, len(z0))
-    if not fit.noise_known:
-        return _with_unbiased_noise(fit)
-    if len(z0) > 1 and spread is not None and (fit.unexplained or 2 * fit.reached <= fit.starts):
-        further = further_starts(found.residuals, begin, spread, len(z0))
-        again = search_with_known_noise(residuals, np.concatenate([found.z[None], further]), noise)
-        fit = _better(fit, _fit(parts, prior, True, sensors, again, len(z0) + len(further)))
-    return fit
+        fit = _fit(parts, prior, noise_std is not None, sensors, found, len(z0))
+        if not fit.noise_known:
+            return _with_unbiased_noise(fit)
+        if len(z0) > 1 and spread is not None and (fit.unexplained or 2 * fit.reached <= fit.starts):
+            further = further_starts(found.residuals, begin, spread, len(z0))
+            again = search_with_known_noise(residuals, np.concatenate([found.z[None], further]), noise)
+            fit = _better(fit, _fit(parts, prior, True, sensors, again, len(z0) + len(further)))
+        return fit
+
+
+@contextmanager
+def _heard(observed: Observed, progress: bool | Callable[[EstimateProgress], None] | None) -> Iterator[None]:
+    """Tell of every evaluation of the residuals."""
+    started, evaluations = perf_counter(), 0
+
+    def step(now: EstimateProgress) -> Step:
+        return Step(state=f"{counted(now.evaluations, 'evaluation')}, from {counted(now.searches, 'start')}")
+
+    with following(progress, "estimating", step, counted=False) as told:
+        if told is None:
+            yield
+            return
+
+        def heard(searches: int) -> None:
+            nonlocal evaluations
+            evaluations += searches
+            told(EstimateProgress(evaluations, searches, perf_counter() - started))
+
+        observed.heard = heard
+        try:
+            yield
+        finally:
+            observed.heard = None  # the fit goes on with it
 
 
 def _fit(

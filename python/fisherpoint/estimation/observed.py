@@ -82,6 +82,7 @@ class Observed:
             names += of_part
             self._parts.append((respond, len(part), slice(first, len(names))))
         self.names = tuple(names)
+        self.heard: Callable[[int], None] | None = None  # is told of how many sets of unknowns there is a response
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Observed, self._given
@@ -119,6 +120,8 @@ class Observed:
         status[(status == Status.ok) & ~finite] = Status.not_finite
         failed = status != Status.ok
         y[failed], dy[failed] = 0.0, 0.0
+        if self.heard is not None:
+            self.heard(count)
         return Response(y, dy, status)
 
 

@@ -19,6 +19,9 @@ from numpy.typing import NDArray
 from ..basics.checks import as_probability, check_known
 from ..basics.extras import needed_for
 from ..basics.values import Array
+from ..show.first_rows import InNotebooks
+from ..show.numbers import number
+from ..show.section import Report, Section
 from .least_squares import CONVERGED, NOT_EVALUABLE, Residuals, minimise
 from .precision import Precision
 from .profile_curve import BOUND, FAILED, FOUND, OPEN, ProfileCurve
@@ -56,7 +59,7 @@ SETTLED = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
-class Profile(ProfileCurve):
+class Profile(ProfileCurve, InNotebooks):
     """The likelihood of one unknown; see `ProfileCurve` for its attributes."""
 
     def plot(self, *, path: str | Path | None = None) -> Figure:
@@ -76,6 +79,16 @@ class Profile(ProfileCurve):
             from .pictures import plot_profiles
 
         return drawn(plot_profiles([self]), path)
+
+    def _in_notebook(self) -> Report:
+        unit = "" if self.unit == "1" else f" [{self.unit}]"
+        rows = [
+            ("by profile likelihood", *map(number, self.interval), ", ".join(dict.fromkeys(self.ends))),
+            ("by standard error", *map(number, self.linear_interval), ""),
+        ]
+        _, *notes = str(self).split("\n")
+        table = Section(f"{100 * self.level:g} % interval", ("", "from", "to", "ends"), rows, notes=notes)
+        return Report(f"{self.name}{unit} = {number(self.estimate, 6)}", [table])
 
     def __str__(self) -> str:
         unit = "" if self.unit == "1" else f" {self.unit}"

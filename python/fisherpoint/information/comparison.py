@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, ClassVar
 
@@ -19,11 +20,12 @@ from ..prior.codec import rule_from_json, rule_to_json
 from ..prior.rules import GaussHermite, Linearized, Rule, Sobol, SparseGaussHermite, TensorGrid, Unscented
 from ..show.numbers import counted
 from ..show.section import Report, Section
-from ..show.shown import Shown
+from ..show.shown import Plots, Shown
 from .problem import DesignProblem
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 CONVERGED, NEXT_LOWER = Sobol(2**18), Sobol(2**17)
 """The rule that the others are measured against, and the one that tells how far that is converged itself: with equal weights
@@ -110,6 +112,27 @@ class RuleComparison(Shown, Kept):
             for row in (*self.rows, self.converged)
         ]  # fmt: skip
         return pd.DataFrame(rows).set_index("rule")
+
+    def _plots(self) -> Plots:
+        return {"rules": self.plot}
+
+    def plot(self, *, path: str | Path | None = None) -> Figure:
+        """Draw the errors of the rules over the time that they take; needs matplotlib.
+
+        Parameters
+        ----------
+        path : path, optional
+            Where the picture is also written; the ending says the format, PNG where there is none.
+        """
+        with needed_for("plot"):
+            from ..show.style import drawn
+            from .pictures import plot_rules
+
+        names = [f"{row.rule}, {row.nodes} nodes" for row in self.rows]
+        seconds = np.array([row.seconds for row in self.rows])
+        errors = np.array([(row.errors.median, row.errors.most) if row.errors else (np.nan, np.nan) for row in self.rows])
+        own = self.converged.errors.most if self.converged.errors else np.nan
+        return drawn(plot_rules(names, seconds, errors, own, str(self.converged.rule)), path)
 
     def cheapest(self, within: float = 0.01) -> RuleRow | None:
         """Return the fastest rule whose error is within this at the 90th percentile; None where there is none."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,12 +23,13 @@ from ..points.settings import Settings, check_jumps, check_kinks, checked_argume
 from ..points.status import Status
 from ..show.numbers import counted, percent
 from ..show.section import Report, Section
-from ..show.shown import Shown
+from ..show.shown import Plots, Shown
 from .draws import drawn_plants
 from .problem import DesignProblem
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 MOST_SEGMENTS = 100_000
 """Points, or segments of runs, that the engine is given at once, so that memory stays bounded."""
@@ -91,6 +93,23 @@ class Feasibility(Shown, Kept):
     def holds(self, share: float) -> bool:
         """Return whether at least this share of plants can run the design: whether the lower end of `interval` is above it."""
         return bool(self.interval[0] >= as_probability(share, "share"))
+
+    def _plots(self) -> Plots:
+        return {"feasibility": self.plot} if self.reasons else {}
+
+    def plot(self, *, path: str | Path | None = None) -> Figure:
+        """Draw which plants cannot run each point or run, and why; needs matplotlib.
+
+        Parameters
+        ----------
+        path : path, optional
+            Where the picture is also written; the ending says the format, PNG where there is none.
+        """
+        with needed_for("plot"):
+            from ..show.style import drawn
+            from .pictures import plot_failures
+
+        return drawn(plot_failures(self.failures, self.draws, self.n_points, self.kind, self.report().headline), path)
 
     def to_pandas(self) -> pd.DataFrame:
         """One row per point or run: the share of plants that can run it, its interval, and counts of reasons."""

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from ..basics.checks import check_positive_int, check_type, names_among, some_names_among
+from ..basics.extras import needed_for
 from ..basics.kept import Kept
 from ..basics.quantity import names_of
 from ..basics.values import Array, FrozenMapping
@@ -18,10 +20,13 @@ from ..points.settings import crossed_surfaces
 from ..points.status import Status
 from ..prior.gaussian import GaussianPrior
 from ..show.section import Report, Section
-from ..show.shown import Shown
+from ..show.shown import Plots, Shown
 from .combinations import changes_of, describe
 from .null_space import column_scaled_svd, pivots, reduced_basis
 from .sensitivity_stack import Sampler, Stack, default_region, draw_theta
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 FLOOR = 1e-11
 """A singular value is zero up to this share of the largest, and up to what the looser tolerance changes."""
@@ -97,6 +102,24 @@ class Identifiability(Shown, Kept):
         """The verdict, and all that it rests on."""
         (_, verdict), *rows = self._rows()
         return Report(verdict, [Section("", (), rows)])
+
+    def _plots(self) -> Plots:
+        return {"identifiability": self.plot}
+
+    def plot(self, *, path: str | Path | None = None) -> Figure:
+        """Draw the singular values of the sensitivities, the rank, and where directions are weak; needs matplotlib.
+
+        Parameters
+        ----------
+        path : path, optional
+            Where the picture is also written; the ending says the format, PNG where there is none.
+        """
+        with needed_for("plot"):
+            from ..show.style import drawn
+            from .pictures import plot_singular_values
+
+        shares = self.singular_values / np.maximum(self.singular_values[:, :1], 1e-300)
+        return drawn(plot_singular_values(shares, WEAK, self.rank, self.report().headline), path)
 
     def _rows(self) -> list[tuple[str, str]]:
         verdicts = {True: "locally identifiable", False: "locally not identifiable", None: "not known whether locally identifiable"}
@@ -193,6 +216,7 @@ def identifiability(
     theta = draw_theta(model, prior, check_positive_int(n_theta, "n_theta", most=MOST_THETA), rng)
     region = default_region(model, theta[0]) if region is None else region
     check_type(region, ExperimentRegion, "region")
+    region = region.in_units_of(model)
     region.check(model, crossed_surfaces(model, kinks=True, jumps=True))
 
     sampler = Sampler(model, region, chosen, starts, rng, threads)

@@ -21,7 +21,10 @@ from ..points.run_region import RunRegion
 from ..points.settings import check_jumps, check_kinks, check_rtol, crossed_surfaces
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import DEFAULT_RULE, Rule
+from ..show.first_rows import InNotebooks
+from ..show.section import Report
 from .assumed import Assumed, assumed_of
+from .problem_report import problem_sections
 
 OUTPUT_COVARIANCES = ("noise", "region", "pooled", "pointwise")
 ASSUMED_COVARIANCES = ("tangents", "predictive")
@@ -32,7 +35,7 @@ LARGEST_SENSITIVITY = 1e140
 
 
 @dataclass(frozen=True, eq=False)
-class DesignProblem:
+class DesignProblem(InNotebooks):
     """Everything that a design depends on, except for the settings of the search.
 
     Parameters
@@ -118,6 +121,7 @@ class DesignProblem:
         set_field = object.__setattr__
         set_field(self, "rtol", check_rtol(self.rtol))
         if self.region is not None:
+            set_field(self, "region", self.region.in_units_of(self.model))
             self.region.check(self.model, self.crossed)
             bounds = [self.region.bounds[quantity.name] for quantity in self.model.states]
             warn_of_small_states(self.model, "the region keeps", np.array(bounds).reshape(-1, 2).T, stacklevel=4)
@@ -137,6 +141,9 @@ class DesignProblem:
         if self.output_covariance == "region" and not isinstance(self.region, ExperimentRegion):
             given_region = "None" if self.region is None else "one of runs"
             raise ValueError(f"region: expected a region of points for output_covariance='region', given {given_region}")
+
+    def _in_notebook(self) -> Report:
+        return Report(f"Design problem for {self.model.name}", problem_sections(self))
 
     @property
     def crossed(self) -> tuple[str, ...]:

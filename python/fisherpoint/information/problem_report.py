@@ -2,18 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Protocol
 
 from ..basics.quantity import Quantity
+from ..models import Model
 from ..points.region import ExperimentRegion
 from ..points.run_region import RunRegion
 from ..prior.gaussian import GaussianPrior
+from ..prior.rules import Rule
 from ..show.numbers import number
 from ..show.section import Section
-from .problem import DesignProblem
 
 
-def problem_sections(problem: DesignProblem) -> list[Section]:
+class Asked(Protocol):
+    """A :class:`fisherpoint.DesignProblem`."""
+
+    @property
+    def model(self) -> Model: ...
+    @property
+    def prior(self) -> GaussianPrior: ...
+    @property
+    def region(self) -> ExperimentRegion | RunRegion | None: ...
+    @property
+    def estimated(self) -> tuple[str, ...]: ...
+    @property
+    def noise_std(self) -> Mapping[str, float] | None: ...
+    @property
+    def uncertain(self) -> Mapping[str, float] | None: ...
+    @property
+    def initial_state_std(self) -> Mapping[str, float] | None: ...
+    @property
+    def output_covariance(self) -> str | None: ...
+    @property
+    def rule(self) -> Rule: ...
+    @property
+    def kinks(self) -> str: ...
+    @property
+    def jumps(self) -> str: ...
+    @property
+    def along(self) -> Sequence[str] | None: ...
+    @property
+    def rtol(self) -> float: ...
+
+
+def problem_sections(problem: Asked) -> list[Section]:
     """Model, noise and options; the prior; the region."""
     model = problem.model
     facts = [
@@ -46,7 +79,7 @@ def prior_section(prior: GaussianPrior, parameters: Iterable[Quantity]) -> Secti
     return Section("Prior", ("parameter", "unit", "mean", "std", "distribution"), rows, notes=notes)
 
 
-def _region(problem: DesignProblem) -> Iterator[Section]:
+def _region(problem: Asked) -> Iterator[Section]:
     region, model = problem.region, problem.model
     if region is None:
         return

@@ -7,7 +7,7 @@ dimension here.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from fractions import Fraction
 from itertools import pairwise
 from math import inf, isclose
@@ -19,12 +19,15 @@ from sympy.functions.elementary.piecewise import ExprCondPair
 
 from ..basics.messages import shortened
 from ..basics.quantity import Quantity
-from ..basics.units import UnitValue, dimension, unit_value
+from ..basics.units import CELSIUS, UnitValue, dimension, unit_value
 from .surfaces.printing import to_text
 from .tape.parts import parts
 
 SMALL = 12
 """Whole numbers up to this, and their quotients, are taken for plain numbers; any other, as 0.1 in -0.1*v, may carry a unit."""
+
+TIMES = (60.0, 3600.0, 86400.0)
+"""Seconds of a minute, an hour and a day."""
 
 Unit = UnitValue | None
 """None for what may be in any unit."""
@@ -39,7 +42,10 @@ _OF_NUMBERS = (
 
 
 def mistakes_in_units(
-    equations: Iterable[tuple[str, Any, Unit]], conditions: Iterable[tuple[str, Any]], quantities: Iterable[Quantity]
+    equations: Iterable[tuple[str, Any, Unit]],
+    conditions: Iterable[tuple[str, Any]],
+    rates: Mapping[str, UnitValue],
+    quantities: Iterable[Quantity],
 ) -> list[str]:
     """A sentence for each place where units do not fit.
 
@@ -49,19 +55,38 @@ def mistakes_in_units(
         With what each should be in.
     conditions : iterable of (place, expression)
         What must stay positive, in whatever unit.
+    rates : mapping of place to unit
+        Of the equations that are rates: what each would be in if "1" were no unit that was left out.
     quantities : iterable of Quantity
         All that occur.
     """
+    quantities = list(quantities)
     units = {quantity.name: stated(quantity) for quantity in quantities}
+    celsius = {quantity.name for quantity in quantities if quantity.unit.strip() in CELSIUS}
+    plain = {quantity.name: stated(quantity) or _NONE for quantity in quantities}
     found: list[str] = []
     known: dict[Any, Unit] = {}
+    plainly: dict[Any, Unit] = {}
     for place, expression, wanted in (*equations, *((place, expression, None) for place, expression in conditions)):
-        checked = _Check(units, known)
+        checked = _Check(units, known, celsius)
         unit = checked.unit_of(expression)
         found += [f"{place}: {text}" for text in checked.findings]
         if unit is not None and wanted is not None and not _alike(unit, wanted):
             found.append(f"{place}: expected {_text(wanted)}, given {_shown(expression)} in {_text(unit)}")
+        elif unit is None and not checked.findings and place in rates:
+            found += [f"{place}: {text}" for text in _other_times(expression, rates[place], plain, plainly)]
     return found
+
+
+def _other_times(expression: Any, wanted: UnitValue, plain: Mapping[str, Unit], known: dict[Any, Unit]) -> Iterator[str]:
+    """Terms of a rate that are per hour where time is in s: that a quantity in "1" may be in any unit does not change it."""
+    checked = _Check(plain, known, ())
+    for term in sympy.Add.make_args(expression):
+        unit = checked.unit_of(term)
+        if unit is not None and unit.powers == wanted.powers and not _alike(unit, wanted):
+            size = unit.times * wanted.over / (unit.over * wanted.times)
+            if any(isclose(size * seconds, 1.0, rel_tol=1e-9) for seconds in TIMES):
+                yield f"expected {_text(wanted)}, as time is in s, given {_shown(term)} in {_text(unit)}"
 
 
 def stated(quantity: Quantity) -> Unit:
@@ -69,6 +94,11 @@ def stated(quantity: Quantity) -> Unit:
     unit = _without_angle(unit_value(quantity.unit))
     of_doubles = 0 < unit.times < inf and 0 < unit.over < inf
     return unit if quantity.unit != "1" and of_doubles else None
+
+
+def plain_rate_of(quantity: Quantity) -> UnitValue:
+    """The same where "1" is no unit that was left out."""
+    return (stated(quantity) or _NONE) * _SECOND ** Fraction(-1)
 
 
 def rate_of(quantity: Quantity) -> Unit:
@@ -80,8 +110,8 @@ def rate_of(quantity: Quantity) -> Unit:
 class _Check:
     """Units of the parts of an expression, and what does not fit among them; parts that are known are not told twice."""
 
-    def __init__(self, units: Mapping[str, Unit], known: dict[Any, Unit]) -> None:
-        self.units, self.known, self.findings = units, known, list[str]()
+    def __init__(self, units: Mapping[str, Unit], known: dict[Any, Unit], celsius: Collection[str]) -> None:
+        self.units, self.known, self.celsius, self.findings = units, known, celsius, list[str]()
 
     def unit_of(self, expression: Any) -> Unit:
         for part in parts(expression, self.known):
@@ -127,9 +157,20 @@ class _Check:
             if not _alike(unit, another):
                 self.findings.append(f"{_shown(one)} in {_text(unit)} and {_shown(other)} in {_text(another)} cannot be {done}")
                 return None
+        self._same_zero([term for term, _ in told], done)
         # A number beside a quantity is in its unit; anything else without a unit leaves open what the sum is in.
         open_terms = any(unit is None and not term.is_number for term, unit in units)
         return told[0][1] if told and not open_terms else None
+
+    def _same_zero(self, terms: Iterable[Any], done: str) -> None:
+        """Temperatures in degC and in K have other zeros; of what is no quantity, a difference may be meant."""
+        alone = [term.as_coeff_Mul()[1] for term in terms]
+        named = [(quantity.name, quantity.name in self.celsius) for quantity in alone if quantity.is_Symbol]
+        if self.celsius and len({there for _, there in named}) == 2:
+            one, other = (next(name for name, there in named if there is wanted) for wanted in (True, False))
+            self.findings.append(
+                f"{one} in degC and {other} in K cannot be {done}, as 0 degC is 273.15 K: expected one unit of both"
+            )
 
     def _product(self, factors: Iterable[Any]) -> Unit:
         unit = _NONE

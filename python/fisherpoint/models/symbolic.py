@@ -18,7 +18,7 @@ from ..basics.values import Array, FrozenMapping
 from ..engine import _core
 from .compiled import compiled_model
 from .dependence import Dependence
-from .dimensions import mistakes_in_units, rate_of, stated
+from .dimensions import mistakes_in_units, plain_rate_of, rate_of, stated
 from .expressions import checked, symbol
 from .model_text import latex, model_text
 from .quantities import Described, DescribedModel, start_offsets
@@ -140,7 +140,8 @@ class SymbolicModel(DescribedModel):
             *((self._place_of(q), output, stated(q)) for q, output in zip(outputs, equations.output, strict=True)),
         ]
         conditions = [*((f"domain[{i}]", one) for i, one in enumerate(equations.conditions)), *equations.along]
-        return tuple(mistakes_in_units(both, conditions, (q for of in self._quantities() for q in of)))
+        rates = {f"equations.{q.name}": plain_rate_of(q) for q in states}
+        return tuple(mistakes_in_units(both, conditions, rates, (q for of in self._quantities() for q in of)))
 
     def warn_of_units(self, stacklevel: int = 2) -> None:
         """Warn of `mistakes_in_units`, where there are any."""

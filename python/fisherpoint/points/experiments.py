@@ -16,12 +16,14 @@ from ..basics.messages import listed, shown
 from ..basics.quantity import DURATION, names_of
 from ..basics.values import Array
 from ..models import Model
+from ..show.first_rows import InNotebooks, first_rows, numbered
+from ..show.section import Report
 
 BOOKKEEPING = ("comment", "note", "time", "date", "operator", "run", "point", "replicate", "batch")
 """Columns that a rig's file may have besides, and that are not read."""
 
 
-class Experiments:
+class Experiments(InNotebooks):
     """A sequence of K experiment points.
 
     Parameters
@@ -98,6 +100,12 @@ class Experiments:
 
     def __repr__(self) -> str:
         return f"Experiments({len(self)} points, {self.x0.shape[1]} states, {self.u.shape[1]} inputs)"
+
+    def _in_notebook(self) -> Report:
+        names = self.columns or (*numbered("x0", self.x0), *numbered("u", self.u))
+        axes = np.column_stack([self.x0, self.u])
+        lasting = {"dt": self.dt} if self.x0.shape[1] else {}
+        return Report(repr(self), [first_rows(len(self), {**dict(zip(names, axes.T, strict=True)), **lasting})])
 
     @property
     def table(self) -> Array:

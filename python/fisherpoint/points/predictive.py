@@ -14,9 +14,11 @@ from ..engine import _core
 from ..models import Model
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import Linearized, Rule
+from ..show.numbers import counted
 from .experiments import Experiments
 from .natural_sizes import warn_of_small_states
 from .settings import Settings, checked_arguments
+from .shown_trajectories import counted_statuses
 from .status import Status, named, only_finite
 from .trajectories import checked_sensitivities
 
@@ -54,6 +56,10 @@ class PredictiveCovariance(_CovarianceAndStatus):
     def statuses(self) -> tuple[Status, ...]:
         """The statuses by their names, such as Status.met_jump."""
         return named(self.status)
+
+    def __repr__(self) -> str:
+        sizes = f"{counted(len(self.status), 'point')}, {counted(self.covariance.shape[-1], 'output')}"
+        return f"PredictiveCovariance({sizes}; status: {counted_statuses(self.status)})"
 
     def __getnewargs__(self) -> tuple[Array, IntArray, Array, Array]:
         return (self.covariance, self.status, self.projection, self.lost_weight)

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.checks import (
-    as_floats,
     as_generator,
     as_sequence,
-    by_name,
     check_flag,
     check_mapping,
     check_names,
@@ -22,6 +21,7 @@ from ..basics.messages import shown
 from ..basics.quantity import names_of
 from ..basics.values import Array, FrozenMapping
 from ..models import Model
+from .bounds import in_units_of, pair, read_bounds, with_units
 from .constraints import Constraint, parse_constraint
 from .experiments import Experiments
 
@@ -44,11 +44,18 @@ class ExperimentRegion:
 
     Parameters
     ----------
-    bounds : mapping of name to (lower, upper)
+    bounds : mapping of name to (lower, upper), or with a unit
         One pair for every state, every input and ``"dt"``, SI units; equal bounds fix the value. A model without state has no dt.
+        (lower, upper, unit), or (value, unit), is converted to the model's unit.
     constraints : sequence of str or callable
         Each a comparison such as ``"p_A + p_B < 2.5e7"``, or a function that takes a mapping of name to array (K,) and returns a
         boolean array (K,). A point must satisfy all.
+
+    Attributes
+    ----------
+    bounds : mapping of name to (lower, upper)
+    units : mapping of name to str
+        Units of the bounds that are still to be converted; none in a `DesignProblem`, which knows the model.
 
     Raises
     ------
@@ -56,9 +63,11 @@ class ExperimentRegion:
         Where bounds are not finite or upside down, or a duration may be zero or less.
     """
 
-    def __init__(self, bounds: Mapping[str, Sequence[float]], constraints: Iterable[Constraint] = ()) -> None:
+    def __init__(self, bounds: Mapping[str, Sequence[Any]], constraints: Iterable[Constraint] = ()) -> None:
         given = check_mapping(bounds, "region", "(lower, upper)")
-        self.bounds: Mapping[str, tuple[float, float]] = by_name(given, None, "region", pair)
+        self.bounds: Mapping[str, tuple[float, float]]
+        self.units: Mapping[str, str]
+        self.bounds, self.units = read_bounds(given, pair)
         if "dt" in self.bounds and not self.bounds["dt"][0] > 0:
             raise ValueError(f"region['dt']: expected positive durations in s, given the lower bound {self.bounds['dt'][0]:g}")
         if isinstance(constraints, str) or callable(constraints):
@@ -79,6 +88,13 @@ class ExperimentRegion:
         check_type(model, Model, "model")
         check_names(self.bounds, names_of(model.axes), "region")
         refuse_fixed_on_surface(self.bounds, model, crossed)
+
+    def in_units_of(self, model: Model) -> ExperimentRegion:
+        """The region with all bounds in the units of a model."""
+        check_type(model, Model, "model")
+        if not self.units:
+            return self
+        return ExperimentRegion(in_units_of(self.bounds, self.units, model.axes), self.constraints)
 
     def draw(self, model: Model, count: int, *, seed: int | np.random.Generator = 0, decades: bool = False) -> Experiments:
         """Draw points uniformly from the box; the constraints are not looked at.
@@ -103,8 +119,8 @@ class ExperimentRegion:
         decades = check_flag(decades, "decades")
         count = check_positive_int(count, "count", 0, MOST_DRAWN)
         rng = as_generator(seed)
-        order = names_of(model.axes)
-        lower, upper = np.array([self.bounds[name] for name in order]).T
+        order, bounds = names_of(model.axes), self.in_units_of(model).bounds
+        lower, upper = np.array([bounds[name] for name in order]).T
         share = rng.random((count, len(order)))
         table = lower + (upper - lower) * share
         if decades and model.states and upper[-1] > 10.001 * lower[-1]:
@@ -118,7 +134,8 @@ class ExperimentRegion:
         several numbers at once uniform draws are hardly ever near such a corner.
         """
         rng = as_generator(seed)
-        lower, upper = np.array([self.bounds[name] for name in names_of(model.axes)]).T
+        bounds = self.in_units_of(model).bounds
+        lower, upper = np.array([bounds[name] for name in names_of(model.axes)]).T
         width, share = upper - lower, rng.random((count, len(lower)))
         table = lower + width * share
         farthest, nearest = NEXT_TO_ZERO
@@ -137,7 +154,8 @@ class ExperimentRegion:
         often comes as close to an optimum as it can use, without a schedule of steps.
         """
         rng = as_generator(seed)
-        lower, upper = np.array([self.bounds[name] for name in names_of(model.axes)]).T
+        bounds = self.in_units_of(model).bounds
+        lower, upper = np.array([bounds[name] for name in names_of(model.axes)]).T
         table = points.table[:, : len(lower)].copy()
         free = np.flatnonzero(upper > lower)
         if len(table) and len(free):
@@ -169,16 +187,19 @@ class ExperimentRegion:
         return result
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, ExperimentRegion) and (self.bounds, self.constraints) == (other.bounds, other.constraints)
+        return isinstance(other, ExperimentRegion) and self._identity() == other._identity()
 
     def __hash__(self) -> int:
-        return hash((self.bounds, self.constraints))
+        return hash(self._identity())
+
+    def _identity(self) -> tuple[object, ...]:
+        return self.bounds, self.units, self.constraints
 
     def __reduce__(self) -> tuple[object, ...]:
-        return (ExperimentRegion, (dict(self.bounds), self.constraints))
+        return (ExperimentRegion, (with_units(self.bounds, self.units), self.constraints))
 
     def __repr__(self) -> str:
-        return f"ExperimentRegion({dict(self.bounds)!r}, constraints={list(self.constraints)!r})"
+        return f"ExperimentRegion({with_units(self.bounds, self.units)!r}, constraints={list(self.constraints)!r})"
 
 
 def refuse_fixed_on_surface(bounds: Mapping[str, tuple[float, float]], model: Model, crossed: Collection[str]) -> None:
@@ -187,18 +208,3 @@ def refuse_fixed_on_surface(bounds: Mapping[str, tuple[float, float]], model: Mo
         for zero in zeros:
             if bounds.get(zero) == (0.0, 0.0) and zero not in crossed:
                 raise ValueError(f"region[{zero!r}]: expected bounds off the {kind} {zero} = 0, given (0, 0)")
-
-
-def pair(given: Sequence[float], label: str) -> tuple[float, float]:
-    """Bounds of a coordinate."""
-    array = as_floats(given, label)
-    if array.shape != (2,):
-        raise ValueError(f"{label}: expected a pair (lower, upper), given {shown(given)}")
-    for flag in (entry for entry in given if isinstance(entry, bool | np.bool_)):
-        raise ValueError(f"{label}: expected numbers, given {flag!r}")
-    lower, upper = array.tolist()
-    if lower > upper:
-        raise ValueError(f"{label}: expected lower <= upper, given ({lower:g}, {upper:g})")
-    if not np.isfinite(upper - lower):
-        raise ValueError(f"{label}: expected a finite width, given ({lower:g}, {upper:g})")
-    return lower, upper

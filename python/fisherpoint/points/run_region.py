@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..basics.checks import as_floats, as_positive, by_name, check_names, check_positive_int, check_type, names_among
+from ..basics.checks import as_floats, as_positive, by_name, check_mapping, check_names, check_positive_int, check_type, names_among
 from ..basics.messages import shown
 from ..basics.quantity import names_of
 from ..basics.values import Array
 from ..models import Model
-from .region import pair, refuse_fixed_on_surface
+from .bounds import in_units_of, pair_or_number, read_bounds, with_units
+from .region import refuse_fixed_on_surface
 from .rest import Rest
 from .runs import Runs, as_flags
 
@@ -28,9 +30,9 @@ class RunRegion:
 
     Parameters
     ----------
-    bounds : mapping of name to (lower, upper) or float
+    bounds : mapping of name to (lower, upper) or float, or with a unit
         Of every state at the start, every input, and ``"dt"``, the duration of each segment, s; SI units. A number, or equal
-        bounds, fix the value.
+        bounds, fix the value. (lower, upper, unit), or (value, unit), is converted to the model's unit.
     segments : int
         N.
     constant : sequence of str
@@ -59,7 +61,7 @@ class RunRegion:
 
     def __init__(
         self,
-        bounds: Mapping[str, Sequence[float] | float],
+        bounds: Mapping[str, Sequence[Any] | float],
         segments: int,
         *,
         constant: Sequence[str] = (),
@@ -71,7 +73,9 @@ class RunRegion:
         samples: int | None = None,
         rest: Rest | None = None,
     ) -> None:
-        self.bounds: Mapping[str, tuple[float, float]] = by_name(bounds, None, "region", _pair_or_number)
+        self.bounds: Mapping[str, tuple[float, float]]
+        self.units: Mapping[str, str]
+        self.bounds, self.units = read_bounds(check_mapping(bounds, "region", "(lower, upper) or a number"), pair_or_number)
         if "dt" not in self.bounds:
             raise ValueError("region: expected bounds of 'dt', the duration of a segment in s, given none")
         if not self.bounds["dt"][0] > 0:
@@ -83,6 +87,8 @@ class RunRegion:
         self.levels: Mapping[str, tuple[float, ...]] = by_name(levels, names, "levels", _levels)
         for name, values in self.levels.items():
             lower, upper = self.bounds[name]
+            if name in self.units:  # levels are in the model's unit
+                continue
             if min(values) < lower or max(values) > upper:
                 raise ValueError(f"levels[{name!r}]: expected values within {lower:g} and {upper:g}, given {shown(list(values))}")
         self.slew: Mapping[str, float] = by_name(slew, names, "slew", as_positive)
@@ -124,8 +130,26 @@ class RunRegion:
         # An input on a surface is for some segments only.
         refuse_fixed_on_surface({name: self.bounds[name] for name in states}, model, crossed)
 
+    def in_units_of(self, model: Model) -> RunRegion:
+        """The region with all bounds in the units of a model."""
+        check_type(model, Model, "model")
+        if not self.units:
+            return self
+        return RunRegion(
+            in_units_of(self.bounds, self.units, model.axes),
+            self.segments,
+            constant=self.constant,
+            shared=self.shared,
+            levels=self.levels,
+            slew=self.slew,
+            duration=self.duration,
+            measured=self.measured,
+            samples=self.samples,
+            rest=self.rest,
+        )
+
     def _identity(self) -> tuple[object, ...]:
-        held = self.bounds, self.segments, self.constant, self.shared, self.levels, self.slew
+        held = self.bounds, self.units, self.segments, self.constant, self.shared, self.levels, self.slew
         return (*held, self.duration, self.measured, self.samples, self.rest)
 
     def __eq__(self, other: object) -> bool:
@@ -135,7 +159,7 @@ class RunRegion:
         return hash(self._identity())
 
     def __repr__(self) -> str:
-        return f"RunRegion({dict(self.bounds)!r}, segments={self.segments})"
+        return f"RunRegion({with_units(self.bounds, self.units)!r}, segments={self.segments})"
 
     def coordinates(self, model: Model) -> RunCoordinates:
         """The free numbers of a run of `model`."""
@@ -229,11 +253,6 @@ class RunCoordinates:
         for n in range(1, values.shape[1]):
             slewed[:, n] = np.clip(values[:, n], slewed[:, n - 1] - most, slewed[:, n - 1] + most)
         return slewed
-
-
-def _pair_or_number(given: Sequence[float] | float, label: str) -> tuple[float, float]:
-    array = as_floats(given, label)
-    return pair((float(array), float(array)) if array.ndim == 0 else given, label)  # type: ignore[arg-type]
 
 
 def _levels(given: Sequence[float], label: str) -> tuple[float, ...]:

@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from ..basics.values import Array, IntArray
 from ..models import Model
+from ..show.text import to_html
 from .rest_starts import RunStarts, starts_of
 from .runs import Runs
 from .settings import Settings
+from .shown_trajectories import of_runs, summary
 from .status import Status, named, only_finite
 
 
@@ -32,6 +34,12 @@ class RunTrajectories(NamedTuple):
         """The statuses by their names, such as Status.met_jump."""
         return named(self.status)
 
+    def __repr__(self) -> str:
+        return summary("RunTrajectories", self.x, self.y, self.status, "run")
+
+    def _repr_html_(self) -> str:
+        return to_html(of_runs(repr(self), self.x, self.y, self.status, self.reached))
+
 
 class RunSensitivities(NamedTuple):
     """As `RunTrajectories`, with dx_dtheta (K, N, n_x, p) and dy_dtheta (K, N, n_y, p) at the ends, per SI unit of each parameter.
@@ -50,6 +58,12 @@ class RunSensitivities(NamedTuple):
     def statuses(self) -> tuple[Status, ...]:
         """The statuses by their names, such as Status.met_jump."""
         return named(self.status)
+
+    def __repr__(self) -> str:
+        return summary("RunSensitivities", self.x, self.y, self.status, "run", self.dy_dtheta.shape[-1])
+
+    def _repr_html_(self) -> str:
+        return to_html(of_runs(repr(self), self.x, self.y, self.status, self.reached))
 
 
 def checked_run_trajectories(model: Model, runs: Runs, theta: Array, settings: Settings) -> RunTrajectories:

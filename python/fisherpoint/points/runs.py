@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ from ..basics.files import write_whole
 from ..basics.messages import shown
 from ..basics.values import Array
 from ..models import Model
+from ..show.first_rows import InNotebooks, first_rows, numbered
+from ..show.section import Report
 from .experiments import Experiments, checked_columns, columns_of
 from .rest import Rest, Rests, any_rests, as_rests, joined_rests
 from .run_files import read_runs, runs_csv
@@ -21,7 +24,7 @@ from .run_files import read_runs, runs_csv
 Flags = NDArray[np.bool_]
 
 
-class Runs:
+class Runs(InNotebooks):
     """A sequence of K runs of N segments, or fewer: from x0 the inputs u[k, n] are held for dt[k, n], one segment after the other.
 
     Parameters
@@ -144,6 +147,17 @@ class Runs:
         resting = sum(one is not None for one in self.rest)
         at_rest = f", {'all' if resting == len(self) else resting} from rest" if resting else ""
         return f"Runs({len(self)} of {segments} segments, {self.measured.sum()} samples, {self.u.shape[2]} inputs{at_rest})"
+
+    def _in_notebook(self) -> Report:
+        n_x = self.x0.shape[1]
+        names = self.columns or (*numbered("x0", self.x0), *numbered("u", self.u[:, 0]))
+        run, segment = np.nonzero(self.dt)
+        starts = first_rows(len(self), {"run": list(map(str, range(len(self)))), **dict(zip(names[:n_x], self.x0.T, strict=True))})
+        held = dict(zip(names[n_x:], self.u[run, segment].T, strict=True))
+        places = {"run": list(map(str, run)), "segment": list(map(str, segment))}
+        measured = ["yes" if one else "" for one in self.measured[run, segment]]
+        table = first_rows(len(run), {**places, **held, "dt": self.dt[run, segment], "measured": measured})
+        return Report(repr(self), [replace(starts, title="Starts"), replace(table, title="Segments")])
 
     @property
     def rest(self) -> tuple[Rest | None, ...]:

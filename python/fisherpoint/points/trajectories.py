@@ -10,11 +10,13 @@ from numpy.typing import ArrayLike
 from ..basics.checks import check_type
 from ..basics.values import Array, IntArray
 from ..models import Model
+from ..show.text import to_html
 from .experiments import Experiments
 from .natural_sizes import warn_of_small_states
 from .run_trajectories import RunSensitivities, RunTrajectories, checked_run_sensitivities, checked_run_trajectories
 from .runs import Runs
 from .settings import Settings, checked_arguments
+from .shown_trajectories import of_points, summary
 from .status import Status, named
 
 
@@ -33,6 +35,12 @@ class Trajectories(NamedTuple):
         """The statuses by their names, such as Status.met_jump."""
         return named(self.status)
 
+    def __repr__(self) -> str:
+        return summary("Trajectories", self.x, self.y, self.status, "point")
+
+    def _repr_html_(self) -> str:
+        return to_html(of_points(repr(self), self.x, self.y, self.status))
+
 
 class Sensitivities(NamedTuple):
     """As `Trajectories`, with dx_dtheta (K, n_x, p) and dy_dtheta (K, n_y, p) per SI unit of each parameter."""
@@ -47,6 +55,12 @@ class Sensitivities(NamedTuple):
     def statuses(self) -> tuple[Status, ...]:
         """The statuses by their names, such as Status.met_jump."""
         return named(self.status)
+
+    def __repr__(self) -> str:
+        return summary("Sensitivities", self.x, self.y, self.status, "point", self.dy_dtheta.shape[-1])
+
+    def _repr_html_(self) -> str:
+        return to_html(of_points(repr(self), self.x, self.y, self.status))
 
 
 @overload

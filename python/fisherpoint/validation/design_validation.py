@@ -11,13 +11,15 @@ import numpy as np
 from ..basics.values import Array, FrozenMapping
 from ..points.experiments import Experiments
 from ..points.runs import Runs
-from ..show.numbers import counted
+from ..show.first_rows import InNotebooks
+from ..show.numbers import computed, counted, with_error
+from ..show.section import Report, Section
 from .figures import OneParameter, ParameterFigures, parameter_figures
 from .fits import NO_DATA, WRONG, VirtualFits
 
 
 @dataclass(frozen=True, eq=False)
-class DesignValidation:
+class DesignValidation(InNotebooks):
     """What the virtual experiments of one design gave.
 
     Attributes
@@ -66,6 +68,17 @@ class DesignValidation:
         promised = {name: of.promised for name, of in self.parameters.items()}
         prior_std = {name: of.prior_std for name, of in self.parameters.items()}
         return DesignValidation.of(self.points, promised, prior_std, self.null_directions, self.per_run)
+
+    def _in_notebook(self) -> Report:
+        rows = []
+        for name, of in self.parameters.items():
+            prior = of.prior_std
+            ratio, coverage = of.ratio, of.coverage
+            shares = (with_error(ratio.value, ratio.error), with_error(100 * coverage.value, 100 * coverage.error, " %"))
+            rows.append((name, computed(of.promised / prior), computed(of.achieved.value / prior), *shares))
+        columns = ("parameter", "promised, of prior std", "achieved", "ratio", "coverage")
+        failed = [f"{counted(count, 'virtual experiment')} without a fit: {reason}" for reason, count in self.failures.items()]
+        return Report(f"{self.size}, {counted(self.fits, 'fit')}", [Section("", columns, rows, notes=failed)])
 
     @property
     def size(self) -> str:

@@ -16,6 +16,7 @@ from ..models import Model
 from ..points.experiments import Experiments
 from ..points.runs import Runs
 from ..points.settings import check_rtol, resolve_threads
+from ..show.progress import Step, check_progress, following
 from .design_validation import DesignValidation
 from .fits import Estimator, VirtualExperiments, VirtualFits, together
 from .result import Validation
@@ -53,7 +54,7 @@ def validate(
     use_prior: bool = False,
     rtol: float = 1e-9,
     threads: int | None = None,
-    progress: Callable[[ValidationProgress], None] | None = None,
+    progress: bool | Callable[[ValidationProgress], None] | None = None,
 ) -> Validation:
     """Measure designs virtually many times, estimate the parameters each time, and compare with what the designs promise.
 
@@ -87,8 +88,9 @@ def validate(
     rtol : float
         Tolerance of the fits' trajectories.
     threads : int, optional
-    progress : callable, optional
-        Called with a `ValidationProgress` after each part of the runs.
+    progress : bool or callable, optional
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `ValidationProgress` after each
+        part of the runs.
 
     Returns
     -------
@@ -112,8 +114,7 @@ def validate(
     if truth is not None:
         _check_truth(truth, problem.model)
     std = _noise_std(problem, noise_std)
-    if progress is not None and not callable(progress):
-        raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
+    check_progress(progress)
     begin = perf_counter()
     thetas, redrawn = truths_of(problem, theta, count, seed)
     rig = Rig.of(problem, truth, std)
@@ -123,7 +124,8 @@ def validate(
         for name, estimator in estimators.items()
         if estimator.promise.determined.any()
     }
-    parts = _parts(experiments, thetas, begin, progress)
+    with following(progress, "virtual experiments", _step) as told:
+        parts = _parts(experiments, thetas, begin, told)
     made = count if not experiments else len(next(iter(parts.values())).truth)
     validations = {
         name: DesignValidation.of(
@@ -150,6 +152,10 @@ def validate(
         perf_counter() - begin,
         count,
     )
+
+
+def _step(now: ValidationProgress) -> Step:
+    return Step(now.runs, now.n_runs, f"{now.failed} failed" if now.failed else "")
 
 
 def _estimator(

@@ -82,7 +82,16 @@ class _Support(NamedTuple):
 
 
 class _Refining:
-    def __init__(self, source: PointRows, points: Experiments, pool: CandidateRows, asked: Criterion, weights: Weights) -> None:
+    def __init__(
+        self,
+        source: PointRows,
+        points: Experiments,
+        pool: CandidateRows,
+        asked: Criterion,
+        weights: Weights,
+        tell: Callable[[str, int], None],
+    ) -> None:
+        self.tell = tell
         self.box, self.source, self.asked = UnitBox(source), source, asked
         self.points, self.pool, self.weights = points, pool, weights
         self.space = weights.estimable
@@ -107,6 +116,7 @@ class _Refining:
         return z, value
 
     def solve(self, tolerance: float) -> None:
+        self.tell("weighing", len(self.pool))
         first = None
         if isinstance(self.asked, Determinant) and self.asked.whole:  # optima of others may be singular, which is no start
             first = np.union1d(self.weights.chosen, np.arange(max(0, len(self.pool) - LATEST), len(self.pool)))
@@ -294,14 +304,16 @@ def refined(
     tolerance: float,
     rng: np.random.Generator,
     others: Callable[[int], Experiments | None],
+    tell: Callable[[str, int], None],
 ) -> Refinement:
     """Move the support in the region until ascents from so many starts meet nothing above the level.
 
-    Some of the starts are those of `others`, what another search finds for each round.
+    Some of the starts are those of `others`, what another search finds for each round. `tell` hears what is done, and over how many
+    candidates.
 
     The bound of the efficiency is by the largest sensitivity among all candidates and wherever an ascent has ended.
     """
-    work = _Refining(source, points, pool, asked, weights)
+    work = _Refining(source, points, pool, asked, weights, tell)
     if not len(work.box.free):
         return Refinement(points[weights.chosen], pool.rows[weights.chosen], weights, len(pool), 0)
     for search in range(MOST_SEARCHES):

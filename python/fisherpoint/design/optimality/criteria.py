@@ -11,13 +11,15 @@ is 1: the equivalence theorem. It holds for matrices of any rank.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...basics.values import Array
+from ...show.first_rows import InNotebooks
+from ...show.section import Report, Section
 from .estimable import Estimable
 
 
@@ -54,7 +56,18 @@ class Slope:
         return self.criterion._curvature(self, matrices)
 
 
-class Criterion(ABC):
+MEANINGS = {
+    "D": "log det of the information: the volume of the confidence ellipsoid",
+    "A": "the sum of the variances of the parameters",
+    "E": "the least eigenvalue of the information: the worst combination of the parameters",
+    "ME": "the condition number of the information",
+    "c": "the variance of one function of the parameters",
+    "Ds": "log det of the information of some parameters",
+    "I": "the mean variance of predictions",
+}
+
+
+class Criterion(InNotebooks):
     """One number that says how good an information matrix is.
 
     Attributes
@@ -89,6 +102,13 @@ class Criterion(ABC):
     def log_phis(self, matrices: Array) -> Array:
         """log phi of many matrices (m, p, p), (m,)."""
         return np.array([self.log_phi(matrix) for matrix in matrices])
+
+    def __repr__(self) -> str:
+        return f"<Criterion {self.name}: {MEANINGS[self.name]}>"
+
+    def _in_notebook(self) -> Report:
+        facts = [("what is maximised or minimised", MEANINGS[self.name]), ("level of the sensitivity function", str(self.level))]
+        return Report(f"Criterion {self.name}", [Section("", (), facts)])
 
     def efficiency(self, information: Array, reference: Array) -> float:
         """phi of a matrix as a share of that of another: so many times fewer measurements would do with the other."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -19,13 +20,14 @@ from ...information.problem_report import problem_sections
 from ...points.codec import runs_from_json, runs_to_json
 from ...points.runs import Runs
 from ...show.section import Report, Section
-from ...show.shown import Shown
+from ...show.shown import Plots, Shown
 from ..efficiency import d_efficiency
 from .disjoint import Places
 from .piece_report import piece_report
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -131,6 +133,23 @@ class PieceDesign(Shown, Kept):
     def report(self) -> Report:
         """Windows, parameters, how they compare with other choices, and the search as tables."""
         return piece_report(self)
+
+    def _plots(self) -> Plots:
+        return {"windows": self.plot}
+
+    def plot(self, *, path: str | Path | None = None) -> Figure:
+        """Draw what was measured in the windows over time, and the share of each in what is known; needs matplotlib.
+
+        Parameters
+        ----------
+        path : path, optional
+            Where the picture is also written; the ending says the format, PNG where there is none.
+        """
+        with needed_for("plot"):
+            from ...show.style import drawn
+            from .piece_pictures import plot_windows
+
+        return drawn(plot_windows(self.t, self.runs, self.y, self.shares, self.problem.model.outputs, self.report().headline), path)
 
     def to_pandas(self) -> pd.DataFrame:
         """One row per window: its first sample, time, numbers that were measured, and share."""

@@ -23,6 +23,7 @@ from ...points.experiments import Experiments
 from ...points.run_region import RunRegion
 from ...points.runs import Runs
 from ...points.settings import resolve_threads
+from ...show.progress import check_progress, following
 from ..average import Average
 from ..found import DRAWS, UNSEEN
 from ..optimality.aims import aim_of
@@ -30,6 +31,7 @@ from ..optimality.asked import OF_ALL, criterion_of
 from ..over_prior import OverPrior, moved_problems
 from ..scenario_values import scenario_values
 from ..settings import RunSettings
+from ..told import runs_step
 from .run_design import RunDesign
 from .run_pool import RIDGE
 from .run_references import ClassicalRuns, classical_runs
@@ -46,7 +48,7 @@ def design_runs(
     seed: int = 0,
     threads: int | None = None,
     time_limit: float | None = None,
-    progress: Callable[[RunProgress], None] | None = None,
+    progress: bool | Callable[[RunProgress], None] | None = None,
     previous: Previous | None = None,
     keep: Runs | RunDesign | None = None,
     over: OverPrior | None = None,
@@ -80,8 +82,8 @@ def design_runs(
         Default: every core.
     time_limit : float, optional
         Stop after about so many seconds.
-    progress : callable, optional
-        Called with a `RunProgress` after each start.
+    progress : bool or callable, optional
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `RunProgress` after each start.
     previous : Measurements, Experiments, Runs, a design, or a sequence of these, optional
         What is already measured, or planned: its information counts beside that of the runs.
     keep : Runs or RunDesign, optional
@@ -133,8 +135,7 @@ def design_runs(
         scale=scale,
         prior_information=prior_information,
     )
-    if progress is not None and not callable(progress):
-        raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
+    check_progress(progress)
     threads = resolve_threads(threads)
     problems, average = ((problem,), Average.of_all(1)) if settings.over is None else moved_problems(problem, settings.over)
     theta = np.array([moved.theta for moved in problems])
@@ -149,43 +150,44 @@ def design_runs(
         there = there + np.array([_information_of_kept(moved, kept, threads) for moved in problems])
     if settings.prior_information:
         there = there + information_of_prior(problem)
-    search = RunSearch(
-        problem,
-        problem.region,
-        settings.n_runs - (0 if kept is None else len(kept)),
-        theta,
-        average,
-        there,
-        [aim_of(criterion_of(moved, settings, threads)) for moved in problems],
-        confidence=settings.confidence,
-        n_starts=settings.n_starts,
-        n_candidates=settings.n_candidates,
-        seed=settings.seed,
-        threads=threads,
-        time_limit=settings.time_limit,
-        kept=kept,
-    )
-    with_prior, all_asked = settings.prior_information, settings.singular == "error" and criterion in OF_ALL
-    if all_asked and search.pool.singular:
-        _refuse("no run tells about", search.pool.open, "measure other outputs, estimate fewer parameters, or widen the region")
-    stop_reason = search.run(progress)
-    if criterion != "D" and not np.isfinite(search.best.value):
-        raise ValueError(
-            f"n_runs: expected runs enough to determine what criterion {criterion!r} asks, given {settings.n_runs}: the search has "
-            "found none that do"
+    with following(progress, "start", runs_step, "drawing the first runs") as told:
+        search = RunSearch(
+            problem,
+            problem.region,
+            settings.n_runs - (0 if kept is None else len(kept)),
+            theta,
+            average,
+            there,
+            [aim_of(criterion_of(moved, settings, threads)) for moved in problems],
+            confidence=settings.confidence,
+            n_starts=settings.n_starts,
+            n_candidates=settings.n_candidates,
+            seed=settings.seed,
+            threads=threads,
+            time_limit=settings.time_limit,
+            kept=kept,
         )
-    runs, seconds = search.runs(), search.seconds
-    runs = runs if kept is None else Runs.join([kept, runs])
-    evaluation = evaluate_design(problem, runs, threads=threads, previous=previous, prior_information=with_prior)
-    if all_asked and evaluation.null_directions and stop_reason != "interrupted":
-        _refuse("these runs leave open", evaluation.null_directions, "make more runs, or longer ones with more samples")
-    classical: dict[str, ClassicalRuns] = {}
-    if stop_reason != "interrupted" and not search.singular and problem.model.kernels is kernels:
-        try:
-            samples = problem.region.samples
-            classical = classical_runs(search.objective, search.guard, search.n_runs, samples, settings.seed)
-        except KeyboardInterrupt:
-            stop_reason = "interrupted"
+        with_prior, all_asked = settings.prior_information, settings.singular == "error" and criterion in OF_ALL
+        if all_asked and search.pool.singular:
+            _refuse("no run tells about", search.pool.open, "measure other outputs, estimate fewer parameters, or widen the region")
+        stop_reason = search.run(told)
+        if criterion != "D" and not np.isfinite(search.best.value):
+            raise ValueError(
+                f"n_runs: expected runs enough to determine what criterion {criterion!r} asks, given {settings.n_runs}: the search "
+                "has found none that do"
+            )
+        runs, seconds = search.runs(), search.seconds
+        runs = runs if kept is None else Runs.join([kept, runs])
+        evaluation = evaluate_design(problem, runs, threads=threads, previous=previous, prior_information=with_prior)
+        if all_asked and evaluation.null_directions and stop_reason != "interrupted":
+            _refuse("these runs leave open", evaluation.null_directions, "make more runs, or longer ones with more samples")
+        classical: dict[str, ClassicalRuns] = {}
+        if stop_reason != "interrupted" and not search.singular and problem.model.kernels is kernels:
+            try:
+                samples = problem.region.samples
+                classical = classical_runs(search.objective, search.guard, search.n_runs, samples, settings.seed)
+            except KeyboardInterrupt:
+                stop_reason = "interrupted"
     scenarios = None
     if settings.over is not None:
         of_each = [

@@ -1,0 +1,33 @@
+"""What bars show of searches for designs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ..show.progress import Step
+from .points.point_search import Progress
+from .runs.run_search import RunProgress
+
+
+def points_step(criterion: str) -> Callable[[Progress], Step]:
+    """Of a search for points."""
+    what = "log det" if criterion == "D" else "log of the criterion"
+
+    def step(now: Progress) -> Step:
+        rate = now.drawn / now.seconds if now.seconds > 0 else 0.0
+        state = f"{what} {now.log_det:.3f}, {rate:.0f} points/s"
+        if now.iteration == now.max_iterations:
+            state = "proving how good it is"
+        return Step(now.iteration, now.max_iterations, state)
+
+    return step
+
+
+def runs_step(now: RunProgress) -> Step:
+    """Of a search for runs."""
+    return Step(now.start, now.n_starts, f"log det {now.log_det:.3f}, best {now.best:.3f}")
+
+
+def sizes_step(sizes: list[int]) -> Callable[[int, Progress], Step]:
+    """Of searches for designs of these sizes."""
+    return lambda size, now: Step(sizes.index(size), len(sizes), f"{size} points, log det {now.log_det:.3f}")
