@@ -67,10 +67,11 @@ docs: $(VENV)/.developer
 	$(BIN)/python docs/scripts/configuration.py --check
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict  # --quiet would hide the warnings from --strict
 
-# The page that is made from the program.
+# The pages that are made from the program; pictures of examples only where they are out of date, each in up to a minute.
 docs-pages: $(VENV)/.developer
 	$(BIN)/python docs/scripts/configuration.py
 	$(BIN)/python docs/scripts/tutorials.py
+	$(BIN)/python docs/scripts/gallery.py
 
 # What is missing is found by use, not by package name: a compiler or Python from elsewhere serves as well.
 $(VENV)/.system:

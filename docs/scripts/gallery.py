@@ -1,17 +1,19 @@
 """Makes the gallery, docs/gallery.md and its pictures in docs/images/examples, by running the examples.
 
-Only examples that changed since their pictures were made are run, or those that are named, as by
-``python docs/scripts/gallery.py battery``.
-With ``--check`` nothing is made, and the exit code says whether page and pictures are those of the examples.
+Only examples that changed since their pictures were made, or of which the code that draws them did, are run, or those that are
+named, as by ``python docs/scripts/gallery.py battery``.
+With ``--check`` nothing is made, and the exit code says whether page and pictures are those of the examples and of that code.
 """
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import json
 import sys
 import tomllib
 from collections.abc import Iterator, Sequence
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -31,7 +33,10 @@ FEW_STARTS = 2
 
 
 class Example(NamedTuple):
-    """An example: pictures of its design and, where there are measurements, of the fit; and the page that tells more."""
+    """An example: pictures of its design and, where there are measurements, of the fit; and the page that tells more.
+
+    `large` are pictures of its design that other pages show, in docs/images.
+    """
 
     name: str
     heading: str
@@ -39,6 +44,7 @@ class Example(NamedTuple):
     of_fit: Sequence[str] = ()
     noise_known: bool = True
     page: str = ""
+    large: Sequence[str] = ()
 
 
 SHOWN = (
@@ -56,13 +62,41 @@ SHOWN = (
     Example("reactor", "Reactor", ["runs"], page="how_to/runs.md"),
     Example("tclab", "Heater", ["runs"], page="how_to/runs.md"),
     Example("cylinder_runs", "Cylinder from rest", ["runs"], page="tutorial/cylinder_from_rest.md"),
-    Example("cylinder", "Cylinder", ["points"], page="how_to/examples.md#the-cylinder-in-python"),
+    Example(
+        "cylinder", "Cylinder", ["points"], page="how_to/examples.md#the-cylinder-in-python", large=["points", "standard_errors"]
+    ),
 )
 
 
+PACKAGE = Path(fp.__file__).parent
+EVERY = ("show/style.py",)
+_OF_FIT = ("estimation/pictures.py", "show/run_time.py", "show/durations.py")
+DRAWN_BY = {
+    "points": ("design/pictures_points.py", "design/pictures_responses.py", "design/paths.py", "show/durations.py"),
+    "standard_errors": ("show/standard_errors.py",),
+    "runs": ("design/runs/run_pictures.py", "show/run_time.py", "show/durations.py"),
+    "profiles": _OF_FIT,
+    "time": _OF_FIT,
+}
+"""The code that draws each kind of picture."""
+
+
+@cache
+def code(file: str) -> str:
+    """The lines of a module without comments and docstrings, on which no picture depends; the same for every version of Python."""
+    text = (PACKAGE / file).read_text()
+    lines = text.splitlines()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            lines[node.lineno - 1 : node.end_lineno] = [""] * len(lines[node.lineno - 1 : node.end_lineno])
+    return "\n".join(line for line in lines if line.strip() and not line.lstrip().startswith("#"))
+
+
 def digest(example: Example) -> str:
-    """What the pictures of an example are made of; comments do not count."""
-    parts = [json.dumps(tomllib.loads((EXAMPLES / f"{example.name}.toml").read_text()), sort_keys=True)]
+    """What the pictures of an example are made of, and by which code; comments do not count."""
+    files = sorted({file for kind in (*example.of_design, *example.of_fit, *example.large) for file in DRAWN_BY[kind]} | set(EVERY))
+    parts = [code(file) for file in files]
+    parts += [json.dumps(tomllib.loads((EXAMPLES / f"{example.name}.toml").read_text()), sort_keys=True)]
     parts += [(EXAMPLES / f"{example.name}.csv").read_text()] if example.of_fit else []
     return hashlib.sha256("\n".join([*parts, *example.of_design, *example.of_fit]).encode()).hexdigest()[:16]
 
@@ -92,6 +126,8 @@ def make(example: Example) -> None:
     for kind, file in pictures(example):
         figure = found.plot(kind) if kind in example.of_design or fit is None else fit.plot(kind)
         (IMAGES / file).write_bytes(encoded(figure, "png", DPI))
+    for kind in example.large:
+        found.plot(kind, path=IMAGES.parent / f"{kind}.png")
 
 
 def title(example: Example) -> str:
@@ -105,7 +141,7 @@ def page() -> str:
     lines = [
         "# Gallery",
         "",
-        "<!-- Written by docs/scripts/gallery.py: run it after a change of an example. -->",
+        "<!-- Written by docs/scripts/gallery.py: run it after a change of an example or of how pictures look. -->",
         "",
         "Every picture is made by `fisherpoint design examples/NAME.toml -o run/`, or by `fisherpoint estimate` where there are",
         "measurements.",
@@ -117,7 +153,7 @@ def page() -> str:
 
 
 def stale() -> list[str]:
-    """Examples of which pictures are missing or of another state of the file."""
+    """Examples of which pictures are missing, or of another state of the file or of the code."""
     made = json.loads(MADE_OF.read_text()) if MADE_OF.exists() else {}
     there = {path.name for path in IMAGES.glob("*.png")}
     return [
