@@ -175,10 +175,10 @@ TEST_CASE("a limit forbids one side, a pole only the change of sides") {
   const double theta[2] = {2.0, 0.0}, u = 0.0, dt = 0.4, floor = 0.3;
   const auto status = [&](const TapeModel& model, double s, double v) {
     const double x0[2] = {s, v};
-    double x[2], y;
+    double x[2], y, lasted;
     Status result;
     simulate_packs<Narrow, DormandPrince853>(model, {1, x0, &u, &dt}, {theta, false}, Tolerance{}, Workers(1),
-                                             {x, &y, &result});
+                                             {x, &y, &result, &lasted});
     return result;
   };
   const TapeModel limit = ball(Kind::limit, floor), pole = ball(Kind::limit, floor, true);
