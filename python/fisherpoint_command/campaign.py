@@ -70,7 +70,7 @@ def campaign(
     config = read_config(file)
     settings = _settings(config, size, seed)
     if output is not None:
-        free_for_campaign(output, fp.Campaign.is_in(output))
+        free_for_campaign(output, fp.Campaign.is_in)
     if check:
         return _tell(config, settings, file, output, data)
     assert output is not None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 from fisherpoint.basics.files import check_writable
@@ -45,10 +45,10 @@ def free_directory(path: Path | None, force: bool) -> list[str]:
     return [name for name in SHOWN if there and (path / name).exists()]
 
 
-def free_for_campaign(path: Path, goes_on: bool) -> None:
+def free_for_campaign(path: Path, goes_on: Callable[[Path], bool]) -> None:
     """Make sure that a campaign can be in a directory: it goes on with its own, and replaces no other result."""
     check_directory(path)
-    if not goes_on and (there := results_in(path)):
+    if not goes_on(path) and (there := results_in(path)):
         raise _taken(path, there, "a campaign needs one of its own")
 
 

@@ -94,11 +94,11 @@ def sweep(
         with importing(), needed_for("pictures"):
             from fisherpoint.design import sweep_picture  # noqa: F401  what can fail for a trivial reason fails before the work
 
-        try:
-            found = fp.sweep(problem, counts, cost=cost, threads=threads, progress=not quiet, previous=told or None, **settings)
-        except KeyboardInterrupt:
-            complain("interrupted before there was a design; nothing was saved")
-            return INTERRUPTED
+    try:
+        found = fp.sweep(problem, counts, cost=cost, threads=threads, progress=not quiet, previous=told or None, **settings)
+    except KeyboardInterrupt:
+        complain("interrupted before there was a design; nothing was saved")
+        return INTERRUPTED
     make_directory(output, old)
     report = found.report()
     tables = {f"design_{len(of.points)}.csv": points_csv(of.points, problem.model) for of in found.designs}

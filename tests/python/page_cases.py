@@ -100,5 +100,5 @@ PICTURES = {
     "Campaign": ["Campaign"],
     "Sweep": ["Sweep"],
     "Evaluation": ["Standard errors", "Correlation"],
-    "Feasibility": [],
+    "Feasibility": ["Feasibility"],
 }

@@ -14,7 +14,9 @@ from fisherpoint.design.compare_picture import plot_comparison
 from fisherpoint.design.evaluated import evaluate_points
 from fisherpoint.design.optimality.approximate_pictures import sensitivity_figure
 from fisherpoint.design.pictures import plot_points, plot_standard_errors, plot_trajectories
+from fisherpoint.design.pieces.piece_pictures import plot_windows
 from fisherpoint.design.runs.run_pictures import evaluation_plots
+from fisherpoint.information.pictures import plot_failures, plot_rules, plot_singular_values
 
 TWO = fp.SymbolicModel(
     ["(u - a)/tau", "(u - b)/T"],
@@ -119,6 +121,12 @@ def validation() -> Figure:
     return fp.validate(problem(), {"points": points()}, runs=30, use_prior=True).plot()
 
 
+def windows() -> Figure:
+    y = np.array([[[0.1], [0.4]], [[0.9], [0.5]]])
+    held = fp.Runs([[0.0, 0.0], [1.0, 0.5]], [[1.0, 1.0], [0.0, 0.0]], [[1.0, 1.0], [1.0, 1.0]])
+    return plot_windows(np.array([0.0, 30.0]), held, y, np.array([0.7, 0.3]), TWO.outputs[:1], "windows")
+
+
 SERIES = [{"tau": 0.2, "T": 0.2}, {"tau": 0.05, "T": 0.1}, {"tau": 0.01, "T": 0.04}]
 
 PICTURES: dict[str, Callable[[], Figure]] = {
@@ -138,4 +146,10 @@ PICTURES: dict[str, Callable[[], Figure]] = {
     "campaign": lambda: plot_campaign(SERIES, {"tau": 0.02}),
     "sweep": sweep,
     "sensitivity": sensitivity,
+    "windows": windows,
+    "failures": lambda: plot_failures({"left_domain: a <= 1.5": [3, 0, 1], "met_jump": [0, 0, 20]}, 200, 3, "points", "failures"),
+    "singular values": lambda: plot_singular_values(np.array([[1.0, 0.1, 1e-4], [1.0, 0.2, 0.0]]), 1e-3, 2, "singular values"),
+    "rules": lambda: plot_rules(
+        ["grid", "sparse"], np.array([1e-3, 1e-4]), np.array([[1e-3, 1e-2], [np.nan, np.nan]]), 0.05, "grid"
+    ),
 }

@@ -313,23 +313,22 @@ def test_what_takes_its_time_shows_that_it_lives(monkeypatch: pytest.MonkeyPatch
         monkeypatch.setattr(sys, "stderr", Terminal())
         monkeypatch.setattr(signs.Sign, "last", time.perf_counter())
         token = ARGUMENTS.set(arguments)
-        with signs.alive(what) as sign:
+        with signs.alive(what):
             time.sleep(seconds)
-            if sign is not None:
-                sign.print("a line")
         ARGUMENTS.reset(token)
         assert isinstance(sys.stderr, Terminal)
         return sys.stderr.getvalue()
 
     text = shown("thinking")
-    assert text.startswith(f"{signs.ERASE}thinking, 0 s") and f"{signs.ERASE}a line\n" in text
-    assert text.endswith(("a line\n", signs.ERASE))  # nothing of it is left
+    assert text.startswith(f"{signs.ERASE}thinking, 0 s") and text.endswith(signs.ERASE)  # nothing of it is left
     assert shown("thinking", "--quiet") == ""
     monkeypatch.setattr(signs, "AFTER", 60.0)
-    assert shown("thinking", seconds=0.0) == "a line\n"
+    assert shown("thinking", seconds=0.0) == ""
+    monkeypatch.setattr(signs, "AFTER", 0.01)
     monkeypatch.setattr(sys, "stderr", io.StringIO())
-    with signs.alive("thinking") as sign:
-        assert sign is None
+    with signs.alive("thinking"):
+        time.sleep(0.05)
+    assert sys.stderr.getvalue() == ""
 
 
 def test_points_outside_are_named(run: Any, place: Path) -> None:

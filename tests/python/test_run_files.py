@@ -72,8 +72,10 @@ def never(*_: Any, **__: Any) -> None:
 
 @pytest.fixture
 def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("exchange", "estimate", "validate", "simulate", "Campaign"):
+    for name in ("exchange", "estimate", "validate", "simulate"):
         monkeypatch.setattr(fp, name, never)
+    for name in ("__init__", "load"):
+        monkeypatch.setattr(fp.Campaign, name, never)
     monkeypatch.setattr(evaluated, "evaluate_points", never)
 
 
