@@ -87,7 +87,7 @@ AS_MANY = 4
 LEAST_SHARE = 0.1
 """Of the candidates that are drawn however many scenarios there are."""
 
-LEAST_GAIN, MOST_IDLE = 1e-4, 2
+LEAST_GAIN, MOST_IDLE = 3e-4, 2
 """The search ends after so many cycles in a row that gain less for each parameter."""
 
 LEAST_CLIMB = 1 + 1e-6
@@ -236,10 +236,15 @@ class AutoSearch(PointSearch):
         most = max(1, round(self._drawn_share * PEAKS * self.settings.n_candidates))
         peaks = pool[live[far_apart(table, width, self._gains(design, pool.columns[..., live]), most)]]
         self._confirm(peaks, np.arange(len(peaks)))
-        for _ in range(CLIMB_ROUNDS):
+        lower = peaks[np.arange(0)]
+        for climbed in range(CLIMB_ROUNDS):
             yield
+            if climbed == CLIMB_ROUNDS // 2:  # what is still far below others hardly comes past them
+                order = np.argsort(-np.where(peaks.valid == 1, self._gains(design, peaks.columns), 0.0), kind="stable")
+                first, others = np.sort(order[: -(-len(order) // 2)]), np.sort(order[-(-len(order) // 2) :])
+                peaks, lower = peaks[first], peaks[others]
             peaks = self._higher(design, peaks)
-        return peaks
+        return peaks.with_more(lower)
 
     def _higher(self, design: PointInformation, peaks: Pool) -> Pool:
         """Each candidate, or the best of what is drawn near it and of this sampled earlier, if that is valid on all nodes."""
