@@ -175,6 +175,12 @@ def _calls(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
     )
 
 
+@pytest.mark.parametrize("text", ["where(x > y, 0, x)**x", "where(x > y, where(x > 1, -1, y), 2)**y", "0**x"])
+def test_no_branch_under_an_exponent_that_varies_is_a_number_that_is_not_positive(text: str) -> None:
+    with pytest.raises(ValueError, match="expected a positive number under an exponent that varies"):
+        parse(text)
+
+
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.recursive(ATOMS, _calls, max_leaves=12) | st.text(max_size=40))
 def test_any_text_is_an_expression_that_prints_and_reads_again_or_one_line(text: str) -> None:

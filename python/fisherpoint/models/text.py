@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import math
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any
 
@@ -103,7 +103,7 @@ class _Equation(Reader):
             except (ValueError, OverflowError):
                 self.formula.refuse("expected finite real numbers", node)
             return factor if rest == 1 else factor * rest**exponent
-        if base.is_Number and not base > 0:
+        if any(one.is_Number and not one > 0 for one in _branches(base)):
             self.formula.refuse("expected a positive number under an exponent that varies", node)
         return base**exponent
 
@@ -112,6 +112,15 @@ class _Equation(Reader):
         if value.is_Number and not (value.is_Rational and max(abs(value.p), value.q) < 2**53):
             return self.number(node, value)
         return value
+
+
+def _branches(term: Any) -> Iterator[Any]:
+    """A term, or what it is on each side of its conditions: its power is the powers of these."""
+    if isinstance(term, sympy.Piecewise):
+        for value, _ in term.args:
+            yield from _branches(value)
+    else:
+        yield term
 
 
 _ARITHMETIC: dict[str, Callable[..., Any]] = {

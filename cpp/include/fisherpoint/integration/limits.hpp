@@ -34,7 +34,8 @@ void Integrator<Equation, Method>::stop_crossed(const Mask& lanes) {
   Mask by_jump = Lanes::none();
   for_each_index(f_.surfaces, [&](auto m) {
     if (m < f_.kinks_end && (m >= f_.jumps_end || crosses(m))) return;
-    met = select(!(along_[m].b4 > P(0.0)), min(met, along_[m].zero()), met);
+    const Mask here = lanes & !(along_[m].b4 > P(0.0));
+    if (any(here)) met = select(here, min(met, along_[m].zero()), met);
     const P at = along_[m].b0 / (along_[m].b0 - along_[m].b4);
     const Mask earlier = !(along_[m].b4 > P(0.0)) & (at < first);
     first = select(earlier, at, first);
