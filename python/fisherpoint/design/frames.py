@@ -1,4 +1,4 @@
-"""Tables of parameters and of simulations, for files."""
+"""Tables of points, of parameters and of simulations."""
 
 from __future__ import annotations
 
@@ -8,11 +8,18 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..basics.quantity import names_of
 from ..information.evaluation import Evaluation
 from ..information.problem import DesignProblem
 from ..models import Model
 from ..points.experiments import Experiments
 from ..points.status import Status
+
+
+def points_frame(model: Model, points: Experiments) -> pd.DataFrame:
+    """The coordinates of the points, SI units, one row per point."""
+    names = names_of(model.axes)
+    return pd.DataFrame(points.table[:, : len(names)], pd.RangeIndex(len(points), name="point"), pd.Index(names))
 
 
 def simulation_frame(model: Model, points: Experiments, y: NDArray[Any], status: NDArray[Any]) -> pd.DataFrame:

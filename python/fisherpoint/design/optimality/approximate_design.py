@@ -14,7 +14,6 @@ import numpy as np
 from ...basics.checks import check_choice, check_positive_int
 from ...basics.extras import needed_for
 from ...basics.kept import Codec, Kept
-from ...basics.quantity import names_of
 from ...basics.values import Array
 from ...information.codec import problem_from_json, problem_to_json
 from ...information.previous import HasPoints
@@ -255,12 +254,9 @@ class ApproximateDesign(Shown, Kept):
     def to_pandas(self) -> pd.DataFrame:
         """One row per point of the support: its coordinates, SI units, and its weight."""
         with needed_for("to_pandas"):
-            import pandas as pd
+            from ..frames import points_frame
 
-        names = names_of(self.problem.model.axes)
-        index = pd.RangeIndex(len(self.points), name="point")
-        frame = pd.DataFrame(self.points.table[:, : len(names)], index, pd.Index(names))
-        return frame.assign(weight=self.weights)
+        return points_frame(self.problem.model, self.points).assign(weight=self.weights)
 
     def _asked(self) -> Sequence[Section]:
         return problem_sections(self.problem)

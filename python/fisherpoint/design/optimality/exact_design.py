@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from ...basics.extras import needed_for
 from ...basics.kept import Codec, Kept
-from ...basics.quantity import names_of
 from ...basics.values import Array
 from ...information.codec import problem_from_json, problem_to_json
 from ...information.problem import DesignProblem
@@ -119,12 +118,9 @@ class ExactDesign(Shown, Kept):
     def to_pandas(self) -> pd.DataFrame:
         """One row per point: its coordinates, SI units, and how often it is measured."""
         with needed_for("to_pandas"):
-            import pandas as pd
+            from ..frames import points_frame
 
-        names = names_of(self.problem.model.axes)
-        index = pd.RangeIndex(len(self.counts), name="point")
-        frame = pd.DataFrame(self.distinct.table[:, : len(names)], index, pd.Index(names))
-        return frame.assign(count=self.counts)
+        return points_frame(self.problem.model, self.distinct).assign(count=self.counts)
 
     def _asked(self) -> Sequence[Section]:
         return problem_sections(self.problem)
