@@ -1,4 +1,4 @@
-"""What bars show of searches for designs."""
+"""What bars show of searches for points."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 from ..show.progress import Step
 from .points.point_search import Progress
-from .runs.run_search import RunProgress
 
 
 def points_step(criterion: str) -> Callable[[Progress], Step]:
@@ -21,11 +20,6 @@ def points_step(criterion: str) -> Callable[[Progress], Step]:
         return Step(now.iteration, now.max_iterations, state)
 
     return step
-
-
-def runs_step(now: RunProgress) -> Step:
-    """Of a search for runs."""
-    return Step(now.start, now.n_starts, f"log det {now.log_det:.3f}, best {now.best:.3f}")
 
 
 def sizes_step(sizes: list[int]) -> Callable[[int, Progress], Step]:

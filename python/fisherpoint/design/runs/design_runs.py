@@ -23,7 +23,7 @@ from ...points.experiments import Experiments
 from ...points.run_region import RunRegion
 from ...points.runs import Runs
 from ...points.settings import resolve_threads
-from ...show.progress import check_progress, following
+from ...show.progress import Step, check_progress, following
 from ..average import Average
 from ..found import DRAWS, UNSEEN
 from ..optimality.aims import aim_of
@@ -31,7 +31,6 @@ from ..optimality.asked import OF_ALL, criterion_of
 from ..over_prior import OverPrior, moved_problems
 from ..scenario_values import scenario_values
 from ..settings import RunSettings
-from ..told import runs_step
 from .run_design import RunDesign
 from .run_pool import RIDGE
 from .run_references import ClassicalRuns, classical_runs
@@ -150,7 +149,7 @@ def design_runs(
         there = there + np.array([_information_of_kept(moved, kept, threads) for moved in problems])
     if settings.prior_information:
         there = there + information_of_prior(problem)
-    with following(progress, "start", runs_step, "drawing the first runs") as told:
+    with following(progress, "start", _step, "drawing the first runs") as told:
         search = RunSearch(
             problem,
             problem.region,
@@ -257,3 +256,8 @@ def _known_there(
         return np.zeros((len(problem.estimated), len(problem.estimated)))
     measured = known.sensitivity if known.measured is None else np.where(known.measured[:, :, None], known.sensitivity, 0.0)
     return np.asarray(information_matrices(moved, measured[None])[0])
+
+
+def _step(now: RunProgress) -> Step:
+    """What a bar shows."""
+    return Step(now.start, now.n_starts, f"log det {now.log_det:.3f}, best {now.best:.3f}")
