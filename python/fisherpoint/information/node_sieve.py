@@ -18,6 +18,7 @@ from ..points.predictive import nodes_of
 from ..points.settings import Settings
 from ..points.status import Status
 from ..prior.rules import Linearized
+from .longest import longest
 from .problem import DesignProblem
 
 FATAL = (Status.left_domain, Status.met_jump, Status.not_finite)
@@ -29,8 +30,14 @@ FEW, MOST = 12, 1000
 AT_FIRST = 4
 """Of these that are asked before the others, as they tell most."""
 
-LEARNT, AGAIN = 200, 4
-"""Failed points of which the nodes are found, and the growth of their number after which they are looked for again."""
+LEARNT, REMEMBERED = 50, 300
+"""Failed points that the few nodes have let pass, after which these are chosen anew, and how many of them tell which.
+
+A search moves on, and so do the nodes on which its candidates fail.
+"""
+
+ROUGH = 1e-4
+"""Tolerance of the trajectories on few nodes: what passes is tried on all of them to that of the problem."""
 
 LOSS = 1.001
 """Times the allowed loss, at which a point has failed."""
@@ -58,8 +65,8 @@ class NodeSieve:
             self.model = problem.limited if self._assumed is None else self._assumed.model
         self._few, self._plants = FEW if plants is None else 2 * FEW, plants
         self._failed: list[Array] = []
-        self._told = np.empty((0, len(names_of(problem.model.axes))))
-        self._next, self._chosen = LEARNT, np.empty(0, dtype=np.intp)
+        self._lost: list[NDArray[np.bool_]] = []  # of points that have failed, the nodes (K, n) that are lost
+        self._chosen = np.empty(0, dtype=np.intp)
         self._theta: Array | None = None
         self._weights = np.empty(0)
         if problem.model.kernels is not kernels:
@@ -83,13 +90,13 @@ class NodeSieve:
 
     def on_plants(self, points: Experiments) -> IntArray:
         """Ok where all plants let a point (K,) pass, else the status of one on which it fails."""
-        status, _ = self._at(points, self.plants)
+        status, _ = self._at(points, self.plants, self._settings)
         lost = np.isin(status, FATAL)
         return np.where(lost.any(axis=1), status[np.arange(len(points)), np.argmax(lost, axis=1)], np.int32(Status.ok))
 
     def lasted_on_plants(self, points: Experiments) -> Array:
         """Until when each point (K,) can be followed on all plants (K, m); infinite where that is its end."""
-        return _until(*self._at(points, self.plants))
+        return self._at(points, self.plants, self._settings)[1]
 
     def statuses(self, points: Experiments) -> IntArray:
         """Ok where the few nodes let a point (K,) pass, else the status of a node on which it fails."""
@@ -104,35 +111,39 @@ class NodeSieve:
                 result[left[failed]] = status[failed, np.argmax(lost[failed], axis=1)]
         return result
 
-    def statuses_and_lasted(self, points: Experiments) -> tuple[IntArray, Array]:
-        """The same, and until when each point can be followed on the few nodes (K, m); infinite where that is its end."""
-        result = np.zeros(len(points), dtype=np.int32)
-        if not len(self._chosen) or not len(points):
-            return result, np.zeros((len(points), len(self._chosen)))
-        status, lasted = self._on_nodes(points, self._chosen)
-        lost = np.isin(status, FATAL)
-        failed = lost @ self._weights[self._chosen] > self.allowed
-        result[failed] = status[failed, np.argmax(lost[failed], axis=1)]
-        return result, _until(status, lasted)
+    def shortened(self, points: Experiments, shortest: float) -> tuple[IntArray, Array]:
+        """Statuses (K,) as of `statuses`, and the longest dt (K,) at which the few nodes let each point pass.
 
-    @property
-    def weights(self) -> Array:
-        """Of the few nodes (m,), none as long as nothing is known of them."""
-        return self._weights[self._chosen]
+        A dt below the `shortest` one is not the longest; the other nodes have not been asked.
+        """
+        status, dt = np.zeros(len(points), dtype=np.int32), points.dt.copy()
+        lasted, asked = np.empty((len(points), 0)), np.empty(0, dtype=np.intp)
+        for some in (self._chosen[:AT_FIRST], self._chosen[AT_FIRST:]):
+            left = np.flatnonzero(dt >= shortest)
+            if not len(some) or not len(left):
+                continue
+            there, until = self._on_nodes(lasting(points[left], dt[left]), some)
+            asked = np.append(asked, some)
+            lasted = np.column_stack([lasted, np.full((len(points), len(some)), np.inf)])
+            lasted[left, -len(some) :] = until
+            dt[left] = np.minimum(dt[left], longest(lasted[left], self._weights[asked], self.allowed))
+            first = np.argmax(np.isin(there, FATAL), axis=1)
+            new = (status[left] == Status.ok) & (dt[left] < points.dt[left])
+            status[left[new]] = there[new, first[new]]
+        return status, dt
 
     def learn(self, failed: Experiments) -> None:
         """Take in points that all nodes have told to be none."""
         if self._theta is None or not len(failed):
             return
         self._failed.append(failed.table)
-        count = sum(map(len, self._failed))
-        if count < self._next:
+        if sum(map(len, self._failed)) < LEARNT:
             return
-        self._next = AGAIN * count
-        # What fails now has passed the nodes that were chosen before, and the others would pass without these.
-        self._told = np.concatenate([self._told, np.concatenate(self._failed)[-LEARNT:]])
-        points = Experiments.of_table(self._problem.model, self._told)
-        self._chosen = self._fewest(np.isin(self._on_nodes(points, np.arange(len(self._theta)))[0], FATAL))
+        points = Experiments.of_table(self._problem.model, np.concatenate(self._failed))
+        self._failed = []
+        self._lost.append(np.isin(self._on_nodes(points, np.arange(len(self._theta)))[0], FATAL))
+        lost = np.concatenate(self._lost)[-REMEMBERED:]
+        self._lost, self._chosen = [lost], self._fewest(lost)
 
     def _fewest(self, lost: NDArray[np.bool_]) -> NDArray[np.intp]:
         """Nodes, one after the other, that tell most of the points that are left; of points (K, nodes) that fail."""
@@ -150,19 +161,20 @@ class NodeSieve:
         return np.array(chosen, dtype=np.intp)
 
     def _on_nodes(self, points: Experiments, nodes: NDArray[np.intp]) -> tuple[IntArray, Array]:
-        """Of points on some nodes."""
+        """Roughly, of points on some nodes."""
         assert self._theta is not None
-        return self._at(points, self._theta[nodes])
+        return self._at(points, self._theta[nodes], (max(self._settings[0], ROUGH), *self._settings[1:]))
 
-    def _at(self, points: Experiments, parameters: Array) -> tuple[IntArray, Array]:
-        """Statuses (K, n), and until when each could be followed."""
+    def _at(self, points: Experiments, parameters: Array, settings: Settings) -> tuple[IntArray, Array]:
+        """Statuses (K, n), and until when each could be followed; infinite where that is its end."""
         model, count = self.model, len(parameters)
         rows = np.repeat(np.arange(len(points)), count)
         theta = np.tile(parameters, (len(points), 1))
-        _, _, *told = model.kernels.simulate(model.core, points.x0[rows], points.u[rows], points.dt[rows], theta, *self._settings)
+        _, _, *told = model.kernels.simulate(model.core, points.x0[rows], points.u[rows], points.dt[rows], theta, *settings)
         status, lasted = (np.asarray(one).reshape(len(points), count) for one in told)
-        return status, lasted
+        return status, np.where(status == Status.ok, np.inf, lasted)
 
 
-def _until(status: IntArray, lasted: Array) -> Array:
-    return np.where(status == Status.ok, np.inf, lasted)
+def lasting(points: Experiments, dt: Array) -> Experiments:
+    """The same points with other durations (K,)."""
+    return Experiments(points.x0, points.u, dt, columns=points.columns)

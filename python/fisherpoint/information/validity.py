@@ -11,8 +11,8 @@ from ..basics.values import Array, IntArray
 from ..points.experiments import Experiments
 from ..points.settings import check_jumps, check_kinks, resolve_threads
 from ..points.status import Status
-from .longest import longest
-from .node_sieve import FATAL, NodeSieve
+from .longest import SHORT
+from .node_sieve import FATAL, NodeSieve, lasting
 from .point_information import PointInformation, with_covariance
 from .problem import DesignProblem
 
@@ -76,33 +76,29 @@ class Validity:
         status : ndarray of int, (K,)
             Of the given points: that at the mean or of a node on which they fail, or ok.
         """
-        status, at_mean = np.zeros(len(points), dtype=np.int32), np.full(len(points), np.inf)
+        status, dt = np.zeros(len(points), dtype=np.int32), points.dt
         if not ok_at_mean:
             there, at_mean = self._at_mean(points)
-            status[:] = np.where(np.isin(there, FATAL), there, Status.ok)
-        there, lasted = self._sieve.statuses_and_lasted(points)
-        status = np.where(status == Status.ok, there, status)
-        lost = np.flatnonzero(status)
-        cut, found = self._cut(points[lost], shortest, at_mean[lost], lasted[lost], self._sieve.weights)
-        return cut, lost[found].astype(np.int32), status
+            status, dt = np.where(np.isin(there, FATAL), there, np.int32(Status.ok)), np.minimum(dt, SHORT * at_mean)
+        left = np.flatnonzero(dt >= shortest)
+        dt = dt.copy()
+        there, dt[left] = self._sieve.shortened(lasting(points[left], dt[left]), shortest)
+        status[left] = np.where(status[left] == Status.ok, there, status[left])
+        places = np.flatnonzero((status != Status.ok) & (dt >= shortest))
+        return lasting(points[places], dt[places]), places.astype(np.int32), status
 
     def cut_for_plants(self, points: Experiments, shortest: float) -> tuple[Experiments, NDArray[np.bool_]]:
         """The points (K,) for as long as all plants that are asked run them, and for which of them there is a dt; these alone."""
-        lasted = self._sieve.lasted_on_plants(points)
-        return self._cut(points, shortest, self._at_mean(points)[1], lasted, np.ones(lasted.shape[1]))
+        lasted = np.minimum(self._sieve.lasted_on_plants(points).min(axis=1), self._at_mean(points)[1])
+        dt = np.minimum(points.dt, SHORT * lasted)
+        found = dt >= shortest
+        return lasting(points[found], dt[found]), found
 
     def _at_mean(self, points: Experiments) -> tuple[IntArray, Array]:
         """Statuses (K,), and until when each point can be followed, infinite where that is its end."""
         model, theta = self._problem.limited, self._problem.theta
         _, _, status, lasted = model.kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *self._settings)
         return np.asarray(status), np.where(status == Status.ok, np.inf, lasted)
-
-    def _cut(
-        self, points: Experiments, shortest: float, at_mean: Array, lasted: Array, weights: Array
-    ) -> tuple[Experiments, NDArray[np.bool_]]:
-        dt = longest(np.column_stack([at_mean, lasted]), np.append(np.inf, weights), self._sieve.allowed)
-        dt, found = np.minimum(dt, points.dt), dt >= shortest
-        return Experiments(points.x0[found], points.u[found], dt[found], columns=points.columns), found
 
     def include(self, other: Validity) -> None:
         """Remember what another has tried of the same problem."""

@@ -27,6 +27,9 @@ ENOUGH, LOOKS = 6, 3
 """Candidates that a round adds at least, where so many that would help may have a weight; and how often it looks for some that are
 no copies of others."""
 
+MOST_ASKED = 768
+"""Candidates of which it is asked at once whether they may have a weight, at most, where most may not."""
+
 ALIKE, MOST_ALIKE, SAME = 0.1, 0.01, 1e-9
 """Information matrices are taken for one in a working set where they differ by less than a share of themselves: so much of the gap,
 and within these two; other than for "D", where the optimum may be singular and little makes a great difference, the last.
@@ -215,11 +218,11 @@ class _Search:
         """
         added, left = np.empty(0, dtype=np.intp), along.copy()
         share = float(np.clip(ALIKE * (along.max() - 1.0), SAME, MOST_ALIKE)) if self.deletes else SAME
-        looks = 0
-        while len(added) < ENOUGH and looks < LOOKS and len(wanted := _helpful(left)):
+        looks, many = 0, ADDED
+        while len(added) < ENOUGH and looks < LOOKS and len(wanted := _helpful(left, many)):
             taken = self._taken(places[wanted])
             along_taken = left[wanted[np.isin(places[wanted], taken)]]
-            best_first = taken[np.argsort(-along_taken, kind="stable")]
+            best_first = taken[np.argsort(-along_taken, kind="stable")][:ADDED]
             beside = np.union1d(working, added)
             new = self.unlike(best_first, beside, share, slope)
             if not len(new) and not len(added):  # no weights are as good as those of what is alike, but not the same
@@ -229,6 +232,8 @@ class _Search:
                 if len(added):
                     break
                 looks += 1
+            elif len(taken) < len(wanted) / 2:
+                many = min(2 * many, MOST_ASKED)
             left[wanted] = -np.inf
         along[self.excluded[places]] = -np.inf
         return added
@@ -342,13 +347,13 @@ def least_sensitivity(gap: float, p: int) -> float:
     return max(0.0, 1.0 + e / 2 - float(np.sqrt(e * (4.0 + e - 4.0 / p))) / 2)
 
 
-def _helpful(along: Array) -> Places:
+def _helpful(along: Array, parts: int) -> Places:
     """Candidates that would help: the largest of each part of the list, so that they differ, and the largest of all."""
-    size = -(-len(along) // ADDED)
+    size = -(-len(along) // parts)
     padded = np.full(size * -(-len(along) // size), -np.inf)
     padded[: len(along)] = along
     first = padded.reshape(-1, size).argmax(axis=1) + size * np.arange(len(padded) // size)
-    few = min(len(along), ADDED // 4)
+    few = min(len(along), parts // 4)
     largest = np.argpartition(-along, few - 1)[:few]
     found = np.union1d(first, largest)
     return np.asarray(found[along[found] >= 1.0 - 1e-9])

@@ -90,6 +90,9 @@ LEAST_SHARE = 0.1
 LEAST_GAIN, MOST_IDLE = 3e-4, 2
 """The search ends after so many cycles in a row that gain less for each parameter."""
 
+UNCONFIRMED = 3
+"""Rounds after which candidates that climb are tried on all nodes; between these few nodes tell which are none."""
+
 LEAST_CLIMB = 1 + 1e-6
 """By which a candidate that climbs must gain more."""
 
@@ -237,27 +240,34 @@ class AutoSearch(PointSearch):
         peaks = pool[live[far_apart(table, width, self._gains(design, pool.columns[..., live]), most)]]
         self._confirm(peaks, np.arange(len(peaks)))
         lower = peaks[np.arange(0)]
-        for climbed in range(CLIMB_ROUNDS):
-            yield
+        for climbed in range(0, CLIMB_ROUNDS, UNCONFIRMED):
             if climbed == CLIMB_ROUNDS // 2:  # what is still far below others hardly comes past them
                 order = np.argsort(-np.where(peaks.valid == 1, self._gains(design, peaks.columns), 0.0), kind="stable")
                 first, others = np.sort(order[: -(-len(order) // 2)]), np.sort(order[-(-len(order) // 2) :])
                 peaks, lower = peaks[first], peaks[others]
-            peaks = self._higher(design, peaks)
+            reached = peaks
+            for _ in range(UNCONFIRMED):
+                yield
+                reached = self._higher(design, reached)
+            self._confirm(reached, np.arange(len(reached)))
+            source = np.arange(len(peaks))
+            better = np.flatnonzero(reached.valid == 1)
+            source[better] += len(peaks)
+            peaks = peaks.with_more(reached)[source]
         return peaks.with_more(lower)
 
     def _higher(self, design: PointInformation, peaks: Pool) -> Pool:
-        """Each candidate, or the best of what is drawn near it and of this sampled earlier, if that is valid on all nodes."""
+        """Each candidate, or the best of what is drawn near it and of this sampled earlier, if few nodes let that pass."""
         near, place = self.source.draw_near(peaks.information.experiments, NEAR_PEAK)
         pool, of = self._pool(near), place.astype(np.intp)
         gains = self._gains(design, pool.columns)
-        least = LEAST_CLIMB * np.where(peaks.valid == 1, self._gains(design, peaks.columns), 1.0)
+        least = LEAST_CLIMB * np.where(peaks.valid >= 0, self._gains(design, peaks.columns), 1.0)
         wanted = best_of_each(gains, of, least, EARLIER, np.ones(len(of), dtype=bool))
         pool, of = self._with_sampled_earlier(pool, wanted, of)
         gains = np.append(gains, self._gains(design, pool.columns[..., len(gains) :]))
-        for _ in range(LOOKS):
-            self._confirm(pool, best_of_each(gains, of, least, 1, pool.valid >= 0))
-        best = best_of_each(gains, of, least, 1, pool.valid == 1)
+        tried = np.arange(len(of)) >= len(near)
+        tried[wanted] = pool.valid[wanted] >= 0
+        best = best_of_each(gains, of, least, 1, tried)
         source = np.arange(len(peaks))
         source[of[best]] = len(peaks) + best
         return peaks.with_more(pool)[source]
