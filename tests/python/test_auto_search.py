@@ -20,7 +20,7 @@ from fisherpoint.design.optimality.added import gains
 from fisherpoint.design.optimality.aims import aim_of
 from fisherpoint.design.optimality.criteria import Determinant
 from fisherpoint.design.points import auto_search
-from fisherpoint.design.points.auto_search import PEAKS, AutoSearch
+from fisherpoint.design.points.auto_search import PEAKS, UNCONFIRMED, AutoSearch
 from fisherpoint.design.points.pool import APART, best_of_each, far_apart
 from fisherpoint.design.points.pool_exchange import PoolExchange, greedy
 from fisherpoint.design.settings import ExchangeSettings
@@ -156,7 +156,7 @@ def test_candidates_climb_and_stay_valid(monkeypatch: pytest.MonkeyPatch) -> Non
         return search._gains(design, peaks.columns), peaks.information.experiments
 
     before, _ = climbed(0)
-    after, points = climbed(10)
+    after, points = climbed(3 * UNCONFIRMED)
     assert len(after) >= len(before) > 5 and np.sort(after)[-5:].mean() > 2 * np.sort(before)[-5:].mean()
     assert np.all(points.x0[:, 2] + points.x0[:, 3] < 1.5e7)
     assert not fp.predictive_covariance(MODEL, points, given.prior, given.rule, jumps="exclude").status.any()

@@ -10,7 +10,8 @@ namespace fisherpoint {
 struct DormandPrince {
   static constexpr int order = 5, stages = 7;
   static constexpr double most_growth = 5.0;       // of a step's size
-  static constexpr double allowed_estimate = 1.0;  // of sensitivities, in tolerances
+  static constexpr double allowed_estimate = 1.0;  // of columns of sensitivities, in tolerances
+  static constexpr double allowed_of_rows = 1.0;
   static constexpr double stability = 3.25;
   static constexpr double beside_kink = 10.0;
 

@@ -10,7 +10,8 @@ namespace fisherpoint {
 struct DormandPrince853 {
   static constexpr int order = 8, stages = 13;
   static constexpr double most_growth = 6.0;       // of a step's size
-  static constexpr double allowed_estimate = 5.0;  // of sensitivities, in tolerances
+  static constexpr double allowed_estimate = 5.0;  // of columns of sensitivities, in tolerances
+  static constexpr double allowed_of_rows = 2.0;
   static constexpr double stability = 6.1;
   static constexpr double beside_kink = 2.0;
 

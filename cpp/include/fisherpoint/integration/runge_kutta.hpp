@@ -12,6 +12,7 @@
 //     stability              the largest step along a fast decay, in units of its time constant
 //     beside_kink            the error of sensitivities over the embedded one, where f_x rises like a root
 //     allowed_estimate       of the error of sensitivities, in tolerances: it exceeds the error itself, with most points by far
+//     allowed_of_rows        the same where they are made row by row (adjoints.hpp)
 #pragma once
 
 #include <array>

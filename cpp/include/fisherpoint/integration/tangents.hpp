@@ -107,7 +107,7 @@ class Tangents {
 
  private:
   mask_of_lanes<P> pass_jump(auto m, const mask_of_lanes<P>& here, const Side& before, const Side& after) {
-    const auto in_time = [&](const P& time, const Side& side) { advance(select(here, time, P(0.0)), side); };
+    const auto in_time = [&](const P& time, const Side& side) { advance_briefly(select(here, time, P(0.0)), side); };
     const auto growth = [&](const JumpGradient<M, P>& h, const State& rate) {
       P sum(0.0);
       for_each_index(f_.states, [&](auto i) { sum += h.by_state[i] * rate[i]; });
@@ -150,6 +150,30 @@ class Tangents {
     const P bend = abs(growth(f_.jump(m, ahead), rate_ahead) - fall) / span;
     in_time(-time, after);
     return goes_through & !(fall * fall > graze * tolerance_ * size * bend);
+  }
+
+  // By the midpoint rule, for a time so short that the error of a jump's place is all that is left of the trajectory.
+  [[gnu::noinline]] void advance_briefly(const P& time, const Side& side) {
+    slide_ = any(any_slides<P>(f_, side));
+    if (slide_ && sliding_.empty()) prepare_slides();
+    State rate, middle;
+    fit_all_two(rate, middle);
+    linearise(x, side, time, rate, 0);
+    for_each_index(f_.states, [&](auto i) { middle[i] = x[i] + 0.5 * rate[i]; });
+    linearise(middle, side, time, rate, 1);
+    for_each_index(f_.states, [&](auto i) { x[i] += rate[i]; });
+    for_each_index(f_.parameters, [&](auto j) {
+      if (f_.dependence.leader(j) != j) return;
+      for (int k = j; k < f_.parameters; k = f_.dependence.next_alike(k)) {
+        const auto rows = f_.dependence.rows(j);
+        P* const column = &s[f_.dependence.column_start[k]];
+        for_each_variable(rows, [&](auto i) { middle[i] = column[detail::below(rows, i)]; });
+        column_rate(j, k, 0, middle, rate);
+        for_each_variable(rows, [&](auto i) { middle[i] += 0.5 * rate[i]; });
+        column_rate(j, k, 1, middle, rate);
+        for_each_variable(rows, [&](auto i) { column[detail::below(rows, i)] += rate[i]; });
+      }
+    });
   }
 
   void for_each_row(int j, auto&& use) const {
@@ -254,6 +278,25 @@ class Tangents {
     squared_column_error_[k] += squared(estimate);
     coarse_fourth_[k] += square(estimate.coarse);
     squared_column_size_[k] = max(squared_column_size_[k], size);
+  }
+
+  // What the Jacobian of stage s makes of `column`, which is column k and has the pattern of column j. As advance_column has it
+  // too, where all stages in one function take a third less time.
+  [[gnu::noinline]] void column_rate(auto j, int k, auto s, const State& column, State& rate) {
+    const auto rows = f_.dependence.rows(j);
+    const auto driven = f_.dependence.driven(j);
+    const int drive_start = f_.dependence.theta_start[k];
+    const auto& jacobian = jacobian_[s];
+    for_each_variable(rows, [&](auto i) {
+      P sum(0.0);
+      if ((driven >> i) & 1) sum = jacobian.by_theta[drive_start + detail::below(driven, i)];
+      const auto coupled = f_.dependence.coupled(i);
+      for_each_variable(both(coupled, rows), [&](auto m) {
+        sum += jacobian.by_state[f_.dependence.state_start[i] + detail::below(coupled, m)] * column[m];
+      });
+      rate[i] = sum;
+    });
+    if (slide_) slide_column(rows, column, k, sliding_[s], rate);
   }
 
   [[gnu::noinline]] void slide_column(auto rows, const State& column, int k, const SlidingStage<M, P>& stage, State& rate) {

@@ -244,7 +244,8 @@ void follow_rows(const M& model, const Points& points, const Parameters& paramet
   const mask_of_lanes<P> whole = finite<P>(adjoints.x) & finite<P>(y) & finite<P>(dy);
   for (int lane = 0; lane < pack.used; ++lane) {
     const std::size_t k = rows[lane];
-    if (!accepted<Method, M>(lanes_of<P>::get(error, lane), 1.0, tolerance, paths[k], out.status[k])) continue;
+    if (!accepted<Method, M>(lanes_of<P>::get(error, lane), Method::allowed_of_rows, tolerance, paths[k], out.status[k]))
+      continue;
     if (!lanes_of<P>::get(whole, lane)) {
       out.status[k] = Status::not_finite;
       continue;
