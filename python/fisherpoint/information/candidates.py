@@ -112,7 +112,7 @@ class CandidateSource:
         """Return what is valid at the prior mean of `count` candidates at the region's edges, sampled as late as plants allow."""
         points = self._region.draw_at_edges(self._problem.model, count, seed=self._rng)
         if (shortest := self._shortest) is not None:
-            cut, _, status = self._validity.cut_short(points, shortest)
+            cut, _, status = self._validity.cut_short(points, shortest, roughly=True)
             points = Experiments.join([points[np.flatnonzero(status == Status.ok)], cut])
         return self.survivors(points)[0]
 

@@ -111,14 +111,15 @@ class NodeSieve:
                 result[left[failed]] = status[failed, np.argmax(lost[failed], axis=1)]
         return result
 
-    def shortened(self, points: Experiments, shortest: float) -> tuple[IntArray, Array]:
+    def shortened(self, points: Experiments, shortest: float, first_alone: bool) -> tuple[IntArray, Array]:
         """Statuses (K,) as of `statuses`, and the longest dt (K,) at which the few nodes let each point pass.
 
-        A dt below the `shortest` one is not the longest; the other nodes have not been asked.
+        A dt below the `shortest` one is not the longest; the other nodes have not been asked. With `first_alone` only those are
+        that tell most.
         """
         status, dt = np.zeros(len(points), dtype=np.int32), points.dt.copy()
         lasted, asked = np.empty((len(points), 0)), np.empty(0, dtype=np.intp)
-        for some in (self._chosen[:AT_FIRST], self._chosen[AT_FIRST:]):
+        for some in (self._chosen[:AT_FIRST], self._chosen[AT_FIRST:])[: 1 if first_alone else 2]:
             left = np.flatnonzero(dt >= shortest)
             if not len(some) or not len(left):
                 continue

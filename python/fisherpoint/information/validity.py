@@ -63,10 +63,12 @@ class Validity:
             self.tried(points[np.array(new)])
         return np.array([self._known[key] for key in numbers], dtype=bool)
 
-    def cut_short(self, points: Experiments, shortest: float, ok_at_mean: bool = False) -> tuple[Experiments, IntArray, IntArray]:
+    def cut_short(
+        self, points: Experiments, shortest: float, *, ok_at_mean: bool = False, roughly: bool = False
+    ) -> tuple[Experiments, IntArray, IntArray]:
         """Of points (K,), those that are lost at the prior mean or on few nodes, with the longest dt at which these let them pass.
 
-        With `ok_at_mean` all are known to be ok at the mean.
+        With `ok_at_mean` all are known to be ok at the mean; `roughly` asks the nodes alone that tell most.
 
         Returns
         -------
@@ -82,7 +84,7 @@ class Validity:
             status, dt = np.where(np.isin(there, FATAL), there, np.int32(Status.ok)), np.minimum(dt, SHORT * at_mean)
         left = np.flatnonzero(dt >= shortest)
         dt = dt.copy()
-        there, dt[left] = self._sieve.shortened(lasting(points[left], dt[left]), shortest)
+        there, dt[left] = self._sieve.shortened(lasting(points[left], dt[left]), shortest, roughly)
         status[left] = np.where(status[left] == Status.ok, there, status[left])
         places = np.flatnonzero((status != Status.ok) & (dt >= shortest))
         return lasting(points[places], dt[places]), places.astype(np.int32), status

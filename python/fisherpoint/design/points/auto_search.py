@@ -87,7 +87,7 @@ AS_MANY = 4
 LEAST_SHARE = 0.1
 """Of the candidates that are drawn however many scenarios there are."""
 
-LEAST_GAIN, MOST_IDLE = 3e-4, 2
+LEAST_GAIN, MOST_IDLE = 1e-3, 2
 """The search ends after so many cycles in a row that gain less for each parameter."""
 
 UNCONFIRMED = 3
