@@ -13,7 +13,7 @@ from fisherpoint.design.configuration import load_config
 from fisherpoint.design.optimality.aims import LogDetWithin, aim_of
 from fisherpoint.design.optimality.criteria import Determinant
 from fisherpoint.information.combinations import combination
-from fisherpoint.information.evaluation import null_directions
+from fisherpoint.information.null_space import null_directions
 from test_exact_criteria import blind
 
 QUICK: dict[str, Any] = {"n_candidates": 10, "max_iterations": 30}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..information.combinations import combination
+from ..information.combinations import combinations
 from ..show.numbers import computed, counted, number, percent, percent_down
 from ..show.section import Report, Section
 from .criterion_report import maximised_of
@@ -73,7 +73,7 @@ def sweep_report(sweep: SweptDesigns) -> Report:
     table = Section("Designs by size", [*columns, *([] if sweep.cost is None else ["cost"])], rows, marked, notes)
     warnings = []
     if sweep.not_told:
-        left = "; ".join(map(combination, sweep.not_told))
+        left = combinations(sweep.not_told)
         of_rest = f"{what}, {error[0]}s and efficiencies are of the rest"
         if name not in OF_ALL:
             of_rest = f"what criterion {name} asks is determined all the same"

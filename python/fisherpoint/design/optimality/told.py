@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...basics.values import Array
-from ...information.combinations import combination
-from ...information.evaluation import null_directions
+from ...information.combinations import combinations
+from ...information.null_space import null_directions
 from ...information.problem import DesignProblem
 from .aims import Aim, LogDet, restricted
 from .candidate_rows import CandidateRows
@@ -111,11 +111,6 @@ def refuse_open(problem: DesignProblem, space: Estimable, count: int | None, nam
 def not_told(problem: DesignProblem, space: Estimable) -> tuple[Mapping[str, float], ...]:
     """Combinations of standardised parameters that no candidate tells about."""
     return null_directions(space.null, space.length, problem.estimated)
-
-
-def combinations(directions: Sequence[Mapping[str, float]]) -> str:
-    """All of them as part of a sentence."""
-    return "; ".join(map(combination, directions))
 
 
 def _most(rows: Array, known: Array, count: int) -> int:
