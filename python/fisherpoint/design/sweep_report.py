@@ -83,8 +83,9 @@ def sweep_report(sweep: SweptDesigns) -> Report:
         )
     if sweep.stop_reason != "done":
         why = "The time limit is over" if sweep.stop_reason == "time_limit" else "Interrupted"
-        first = f"the search for {sweep.sizes[0]} points was not done, and " if sweep.stop_reason == "interrupted_first" else ""
-        warnings.append(f"{why}: {first}larger sizes are missing.")
+        last, missing = f"the search for {sweep.sizes[-1]} points was not done", "larger sizes are missing"
+        words = {"time_limit": f"{last}, and none was begun for more", "interrupted_first": f"{last}, and {missing}"}
+        warnings.append(f"{why}: {words.get(sweep.stop_reason, missing)}.")
     beside = f" beside {sweep.n_previous} previous ones" if sweep.n_previous else ""
     sizes = sweep.sizes
     title = f"{counted(len(sizes), 'design')} of {sizes[0]} to {sizes[-1]} points{beside} for {sweep.problem.model.name}"
