@@ -39,7 +39,8 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .estimation.fit import Fit
     from .information.assumed import assumed_covariance
     from .information.comparison import RuleComparison, compare_rules
-    from .information.evaluation import Evaluation, evaluate_design, evaluate_under_noise
+    from .information.evaluate import evaluate_design, evaluate_under_noise
+    from .information.evaluation import Evaluation
     from .information.feasibility import Feasibility, feasibility
     from .information.identifiability import Identifiability, identifiability
     from .information.nearby import Nearby
@@ -200,7 +201,8 @@ _PLACES = {
     ".estimation.fit": ("Fit",),
     ".information.assumed": ("assumed_covariance",),
     ".information.comparison": ("RuleComparison", "compare_rules"),
-    ".information.evaluation": ("Evaluation", "evaluate_design", "evaluate_under_noise"),
+    ".information.evaluate": ("evaluate_design", "evaluate_under_noise"),
+    ".information.evaluation": ("Evaluation",),
     ".information.feasibility": ("Feasibility", "feasibility"),
     ".information.identifiability": ("Identifiability", "identifiability"),
     ".information.nearby": ("Nearby",),

@@ -8,6 +8,7 @@
 
 #include "fisherpoint/equations/state_equation.hpp"
 #include "fisherpoint/integration/integrator.hpp"
+#include "fisherpoint/kernels/kernel_models.hpp"
 #include "fisherpoint/kernels/sensitivities.hpp"
 #include "fisherpoint/models/hydraulic_cylinder.hpp"
 #include "fisherpoint/models/model.hpp"

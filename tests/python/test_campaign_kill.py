@@ -49,7 +49,7 @@ class Worker:
 
 @pytest.fixture(scope="module", params=list(TABLES))
 def worker(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Worker]:
-    example = HERE.parents[1] / "examples" / "cylinder.toml"
+    example = HERE.parents[1] / "examples" / "exponential_decay.toml"  # quick: it is killed dozens of times
     if request.param == "runs":
         text = example.with_name("reactor.toml").read_text().replace("segments = 8", "segments = 3\nlead_in = 1")
         example = tmp_path_factory.mktemp("example") / "short_runs.toml"

@@ -11,9 +11,10 @@ import pytest
 import fisherpoint as fp
 from fisherpoint.design.configuration import load_config
 from fisherpoint.design.optimality.aims import LogDetWithin, aim_of
-from fisherpoint.design.optimality.criteria import Determinant
+from fisherpoint.design.optimality.criteria import Determinant, Variance
+from fisherpoint.design.optimality.told import RUNS, told_aims
 from fisherpoint.information.combinations import combination
-from fisherpoint.information.evaluation import null_directions
+from fisherpoint.information.null_space import null_directions
 from test_exact_criteria import blind
 
 QUICK: dict[str, Any] = {"n_candidates": 10, "max_iterations": 30}
@@ -224,3 +225,27 @@ def test_what_can_be_estimated_does_not_depend_on_sizes(size: float) -> None:
     assert 0.98 < design.efficiency.at_least <= 1 + 1e-9 and design.ridge == 0.0
     found = fp.evaluate_design(given, design.points).log_det_estimable
     assert found is not None and found > np.log(5 / 4) - 0.02
+
+
+# --- how much few points can determine -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("among", (1, 1000))
+def test_one_candidate_among_many_may_tell_more(among: int) -> None:
+    """Two of them can determine three parameters, as one tells of two: that is no error."""
+    rows = np.zeros((1, among + 2, 2, 3))
+    rows[0, :, 0, 2] = 1.0
+    rows[0, 1, :, :2] = np.eye(2)
+    asked = aim_of(Variance("A", np.eye(3), True))
+    aims, _ = told_aims(blind(), [asked], rows, np.zeros((1, 3, 3)), 2, "error", RUNS)
+    assert aims[0].criterion.name == "A"
+    with pytest.raises(ValueError, match="as singular = 'error' asks, given 1, which leave some"):
+        told_aims(blind(), [asked], rows, np.zeros((1, 3, 3)), 1, "error", RUNS)
+
+
+def test_what_is_known_counts_however_well_it_is_known() -> None:
+    rows = np.zeros((1, 5, 1, 3))
+    rows[0, :, 0, 2] = 1.0
+    known = np.diag([1e22, 1.0, 0.0])[None]
+    aims, spaces = told_aims(blind(), [aim_of(Variance("A", np.eye(3), True))], rows, known, 1, "error", RUNS)
+    assert aims[0].criterion.name == "A" and spaces[0].rank == 3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ import pytest
 import fisherpoint as fp
 from defaults import problem as cylinder
 from defaults import valid_points
+from fisherpoint.design.points.point_search import PointSearch
+from fisherpoint.design.points.seen_candidates import SeenCandidates
 from fisherpoint_command import cli
 
 QUADRATIC = fp.SymbolicModel(
@@ -103,6 +106,47 @@ def test_an_interrupt_keeps_what_is_done() -> None:
     assert "Interrupted: larger sizes are missing" in str(found)
     limited = fp.sweep(quadratic(), range(3, 8), n_candidates=5, max_iterations=8, time_limit=1e-6)
     assert limited.sizes == (3,) and limited.stop_reason == "time_limit"
+    told = "The time limit is over: the search for 3 points was not done, and none was begun for more"
+    assert told in " ".join(str(limited).split())
+
+
+def test_a_time_limit_is_that_of_all_sizes_and_the_last_is_not_done_either(monkeypatch: pytest.MonkeyPatch) -> None:
+    limits, run = [], PointSearch.run
+
+    def noted(search: PointSearch, progress: Any) -> str:
+        limits.append(search.settings.time_limit)
+        return run(search, progress)
+
+    monkeypatch.setattr(PointSearch, "run", noted)
+    fp.sweep(quadratic(), (3, 4, 5), n_candidates=5, max_iterations=4, time_limit=1000.0)
+    assert 1000.0 > limits[0] > limits[1] > limits[2] > 0
+    assert fp.sweep(quadratic(), (3,), n_candidates=5, max_iterations=8, time_limit=1e-6).stop_reason == "time_limit"
+
+
+@pytest.mark.parametrize(("errors", "knee"), [((1.0, 0.6, 0.5), 4), ((1.0, 0.9, 0.5), None), ((1.0, 0.9, 1.1), None)])
+def test_no_knee_is_told_where_the_errors_fall_ever_faster_or_rise(
+    found: fp.Sweep, errors: tuple[float, ...], knee: int | None
+) -> None:
+    sized = [replace(found[n], maximised=-2 * np.log(e), level=1, degree=0) for n, e in zip((3, 4, 5), errors, strict=True)]
+    other = replace(found, designs=tuple(sized))
+    assert [of.mean_error for of in other.designs] == pytest.approx(list(errors)) and other.knee == knee
+    assert ("points on, which are marked" in str(other)) == (knee is not None)
+
+
+def test_candidates_of_the_next_size_are_chosen_by_the_criterion_at_the_mean(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not by the function's gradient in the first of the scenarios, for information at the mean."""
+    asked, best = [], SeenCandidates.best
+
+    def noted(seen: SeenCandidates, *given: Any) -> Any:
+        asked.extend(aim.criterion for aim in seen.aims)
+        return best(seen, *given)
+
+    monkeypatch.setattr(SeenCandidates, "best", noted)
+    problem = fp.load_problem(EXAMPLES / "michaelis_menten.toml")
+    over = fp.OverPrior("log", scenarios=[{"K": 0.2}, {}])
+    found = fp.sweep(problem, [2, 3], criterion="c", of="V / K", over=over, n_candidates=10, max_iterations=8)
+    assert len(asked) == 1 and found[3].at_least is not None
+    np.testing.assert_array_equal(asked[0].k, fp.criterion(problem, "c", of="V / K").k)
 
 
 def test_an_interrupt_before_the_first_is_done_keeps_the_best_so_far(tmp_path: Path) -> None:

@@ -12,8 +12,7 @@ from ..basics.checks import as_positive, check_choice, check_flag, check_positiv
 from ..basics.quantity import names_of
 from ..basics.values import FrozenMapping
 from ..engine.levels import kernels
-from ..information.combinations import combination
-from ..information.evaluation import null_directions
+from ..information.combinations import combinations
 from ..information.prior_information import prior_information as information_of_prior
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
@@ -29,6 +28,7 @@ from .optimality.continuous import Refinement, refined
 from .optimality.criteria import Criterion
 from .optimality.estimable import estimable
 from .optimality.point_rows import PointRows, check_additive
+from .optimality.told import NOT_TOLD, not_told
 from .optimality.weights import optimal_weights
 from .over_prior import OverPrior, Scenarios, moved_problems
 from .points.auto_search import AutoSearch
@@ -170,15 +170,15 @@ def approximate(
         points, pool = given[places], CandidateRows(rows, constant)
         spaces = [estimable(part.triangle()) for part in pool.parts]
         space, least = spaces[0] if over is None else EstimableOver.of(spaces), min(spaces, key=lambda one: one.rank)
-        null = null_directions(least.null, least.length, problem.estimated)
+        null = not_told(problem, least)
         refused = singular == "error" and criterion in OF_ALL and null
         if not refused and len({one.rank for one in spaces}) > 1:
-            told = "; ".join(combination(one) for one in null)
+            told = combinations(null)
             raise ValueError(
                 f"over: expected scenarios that tell about the same, given some in which no candidate tells about {told}"
             )
-        if refused or not space.rank or asked.outside(space) > 1e-6:
-            told = "; ".join(combination(one) for one in null)
+        if refused or not space.rank or asked.outside(space) > NOT_TOLD:
+            told = combinations(null)
             what = "all parameters, as singular = 'error' asks" if refused else "what is asked"
             raise ValueError(f"candidates: expected some that determine {what}, given none that tell about {told}, in prior std")
         left_out = FrozenMapping(dict(+source.rejected))

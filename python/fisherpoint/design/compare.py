@@ -14,7 +14,7 @@ from ..basics.extras import needed_for
 from ..basics.kept import Codec, Kept
 from ..basics.values import FrozenMapping
 from ..information.codec import problem_from_json, problem_to_json
-from ..information.evaluation import evaluate_under_noise
+from ..information.evaluate import evaluate_under_noise
 from ..information.feasibility import Feasibility, feasibility
 from ..information.problem import DesignProblem
 from ..information.problem_report import problem_sections

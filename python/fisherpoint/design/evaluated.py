@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from ..information.evaluation import Evaluation, evaluate_design, evaluate_under_noise
+from ..information.evaluate import evaluate_design, evaluate_under_noise
+from ..information.evaluation import Evaluation
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from ..basics.checks import as_positive, check_choice, check_flag, check_positive_int, check_type
 from ..basics.values import FrozenMapping
-from ..information.combinations import combination
-from ..information.evaluation import null_directions
+from ..information.combinations import combinations
 from ..information.prior_information import prior_information as information_of_prior
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
@@ -23,6 +22,7 @@ from .optimality.candidate_rows import CandidateRows
 from .optimality.estimable import estimable
 from .optimality.exact_design import ExactDesign
 from .optimality.point_rows import PointRows, check_additive
+from .optimality.told import NOT_TOLD, not_told
 from .optimality.weights import optimal_weights
 
 TOLERANCE = 1e-6
@@ -118,9 +118,9 @@ def exact(
         raise ValueError(f"candidates: expected valid points, given none: {told or 'no points at all'}")
     pool = CandidateRows(rows, None if known is None else known / n)
     space = estimable(pool.triangle())
-    null = null_directions(space.null, space.length, problem.estimated)
-    if not space.rank or asked.outside(space) > 1e-6:
-        told = "; ".join(combination(one) for one in null)
+    null = not_told(problem, space)
+    if not space.rank or asked.outside(space) > NOT_TOLD:
+        told = combinations(null)
         raise ValueError(f"candidates: expected some that determine what is asked, given none that tell about {told}")
     weights = optimal_weights(pool, asked, tolerance=TOLERANCE, seed=seed, space=space)
     limits = Limits(-float(np.log1p(-gap)), max_nodes, time_limit, started)

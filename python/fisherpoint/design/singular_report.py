@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Protocol
 
-from ..information.combinations import combination
+from ..information.combinations import combinations
 from ..show.numbers import counted, number
 from .evaluated import Evaluated
 from .found import FoundDesign
@@ -25,7 +25,7 @@ def singular_warning(evaluated: Evaluated) -> str:
         )
     sentences = [f"F is singular: the points determine {rank} of {counted(p, 'parameter')}."]
     if evaluated.not_told:
-        told = "; ".join(map(combination, evaluated.not_told))
+        told = combinations(evaluated.not_told)
         sentences.append(
             f"No point of the region was found to tell about {told} (in prior std): measure other outputs, widen the region, or "
             "leave parameters out (parameters = [...])."

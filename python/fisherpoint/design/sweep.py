@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
@@ -46,6 +46,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_SIZES = 1000
+
+NO_TIME = 1e-9
+"""A time limit in seconds that is over at once."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -133,7 +136,7 @@ def sweep(
     over, criterion, of, conditions, scale, prior_information
         As for :func:`fisherpoint.exchange`, for each size.
     time_limit : float, optional
-        Stop after so many seconds, with the sizes that are done then.
+        Stop after so many seconds, with the sizes that are done then and the best design so far of the next one.
     progress : bool or callable, optional
         True shows a bar, on the terminal and in notebooks; needs rich. A function is called with the size and a `Progress` once per
         iteration.
@@ -182,14 +185,18 @@ def sweep(
     scenarios = None if over is None else scenarios_of(problem, settings, previous, None, known, threads)
     seen = SeenCandidates(problem, threads, of_prior=information_of_prior(problem) if prior_information else 0.0)
     found: list[_Found] = []
-    space, ridge = None, 0.0
+    space, ridge, aims = None, 0.0, seen.aims
     search: PointSearch | None = None
     stop_reason = "done"
     try:
         with following(progress, "sizes", sizes_step(sizes), "drawing the first points") as told:
             for search in sized_searches(problem, settings, sizes, threads, known, seen, scenarios):
                 size = search.settings.n_experiments
-                if search.run(None if told is None else partial(told, size)) == "interrupted":
+                if time_limit is not None:  # what is left of it
+                    left = time_limit - (time.perf_counter() - started - search.seconds)
+                    search.settings = replace(search.settings, time_limit=max(left, NO_TIME))
+                ended = search.run(None if told is None else partial(told, size))
+                if ended == "interrupted":
                     raise KeyboardInterrupt
                 check_determined(search)
                 one = _found(search)
@@ -198,10 +205,11 @@ def sweep(
                     if singular == "error" and criterion in OF_ALL:
                         refuse_open(problem, space, size)
                 seen.include(search.seen)
-                seen.aims = search.aims
+                aims = search.aims
+                seen.aims = (search.at_mean,)  # by which candidates for the next size are chosen, at the mean too
                 ridge = max(ridge, search.ridge)
                 found.append(one)
-                if time_limit is not None and time.perf_counter() - started > time_limit and size != sizes[-1]:
+                if ended == "time_limit":
                     stop_reason = "time_limit"
                     break
     except KeyboardInterrupt:
@@ -212,6 +220,7 @@ def sweep(
             stop_reason = "interrupted_first"  # who interrupts wants an end: nothing is proven of this one
             found.append(_found(search))
     level = None if space is None or not len(space.null) else space.rank
+    seen.aims = aims
     designs, bound = [], None
     for information, evaluation, aim, maximised in found:
         own = level if maximised is None else aim.level

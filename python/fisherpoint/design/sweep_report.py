@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..information.combinations import combination
+from ..information.combinations import combinations
 from ..show.numbers import computed, counted, number, percent, percent_down
 from ..show.section import Report, Section
 from .criterion_report import maximised_of
@@ -73,7 +73,7 @@ def sweep_report(sweep: SweptDesigns) -> Report:
     table = Section("Designs by size", [*columns, *([] if sweep.cost is None else ["cost"])], rows, marked, notes)
     warnings = []
     if sweep.not_told:
-        left = "; ".join(map(combination, sweep.not_told))
+        left = combinations(sweep.not_told)
         of_rest = f"{what}, {error[0]}s and efficiencies are of the rest"
         if name not in OF_ALL:
             of_rest = f"what criterion {name} asks is determined all the same"
@@ -83,8 +83,9 @@ def sweep_report(sweep: SweptDesigns) -> Report:
         )
     if sweep.stop_reason != "done":
         why = "The time limit is over" if sweep.stop_reason == "time_limit" else "Interrupted"
-        first = f"the search for {sweep.sizes[0]} points was not done, and " if sweep.stop_reason == "interrupted_first" else ""
-        warnings.append(f"{why}: {first}larger sizes are missing.")
+        last, missing = f"the search for {sweep.sizes[-1]} points was not done", "larger sizes are missing"
+        words = {"time_limit": f"{last}, and none was begun for more", "interrupted_first": f"{last}, and {missing}"}
+        warnings.append(f"{why}: {words.get(sweep.stop_reason, missing)}.")
     beside = f" beside {sweep.n_previous} previous ones" if sweep.n_previous else ""
     sizes = sweep.sizes
     title = f"{counted(len(sizes), 'design')} of {sizes[0]} to {sizes[-1]} points{beside} for {sweep.problem.model.name}"

@@ -106,8 +106,8 @@ class SweptDesigns:
     n_previous, n_candidates : int
         Points that are added to every design; candidates that the searches have evaluated.
     stop_reason : {"done", "interrupted", "interrupted_first", "time_limit"}
-        Where it is not "done", larger sizes are missing; "interrupted_first", before the first size was done, of which this is the
-        best design so far.
+        Where it is not "done", larger sizes are missing; with "time_limit" the search for the largest was cut short, and
+        "interrupted_first" came before the first size was done, of which this is the best design so far.
     seconds : float
     settings : ExchangeSettings or None
         Of the search for the smallest design; the others differ in their size. None in older files.
@@ -142,10 +142,11 @@ class SweptDesigns:
 
     @property
     def knee(self) -> int | None:
-        """The size from which on more experiments help little; None where fewer than three designs determine all parameters.
+        """The size from which on more experiments help little; None where there is none, as of fewer than three regular designs.
 
         The mean standard error, `SizedDesign.mean_error`, falls with the size; the knee is where its curve lies furthest below the
         straight line from the first to the last of the sizes (Satopaa et al. 2011). It depends on these two, and is no optimum.
+        There is none where the curve is nowhere below that line.
         """
         able = [of for of in self.designs if np.isfinite(of.information)]
         if len(able) < 3:
@@ -154,7 +155,8 @@ class SweptDesigns:
         errors = np.array([of.mean_error for of in able])
         x = (np.array(sizes) - sizes[0]) / (sizes[-1] - sizes[0])
         y = (errors - errors[-1]) / max(errors[0] - errors[-1], np.finfo(float).tiny)
-        return sizes[int(np.argmin(x + y))]
+        below = int(np.argmin(x + y))
+        return sizes[below] if x[below] + y[below] < 1 - 1e-9 and errors[-1] < errors[0] else None
 
     def within(self, budget: float) -> int | None:
         """The size of the design that tells most of those that cost no more than a budget; None where all cost more.

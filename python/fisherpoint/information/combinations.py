@@ -159,5 +159,10 @@ def combination(direction: Mapping[str, float]) -> str:
     return text.removeprefix("+ ") + (f" (and less than {LEAST_SHARE * 100:g} % of {small})" if small else "")
 
 
+def combinations(directions: Sequence[Mapping[str, float]]) -> str:
+    """All of them as part of a sentence."""
+    return "; ".join(map(combination, directions))
+
+
 def _factor(value: float) -> str:
     return f"{value:.2f}" if value > 0.1 else f"{value:.2g}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -11,26 +10,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..basics.checks import check_choice, check_flag, check_type
+from ..basics.checks import check_choice
 from ..basics.extras import needed_for
 from ..basics.kept import Kept
 from ..basics.quantity import names_of
 from ..basics.values import Array, FrozenMapping
 from ..engine import _core
-from ..points.experiments import Experiments
-from ..points.runs import Runs
 from ..show.numbers import computed, counted, number, percent
 from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
 from .combinations import combination
 from .nearby import Nearby, nearby_of
-from .null_space import column_scaled_svd, pivots, reduced_basis, unscaled
-from .output_covariance import Criterion, cholesky_factor, criterion, needs_covariances, whitened
-from .point_information import PointInformation, point_information
-from .previous import Previous, previous_information
+from .null_space import column_scaled_svd, null_directions
+from .output_covariance import Criterion, cholesky_factor, whitened
+from .point_information import PointInformation
 from .prior_information import prior_rows
 from .problem import DesignProblem
-from .run_information import run_information
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,9 +33,6 @@ if TYPE_CHECKING:
 
 RANK_TOLERANCE = 1e-9
 """Singular values of the whitened, column-scaled sensitivities below this share of the largest count as zero."""
-
-ROUNDING = 1e-7
-"""Of components of null directions, where there are several."""
 
 UNDETERMINED = 1e-6
 """Share of a parameter in what the data leave open from which on they do not determine it."""
@@ -215,82 +207,6 @@ def value_of_criterion(evaluation: Evaluation) -> list[tuple[str, str]]:
     return facts
 
 
-def evaluate_design(
-    problem: DesignProblem,
-    points: Experiments | Runs,
-    *,
-    threads: int | None = None,
-    previous: Previous | None = None,
-    prior_information: bool = False,
-) -> Evaluation:
-    """Evaluate any design, also one with fewer points than parameters.
-
-    Parameters
-    ----------
-    problem : DesignProblem
-        Its region may be None.
-    points : Experiments or Runs
-        At least one point, or run. The rule is run over the prior where D needs it ("pooled" and "pointwise"); runs take D = R, and
-        what is uncertain moves all samples of a run at once.
-    threads : int, optional
-    previous : Measurements, Experiments, Design, or a sequence of these, optional
-        Points whose information is already collected, as for `exchange`: the evaluation is of all points together.
-    prior_information : bool
-        Whether the inverse of the prior's covariance counts beside them, as for `exchange`; where D is R.
-
-    Returns
-    -------
-    Evaluation
-        Where F is singular: its rank and null directions, and no standard errors.
-
-    Raises
-    ------
-    ValueError
-        Where a point is none (its trajectory is not ok, or it starts on a switching surface), D is singular, or the prior's
-        information is to count under another D than R.
-    """
-    check_type(problem, DesignProblem, "problem")
-    _check_points(points)
-    kind = "noise" if isinstance(points, Runs) else str(problem.output_covariance)
-    if check_flag(prior_information, "prior_information") and kind != "noise":
-        raise ValueError(f"prior_information: expected output_covariance 'noise', under which F is information, given {kind!r}")
-    if isinstance(points, Runs):
-        information = run_information(problem, points, threads)
-    else:
-        information = point_information(problem, points, needs_covariances(str(problem.output_covariance)), threads)
-    known, left_out = previous_information(problem, previous, threads)
-    if left_out:
-        reasons = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
-        warnings.warn(f"previous: expected points that are valid at the prior mean, left out {reasons}", stacklevel=2)
-    if known is not None:
-        information = PointInformation.join([known, information])
-    return evaluate_information(problem, information, criterion(problem, information, threads), threads, prior_information)
-
-
-def evaluate_under_noise(
-    problem: DesignProblem,
-    points: Experiments | Runs,
-    *,
-    threads: int | None = None,
-    previous: Previous | None = None,
-    prior_information: bool = False,
-) -> Evaluation | None:
-    """Evaluate a design with D = R, or R_k, whatever the problem's D is; None where the sensor noise is not known."""
-    check_type(problem, DesignProblem, "problem")
-    _check_points(points)
-    if problem.noise_std is None:
-        return None
-    under_noise = problem.replace(output_covariance="noise")
-    return evaluate_design(under_noise, points, threads=threads, previous=previous, prior_information=prior_information)
-
-
-def _check_points(points: object) -> None:
-    if not isinstance(points, Experiments | Runs):
-        raise TypeError(f"points: expected Experiments or Runs, given {type(points).__name__}")
-    if not len(points):
-        raise ValueError("points: expected at least one point, given none")
-
-
 def evaluate_information(
     problem: DesignProblem, information: PointInformation, d: Criterion, threads: int | None, prior_information: bool = False
 ) -> Evaluation:
@@ -390,24 +306,3 @@ def finite_fisher(fisher: Array) -> Array:
             "check noise_std and the prior's standard deviations"
         )
     return fisher
-
-
-def null_directions(vectors: Array, length: Array, names: tuple[str, ...]) -> tuple[Mapping[str, float], ...]:
-    """Directions that span the same space as right singular vectors (d, p) of column-scaled sensitivities, as combinations.
-
-    Of several, each has a parameter of its own that is not in the others, so that one along a few parameters is told as such.
-    """
-    if len(vectors) > 1:
-        vectors = reduced_basis(vectors, pivots(vectors))
-        vectors = np.where(np.abs(vectors) > ROUNDING, vectors, 0.0)
-    return tuple(null_direction(v, length, names) for v in vectors)
-
-
-def null_direction(v: Array, length: Array, names: tuple[str, ...]) -> Mapping[str, float]:
-    """A right singular vector of column-scaled sensitivities as a combination of standardised parameters."""
-    direction = unscaled(v, length)
-    direction = direction / np.abs(direction).max()
-    direction *= np.sign(direction[np.argmax(np.abs(direction))])
-    # What is small counts all the same where the outputs feel it.
-    counts = (np.abs(direction) > 1e-6) | ((np.abs(v) > 1e-6) & (length > 0))
-    return FrozenMapping({name: float(c) for name, c, kept in zip(names, direction, counts, strict=True) if kept})

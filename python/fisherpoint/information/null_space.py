@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
-from ..basics.values import Array
+from ..basics.values import Array, FrozenMapping
+
+ROUNDING = 1e-7
+"""Of components of null directions, where there are several."""
 
 
 def column_scaled_svd(matrix: Array, length: Array | None = None) -> tuple[Array, Array, Array]:
@@ -41,3 +46,24 @@ def reduced_basis(directions: Array, columns: list[int]) -> Array:
     A direction along a few axes is found as such, whatever mixture of directions was given.
     """
     return np.asarray(np.linalg.solve(directions[:, columns], directions), dtype=np.float64)
+
+
+def null_directions(vectors: Array, length: Array, names: tuple[str, ...]) -> tuple[Mapping[str, float], ...]:
+    """Directions that span the same space as right singular vectors (d, p) of column-scaled sensitivities, as combinations.
+
+    Of several, each has a parameter of its own that is not in the others, so that one along a few parameters is told as such.
+    """
+    if len(vectors) > 1:
+        vectors = reduced_basis(vectors, pivots(vectors))
+        vectors = np.where(np.abs(vectors) > ROUNDING, vectors, 0.0)
+    return tuple(null_direction(v, length, names) for v in vectors)
+
+
+def null_direction(v: Array, length: Array, names: tuple[str, ...]) -> Mapping[str, float]:
+    """A right singular vector of column-scaled sensitivities as a combination of standardised parameters."""
+    direction = unscaled(v, length)
+    direction = direction / np.abs(direction).max()
+    direction *= np.sign(direction[np.argmax(np.abs(direction))])
+    # What is small counts all the same where the outputs feel it.
+    counts = (np.abs(direction) > 1e-6) | ((np.abs(v) > 1e-6) & (length > 0))
+    return FrozenMapping({name: float(c) for name, c, kept in zip(names, direction, counts, strict=True) if kept})

@@ -13,7 +13,7 @@ from ...basics.values import Array
 from .criteria import Criterion, Slope
 
 MOST_STEPS, MOST_IDLE = 200, 20
-"""Steps, and steps in a row without progress, after which double precision has no more."""
+"""Steps, and steps in a row in which the gap does not fall by a tenth, after which double precision has no more."""
 
 MULTIPLIED, EVEN, LEAST = 30, 1.5, 1e-4
 """Multiplications of the weights before the first step, the sensitivity from which on there are none, and the least factor squared.
@@ -46,10 +46,10 @@ def best_weights(matrices: Array, criterion: Criterion, gap: float) -> tuple[Arr
     s = nu - g
     mu = float(w @ s) / m
     best, smallest = (w, slope), np.inf
-    idle = 0
+    idle, since = 0, np.inf  # the gap before the first of the idle steps: small ones add up
     for _ in range(MOST_STEPS):
         above = float(g.max()) - 1.0
-        idle = 0 if above < 0.9 * smallest else idle + 1
+        idle, since = (0, above) if above < 0.9 * since else (idle + 1, since)
         if above < smallest:
             best, smallest = (w / w.sum(), slope), above
         if above <= gap or idle > MOST_IDLE:

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...basics.values import Array
-from ...information.combinations import combination
-from ...information.evaluation import null_directions
+from ...information.combinations import combinations
+from ...information.null_space import null_directions
 from ...information.problem import DesignProblem
 from .aims import Aim, LogDet, restricted
 from .candidate_rows import CandidateRows
@@ -19,7 +19,7 @@ NOT_TOLD = 1e-6
 """Share of what is asked that may be outside of what is told, as rounding."""
 
 LOOKED_AT = 200
-"""Candidates of which is looked at how many directions one of them tells about."""
+"""Candidates of which is looked at first how many directions one of them tells about."""
 
 POINTS, RUNS = ("n_experiments", "points"), ("n_runs", "runs")
 """What errors call the count, and what is counted."""
@@ -76,7 +76,7 @@ def told_aims(
         if aim.criterion.restricted(space.span) is aim.criterion:
             result.append(aim)
             continue
-        most = space.rank if count >= space.rank else _most(own, there, count)
+        most = space.rank if count >= space.rank else _most(own, there, count, space.rank)
         too_few = most < space.rank
         if singular == "error":
             refuse_open(problem, space, count if too_few else None, named)
@@ -113,13 +113,16 @@ def not_told(problem: DesignProblem, space: Estimable) -> tuple[Mapping[str, flo
     return null_directions(space.null, space.length, problem.estimated)
 
 
-def combinations(directions: Sequence[Mapping[str, float]]) -> str:
-    """All of them as part of a sentence."""
-    return "; ".join(map(combination, directions))
-
-
-def _most(rows: Array, known: Array, count: int) -> int:
-    """How many directions so many points can determine at most."""
-    some = rows[np.linspace(0, len(rows) - 1, min(LOOKED_AT, len(rows))).astype(int)]
-    each = int(np.linalg.matrix_rank(some).max())
-    return count * each + int(np.linalg.matrix_rank(known))
+def _most(rows: Array, known: Array, count: int, enough: int) -> int:
+    """How many directions so many points can determine at most; no less than `enough` where they can determine these."""
+    size = np.sqrt(np.maximum(np.diag(known), 0.0))
+    size = np.where(size > 0, size, 1.0)  # squares of what is told well and badly would differ by more than rounding
+    most = int(np.linalg.matrix_rank(known / np.outer(size, size), hermitian=True))
+    length = np.sqrt(np.square(rows).sum(axis=(0, 1)))
+    scaled = rows / np.where(length > 0, length, 1.0)
+    each = 0
+    for some in (scaled[:: max(1, len(rows) // LOOKED_AT)], scaled):  # all, where the first do not suffice
+        each = int(np.linalg.matrix_rank(some).max())
+        if most + count * each >= enough:
+            break
+    return most + count * each

@@ -47,7 +47,7 @@ REGULAR = 1e-6
 """Smallest eigenvalue of the mean of a working set, next to the mean of all candidates, which has 1."""
 
 MOST_ROUNDS, MOST_IDLE = 300, 12
-"""Rounds, and rounds in a row without progress, after which double precision has no more."""
+"""Rounds, and rounds in a row in which the gap does not fall by a tenth, after which double precision has no more."""
 
 LEAST_WEIGHTS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-11)
 """Weights below which a candidate is dropped in the end, where that costs less than a tenth of the tolerance."""
@@ -152,7 +152,7 @@ class _Search:
 
     def run(self, working: Places) -> None:
         """Rounds until the sensitivity function of no candidate exceeds 1 by more than the tolerance, or none gets closer."""
-        gap = smallest = of_all = np.inf
+        gap = smallest = of_all = since = np.inf
         idle = 0
         near: _Near | None = None
         while self.rounds < MOST_ROUNDS and idle < MOST_IDLE and smallest > self.tolerance:
@@ -168,7 +168,7 @@ class _Search:
             gap = max(float(along.max()) - 1.0, 0.0)
             if near is None:
                 of_all = gap
-                idle = 0 if gap < 0.9 * smallest else idle + 1
+                idle, since = (0, gap) if gap < 0.9 * since else (idle + 1, since)
                 if gap < smallest:
                     smallest, self.best = gap, _Raw(working, weights, slope)
                 if self.deletes:

@@ -9,9 +9,9 @@ import numpy as np
 from ...basics.checks import check_choice, check_positive_int, check_type
 from ...basics.values import Array, FrozenMapping
 from ...data.pieces import Pieces
-from ...information.combinations import combination
-from ...information.evaluation import RANK_TOLERANCE, evaluate_information, null_directions
-from ...information.null_space import column_scaled_svd
+from ...information.combinations import combinations
+from ...information.evaluation import RANK_TOLERANCE, evaluate_information
+from ...information.null_space import column_scaled_svd, null_directions
 from ...information.output_covariance import criterion
 from ...information.piece_information import PieceInformation, picked_information, piece_information, piece_problem
 from ...information.problem import DesignProblem
@@ -88,7 +88,7 @@ def best_pieces(
     stop_reason = search.run()
     design = _found(problem, pieces, information, search, stop_reason, seed, threads, started)
     if singular == "error" and design.evaluation.null_directions and stop_reason != "interrupted":
-        told = "; ".join(map(combination, design.evaluation.null_directions))
+        told = combinations(design.evaluation.null_directions)
         raise ValueError(
             f"n_pieces: expected windows enough to determine all parameters, as singular = 'error' asks, given {count}, which "
             f"leave open {told}, in prior std: pick more, or longer ones"
@@ -107,7 +107,7 @@ def _refuse_open_directions(problem: DesignProblem, factor: Array) -> None:
     values, directions, length = column_scaled_svd(factor)
     rank = int((values > RANK_TOLERANCE * max(values.max(), 1e-300)).sum())
     if rank < len(names):
-        told = "; ".join(map(combination, null_directions(directions[rank:], length, names)))
+        told = combinations(null_directions(directions[rank:], length, names))
         raise ValueError(
             f"pieces: expected windows that together determine all parameters, given {rank} of {len(names)}; not determined, in"
             f" prior std: {told}. Estimate fewer parameters, or take longer windows"

@@ -11,8 +11,8 @@ from ...basics.checks import check_type
 from ...basics.messages import listed
 from ...basics.values import Array, FrozenMapping
 from ...engine.levels import kernels
-from ...information.combinations import combination
-from ...information.evaluation import evaluate_design
+from ...information.combinations import combinations
+from ...information.evaluate import evaluate_design
 from ...information.feasibility import feasibility
 from ...information.point_information import PointInformation
 from ...information.previous import Previous, previous_information
@@ -221,7 +221,7 @@ def design_runs(
 def _refuse(what: str, directions: Sequence[Mapping[str, float]], help_: str) -> None:
     raise ValueError(
         f"region: expected runs that determine all parameters, as singular = 'error' asks; {what} "
-        f"{'; '.join(map(combination, directions))}, in prior std: {help_}"
+        f"{combinations(directions)}, in prior std: {help_}"
     )
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...basics.values import Array
-from ...information.evaluation import null_directions
+from ...information.null_space import null_directions
 from ...information.run_tangents import run_tangents
 from ...points.runs import Runs
 from ...points.status import failures_of

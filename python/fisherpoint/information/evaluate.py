@@ -1,0 +1,91 @@
+"""The evaluation of any points or runs: beside previous ones, and under the sensor noise alone."""
+
+from __future__ import annotations
+
+import warnings
+
+from ..basics.checks import check_flag, check_type
+from ..points.experiments import Experiments
+from ..points.runs import Runs
+from .evaluation import Evaluation, evaluate_information
+from .output_covariance import criterion, needs_covariances
+from .point_information import PointInformation, point_information
+from .previous import Previous, previous_information
+from .problem import DesignProblem
+from .run_information import run_information
+
+
+def evaluate_design(
+    problem: DesignProblem,
+    points: Experiments | Runs,
+    *,
+    threads: int | None = None,
+    previous: Previous | None = None,
+    prior_information: bool = False,
+) -> Evaluation:
+    """Evaluate any design, also one with fewer points than parameters.
+
+    Parameters
+    ----------
+    problem : DesignProblem
+        Its region may be None.
+    points : Experiments or Runs
+        At least one point, or run. The rule is run over the prior where D needs it ("pooled" and "pointwise"); runs take D = R, and
+        what is uncertain moves all samples of a run at once.
+    threads : int, optional
+    previous : Measurements, Experiments, Design, or a sequence of these, optional
+        Points whose information is already collected, as for `exchange`: the evaluation is of all points together.
+    prior_information : bool
+        Whether the inverse of the prior's covariance counts beside them, as for `exchange`; where D is R.
+
+    Returns
+    -------
+    Evaluation
+        Where F is singular: its rank and null directions, and no standard errors.
+
+    Raises
+    ------
+    ValueError
+        Where a point is none (its trajectory is not ok, or it starts on a switching surface), D is singular, or the prior's
+        information is to count under another D than R.
+    """
+    check_type(problem, DesignProblem, "problem")
+    _check_points(points)
+    kind = "noise" if isinstance(points, Runs) else str(problem.output_covariance)
+    if check_flag(prior_information, "prior_information") and kind != "noise":
+        raise ValueError(f"prior_information: expected output_covariance 'noise', under which F is information, given {kind!r}")
+    if isinstance(points, Runs):
+        information = run_information(problem, points, threads)
+    else:
+        information = point_information(problem, points, needs_covariances(str(problem.output_covariance)), threads)
+    known, left_out = previous_information(problem, previous, threads)
+    if left_out:
+        reasons = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
+        warnings.warn(f"previous: expected points that are valid at the prior mean, left out {reasons}", stacklevel=2)
+    if known is not None:
+        information = PointInformation.join([known, information])
+    return evaluate_information(problem, information, criterion(problem, information, threads), threads, prior_information)
+
+
+def evaluate_under_noise(
+    problem: DesignProblem,
+    points: Experiments | Runs,
+    *,
+    threads: int | None = None,
+    previous: Previous | None = None,
+    prior_information: bool = False,
+) -> Evaluation | None:
+    """Evaluate a design with D = R, or R_k, whatever the problem's D is; None where the sensor noise is not known."""
+    check_type(problem, DesignProblem, "problem")
+    _check_points(points)
+    if problem.noise_std is None:
+        return None
+    under_noise = problem.replace(output_covariance="noise")
+    return evaluate_design(under_noise, points, threads=threads, previous=previous, prior_information=prior_information)
+
+
+def _check_points(points: object) -> None:
+    if not isinstance(points, Experiments | Runs):
+        raise TypeError(f"points: expected Experiments or Runs, given {type(points).__name__}")
+    if not len(points):
+        raise ValueError("points: expected at least one point, given none")
