@@ -139,7 +139,7 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
         {
             "bounds": "Lower and upper bound; equal bounds fix the value.",
             "unit": "The unit, where it is not the model's.",
-            "constraints": "Relations that every point has to satisfy.",
+            "constraints": "Relations that every point has to satisfy, in the units of the model whatever those of the bounds.",
         },
     ),
     "runs": (
@@ -152,8 +152,10 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "n_runs": "Number of runs of a design.",
             "constant": "Inputs, or `dt`, that stay the same over a run.",
             "shared": "States at the start, constant inputs, or `dt`, that all runs have alike.",
-            "levels": "The only values that an input may take, by name.",
-            "slew": "The most that an input may change from one segment to the next, by name.",
+            "levels": "The only values that an input may take, by name; in a unit of their own as"
+            ' `{ values = [0, 1], unit = "kW" }`.',
+            "slew": "The most that an input may change from one segment to the next, by name; in a unit of its own as"
+            ' `{ value = 0.2, unit = "kW" }`.',
             "duration": "The longest that a run may last, s.",
             "lead_in": "Segments at the beginning that are not measured.",
             "samples": "How many samples are chosen of each run; all where it is not given.",
@@ -325,7 +327,11 @@ def _kind(schema: Mapping[str, Any], node: Mapping[str, Any]) -> str:
         return f"list of {_kind(schema, node['items'])}s"
     if kind == "object":
         inner = node.get("additionalProperties")
-        return f"by name: {_kind(schema, inner)}" if isinstance(inner, dict) and "$ref" not in inner else "table by name"
+        if isinstance(inner, dict) and "$ref" not in inner:
+            return f"by name: {_kind(schema, inner)}"
+        first, *others = _resolved(schema, inner or {}).get("properties", {"": {}}).items()
+        bare = [name for name, _ in others] == ["unit"] and first[0].startswith("value")  # then braces may be left out
+        return f"by name: {_kind(schema, first[1])}, or a table" if bare else "table by name"
     words = {"integer": "integer", "number": "number", "string": "text", "boolean": "`true` or `false`"}
     return words.get(str(kind), "table") + _limits(node)
 

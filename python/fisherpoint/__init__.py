@@ -10,7 +10,7 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .data import Measurements, Record, RecordTrajectory, VirtualRig, simulate_record
     from .data.pieces import Pieces, pieces
     from .design.approximate import ApproximateProgress, approximate
-    from .design.compare import ComparedDesign, DesignComparison, compare
+    from .design.compare import ComparedDesign, CompareProgress, DesignComparison, compare
     from .design.configuration import load_problem
     from .design.cost import Cost
     from .design.efficiency import Efficiency
@@ -25,6 +25,7 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .design.over_prior import OverPrior
     from .design.pieces.best_pieces import best_pieces
     from .design.pieces.piece_design import PieceDesign
+    from .design.pieces.piece_search import PieceProgress
     from .design.points.point_search import Progress
     from .design.result import Design
     from .design.runs.design_runs import design_runs
@@ -37,6 +38,7 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .engine.levels import available_isas, isa
     from .estimation.estimate import EstimateProgress, estimate
     from .estimation.fit import Fit
+    from .estimation.profile import ProfileProgress
     from .information.assumed import assumed_covariance
     from .information.comparison import RuleComparison, compare_rules
     from .information.evaluate import evaluate_design, evaluate_under_noise
@@ -76,6 +78,7 @@ __all__ = [
     "ApproximateProgress",
     "CallableModel",
     "Campaign",
+    "CompareProgress",
     "ComparedDesign",
     "Constraint",
     "Cost",
@@ -104,8 +107,10 @@ __all__ = [
     "Nearby",
     "OverPrior",
     "PieceDesign",
+    "PieceProgress",
     "Pieces",
     "PredictiveCovariance",
+    "ProfileProgress",
     "Progress",
     "Quantity",
     "Record",
@@ -172,7 +177,7 @@ _PLACES = {
     ".data": ("Measurements", "Record", "RecordTrajectory", "VirtualRig", "simulate_record"),
     ".data.pieces": ("Pieces", "pieces"),
     ".design.approximate": ("ApproximateProgress", "approximate"),
-    ".design.compare": ("ComparedDesign", "DesignComparison", "compare"),
+    ".design.compare": ("CompareProgress", "ComparedDesign", "DesignComparison", "compare"),
     ".design.configuration": ("load_problem",),
     ".design.cost": ("Cost",),
     ".design.efficiency": ("Efficiency",),
@@ -187,6 +192,7 @@ _PLACES = {
     ".design.over_prior": ("OverPrior",),
     ".design.pieces.best_pieces": ("best_pieces",),
     ".design.pieces.piece_design": ("PieceDesign",),
+    ".design.pieces.piece_search": ("PieceProgress",),
     ".design.points.point_search": ("Progress",),
     ".design.result": ("Design",),
     ".design.runs.design_runs": ("design_runs",),
@@ -199,6 +205,7 @@ _PLACES = {
     ".engine.levels": ("available_isas", "isa"),
     ".estimation.estimate": ("EstimateProgress", "estimate"),
     ".estimation.fit": ("Fit",),
+    ".estimation.profile": ("ProfileProgress",),
     ".information.assumed": ("assumed_covariance",),
     ".information.comparison": ("RuleComparison", "compare_rules"),
     ".information.evaluate": ("evaluate_design", "evaluate_under_noise"),

@@ -16,7 +16,9 @@ from .kept import begin_writing
 from .terminal import say
 from .written import PAGE
 
-MAIN = ("design.json", "fit.json", "campaign.json", "report.txt")
+CAMPAIGN = "campaign.json"
+
+MAIN = ("design.json", "fit.json", CAMPAIGN, "report.txt")
 """Files of which one stands wherever there is a result."""
 
 SHOWN = dict.fromkeys(
@@ -34,12 +36,18 @@ def needed(output: Path | None, check: bool) -> None:
 def free_directory(path: Path | None, force: bool) -> list[str]:
     """Make sure that a result can be written to a directory, and return what `remove_old` is to remove of another one there.
 
-    Nothing is made yet: what fails later is to leave nothing behind.
+    Nothing is made yet: what fails later is to leave nothing behind. A campaign is never replaced: what was measured cannot be
+    computed anew, and what was made for people of the other result would be replaced by the next batch.
     """
     if path is None:
         return []
     check_directory(path)
     there = results_in(path)
+    if CAMPAIGN in there:
+        raise ConfigError(
+            f"--output: expected a directory without a campaign, given {path}, which has {CAMPAIGN}; take another one, "
+            "as a campaign holds what was measured, which --force does not replace"
+        )
     if there and not force:
         raise _taken(path, there, "--force replaces it")
     return [name for name in SHOWN if there and (path / name).exists()]

@@ -236,6 +236,19 @@ MISTAKES: dict[str, Mistake] = {
     "levels outside": reactor(
         "segments = 8", "segments = 8\nlevels = { T = [100.0] }", "runs.levels.T: expected values within 300 and 700"
     ),
+    "levels in another dimension": reactor(
+        "segments = 8",
+        'segments = 8\nlevels = { T = { values = [300.0], unit = "bar" } }',
+        "runs.levels.T: expected a unit of what is in 'K', given 'bar'",
+    ),
+    "slew in another dimension": reactor(
+        "segments = 8",
+        'segments = 8\nslew = { T = { value = 5.0, unit = "K/min" } }',
+        "runs.slew.T: expected a unit of what is in 'K', given 'K/min'",
+    ),
+    "levels that are text": reactor(
+        "segments = 8", 'segments = 8\nlevels = { T = "high" }', "runs.levels.T: expected a list of numbers or {values"
+    ),
     # --- Options and arguments ---------------------------------------------------------------------------------------
     "unknown command": Mistake(
         "desing enzyme.toml -o out", ("expected a command among design, ", "given desing (did you mean design?)")

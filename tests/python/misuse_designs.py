@@ -81,6 +81,7 @@ def design_cases() -> dict[str, Case]:
             seed=(0, INT),
             threads=threads,
             singular=("estimable",),
+            progress=(None, NONE, FLAG, FUNCTION),
         ),
         "approximate": case(
             fp.approximate,
@@ -187,6 +188,7 @@ def design_cases() -> dict[str, Case]:
             draws=(20, INT),
             seed=(0, INT),
             threads=threads,
+            progress=(None, NONE, FLAG, FUNCTION),
         ),
         "sweep": case(
             fp.sweep,

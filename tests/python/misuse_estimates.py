@@ -90,7 +90,12 @@ def estimate_cases() -> dict[str, Case]:
             lambda bound: fp.estimate(model(), data(), noise_std=NOISE, bounds={"k": bound}), bound=((0.0, 1.0), ARRAY)
         ),
         "Fit.intervals": case(lambda level: fit().intervals(level), level=(0.9, NUMBER)),
-        "Fit.profile": case(lambda name, level: fit().profile(name, level=level), name=("k", TEXT), level=(0.9, NUMBER)),
+        "Fit.profile": case(
+            lambda name, level, progress: fit().profile(name, level=level, progress=progress),
+            name=("k", TEXT),
+            level=(0.9, NUMBER),
+            progress=(None, NONE, FLAG, FUNCTION),
+        ),
         "Fit.save": case(
             lambda directory: fit().save(within(directory)),
             directory=("fit", TEXT, PATH),

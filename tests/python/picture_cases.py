@@ -51,6 +51,27 @@ def runs() -> fp.Runs:
     return fp.Runs([[0.0, 0.0]] * 2, [[1.0, 0.0, 1.0], [1.0, -1.0, 0.0]], [[1000.0, 0.5, 2.0], [800.0, 1.0, 1.0]])
 
 
+@cache
+def single_segments() -> fp.Runs:
+    """Of which the first is long and fast at first, and the second short."""
+    return fp.Runs([[0.0, 0.0]] * 2, [[1.0], [1.0]], [[8000.0], [2.0]])
+
+
+@cache
+def crowded_record() -> fp.Record:
+    t = np.concatenate([[0.0], np.geomspace(0.1, 8000.0, 30)])
+    noise = np.random.default_rng(3).standard_normal((len(t), 2)) * [0.02, 0.03]
+    y = np.stack([1 - np.exp(-t / 1.1), 2 - np.exp(-t / 1.1) - np.exp(-t / 900.0)], axis=1)
+    return fp.Record(t, np.ones(len(t)), y + noise, x0={"a": 0.0, "b": 0.0})
+
+
+@cache
+def fit_over_decades() -> fp.Fit:
+    rig = fp.VirtualRig(TWO, {"tau": 1.1, "T": 900.0}, problem().noise_std, seed=1)
+    data = [rig.measure(single_segments()), crowded_record()]
+    return fp.estimate(TWO, data, problem().prior, noise_std=problem().noise_std)
+
+
 def in_one_variable() -> fp.DesignProblem:
     region = fp.ExperimentRegion({"c": (1.0, 1.0), "dt": (1.0, 40_000.0)})
     return fp.DesignProblem(DECAY, fp.GaussianPrior({"k": 1e-4}, relative_std={"k": 0.1}), region, noise_std={"c": 0.1})
@@ -87,7 +108,7 @@ def of_points(kind: Callable[..., Figure]) -> Callable[[], Figure]:
     return lambda: kind(evaluate_points(problem(), points()))
 
 
-def of_runs(kind: str) -> Callable[[], Figure]:
+def of_runs(kind: str, runs: Callable[[], fp.Runs] = runs) -> Callable[[], Figure]:
     without_region = problem().replace(region=None)
     return lambda: evaluation_plots(without_region, runs(), fp.evaluate_design(without_region, runs()))[kind]()
 
@@ -137,6 +158,8 @@ PICTURES: dict[str, Callable[[], Figure]] = {
     "standard errors": of_points(plot_standard_errors),
     "criterion": criterion,
     **{f"runs: {kind}": of_runs(kind) for kind in ("runs", "information", "standard_errors", "correlation")},
+    "runs: single segments": of_runs("runs", single_segments),
+    "fit: over decades": lambda: fit_over_decades().plot("time"),
     **{f"fit: {kind}": lambda kind=kind: fit().plot(kind) for kind in ("parity", "residuals", "time", "correlation", "ellipses")},
     "fit: profile": lambda: fit().profile("tau").plot(),
     "small numbers: ellipses": lambda: fit_of_line().plot("ellipses"),

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from fisherpoint.basics.values import Array
-from fisherpoint.estimation.least_squares import CONVERGED, LIMIT, NOT_EVALUABLE, UNNOTICED, Accuracy, minimise
+from fisherpoint.estimation.least_squares import CONVERGED, LIMIT, NOT_EVALUABLE, STALLED, UNNOTICED, Accuracy, minimise
 
 One = Callable[[Array, int], tuple[Array, Array]]
 
@@ -219,3 +219,21 @@ def test_where_rounding_hides_the_minimum_is_near_enough() -> None:
         assert np.linalg.norm(exponential(z, row)[1] @ (z - exact.z[row])) < 1e-5  # standard errors
     blind = minimise(together(rounded)[0], starts, *free(3))  # not told that they are
     assert (blind.end != CONVERGED).sum() > 20
+
+
+def test_a_search_that_creeps_has_stalled() -> None:
+    """The residual falls from 10.001 towards 10 without an end, while the tangent promises to remove all of it."""
+
+    def creeping(z: Array, row: int) -> tuple[Array, Array]:
+        return np.array([10 + 1e-3 / (1 + z[0] ** 2)]), np.array([[-2e-3 * z[0] / (1 + z[0] ** 2) ** 2]])
+
+    minima = minimise(together(creeping)[0], np.array([[1.0]]), *free(1), 200)
+    assert minima.end.tolist() == [STALLED] and minima.evaluations[0] < 50
+
+
+def test_a_search_for_a_cost_alone_ends_early() -> None:
+    starts = np.tile([1.0, 0.3, 0.0], (40, 1))
+    exact = minimise(together(exponential)[0], starts, *free(3))
+    near = minimise(together(exponential)[0], starts, *free(3), tolerance=1e-2)
+    assert (near.end == CONVERGED).all() and near.evaluations.sum() < exact.evaluations.sum()
+    assert (near.cost >= exact.cost).all() and (near.cost - exact.cost).max() < 1e-4

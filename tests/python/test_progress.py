@@ -42,6 +42,17 @@ def runs_problem() -> fp.DesignProblem:
     return problem(region=fp.RunRegion({"h": 1.0, "u": (0.0, 0.1), "dt": 1.0}, segments=3))
 
 
+@cache
+def log() -> fp.Pieces:
+    n = np.arange(40.0)
+    return fp.pieces(fp.Record(0.5 * n, 0.1 + 0.2 * np.sin(n) ** 2, 1.0 + 0.1 * np.cos(n)), MODEL, length=5)
+
+
+@cache
+def fit() -> fp.Fit:
+    return fp.estimate(MODEL, data(), problem().prior)
+
+
 def campaign() -> fp.Campaign:
     return fp.Campaign(problem(), batch=2, n_candidates=5, max_iterations=2)
 
@@ -56,6 +67,9 @@ WORKS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "estimate the noise": (lambda progress: fp.estimate(MODEL, data(), start=THETA, progress=progress), "estimating"),
     "approximate": (lambda progress: fp.approximate(problem(), n_candidates=50, starts=20, progress=progress), "approximate"),
     "approximate among points": (lambda progress: fp.approximate(problem(), points(), progress=progress), "approximate"),
+    "compare": (lambda progress: fp.compare(problem(), [points(), points()], draws=20, progress=progress), "comparing designs"),
+    "Fit.profile": (lambda progress: fit().profile("k", progress=progress), "profile of k"),
+    "best_pieces": (lambda progress: fp.best_pieces(problem(), log(), 2, progress=progress), "picking pieces"),
     "Campaign.next": (lambda progress: campaign().next(progress=progress), "iteration"),
     "Campaign.tell": (lambda progress: campaign().tell(data(), progress=progress), "estimating"),
 }
@@ -103,6 +117,27 @@ def test_an_estimate_counts_its_evaluations() -> None:
     fit.profile("k")
     assert len(told) == count  # it is not told of what comes later
     assert fit.estimate == fp.estimate(MODEL, data(), problem().prior).estimate
+
+
+def test_a_comparison_tells_at_which_design_it_is() -> None:
+    told: list[fp.CompareProgress] = []
+    fp.compare(problem(), {"one": points(), "other": points()}, draws=20, progress=told.append)
+    assert [now[:3] for now in told] == [(0, 2, "one"), (1, 2, "other"), (2, 2, "")]
+
+
+def test_a_profile_counts_its_values() -> None:
+    told: list[fp.ProfileProgress] = []
+    profile = fit().profile("k", progress=told.append)
+    values = [now.values for now in told]
+    assert values == sorted(set(values)) and values[-1] >= len(profile.values) - 1  # not at the estimate itself
+    assert profile.interval == fit().profile("k").interval
+
+
+def test_pieces_tell_their_exchanges() -> None:
+    told: list[fp.PieceProgress] = []
+    found = fp.best_pieces(problem(), log(), 2, progress=told.append)
+    assert [now.exchanges for now in told] == list(range(found.exchanges + 1))
+    assert told[-1].gap == pytest.approx(found.bound - found.log_det, abs=1e-6)
 
 
 def test_an_approximate_design_tells_what_it_does() -> None:

@@ -263,6 +263,20 @@ def test_a_run_without_pictures_leaves_none_of_another(
 
 
 @pytest.mark.parametrize("command", LAST)
+def test_a_campaign_is_never_replaced(
+    command: str, tables: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    directory = tmp_path / "campaign"
+    assert run("campaign", DECAY, "-o", directory, "--no-plots", "--quiet") == 0
+    before = files(directory)
+    capsys.readouterr()
+    given = arguments(command, tables[0], directory)
+    assert given[-1] == "--force" and run(*given) == 2 and files(directory) == before
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1 and f"expected a directory without a campaign, given {directory}, which has campaign.json" in told
+
+
+@pytest.mark.parametrize("command", LAST)
 def test_no_result_is_replaced_unless_it_is_asked_for(
     command: str,
     tables: tuple[Path, Path],

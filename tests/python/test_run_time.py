@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 
 import fisherpoint as fp
 from fisherpoint.show.durations import duration
-from fisherpoint.show.run_time import SHARES, RunTime
+from fisherpoint.show.early import is_crowded
+from fisherpoint.show.run_time import SHARES, RunTime, shares_of
 
 
 def test_segments_of_decades_are_equally_wide() -> None:
@@ -26,6 +27,24 @@ def test_other_runs_have_an_ordinary_axis() -> None:
     assert not time.by_segment and time.unit == "min"
     assert time(np.array([0.0, 90.0, 210.0])) == pytest.approx([0.0, 1.5, 3.5])
     assert time.within(np.array([0.5, 1.0])) == pytest.approx([0.5, 1.0, 2.0, 3.0, 3.25, 3.5])
+
+
+def test_a_single_segment_that_is_fast_at_first_has_a_logarithmic_axis() -> None:
+    shares = np.array(shares_of(1))
+    fast, slow = (1 - np.exp(-8000.0 * shares[:, None] / tau) for tau in (1.0, 3000.0))
+    time = RunTime(np.array([8000.0]), fast)
+    assert time.is_log and 1e-3 < time.first < 0.1
+    assert time(np.array([0.0, 1.0, 8000.0])) == pytest.approx([time.first, 1.0, 8000.0])
+    assert time.within(shares)[-1] == 8000.0 and time.within(shares).min() == time.first
+    assert not RunTime(np.array([8000.0]), slow).is_log and not RunTime(np.array([8000.0])).is_log
+
+
+def test_only_records_that_are_denser_at_first_have_a_logarithmic_axis() -> None:
+    assert is_crowded(np.append(0.0, np.geomspace(0.1, 8000.0, 30)))
+    assert not is_crowded(np.linspace(0.0, 8000.0, 10_000))
+    gap = np.append(np.linspace(0.0, 1.0, 50), 2.0)
+    assert not is_crowded(gap)
+    assert not is_crowded(8000.0 - np.append(0.0, np.geomspace(0.1, 8000.0, 30))[::-1])  # denser at the end
 
 
 @pytest.mark.parametrize(

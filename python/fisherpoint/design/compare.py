@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from ..points.experiments import Experiments
 from ..points.runs import Runs
 from ..points.settings import resolve_threads
 from ..show.numbers import computed, counted, number, percent
+from ..show.progress import Step, check_progress, following
 from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
 from .efficiency import d_efficiency
@@ -29,6 +31,15 @@ from .efficiency import d_efficiency
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+
+
+class CompareProgress(NamedTuple):
+    """What `compare` has done: designs of all, the name of the one that it is at, empty at the end, and seconds."""
+
+    designs: int
+    n_designs: int
+    name: str
+    seconds: float
 
 
 @dataclass(frozen=True)
@@ -155,7 +166,13 @@ class DesignComparison(Shown, Kept):
 
 
 def compare(
-    problem: DesignProblem, designs: Any, *, draws: int = 1000, seed: int = 0, threads: int | None = None
+    problem: DesignProblem,
+    designs: Any,
+    *,
+    draws: int = 1000,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: bool | Callable[[CompareProgress], None] | None = None,
 ) -> DesignComparison:
     """Compare designs by what they tell under the sensor noise, and by how many plants can run them.
 
@@ -168,6 +185,9 @@ def compare(
     draws, seed : int
         Of the plants on which they are tried (`feasibility`); the same for all designs.
     threads : int, optional
+    progress : bool or callable, optional
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `CompareProgress` before each
+        design, and at the end.
 
     Returns
     -------
@@ -179,29 +199,44 @@ def compare(
         For misuse, and as `evaluate_design`; the message names the design.
     """
     check_type(problem, DesignProblem, "problem")
+    check_progress(progress)
     if problem.noise_std is None:
         raise ValueError("noise_std: expected the sensor noise, by which designs are compared, given None")
     named, threads = named_designs(designs), resolve_threads(threads)
     draws, seed = check_positive_int(draws, "draws"), check_positive_int(seed, "seed", 0)
-    found = {}
-    for name, points in named.items():
-        try:
-            evaluation = evaluate_under_noise(problem, points, threads=threads)
-            able = feasibility(problem, points, draws=draws, seed=seed, threads=threads)
-        except ValueError as error:
-            raise ValueError(f"designs[{name!r}]: {error}") from error
-        assert evaluation is not None
-        p, samples = len(problem.estimated), evaluation.n_points
-        found[name] = ComparedDesign(
-            kind="run" if isinstance(points, Runs) else "point",
-            count=len(points),
-            samples=samples,
-            duration=float(points.dt.sum()),
-            log_det=float(evaluation.log_det + p * np.log(samples / 2)),
-            standard_errors=evaluation.standard_errors,
-            feasibility=able,
-        )
+    started = perf_counter()
+    found: dict[str, ComparedDesign] = {}
+
+    def step(now: CompareProgress) -> Step:
+        return Step(now.designs, now.n_designs, now.name)
+
+    with following(progress, "comparing designs", step) as told:
+        for name, points in named.items():
+            if told is not None:
+                told(CompareProgress(len(found), len(named), name, perf_counter() - started))
+            found[name] = _compared(problem, name, points, draws, seed, threads)
+        if told is not None:
+            told(CompareProgress(len(found), len(named), "", perf_counter() - started))
     return DesignComparison(problem, FrozenMapping(found))
+
+
+def _compared(problem: DesignProblem, name: str, points: Experiments | Runs, draws: int, seed: int, threads: int) -> ComparedDesign:
+    try:
+        evaluation = evaluate_under_noise(problem, points, threads=threads)
+        able = feasibility(problem, points, draws=draws, seed=seed, threads=threads)
+    except ValueError as error:
+        raise ValueError(f"designs[{name!r}]: {error}") from error
+    assert evaluation is not None
+    p, samples = len(problem.estimated), evaluation.n_points
+    return ComparedDesign(
+        kind="run" if isinstance(points, Runs) else "point",
+        count=len(points),
+        samples=samples,
+        duration=float(points.dt.sum()),
+        log_det=float(evaluation.log_det + p * np.log(samples / 2)),
+        standard_errors=evaluation.standard_errors,
+        feasibility=able,
+    )
 
 
 def named_designs(given: Any) -> dict[str, Experiments | Runs]:

@@ -134,7 +134,7 @@ class Config(ModelFile):
         if self.design.confidence is not None:
             raise self.error("design.confidence", "expected only for points; of runs it is runs.confidence")
         with self._names_key("runs"):
-            return RunRegion(bounds, **self.runs.options())
+            return RunRegion(bounds, **self.runs.options()).in_units_of(self.build_model())
 
     def _check_values(self) -> None:
         """Raise what the library refuses, of all tables together."""

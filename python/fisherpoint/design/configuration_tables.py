@@ -111,6 +111,21 @@ class RegionTable(Table):
         return self.__pydantic_extra__
 
 
+class Levels(Abbreviated):
+    """The only values of an input: a bare list or ``{values, unit}``."""
+
+    bare, expected = (list,), 'a list of numbers or {values = [...], unit = "..."}'
+
+    values: Annotated[list[Number], Field(min_length=1)]
+    unit: str | None = None
+
+
+class Change(Constant):
+    """The most that an input may change: a bare number or ``{value, unit}``."""
+
+    value: Positive
+
+
 class RunsTable(Table):
     """Runs of several segments in the place of points: how many, of what length, and what of them may vary."""
 
@@ -118,8 +133,8 @@ class RunsTable(Table):
     n_runs: Count | None = None
     constant: list[str] = Field(default_factory=list)
     shared: list[str] = Field(default_factory=list)
-    levels: dict[str, Annotated[list[Number], Field(min_length=1)]] = Field(default_factory=dict)
-    slew: dict[str, Positive] = Field(default_factory=dict)
+    levels: dict[str, Levels] = Field(default_factory=dict)
+    slew: dict[str, Change] = Field(default_factory=dict)
     duration: Positive | None = None
     lead_in: Annotated[int, Field(ge=0)] = 0
     samples: Count | None = None
@@ -134,7 +149,9 @@ class RunsTable(Table):
 
     def options(self) -> dict[str, Any]:
         """Keyword arguments for `RunRegion`."""
-        given = self.model_dump(include={"segments", "constant", "shared", "levels", "slew", "duration", "samples"})
+        given = self.model_dump(include={"segments", "constant", "shared", "duration", "samples"})
+        given["levels"] = {name: [*of.values, of.unit] if of.unit else of.values for name, of in self.levels.items()}
+        given["slew"] = {name: (of.value, of.unit) if of.unit else of.value for name, of in self.slew.items()}
         return given | {"measured": [n >= self.lead_in for n in range(self.segments)]}
 
     def search(self) -> dict[str, Any]:

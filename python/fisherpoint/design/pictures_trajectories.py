@@ -17,6 +17,7 @@ from ..information.draws import drawn_from_prior
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from ..show.durations import duration, make_logarithmic
+from ..show.early import begin, is_fast
 from ..show.style import NOISE, STYLE, TEXT, labelled, said, scale, telling
 from .evaluated import Evaluated
 from .paths import FRACTIONS, paths_of
@@ -25,9 +26,6 @@ Floats = NDArray[np.float64]
 
 DECADES = np.geomspace(1e-7, 1.0, 99)
 """Of a duration, at which trajectories are drawn over a logarithmic time."""
-
-EARLY, MUCH, LITTLE = 0.01, 0.1, 0.01
-"""Shares: a trajectory is fast at first where within `EARLY` of the time `MUCH` of all change is over; and what is hardly any."""
 
 ALIKE = 0.01
 """Points of which all numbers differ by less than this share of them have one row of trajectories."""
@@ -117,7 +115,7 @@ def plot_trajectories(design: Evaluated, max_points: int = 24, plants: int = 200
 def _rows(problem: DesignProblem, points: Experiments, theta: Floats) -> list[_Row]:
     """A row for each point; of what is fast at first, over a logarithmic time."""
     means, ranges = _spread(problem, points, FRACTIONS, theta)
-    fast = np.array([_is_fast(mean) for mean in means], dtype=bool)
+    fast = np.array([is_fast(mean, FRACTIONS) for mean in means], dtype=bool)
     rows = {}
     for k in np.flatnonzero(~fast).tolist():
         factor, unit = scale(Quantity("t", "s"), points.dt[k])
@@ -125,7 +123,7 @@ def _rows(problem: DesignProblem, points: Experiments, theta: Floats) -> list[_R
     if fast.any():
         means, ranges = _spread(problem, points[fast], DECADES, theta)
         for k, mean, low, high in zip(np.flatnonzero(fast).tolist(), means, *ranges, strict=True):
-            first = _begin(mean)
+            first = begin(mean)
             rows[k] = _Row(points.dt[k] * DECADES[first:], mean[first:], low[first:], high[first:], "s", True)
     return [rows[k] for k in range(len(points))]
 
@@ -134,23 +132,6 @@ def _spread(problem: DesignProblem, points: Experiments, fractions: Floats, thet
     """Outputs (K, T, n_y) at the prior mean, and both ends (2, K, T, n_y) of their range over the prior."""
     mean = paths_of(problem, points, fractions, problem.theta[None])[1][:, 0]
     return mean, np.nanpercentile(paths_of(problem, points, fractions, theta)[1], RANGE, axis=1)
-
-
-def _changed(outputs: Floats) -> Floats:
-    """The share (T, n_y) of all change of each output until then; NaN of an output that does not change."""
-    steps = np.nancumsum(np.abs(np.diff(outputs, axis=0, prepend=outputs[:1])), axis=0)
-    still = steps[-1] <= 1e-6 * np.nanmax(np.abs(outputs), axis=0, initial=0.0)
-    return np.where(still, np.nan, steps / np.where(still, 1.0, steps[-1]))
-
-
-def _is_fast(outputs: Floats) -> bool:
-    """Whether much of what happens at `FRACTIONS` of a duration is over so early that it looks like a jump."""
-    return bool((_changed(outputs)[np.searchsorted(FRACTIONS, EARLY)] >= MUCH).any())
-
-
-def _begin(outputs: Floats) -> int:
-    """From where on a trajectory at `DECADES` is drawn: before that hardly anything happens."""
-    return max(0, int((np.nanmax(_changed(outputs), axis=1) < LITTLE).sum()) - 1)
 
 
 def _at_once(problem: DesignProblem, points: Experiments) -> Floats:

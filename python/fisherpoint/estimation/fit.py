@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
 from .fit_files import fit_dict, load_fit, save_fit
 from .posterior import posterior_of
-from .profile import Profile, profile_of
+from .profile import Profile, ProfileProgress, profile_of
 from .profile_curve import ProfileCurve
 from .report import asked_facts, fit_report
 from .statistics import FitStatistics
@@ -29,7 +29,9 @@ if TYPE_CHECKING:
 class Fit(FitStatistics, Shown):
     """What `estimate` found; see `FitStatistics` for its attributes."""
 
-    def profile(self, name: str, *, level: float = 0.95) -> Profile:
+    def profile(
+        self, name: str, *, level: float = 0.95, progress: bool | Callable[[ProfileProgress], None] | None = None
+    ) -> Profile:
         """The profile likelihood of one unknown, and the confidence interval by it; it is right where `intervals` are too linear.
 
         All other unknowns are estimated again at each value of this one, on values outward from the estimate until the deviance
@@ -42,13 +44,16 @@ class Fit(FitStatistics, Shown):
             One of `parameters`.
         level : float
             Probability of the interval.
+        progress : bool or callable, optional
+            True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `ProfileProgress` after each
+            value.
 
         Raises
         ------
         ValueError
             For an unknown name or a level outside 0 to 1.
         """
-        return profile_of(self, name, level)
+        return profile_of(self, name, level, progress)
 
     def posterior(self) -> GaussianPrior:
         """The estimate and its covariance as the prior of what comes next, of all parameters of the model.

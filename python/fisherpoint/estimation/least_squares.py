@@ -61,6 +61,10 @@ LEAST_NEGLIGIBLE = 1e-13
 MOST_REFUSED = 12
 """Trials in a row that are refused, each with more damping than the one before, after which a search has stalled."""
 
+CREEP, MOST_CREPT = 1e-4, 15
+"""A search has stalled too where so many steps lower the cost by less than CREEP, in squares of the noise, while the undamped step
+promises more. A friction that data show as a jump is fitted the better the steeper it is, and every step there costs more."""
+
 MOST_FAILED = 15
 """Trials of a search that cannot be evaluated, after which it counts as stuck at the border of what can."""
 
@@ -98,6 +102,7 @@ def minimise(
     *,
     unit: float = 1.0,
     accuracy: Accuracy = EXACT,
+    tolerance: float = TOLERANCE,
 ) -> Minima:
     """Minimise half the sum of squared residuals of B problems of P coordinates each.
 
@@ -113,12 +118,14 @@ def minimise(
         What the residuals' noise is at least; 0 where it is not known, and their root mean square tells it.
     accuracy : Accuracy
         Of the residuals.
+    tolerance : float
+        As `TOLERANCE`; more where costs alone are asked for, which are half its square too large then, in squares of the noise.
 
     Returns
     -------
     Minima
     """
-    search = _Search(residuals, z0, lower, upper, unit, accuracy)
+    search = _Search(residuals, z0, lower, upper, unit, accuracy, tolerance)
     iteration = 0
     while len(search.active):
         search.iterate(iteration >= CURVED_FROM)
@@ -138,8 +145,9 @@ class _Search:
         upper: Array,
         unit: float,
         accuracy: Accuracy,
+        tolerance: float,
     ) -> None:
-        self.residuals, self.lower, self.upper, self.unit = residuals, lower, upper, unit
+        self.residuals, self.lower, self.upper, self.unit, self.tolerance = residuals, lower, upper, unit, tolerance
         self.negligible = max(LEAST_NEGLIGIBLE, 30 * accuracy.precision)
         count = len(z0)
         self.z, everything = z0.copy(), np.arange(count)
@@ -153,6 +161,7 @@ class _Search:
         self.damping, self.growth = np.full(count, FIRST_DAMPING), np.full(count, 2.0)
         self.stride = np.full(count, FIRST_STRIDE)
         self.refused, self.failed = np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.int32)
+        self.noticed, self.crept = self.cost.copy(), np.zeros(count, dtype=np.int32)  # cost that last fell, and steps since
         self.evaluations = np.ones(count, dtype=np.int32)
         self.end = np.where(ok, LIMIT, NOT_EVALUABLE).astype(np.int32)
         self.active = everything[ok]
@@ -219,12 +228,13 @@ class _Search:
         self.stride[some[~ok]] = RETREAT * np.minimum(share, stride)[~ok]
         self.stride[rows] = np.minimum(STRIDE, 2 * self.stride[rows])
         self._refuse(some[~better], flat[~better])
+        self._end_what_creeps()
 
     def _end_what_is_solved(self) -> None:
         """Set apart the searches at which the gradient is zero, or as near to it as the residuals' rounding lets it come."""
         some = self.active
         length = self.length[some]
-        solved: NDArray[np.bool_] = length <= TOLERANCE * self._noise(some)
+        solved: NDArray[np.bool_] = length <= self.tolerance * self._noise(some)
         solved = solved | (self._near(some) & (length >= 0.5 * self.last[some]))
         unnoticed = (self.tangent.blank[some[solved]] & self.free[some[solved]]).any(axis=1)
         self.end[some[solved]] = np.where(unnoticed, UNNOTICED, CONVERGED)
@@ -266,6 +276,16 @@ class _Search:
         self.last[rows[near]] = 0.0  # ends it
         self.end[rows[stuck]] = np.where(flat[stuck], ROUGH, STALLED)
         self.active = self.active[~np.isin(self.active, rows[stuck])]
+
+    def _end_what_creeps(self) -> None:
+        some = self.active
+        little = CREEP * np.square(self._noise(some))
+        fell = self.cost[some] < self.noticed[some] - little
+        self.crept[some] = np.where(fell, 0, self.crept[some] + 1)
+        self.noticed[some[fell]] = self.cost[some[fell]]
+        creeps = (self.crept[some] >= MOST_CREPT) & (0.5 * np.square(self.length[some]) > little)
+        self.end[some[creeps]] = STALLED
+        self.active = some[~creeps]
 
 
 def _cost(r: Array) -> Array:

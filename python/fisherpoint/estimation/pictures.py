@@ -23,7 +23,8 @@ from ..points.runs import Runs
 from ..points.settings import checked_arguments
 from ..show import style
 from ..show.correlation import draw_correlation
-from ..show.run_time import SHARES, RunTime
+from ..show.early import is_crowded, make_logarithmic_from_zero
+from ..show.run_time import RunTime, shares_of
 from ..show.shown import Plots
 from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, labelled, said, scale, telling, telling_each
 from .profile_curve import OPEN, ProfileCurve
@@ -205,7 +206,11 @@ def plot_time(fit: FitStatistics) -> Figure:
     with mpl.rc_context(STYLE):
         if not series:
             return _nothing("Over time: there is no record or run among the data")
-        times = [None if run is None else RunTime(run.dt[0, : run.segments[0]]) for _, _, run in series]
+        paths = [None if run is None else _between_samples(fit, run) for _, _, run in series]
+        times = [
+            None if run is None else RunTime(run.dt[0, : run.segments[0]], path if run.segments[0] == 1 else None)
+            for (_, _, run), path in zip(series, paths, strict=True)
+        ]
         width = max(7.2 / len(series), 4.6, *(time.width for time in times if time))
         figure = Figure(figsize=(width * len(series), 0.9 + 2.2 * len(outputs)), layout="constrained")
         grid = figure.subplots(len(outputs), len(series), sharex="col", squeeze=False)
@@ -213,13 +218,18 @@ def plot_time(fit: FitStatistics) -> Figure:
         figure.suptitle(f"Measured and simulated over time{of}", x=0.01, ha="left")
         handles: list[Line2D] = []
         measured = fit.predicted + fit.residuals
-        for column, ((t, rows, run), time) in enumerate(zip(series, times, strict=True)):
-            if run is None or time is None:
-                time_factor, time_unit = scale(Quantity("t", "s", "time"), t)
-                at, curve, simulated = time_factor * t, time_factor * t, fit.predicted[rows]
-                grid[-1, column].set_xlabel(f"time [{time_unit}]")
+        for column, ((t, rows, run), time, path) in enumerate(zip(series, times, paths, strict=True)):
+            if run is None or time is None or path is None:
+                crowded = is_crowded(t)
+                time_factor, time_unit = (1.0, "s") if crowded else scale(Quantity("t", "s", "time"), t)
+                at = t - t[0] if crowded else time_factor * t
+                curve, simulated = at, fit.predicted[rows]
+                if crowded:
+                    make_logarithmic_from_zero(grid[-1, column], at[1], at[-1])
+                grid[-1, column].set_xlabel("time from the first sample, logarithmic" if crowded else f"time [{time_unit}]")
             else:
-                at, (curve, simulated) = time(t), _between_samples(fit, run, time)
+                at, simulated = time(t), path
+                curve = time.within(np.array(shares_of(len(time.durations))))
                 time.mark(grid[:, column])
             few = len(t) <= MANY
             for axes, (i, quantity) in zip(grid[:, column], outputs, strict=True):
@@ -241,13 +251,15 @@ def plot_time(fit: FitStatistics) -> Figure:
     return figure
 
 
-def _between_samples(fit: FitStatistics, run: Runs, time: RunTime) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Positions and outputs on the whole way of a run, as the estimate has it; NaN where the trajectory does not get to."""
-    fine, count = run.divided(SHARES), len(time.durations) * len(SHARES)
+def _between_samples(fit: FitStatistics, run: Runs) -> NDArray[np.float64]:
+    """Outputs on the whole way of a run, as the estimate has it; NaN where the trajectory does not get to."""
+    n = int(run.segments[0])
+    shares = shares_of(n)
+    fine, count = run.divided(shares), n * len(shares)
     settings = checked_arguments(fit.model, fine, fit.theta, fit.weighted.observed.rtol, None, "cross", "cross", None)
     found = checked_run_trajectories(fit.model, fine, fit.theta, settings)
     reached = np.arange(count) < found.reached[0]
-    return time.within(np.array(SHARES)), np.where(reached[:, None], found.y[0, :count], np.nan)
+    return np.where(reached[:, None], found.y[0, :count], np.nan)
 
 
 PLOTS: dict[str, Callable[[FitStatistics], Figure]] = {

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -20,7 +21,8 @@ from ..basics.checks import as_probability, check_known
 from ..basics.extras import needed_for
 from ..basics.values import Array
 from ..show.first_rows import InNotebooks
-from ..show.numbers import number
+from ..show.numbers import counted, number
+from ..show.progress import Step, check_progress, following
 from ..show.section import Report, Section
 from .least_squares import CONVERGED, NOT_EVALUABLE, Residuals, minimise
 from .precision import Precision
@@ -56,6 +58,13 @@ EVALUATIONS = 5
 
 SETTLED = 1e-5
 """Change of the weights, as a share, from which on the deviance, which is flat there, no longer changes."""
+
+
+class ProfileProgress(NamedTuple):
+    """What `Fit.profile` has done: values of the unknown at which it has estimated the others anew, and seconds."""
+
+    values: int
+    seconds: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,8 +115,14 @@ class Profile(ProfileCurve, InNotebooks):
         return "\n".join(lines)
 
 
-def profile_of(fit: FitStatistics, name: str, level: float = 0.95) -> Profile:
+def profile_of(
+    fit: FitStatistics,
+    name: str,
+    level: float = 0.95,
+    progress: bool | Callable[[ProfileProgress], None] | None = None,
+) -> Profile:
     """See `Fit.profile`."""
+    check_progress(progress)
     check_known([name], fit.parameters, "name", "one of")
     level = as_probability(level, "level")
     j, unknowns = fit.parameters.index(name), fit.weighted.unknowns
@@ -119,8 +134,15 @@ def profile_of(fit: FitStatistics, name: str, level: float = 0.95) -> Profile:
     limits = (float(unknowns.lower[j]), float(unknowns.upper[j]))
     reach = spread * float(np.sqrt(threshold))
     sides = [_Side(z, tangent, j, sign, reach, limit) for sign, limit in zip((-1, 1), limits, strict=True)]
-    _walk(sides, held, threshold)
-    _refine(sides, held, threshold)
+    started = perf_counter()
+
+    def step(now: ProfileProgress) -> Step:
+        return Step(state=f"at {counted(now.values, 'value')}")
+
+    with following(progress, f"profile of {name}", step, counted=False) as told:
+        heard = held if told is None else _heard(held, told, started)
+        _walk(sides, heard, threshold)
+        _refine(sides, heard, threshold)
 
     points = [*sides[0].points[:0:-1], *sides[1].points]
     at = np.array([point.z for point in points])
@@ -152,6 +174,20 @@ def profile_of(fit: FitStatistics, name: str, level: float = 0.95) -> Profile:
 _Minimum = Callable[[Array], tuple[Array, Array, NDArray[np.bool_]]]
 """From coordinates (B, P), of which the profiled one stays: where the minimum over the others is, its deviance, or inf, and whether
 the search came to it; one that did not leaves the deviance too large."""
+
+
+def _heard(held: _Minimum, told: Callable[[ProfileProgress], None], started: float) -> _Minimum:
+    """The same, which tells of every value."""
+    values = 0
+
+    def heard(z: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        nonlocal values
+        found = held(z)
+        values += len(z)
+        told(ProfileProgress(values, perf_counter() - started))
+        return found
+
+    return heard
 
 
 class _Held(NamedTuple):

@@ -58,6 +58,19 @@ def in_units_of(bounds: Mapping[str, Pair], units: Mapping[str, str], quantities
     return FrozenMapping(result)
 
 
+def split_unit(given: Any) -> tuple[Any, str | None]:
+    """Numbers that may end with a unit, as [0, 1, "kW"], or a number and its unit, without it."""
+    if isinstance(given, list | tuple) and len(given) > 1 and isinstance(given[-1], str) and not isinstance(given[0], str):
+        return given[:-1], given[-1]
+    return given, None
+
+
+def units_in(given: Any, label: str) -> FrozenMapping[str]:
+    """The units of those entries that have one; messages begin with the label."""
+    told = {name: split_unit(entry)[1] for name, entry in given.items()} if isinstance(given, Mapping) else {}
+    return by_name({name: unit for name, unit in told.items() if unit is not None}, None, label, check_unit)
+
+
 def with_units(bounds: Mapping[str, Pair], units: Mapping[str, str]) -> dict[str, tuple[Any, ...]]:
     """Bounds as they were given."""
     return {name: (*pair, units[name]) if name in units else pair for name, pair in bounds.items()}

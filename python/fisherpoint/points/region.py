@@ -49,7 +49,7 @@ class ExperimentRegion:
         (lower, upper, unit), or (value, unit), is converted to the model's unit.
     constraints : sequence of str or callable
         Each a comparison such as ``"p_A + p_B < 2.5e7"``, or a function that takes a mapping of name to array (K,) and returns a
-        boolean array (K,). A point must satisfy all.
+        boolean array (K,). A point must satisfy all. Numbers are in the model's units, whatever those of the bounds.
 
     Attributes
     ----------

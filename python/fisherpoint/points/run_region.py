@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from ..basics.checks import as_floats, as_positive, by_name, check_mapping, check_names, check_positive_int, check_type, names_among
 from ..basics.messages import shown
 from ..basics.quantity import names_of
+from ..basics.units import converted
 from ..basics.values import Array
 from ..models import Model
-from .bounds import in_units_of, pair_or_number, read_bounds, with_units
+from .bounds import in_units_of, pair_or_number, read_bounds, split_unit, units_in, with_units
 from .region import refuse_fixed_on_surface
 from .rest import Rest
 from .runs import Runs, as_flags
@@ -40,9 +41,10 @@ class RunRegion:
     shared : sequence of str
         States at the start, constant inputs, or ``"dt"``, that all runs of a design have alike.
     levels : mapping of input to sequence of float, optional
-        The only values that an input may take, within its bounds.
+        The only values that an input may take, within its bounds; with a unit as the last entry, [0, 0.5, 1, "kW"], they are
+        converted to the model's.
     slew : mapping of input to float, optional
-        The most that an input may change from one segment to the next.
+        The most that an input may change from one segment to the next; (0.2, "kW") is converted.
     duration : float, optional
         The longest that a run may last, s; its segments are shortened alike where they would last longer.
     measured : array_like of bool, (N,), optional
@@ -66,8 +68,8 @@ class RunRegion:
         *,
         constant: Sequence[str] = (),
         shared: Sequence[str] = (),
-        levels: Mapping[str, Sequence[float]] | None = None,
-        slew: Mapping[str, float] | None = None,
+        levels: Mapping[str, Sequence[Any]] | None = None,
+        slew: Mapping[str, Any] | None = None,
         duration: float | None = None,
         measured: ArrayLike | None = None,
         samples: int | None = None,
@@ -85,13 +87,14 @@ class RunRegion:
         self.constant = names_among(constant, names, "constant")
         self.shared = names_among(shared, names, "shared")
         self.levels: Mapping[str, tuple[float, ...]] = by_name(levels, names, "levels", _levels)
+        self._level_units, self._slew_units = units_in(levels, "levels"), units_in(slew, "slew")
         for name, values in self.levels.items():
             lower, upper = self.bounds[name]
-            if name in self.units:  # levels are in the model's unit
+            if name in self.units or name in self._level_units:  # without a unit, they are in the model's
                 continue
             if min(values) < lower or max(values) > upper:
                 raise ValueError(f"levels[{name!r}]: expected values within {lower:g} and {upper:g}, given {shown(list(values))}")
-        self.slew: Mapping[str, float] = by_name(slew, names, "slew", as_positive)
+        self.slew: Mapping[str, float] = by_name(slew, names, "slew", _change)
         self.duration = None if duration is None else as_positive(duration, "duration", "duration in s")
         if self.duration is not None and self.duration < self.segments * self.bounds["dt"][0] * (1 - 1e-12):
             least = self.segments * self.bounds["dt"][0]
@@ -133,15 +136,23 @@ class RunRegion:
     def in_units_of(self, model: Model) -> RunRegion:
         """The region with all bounds in the units of a model."""
         check_type(model, Model, "model")
-        if not self.units:
+        if not (self.units or self._level_units or self._slew_units):
             return self
+        units = {quantity.name: quantity.unit for quantity in model.inputs}
+        levels, slew = dict(self.levels), dict(self.slew)
+        for name in (name for name in self._level_units if name in units):
+            here = f"levels[{shown(name)}]"
+            levels[name] = tuple(converted(np.array(levels[name]), self._level_units[name], units[name], here).tolist())
+        for name in (name for name in self._slew_units if name in units):
+            here = f"slew[{shown(name)}]"
+            slew[name] = float(converted(np.array(slew[name]), self._slew_units[name], units[name], here, width=True))
         return RunRegion(
             in_units_of(self.bounds, self.units, model.axes),
             self.segments,
             constant=self.constant,
             shared=self.shared,
-            levels=self.levels,
-            slew=self.slew,
+            levels=levels,
+            slew=slew,
             duration=self.duration,
             measured=self.measured,
             samples=self.samples,
@@ -150,7 +161,7 @@ class RunRegion:
 
     def _identity(self) -> tuple[object, ...]:
         held = self.bounds, self.units, self.segments, self.constant, self.shared, self.levels, self.slew
-        return (*held, self.duration, self.measured, self.samples, self.rest)
+        return (*held, self._level_units, self._slew_units, self.duration, self.measured, self.samples, self.rest)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, RunRegion) and self._identity() == other._identity()
@@ -255,8 +266,16 @@ class RunCoordinates:
         return slewed
 
 
-def _levels(given: Sequence[float], label: str) -> tuple[float, ...]:
+def _levels(given: Any, label: str) -> tuple[float, ...]:
+    given, _ = split_unit(given)
     array = as_floats(given, label)
     if array.ndim != 1 or not len(array):
         raise ValueError(f"{label}: expected a sequence of values, at least one, given {shown(given)}")
     return tuple(sorted(set(array.tolist())))
+
+
+def _change(given: Any, label: str) -> float:
+    number, unit = split_unit(given)
+    if unit is not None and len(number) != 1:
+        raise ValueError(f"{label}: expected a number, or (number, unit), given {shown(given)}")
+    return as_positive(number if unit is None else number[0], label)

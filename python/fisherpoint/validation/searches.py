@@ -15,10 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.values import Array
-from ..estimation.least_squares import CONVERGED, LIMIT, NOT_EVALUABLE, Minima, minimise
-from ..estimation.search import FIRST_EVALUATIONS, SAME_MINIMUM, SETTLED_TO_COMPARE
+from ..estimation.least_squares import CONVERGED, LIMIT, NOT_EVALUABLE, TOLERANCE, Minima, minimise
+from ..estimation.search import SAME_MINIMUM, SETTLED_TO_COMPARE
 from ..estimation.unknown_noise import SETTLED, correlations_can_be_told, likelihood_deviance, minimise_log_det
 from ..estimation.weighting import WeightedResiduals
+
+TRIED_EVALUATIONS = 20
+"""Of the search from each start, before the next one has its turn. Most need 5 to 12. What is in a wrong valley may creep through
+it to where trajectories cost a hundred times as much: with friction that turns round ever more steeply, one such search of 50
+evaluations took longer than the 24 others beside it."""
+
+CLOSE_ENOUGH_TO_COMPARE = 1e-2
+"""Tolerance of searches of which the cost alone is used: it is 5e-5 too large then, far less than what tells minima apart."""
 
 LAST_EVALUATIONS = 200
 """Of the search that goes on from the lowest of several that came to no end."""
@@ -62,11 +70,13 @@ class Searches:
     def searched(self, truth: Array) -> Searched:
         """The lowest minima that are found from the starts; `truth` (B, P), in coordinates, tells which are wrong.
 
-        All are searched from the prior mean first, and from the other starts where that ended in no minimum, or in a wrong one.
+        All are searched from the prior mean first, and from the other starts where that ended in a wrong minimum, or in none
+        where there is one.
         """
         everything = np.arange(len(truth))
-        lowest = self._searched(self._inside(truth), everything, FIRST_EVALUATIONS, SETTLED_TO_COMPARE).minima
-        found = self._searched(np.tile(self.starts[0], (len(truth), 1)), everything, FIRST_EVALUATIONS)
+        to_compare = (TRIED_EVALUATIONS, SETTLED_TO_COMPARE, CLOSE_ENOUGH_TO_COMPARE)
+        lowest = self._searched(self._inside(truth), everything, *to_compare).minima
+        found = self._searched(np.tile(self.starts[0], (len(truth), 1)), everything, TRIED_EVALUATIONS)
         same = self._same(lowest.cost)
         for rank in range(len(self.starts) - 1):
             rows = np.flatnonzero(self._to_go_on(found.minima, lowest, same))
@@ -75,7 +85,7 @@ class Searches:
             if rank == 0:
                 order = np.zeros((len(truth), len(self.starts) - 1), dtype=np.intp)
                 order[rows] = self._promising(rows)
-            self._take_lower(found, rows, self._searched(self.starts[1:][order[rows, rank]], rows, FIRST_EVALUATIONS), same)
+            self._take_lower(found, rows, self._searched(self.starts[1:][order[rows, rank]], rows, TRIED_EVALUATIONS), same)
         rows = np.flatnonzero(found.minima.end == LIMIT)
         if len(rows):
             self._take_lower(found, rows, self._searched(found.minima.z[rows], rows, LAST_EVALUATIONS), same)
@@ -94,7 +104,9 @@ class Searches:
 
     @staticmethod
     def _to_go_on(minima: Minima, lowest: Minima, same: Array) -> NDArray[np.bool_]:
-        return np.asarray((minima.end != CONVERGED) | (minima.cost > lowest.cost + same))
+        """What ended too high, or without a minimum where the search from the truth has one: there may be none to find."""
+        without = (minima.end != CONVERGED) & (lowest.end == CONVERGED)
+        return np.asarray(without | (minima.cost > lowest.cost + same))
 
     def _promising(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
         """The order (b, k) of the further starts for these experiments, from the lowest residuals on."""
@@ -118,12 +130,15 @@ class Searches:
         better = np.where(near, (new.end == CONVERGED) & (mine.end != CONVERGED), new.cost < mine.cost)
         found.put(rows[better], other.some(better))
 
-    def _searched(self, z0: Array, rows: NDArray[np.intp], evaluations: int, settled: float = SETTLED) -> Searched:
+    def _searched(
+        self, z0: Array, rows: NDArray[np.intp], evaluations: int, settled: float = SETTLED, tolerance: float = TOLERANCE
+    ) -> Searched:
         """Minima of the experiments `rows` from z0 (b, P), with costs that can be compared, infinite where there is none."""
         residuals, unknowns = replace(self.residuals, y=self.residuals.y[rows]), self.residuals.unknowns
         n_y = residuals.y.shape[-1]
         if self.noise_known:
-            minima = minimise(residuals, z0, unknowns.lower, unknowns.upper, evaluations, accuracy=residuals.accuracy)
+            accuracy = residuals.accuracy
+            minima = minimise(residuals, z0, unknowns.lower, unknowns.upper, evaluations, accuracy=accuracy, tolerance=tolerance)
             cost, noise = minima.cost, np.zeros((len(rows), n_y, n_y))
         else:
             full = correlations_can_be_told(residuals.measured, len(unknowns))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 import numpy as np
 
@@ -15,11 +16,12 @@ from ...information.null_space import column_scaled_svd, null_directions
 from ...information.output_covariance import criterion
 from ...information.piece_information import PieceInformation, picked_information, piece_information, piece_problem
 from ...information.problem import DesignProblem
+from ...show.progress import check_progress, following
 from ..settings import SINGULAR
 from .disjoint import Windows
 from .packed import Packed
 from .piece_design import PieceDesign
-from .piece_search import PieceSearch
+from .piece_search import PieceProgress, PieceSearch, piece_step
 
 RANDOM_CHOICES = 200
 """Random choices of windows, of which the median is told."""
@@ -33,6 +35,7 @@ def best_pieces(
     seed: int = 0,
     threads: int | None = None,
     singular: str = "estimable",
+    progress: bool | Callable[[PieceProgress], None] | None = None,
 ) -> PieceDesign:
     """Find the windows of a record that share no sample and have the largest det F together.
 
@@ -56,6 +59,9 @@ def best_pieces(
     singular : {"estimable", "error"}
         Where so few windows leave parameters open: those that tell most of the others, with a report that names what is open; or an
         error.
+    progress : bool or callable, optional
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `PieceProgress` when all
+        windows are weighed, and after each exchange.
 
     Returns
     -------
@@ -71,22 +77,24 @@ def best_pieces(
     started = time.perf_counter()
     check_type(problem, DesignProblem, "problem")
     check_type(pieces, Pieces, "pieces")
+    check_progress(progress)
     check_choice(singular, SINGULAR, "singular")
     count, seed = check_positive_int(n_pieces, "n_pieces"), check_positive_int(seed, "seed", 0)
     problem = piece_problem(problem, pieces)
     _refuse_more(count, Windows(pieces.first, pieces.length))
-    information = piece_information(problem, pieces, threads)
-    if not len(information.rows):
-        told = ", ".join(f"{reason} {lost}" for reason, lost in information.left_out.items())
-        raise ValueError(f"pieces: expected windows with trajectories that are ok, given none: {told}")
-    windows = Windows(pieces.first[information.rows], pieces.length)
-    _refuse_more(count, windows)
-    _refuse_open_directions(problem, information.factor)
-    packing = Packed(len(problem.estimated))
-    packing.in_coordinates(information.packed, information.factor)
-    search = PieceSearch(information.packed, packing, windows, count)
-    stop_reason = search.run()
-    design = _found(problem, pieces, information, search, stop_reason, seed, threads, started)
+    with following(progress, "picking pieces", piece_step, "weighing all windows", counted=False) as heard:
+        information = piece_information(problem, pieces, threads)
+        if not len(information.rows):
+            told = ", ".join(f"{reason} {lost}" for reason, lost in information.left_out.items())
+            raise ValueError(f"pieces: expected windows with trajectories that are ok, given none: {told}")
+        windows = Windows(pieces.first[information.rows], pieces.length)
+        _refuse_more(count, windows)
+        _refuse_open_directions(problem, information.factor)
+        packing = Packed(len(problem.estimated))
+        packing.in_coordinates(information.packed, information.factor)
+        search = PieceSearch(information.packed, packing, windows, count)
+        stop_reason = search.run(heard, started)
+        design = _found(problem, pieces, information, search, stop_reason, seed, threads, started)
     if singular == "error" and design.evaluation.null_directions and stop_reason != "interrupted":
         told = combinations(design.evaluation.null_directions)
         raise ValueError(

@@ -6,10 +6,16 @@ may be chosen. The largest sum of tr(M^-1 F_k) over disjoint windows thus bounds
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from time import perf_counter
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
+from ...show.numbers import computed, counted
+from ...show.progress import Step
 from .disjoint import Places, Windows
 from .packed import Packed
 
@@ -29,6 +35,19 @@ SINGULAR = 1e-13
 
 RIDGE = 1e-9
 """What stands in for the windows that are not taken while those that are leave M singular, as a share of all windows."""
+
+
+class PieceProgress(NamedTuple):
+    """What `best_pieces` has done: exchanges; how far log det is from its bound, infinite while F is singular; and seconds."""
+
+    exchanges: int
+    gap: float
+    seconds: float
+
+
+def piece_step(now: PieceProgress) -> Step:
+    gap = f", {computed(now.gap, 3)} below the bound" if np.isfinite(now.gap) else ""
+    return Step(state=f"{counted(now.exchanges, 'exchange')}{gap}")
 
 
 class PieceSearch:
@@ -76,13 +95,20 @@ class PieceSearch:
         gradient = self._packing.gradient(self._total(self.chosen))
         return np.asarray(self._f[self.chosen] @ gradient / self._packing.p)
 
-    def run(self) -> str:
+    def run(self, told: Callable[[PieceProgress], None] | None = None, started: float = 0.0) -> str:
         """Search, and return how it ended: "no_exchange", "most_exchanges" or "interrupted"."""
+
+        def tell() -> None:
+            if told is not None:
+                told(PieceProgress(self.exchanges, max(0.0, self.bound - self._value), perf_counter() - started))
+
         try:
             self._weigh(self._f.sum(axis=0) * (self.count / len(self._f)))
+            tell()
             while True:
                 while self._exchange():
                     self.exchanges += 1
+                    tell()
                     if self.exchanges >= MOST_EXCHANGES:
                         return "most_exchanges"
                 before = self._value

@@ -20,7 +20,7 @@ from ...points.run_trajectories import checked_run_trajectories
 from ...points.runs import Runs
 from ...points.status import Status
 from ...show.numbers import counted
-from ...show.run_time import LOOKS, SHARES, RunTime
+from ...show.run_time import RunTime, shares_of
 from ...show.shown import Plots
 from ...show.style import NOISE, PRIOR, STYLE, TEXT, labelled, scale, telling
 from .run_plants import RunPlants
@@ -59,20 +59,23 @@ def plot_runs(problem: DesignProblem, runs: Runs) -> Figure:
     """Inputs, and outputs at the prior mean with samples, and where 90 % of the prior's plants are; limits are dashed."""
     model, settings = problem.model, run_settings(problem, None)
     shown = runs[: min(len(runs), MOST_SHOWN)]
-    fine = shown.divided(SHARES)
+    shares = shares_of(shown.dt.shape[1])
+    fine, looks_each = shown.divided(shares), len(shares)
     mean = checked_run_trajectories(model, fine, problem.theta, settings)
     plants = RunPlants(problem, DRAWN, np.random.default_rng(0), settings)
     spread, reached = plants.outputs(fine)
     limits = {name: values for name, values in limits_of(problem).items() if name in names_of(model.outputs)}
     rows, columns = len(model.inputs) + len(model.outputs), len(shown)
-    times = [RunTime(dt[:n]) for dt, n in zip(shown.dt, shown.segments.tolist(), strict=True)]
+    times = [
+        RunTime(dt[:n], y if len(dt) == 1 else None) for dt, n, y in zip(shown.dt, shown.segments.tolist(), mean.y, strict=True)
+    ]
     width = max(4.2, *(time.width for time in times))
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(1.5 + width * columns, 0.6 + 1.5 * rows), layout="constrained")
         grid = figure.subplots(rows, columns, squeeze=False, sharex="col", sharey="row")
         for k, time in enumerate(times):
             n = int(shown.segments[k])
-            t, looks = time(time.ends), time.within(np.array(SHARES))
+            t, looks = time(time.ends), time.within(np.array(shares))
             for i, quantity in enumerate(model.inputs):
                 factor, unit = scale(quantity, shown.u[:, :, i])
                 held = factor * np.append(shown.u[k, :n, i], shown.u[k, n - 1, i])
@@ -82,15 +85,15 @@ def plot_runs(problem: DesignProblem, runs: Runs) -> Figure:
                 axes: Any = grid[len(model.inputs) + j, k]
                 factor, unit = scale(quantity, mean.y[:, :, j])
                 if reached[:, k].any():
-                    low, high = np.quantile(spread[reached[:, k], k, : n * LOOKS, j], [0.05, 0.95], axis=0)
+                    low, high = np.quantile(spread[reached[:, k], k, : n * looks_each, j], [0.05, 0.95], axis=0)
                     axes.fill_between(looks, factor * low, factor * high, color=PRIOR, alpha=0.35, linewidth=0)
                 for limit in limits.get(quantity.name, ()):
                     axes.axhline(factor * limit, color=TEXT, linewidth=0.8, linestyle="--")
-                (line,) = axes.plot(looks, factor * mean.y[k, : n * LOOKS, j], color=NOISE, linewidth=1.2)
+                (line,) = axes.plot(looks, factor * mean.y[k, : n * looks_each, j], color=NOISE, linewidth=1.2)
                 samples = counted(int(shown.measured[k, :n].sum()), "sample")
                 telling([line], f"run {k + 1}: {labelled(quantity.name, unit)} at the prior mean, {samples}", f"{k}-{j}")
                 at = np.flatnonzero(shown.measured[k, :n])
-                sampled = mean.y[k, at * LOOKS + LOOKS - 1, j]
+                sampled = mean.y[k, at * looks_each + looks_each - 1, j]
                 axes.plot(t[at + 1], factor * sampled, "o", color=NOISE, markersize=3.2)
                 grid[len(model.inputs) + j, 0].set_ylabel(labelled(quantity.name, unit))
             grid[0, k].set_title(f"run {k + 1}")
