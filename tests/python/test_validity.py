@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.information.node_sieve import FEW, LEARNT
+from fisherpoint.information.node_sieve import AT_FIRST, FEW, LEARNT, REMEMBERED
 from fisherpoint.information.point_information import PointInformation, point_sensitivities, with_covariance
 from fisherpoint.information.validity import Validity
 from fisherpoint.points.status import Status
@@ -93,6 +93,42 @@ def test_what_is_lost_is_sampled_as_late_as_the_nodes_allow(problem: fp.DesignPr
     assert (sieve.statuses(cut) != 0).mean() < 0.003 and (cut.dt < new.dt[places]).all() and (cut.dt >= shortest).all()
     longer = np.minimum(cut.dt + 0.012 * (new.dt[places] - shortest), new.dt[places])
     assert (sieve.statuses(fp.Experiments(cut.x0, cut.u, longer)) != 0).mean() > 0.99
+
+
+def test_roughly_only_the_nodes_that_tell_most_are_asked(problem: fp.DesignProblem, monkeypatch: pytest.MonkeyPatch) -> None:
+    validity = Validity(problem, None)
+    for seed in range(12):
+        validity.tried(candidates(problem, 3 * LEARNT, seed))
+    sieve, asked = validity._sieve, list[int]()
+    assert len(sieve._chosen) > AT_FIRST
+    new = candidates(problem, 1000, 7).experiments
+    _, whole, by_all = validity.cut_short(new, 1e-3)
+    on_nodes = sieve._on_nodes
+    monkeypatch.setattr(sieve, "_on_nodes", lambda some, nodes: asked.extend(nodes.tolist()) or on_nodes(some, nodes))
+    cut, places, by_few = validity.cut_short(new, 1e-3, roughly=True)
+    assert asked == sieve._chosen[:AT_FIRST].tolist()
+    assert not by_few[by_all == 0].any() and 0.5 < (by_few != 0).sum() / (by_all != 0).sum() < 1
+    assert set(places) < set(whole) | set(np.flatnonzero(by_few)) and (cut.dt < new.dt[places]).all()
+
+
+def test_nodes_on_which_nothing_fails_any_more_give_way(problem: fp.DesignProblem, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert isinstance(problem.region, fp.ExperimentRegion)
+    sieve, points = Validity(problem, None)._sieve, problem.region.draw(problem.model, LEARNT + REMEMBERED, seed=1)
+    early = {row.tobytes() for row in points.table[:LEARNT]}
+
+    def on_nodes(some: fp.Experiments, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The first points fail below node 20, what comes later above it."""
+        below = np.array([row.tobytes() in early for row in some.table])
+        return np.where(below[:, None] == (nodes < 20), Status.left_domain, Status.ok), np.zeros((len(some), len(nodes)))
+
+    monkeypatch.setattr(sieve, "_on_nodes", on_nodes)
+    sieve.learn(points[: LEARNT - 1])
+    assert not len(sieve._chosen)
+    sieve.learn(points[LEARNT - 1 : LEARNT])
+    assert len(sieve._chosen) and (sieve._chosen < 20).all()
+    for k in range(LEARNT, len(points), LEARNT):
+        sieve.learn(points[k : k + LEARNT])
+    assert (sieve._chosen >= 20).all()
 
 
 def test_what_the_mean_cannot_run_is_sampled_earlier(problem: fp.DesignProblem) -> None:
