@@ -26,7 +26,7 @@ def experiment(name: str) -> tuple[fp.DesignProblem, fp.Measurements, dict[str, 
     config = load_config(EXAMPLES / f"{name}.toml")
     problem = config.problem()
     count = max(12, len(problem.parameters) + 2)
-    design = fp.exchange(problem, n_experiments=count, n_candidates=30, max_iterations=5, seed=1)
+    design = fp.exchange(problem, n_experiments=count, method="paper", n_candidates=30, max_iterations=5, seed=2)
     theta = problem.model.theta(dict(problem.prior.mean))
     y = fp.simulate(problem.model, design.points, theta, rtol=RTOL).y
     noise = problem.noise_std or {quantity.name: 1e-3 for quantity in problem.model.outputs}

@@ -18,7 +18,7 @@ from fisherpoint.basics.formulas import ARGUMENTS
 from fisherpoint.models.expressions import symbol
 from fisherpoint.models.text import parse_equation
 from fisherpoint.points.constraints import parse_constraint
-from fisherpoint.points.region import EDGE, LONGEST, NEXT_TO_ZERO
+from fisherpoint.points.region import AT_REST, EDGE, LONGEST, NEXT_TO_ZERO
 
 NAMES = tuple(REGION)
 
@@ -71,14 +71,16 @@ def test_draws_at_edges_are_on_bounds_and_next_to_zero() -> None:
     table = fp.ExperimentRegion(REGION).draw_at_edges(MODEL, count, seed=1).table
     low, high = np.array([REGION[name] for name in NAMES]).T
     on_low, on_high = (table == low).mean(axis=0), (table == high).mean(axis=0)
-    np.testing.assert_allclose(on_low[:-1], EDGE, atol=0.02)
-    np.testing.assert_allclose(on_high[:-1], EDGE, atol=0.02)
-    assert on_high[-1] == pytest.approx(LONGEST, abs=0.02)
     with_zero = (low < 0) & (high > 0)
+    on_bounds = EDGE * np.where(with_zero, 1 - AT_REST, 1.0)[:-1]
+    np.testing.assert_allclose(on_low[:-1], on_bounds, atol=0.02)
+    np.testing.assert_allclose(on_high[:-1], on_bounds, atol=0.02)
+    assert on_high[-1] == pytest.approx(LONGEST, abs=0.02)
     farthest, nearest = NEXT_TO_ZERO
     share = np.abs(table) / (high - low)
     near = (share >= 0.99 * nearest) & (share <= 1.01 * farthest)
-    assert (near[:, with_zero].mean(axis=0) > EDGE - 0.02).all()
+    assert (near[:, with_zero].mean(axis=0) > AT_REST + (1 - AT_REST) * EDGE - 0.02).all()
+    assert near[:, with_zero].all(axis=1).mean() > AT_REST  # at rest
     assert with_zero.any() and (table[:, with_zero] != 0).all()
     # Every order of magnitude alike.
     small = (near & (share < np.sqrt(farthest * nearest)))[:, with_zero].sum() / near[:, with_zero].sum()

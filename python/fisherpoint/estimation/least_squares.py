@@ -19,7 +19,7 @@ CONVERGED, LIMIT, STALLED, NOT_EVALUABLE, UNNOTICED, ROUGH, UNSETTLED, RAN_OFF =
 ENDS = {
     CONVERGED: "converged",
     LIMIT: "no minimum within the allowed evaluations",
-    STALLED: "no further step lowers the residuals, and their gradient is not zero",
+    STALLED: "no further step lowers the residuals by more than a trace, and their gradient is not zero",
     NOT_EVALUABLE: "a trajectory at the start is not ok",
     UNNOTICED: "some unknown does not change any measured output there, so its gradient is zero",
     ROUGH: "rounding, or the tolerance of the trajectories, keeps the gradient from zero",
@@ -61,9 +61,10 @@ LEAST_NEGLIGIBLE = 1e-13
 MOST_REFUSED = 12
 """Trials in a row that are refused, each with more damping than the one before, after which a search has stalled."""
 
-CREEP, MOST_CREPT = 1e-4, 15
-"""A search has stalled too where so many steps lower the cost by less than CREEP, in squares of the noise, while the undamped step
-promises more. A friction that data show as a jump is fitted the better the steeper it is, and every step there costs more."""
+CREEP, MOST_CREPT = 1e-4, 30
+"""A search has stalled too where so many iterations, the last of them with bent steps, lower the cost by less than CREEP, in
+squares of the noise, while the undamped step promises more. A friction that data show as a jump is fitted the better the steeper
+it is, and every step there costs more."""
 
 MOST_FAILED = 15
 """Trials of a search that cannot be evaluated, after which it counts as stuck at the border of what can."""

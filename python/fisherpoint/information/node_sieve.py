@@ -95,7 +95,7 @@ class NodeSieve:
         return np.where(lost.any(axis=1), status[np.arange(len(points)), np.argmax(lost, axis=1)], np.int32(Status.ok))
 
     def lasted_on_plants(self, points: Experiments) -> Array:
-        """Until when each point (K,) can be followed on all plants (K, m); infinite where that is its end."""
+        """Until when each point (K,) can be followed on all plants (K, m); infinite where none of `FATAL` ended it."""
         return self._at(points, self.plants, self._settings)[1]
 
     def statuses(self, points: Experiments) -> IntArray:
@@ -140,7 +140,7 @@ class NodeSieve:
         self._failed.append(failed.table)
         if sum(map(len, self._failed)) < LEARNT:
             return
-        points = Experiments.of_table(self._problem.model, np.concatenate(self._failed))
+        points = Experiments.of_table(self._problem.model, np.concatenate(self._failed)[-REMEMBERED:])
         self._failed = []
         self._lost.append(np.isin(self._on_nodes(points, np.arange(len(self._theta)))[0], FATAL))
         lost = np.concatenate(self._lost)[-REMEMBERED:]
@@ -167,13 +167,13 @@ class NodeSieve:
         return self._at(points, self._theta[nodes], (max(self._settings[0], ROUGH), *self._settings[1:]))
 
     def _at(self, points: Experiments, parameters: Array, settings: Settings) -> tuple[IntArray, Array]:
-        """Statuses (K, n), and until when each could be followed; infinite where that is its end."""
+        """Statuses (K, n), and until when each could be followed; infinite where none of `FATAL` ended it."""
         model, count = self.model, len(parameters)
         rows = np.repeat(np.arange(len(points)), count)
         theta = np.tile(parameters, (len(points), 1))
         _, _, *told = model.kernels.simulate(model.core, points.x0[rows], points.u[rows], points.dt[rows], theta, *settings)
         status, lasted = (np.asarray(one).reshape(len(points), count) for one in told)
-        return status, np.where(status == Status.ok, np.inf, lasted)
+        return status, np.where(np.isin(status, FATAL), lasted, np.inf)
 
 
 def lasting(points: Experiments, dt: Array) -> Experiments:

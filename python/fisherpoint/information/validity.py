@@ -97,10 +97,10 @@ class Validity:
         return lasting(points[found], dt[found]), found
 
     def _at_mean(self, points: Experiments) -> tuple[IntArray, Array]:
-        """Statuses (K,), and until when each point can be followed, infinite where that is its end."""
+        """Statuses (K,), and until when each point can be followed, infinite where none of `FATAL` ended it."""
         model, theta = self._problem.limited, self._problem.theta
         _, _, status, lasted = model.kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *self._settings)
-        return np.asarray(status), np.where(status == Status.ok, np.inf, lasted)
+        return np.asarray(status), np.where(np.isin(status, FATAL), lasted, np.inf)
 
     def include(self, other: Validity) -> None:
         """Remember what another has tried of the same problem."""

@@ -35,6 +35,9 @@ EDGE, LONGEST = 0.3, 0.8
 """How often `ExperimentRegion.draw_at_edges` puts a number on its lower bound, on its upper bound and next to zero; and dt on its
 longest."""
 
+AT_REST = 0.2
+"""Share of the points that it puts next to zero in all numbers that can be zero: at rest, with what is shut."""
+
 NEXT_TO_ZERO = 0.1, 1e-4
 """How far from zero that is, as shares of the region's width, every order of magnitude alike."""
 
@@ -141,7 +144,9 @@ class ExperimentRegion:
         farthest, nearest = NEXT_TO_ZERO
         distance = width * farthest * (nearest / farthest) ** share * rng.choice([-1.0, 1.0], share.shape)
         kind = rng.random(share.shape)
-        near_zero = (kind > 1 - EDGE) & (lower < 0) & (upper > 0)
+        has_zero = (lower < 0) & (upper > 0)
+        kind[(rng.random((count, 1)) < AT_REST) & has_zero] = 1.0
+        near_zero = (kind > 1 - EDGE) & has_zero
         table = np.select([kind < EDGE, kind < 2 * EDGE, near_zero], [np.broadcast_to(lower, share.shape), upper, distance], table)
         if model.states:
             table[:, -1] = np.where(kind[:, -1] < LONGEST, upper[-1], lower[-1] + width[-1] * share[:, -1])

@@ -29,7 +29,7 @@ CLOSE_ENOUGH_TO_COMPARE = 1e-2
 """Tolerance of searches of which the cost alone is used: it is 5e-5 too large then, far less than what tells minima apart."""
 
 LAST_EVALUATIONS = 200
-"""Of the search that goes on from the lowest of several that came to no end."""
+"""Of a search that goes on: from the truth, where it is not in a wrong valley, or as the lowest of several that came to no end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,9 +75,12 @@ class Searches:
         """
         everything = np.arange(len(truth))
         to_compare = (TRIED_EVALUATIONS, SETTLED_TO_COMPARE, CLOSE_ENOUGH_TO_COMPARE)
-        lowest = self._searched(self._inside(truth), everything, *to_compare).minima
+        from_truth = self._searched(self._inside(truth), everything, *to_compare)
+        self._finish(from_truth, from_truth.minima.end == LIMIT, self._same(from_truth.minima.cost), *to_compare[1:])
+        lowest = from_truth.minima
         found = self._searched(np.tile(self.starts[0], (len(truth), 1)), everything, TRIED_EVALUATIONS)
         same = self._same(lowest.cost)
+        self._finish(found, (found.minima.end == LIMIT) & ~(found.minima.cost > lowest.cost + same), same)  # not a wrong valley
         for rank in range(len(self.starts) - 1):
             rows = np.flatnonzero(self._to_go_on(found.minima, lowest, same))
             if not len(rows):
@@ -86,10 +89,16 @@ class Searches:
                 order = np.zeros((len(truth), len(self.starts) - 1), dtype=np.intp)
                 order[rows] = self._promising(rows)
             self._take_lower(found, rows, self._searched(self.starts[1:][order[rows, rank]], rows, TRIED_EVALUATIONS), same)
-        rows = np.flatnonzero(found.minima.end == LIMIT)
-        if len(rows):
-            self._take_lower(found, rows, self._searched(found.minima.z[rows], rows, LAST_EVALUATIONS), same)
+        self._finish(found, found.minima.end == LIMIT, same)
         return replace(found, wrong=found.minima.cost > lowest.cost + same)
+
+    def _finish(
+        self, found: Searched, chosen: NDArray[np.bool_], same: Array, settled: float = SETTLED, tolerance: float = TOLERANCE
+    ) -> None:
+        """Go on with these searches from where they are."""
+        if len(rows := np.flatnonzero(chosen)):
+            further = self._searched(found.minima.z[rows], rows, LAST_EVALUATIONS, settled, tolerance)
+            self._take_lower(found, rows, further, same)
 
     def _inside(self, z: Array) -> Array:
         return np.clip(z, self.residuals.unknowns.lower, self.residuals.unknowns.upper)
