@@ -131,7 +131,7 @@ def test_data_may_come_without_a_design_and_with_gaps(problem: fp.DesignProblem)
 
 
 def test_what_is_uncertain_counts_in_estimates(problem: fp.DesignProblem) -> None:
-    sure, unsure = fp.Campaign(problem, 4, **QUICK), fp.Campaign(problem.replace(uncertain={"T_1": 2e-4}), 4, **QUICK)
+    sure, unsure = fp.Campaign(problem, 4, **QUICK), fp.Campaign(problem.replace(uncertain={"T_1": 5e-4}), 4, **QUICK)
     data = rig(problem, 0).measure(sure.next())
     assert unsure.tell(data).standard_errors["B_v"] > 1.01 * sure.tell(data).standard_errors["B_v"]
 
