@@ -131,9 +131,11 @@ def test_data_may_come_without_a_design_and_with_gaps(problem: fp.DesignProblem)
 
 
 def test_what_is_uncertain_counts_in_estimates(problem: fp.DesignProblem) -> None:
-    sure, unsure = fp.Campaign(problem, 4, **QUICK), fp.Campaign(problem.replace(uncertain={"T_1": 5e-4}), 4, **QUICK)
+    sure, unsure = fp.Campaign(problem, 4, **QUICK), fp.Campaign(problem.replace(uncertain={"T_1": 2e-4}), 4, **QUICK)
     data = rig(problem, 0).measure(sure.next())
-    assert unsure.tell(data).standard_errors["B_v"] > 1.01 * sure.tell(data).standard_errors["B_v"]
+    larger, smaller = unsure.tell(data).standard_errors, sure.tell(data).standard_errors
+    ratios = np.array([larger[name] / smaller[name] for name in smaller])
+    assert ratios.max() > 1.1 and ratios.min() > 0.99  # which of them, depends on the points
 
 
 def test_only_chosen_parameters_are_estimated(problem: fp.DesignProblem) -> None:
