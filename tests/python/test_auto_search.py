@@ -19,7 +19,7 @@ from fisherpoint.design.average import Average
 from fisherpoint.design.optimality.added import gains
 from fisherpoint.design.optimality.aims import aim_of
 from fisherpoint.design.optimality.criteria import Determinant
-from fisherpoint.design.points import auto_search, pool_moves
+from fisherpoint.design.points import auto_search, pool_search
 from fisherpoint.design.points.auto_search import PEAKS, UNCONFIRMED, AutoSearch
 from fisherpoint.design.points.pool import APART, best_of_each, far_apart
 from fisherpoint.design.points.pool_exchange import PoolExchange, greedy
@@ -255,7 +255,7 @@ def test_candidates_that_plants_cannot_run_are_sampled_earlier(monkeypatch: pyte
         return float(np.mean([design.evaluation.log_det for design in some]))
 
     earlier = found()
-    monkeypatch.setattr(pool_moves, "EARLIER", 0)
+    monkeypatch.setattr(pool_search, "EARLIER", 0)
     monkeypatch.setattr(CandidateSource, "draw_at_edges", CandidateSource.draw)
     assert earlier > found() + 0.1
 

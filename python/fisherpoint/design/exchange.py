@@ -34,8 +34,8 @@ from .points.auto_search import AutoSearch
 from .points.exchange_search import ExchangeSearch
 from .points.point_search import PointSearch, Progress
 from .result import Design
+from .search_steps import points_step
 from .settings import ExchangeSettings, check_asked, most_iterations, searched_by
-from .told import points_step
 
 
 def exchange(

@@ -36,10 +36,10 @@ from .over_prior import OverPrior
 from .points.point_search import PointSearch, Progress
 from .points.seen_candidates import SeenCandidates
 from .points.size_search import sized_searches
+from .search_steps import sizes_step
 from .settings import MOST, ExchangeSettings, check_asked, most_iterations
 from .sweep_report import sweep_report
 from .swept import SizedDesign, SweptDesigns, log_det_of
-from .told import sizes_step
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -65,7 +65,6 @@ class NodeSieve:
             self.model = problem.limited if self._assumed is None else self._assumed.model
         self._few, self._plants = FEW if plants is None else 2 * FEW, plants
         self._failed: list[Array] = []
-        self._lost: list[NDArray[np.bool_]] = []  # of points that have failed, the nodes (K, n) that are lost
         self._chosen = np.empty(0, dtype=np.intp)
         self._theta: Array | None = None
         self._weights = np.empty(0)
@@ -78,6 +77,7 @@ class NodeSieve:
         if plants is not None:
             self._theta = plants if self._theta is None else np.concatenate([self._theta, plants])
             self._weights = np.append(self._weights, np.ones(len(plants)))
+        self._lost = np.zeros((0, len(self._weights)), dtype=bool)  # of points that have failed, the nodes (K, n) that are lost
 
     def at(self, theta: Array) -> Array:
         """Parameters (m, p) of the problem's model as those of `model`."""
@@ -101,7 +101,7 @@ class NodeSieve:
     def statuses(self, points: Experiments) -> IntArray:
         """Ok where the few nodes let a point (K,) pass, else the status of a node on which it fails."""
         result, weighs = np.zeros(len(points), dtype=np.int32), np.zeros(len(points))
-        for some in (self._chosen[:AT_FIRST], self._chosen[AT_FIRST:]):
+        for some in self._in_turn:
             left = np.flatnonzero(result == Status.ok)
             if len(some) and len(left):
                 status, _ = self._on_nodes(points[left], some)
@@ -111,6 +111,11 @@ class NodeSieve:
                 result[left[failed]] = status[failed, np.argmax(lost[failed], axis=1)]
         return result
 
+    @property
+    def _in_turn(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """The few nodes that are asked first, and those that are asked of what these let pass."""
+        return self._chosen[:AT_FIRST], self._chosen[AT_FIRST:]
+
     def shortened(self, points: Experiments, shortest: float, first_alone: bool) -> tuple[IntArray, Array]:
         """Statuses (K,) as of `statuses`, and the longest dt (K,) at which the few nodes let each point pass.
 
@@ -119,7 +124,7 @@ class NodeSieve:
         """
         status, dt = np.zeros(len(points), dtype=np.int32), points.dt.copy()
         lasted, asked = np.empty((len(points), 0)), np.empty(0, dtype=np.intp)
-        for some in (self._chosen[:AT_FIRST], self._chosen[AT_FIRST:])[: 1 if first_alone else 2]:
+        for some in self._in_turn[:1] if first_alone else self._in_turn:
             left = np.flatnonzero(dt >= shortest)
             if not len(some) or not len(left):
                 continue
@@ -142,9 +147,9 @@ class NodeSieve:
             return
         points = Experiments.of_table(self._problem.model, np.concatenate(self._failed)[-REMEMBERED:])
         self._failed = []
-        self._lost.append(np.isin(self._on_nodes(points, np.arange(len(self._theta)))[0], FATAL))
-        lost = np.concatenate(self._lost)[-REMEMBERED:]
-        self._lost, self._chosen = [lost], self._fewest(lost)
+        lost = np.isin(self._on_nodes(points, np.arange(len(self._theta)))[0], FATAL)
+        self._lost = np.concatenate([self._lost, lost])[-REMEMBERED:]
+        self._chosen = self._fewest(self._lost)
 
     def _fewest(self, lost: NDArray[np.bool_]) -> NDArray[np.intp]:
         """Nodes, one after the other, that tell most of the points that are left; of points (K, nodes) that fail."""

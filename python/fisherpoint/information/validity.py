@@ -78,12 +78,11 @@ class Validity:
         status : ndarray of int, (K,)
             Of the given points: that at the mean or of a node on which they fail, or ok.
         """
-        status, dt = np.zeros(len(points), dtype=np.int32), points.dt
+        status, dt = np.zeros(len(points), dtype=np.int32), points.dt.copy()
         if not ok_at_mean:
             there, at_mean = self._at_mean(points)
             status, dt = np.where(np.isin(there, FATAL), there, np.int32(Status.ok)), np.minimum(dt, SHORT * at_mean)
         left = np.flatnonzero(dt >= shortest)
-        dt = dt.copy()
         there, dt[left] = self._sieve.shortened(lasting(points[left], dt[left]), shortest, roughly)
         status[left] = np.where(status[left] == Status.ok, there, status[left])
         places = np.flatnonzero((status != Status.ok) & (dt >= shortest))

@@ -20,7 +20,7 @@ from ...information.point_information import PointInformation
 from ...points.experiments import Experiments
 from .point_search import Incumbent, Progress
 from .pool import Pool, far_apart
-from .pool_moves import PoolSearch
+from .pool_search import PoolSearch
 from .replicates import with_copies
 
 POOL, MOST_POOL = 400, 50_000
