@@ -13,6 +13,7 @@ import fisherpoint as fp
 from conftest import REGION, random_points
 from defaults import KINDS, MODEL, problem, same_bits
 from fisherpoint.design.points.exchange_search import ExchangeSearch
+from fisherpoint.design.points.lineage import GENERATIONS, Lineage
 from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.points.region import NEAREST
 
@@ -51,6 +52,32 @@ def test_what_the_region_fixes_is_not_moved() -> None:
     assert np.all((near.table != start.table).any(axis=1))
     fixed = fp.ExperimentRegion({name: (value, value) for name, value in zip(REGION, start.table[0], strict=True)})
     assert same_bits(fixed.draw_near(MODEL, start[[0, 0]], seed=1).table, start[[0, 0]].table)
+
+
+def test_candidates_go_on_in_about_the_direction_of_a_step() -> None:
+    region, middle = (
+        fp.ExperimentRegion(REGION),
+        fp.Experiments([(LOW + HIGH)[:5] / 2], [(LOW + HIGH)[5:6] / 2], (LOW + HIGH)[6:] / 2),
+    )
+    step = 0.01 * (HIGH - LOW) * np.array([1.0, -1.0, 0.5, 0.0, 0.0, 1.0, -0.5])
+    near = region.draw_near(MODEL, middle[[0] * 5000], np.tile(step, (5000, 1)), seed=1).table
+    change, direction = (near - middle.table) / (HIGH - LOW), step / (HIGH - LOW) / np.linalg.norm(step / (HIGH - LOW))
+    far = change @ direction / np.linalg.norm(step / (HIGH - LOW))
+    assert 0.9 < np.median(far) < 1.1 and np.mean(far > 0) > 0.99
+    cosine = change @ direction / np.linalg.norm(change, axis=1)
+    assert np.median(cosine) > 0.9 and cosine.std() > 0.01
+    # Where there is no step, as without any.
+    none = np.zeros((5000, 7))
+    assert region.draw_near(MODEL, middle[[0] * 5000], none, seed=1) == region.draw_near(MODEL, middle[[0] * 5000], seed=1)
+
+
+def test_a_lineage_has_the_steps_from_its_ancestors_the_nearest_first() -> None:
+    lineage, way = Lineage(), np.cumsum(np.random.default_rng(0).random((GENERATIONS + 3, 2)), axis=0)
+    lineage.add(way[1:], way[:-1])
+    found = lineage.steps(np.array([way[-1], way[2], way[0]]))
+    np.testing.assert_array_equal(found[0], way[-1] - way[-2 : -2 - GENERATIONS : -1])
+    np.testing.assert_array_equal(found[1], [way[2] - way[1], way[2] - way[0], *np.zeros((GENERATIONS - 2, 2))])
+    assert not found[2].any()
 
 
 @pytest.mark.parametrize("kind", KINDS)

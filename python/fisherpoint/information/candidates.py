@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.messages import listed
-from ..basics.values import IntArray
+from ..basics.values import Array, IntArray
 from ..points.experiments import Experiments
 from ..points.region import ExperimentRegion
 from ..points.settings import on_surface
@@ -26,6 +26,9 @@ MAX_DRAWN_PER_CANDIDATE = 2000
 
 SMALLEST_BATCH, LARGEST_BATCH = 64, 1024
 """Draws at once; what is left over serves the next request."""
+
+ONWARD = 0.5
+"""Share of the candidates near points that go on where these have come from."""
 
 
 class CandidateSource:
@@ -116,10 +119,17 @@ class CandidateSource:
             points = Experiments.join([points[np.flatnonzero(status == Status.ok)], cut])
         return self.survivors(points)[0]
 
-    def draw_near(self, points: Experiments, each: int) -> tuple[PointInformation, IntArray]:
-        """Return what is valid at the prior mean of `each` candidates near every point, and the point of each."""
+    def draw_near(self, points: Experiments, each: int, steps: Array | None = None) -> tuple[PointInformation, IntArray]:
+        """Return what is valid at the prior mean of `each` candidates near every point, and the point of each.
+
+        A share of them goes on where points have come from: `steps` (K, m, d) to each point, zero where there are none.
+        """
         near = np.repeat(np.arange(len(points), dtype=np.int32), each)
-        survivors, kept = self.survivors(self._region.draw_near(self._problem.model, points[near], seed=self._rng))
+        onward = None
+        if steps is not None:
+            onward = steps[near, self._rng.integers(steps.shape[1], size=len(near))]
+            onward[self._rng.random(len(near)) > ONWARD] = 0.0
+        survivors, kept = self.survivors(self._region.draw_near(self._problem.model, points[near], onward, seed=self._rng))
         return survivors, near[kept]
 
     def sampled_earlier(self, points: Experiments) -> tuple[PointInformation, IntArray, IntArray]:

@@ -41,6 +41,9 @@ AT_REST = 0.2
 NEXT_TO_ZERO = 0.1, 1e-4
 """How far from zero that is, as shares of the region's width, every order of magnitude alike."""
 
+ASIDE = 0.3
+"""By how much points of `draw_near` that go on in a direction leave it, as a share of how far they go."""
+
 
 class ExperimentRegion:
     """A box in start state, input and duration, cut by constraints.
@@ -152,11 +155,15 @@ class ExperimentRegion:
             table[:, -1] = np.where(kind[:, -1] < LONGEST, upper[-1], lower[-1] + width[-1] * share[:, -1])
         return Experiments.of_table(model, np.clip(table, lower, upper))
 
-    def draw_near(self, model: Model, points: Experiments, *, seed: int | np.random.Generator = 0) -> Experiments:
+    def draw_near(
+        self, model: Model, points: Experiments, steps: Array | None = None, *, seed: int | np.random.Generator = 0
+    ) -> Experiments:
         """Draw a point near each given one: some coordinates are moved, and those that would leave the box stay on its bounds.
 
         How far is drawn too, from the width of the box to a `NEAREST`-th of it, every order of magnitude alike: a search that draws
-        often comes as close to an optimum as it can use, without a schedule of steps.
+        often comes as close to an optimum as it can use, without a schedule of steps. Where `steps` (K, d) are given that are not
+        zero, a point goes about so far in about this direction: where a search has come from tells where it may go on, as along a
+        limit that bends.
         """
         rng = as_generator(seed)
         bounds = self.in_units_of(model).bounds
@@ -164,11 +171,17 @@ class ExperimentRegion:
         table = points.table[:, : len(lower)].copy()
         free = np.flatnonzero(upper > lower)
         if len(table) and len(free):
+            width = (upper - lower)[free]
             reach = NEAREST ** -rng.random((len(table), 1))
             moved = rng.random((len(table), len(free))) < 0.5
             moved[np.arange(len(table)), rng.integers(len(free), size=len(table))] = True
-            step = reach * (upper - lower)[free] * rng.standard_normal(moved.shape)
-            table[:, free] = np.clip(table[:, free] + np.where(moved, step, 0.0), lower[free], upper[free])
+            change = np.where(moved, reach * width * rng.standard_normal(moved.shape), 0.0)
+            if steps is not None:
+                on = steps[:, free]
+                far = np.abs(on / width).max(axis=1, keepdims=True)
+                aside = np.where(moved, ASIDE * far * width * rng.standard_normal(moved.shape), 0.0)
+                change = np.where(far > 0, np.exp(rng.standard_normal((len(table), 1))) * (on + aside), change)
+            table[:, free] = np.clip(table[:, free] + change, lower[free], upper[free])
         return Experiments.of_table(model, table)
 
     def satisfied(self, model: Model, points: Experiments) -> NDArray[np.bool_]:

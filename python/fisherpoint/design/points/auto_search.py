@@ -29,7 +29,7 @@ POOL, MOST_POOL = 400, 50_000
 PEAKS = 2
 """Candidates that climb in each group, as a multiple of `n_candidates`."""
 
-GROUPS, FIRST_ROUNDS, CLIMB_ROUNDS, ROUNDS = 4, 2, 18, 6
+GROUPS, FIRST_ROUNDS, CLIMB_ROUNDS, ROUNDS = 4, 4, 18, 5
 """Groups, and in each the rounds of its first design, of the climbing candidates, and of what the design becomes with them.
 
 What a group has missed another one has, and merging takes it over.
@@ -38,7 +38,7 @@ What a group has missed another one has, and merging takes it over.
 OF_GROUPS = 0.5
 """Share of the candidates near points that is drawn in the rounds of groups."""
 
-MERGED, MERGED_ROUNDS = 2, 4
+MERGED, MERGED_ROUNDS = 2, 8
 """How often candidates climb beside the design that is merged of all groups, and its rounds before that."""
 
 LEAST_ROUNDS = 28
@@ -53,7 +53,7 @@ AGREE, ALIKE = 3, 3e-4
 TAUGHT = 1000
 """Candidates of the pool that are tried on all nodes at the beginning, to learn which of the nodes tell most."""
 
-CYCLE = 8
+CYCLE = 16
 """Rounds after which all numbers ascend together."""
 
 CUT = 200

@@ -18,6 +18,7 @@ from ..optimality.aims import LogDet
 from ..optimality.criteria import Determinant
 from ..optimality.estimable import Estimable
 from ..optimality.told import told_aims
+from .lineage import Lineage
 from .point_ascent import PointAscent, scenario_rows, whitened_rows
 from .point_search import PointSearch
 from .pool import Pool, best_of_each
@@ -29,8 +30,11 @@ NEAR_PEAK = 16
 ASCENT = 20
 """Iterations of an ascent of all numbers together."""
 
-NEAR, LEAST_NEAR = 24, 4
-"""Candidates near all points in each round, as a multiple of `n_candidates`; and near each point at least."""
+NEAR, LEAST_NEAR = 8, 4
+"""Candidates near all points in each round, as a multiple of `n_candidates`; and near each point at least.
+
+Few in many rounds: each round begins where the one before has come to, and goes on from there.
+"""
 
 PART, LEAST_PART, MOST_WORK = 0.3, 300, 200_000
 """Share of the pool from which a group begins; how many at least; and points times candidates of an exchange at most."""
@@ -68,6 +72,7 @@ class PoolSearch(PointSearch):
         self._level, self._log_dets = self.aims[0].level, [LogDet(Determinant("D", np.eye(p), True))] * len(self.aims)
         self._drawn_share = max(LEAST_SHARE, min(1.0, AS_MANY / len(self._known)))
         self._rng = np.random.default_rng([self.settings.seed, 2])
+        self.lineage = Lineage()
 
     @property
     def _bounds(self) -> list[tuple[float, float]]:
@@ -94,6 +99,10 @@ class PoolSearch(PointSearch):
             self.aims, self._level = aims, aims[0].level
             self.seen.aims = aims
             self.best = self._incumbent(self.best.information)
+
+    def _numbers(self, points: PointInformation) -> Array:
+        """Of points, (K, d)."""
+        return points.experiments.table[:, : len(self._bounds)]
 
     def _pool(self, information: PointInformation, valid: int = 0) -> Pool:
         return Pool(information, self._columns(information), valid)
@@ -140,7 +149,7 @@ class PoolSearch(PointSearch):
         points, count = design.experiments, len(design)
         places = np.sort(np.unique(points.table, axis=0, return_index=True)[1])
         each = max(LEAST_NEAR, int(share * self._drawn_share * NEAR * self.settings.n_candidates) // len(places))
-        near, of = self.source.draw_near(points[places], each)
+        near, of = self.source.draw_near(points[places], each, self.lineage.steps(self._numbers(design)[places]))
         if not len(near):
             return design
         pool, place = self._pool(near), places[of]
@@ -176,7 +185,10 @@ class PoolSearch(PointSearch):
         entered = exchange.chosen >= count
         source = exchange.chosen.copy()
         source[entered] = count + np.arange(int(entered.sum()))
-        taken = pool.information[live[exchange.chosen[entered] - count]]
+        of_pool = live[exchange.chosen[entered] - count]
+        taken = pool.information[of_pool]
+        if place is not None:
+            self.lineage.add(self._numbers(taken), self._numbers(design[place[of_pool]]))
         return PointInformation.join([design, taken])[source]
 
     def _with_sampled_earlier(self, pool: Pool, wanted: NDArray[np.intp], place: NDArray[np.intp]) -> tuple[Pool, NDArray[np.intp]]:
@@ -193,7 +205,8 @@ class PoolSearch(PointSearch):
 
     def _higher(self, design: PointInformation, peaks: Pool) -> Pool:
         """Each candidate, or the best of what is drawn near it and of this sampled earlier, if few nodes let that pass."""
-        near, place = self.source.draw_near(peaks.information.experiments, NEAR_PEAK)
+        steps = self.lineage.steps(self._numbers(peaks.information))
+        near, place = self.source.draw_near(peaks.information.experiments, NEAR_PEAK, steps)
         pool, of = self._pool(near), place.astype(np.intp)
         gains = self._gains(design, pool.columns)
         least = LEAST_CLIMB * np.where(peaks.valid >= 0, self._gains(design, peaks.columns), 1.0)
@@ -205,6 +218,7 @@ class PoolSearch(PointSearch):
         best = best_of_each(gains, of, least, 1, tried)
         source = np.arange(len(peaks))
         source[of[best]] = len(peaks) + best
+        self.lineage.add(self._numbers(pool.information[best]), self._numbers(peaks.information[of[best]]))
         return peaks.with_more(pool)[source]
 
     def _gains(self, design: PointInformation, columns: Array) -> Array:
@@ -219,4 +233,8 @@ class PoolSearch(PointSearch):
 
     def _ascended(self, design: PointInformation) -> PointInformation:
         ascent = PointAscent(self.problem, self.source, self.criterion, self._fixed, self.threads, self.over, self.aims)
-        return ascent.run(design, ASCENT, self._late)
+        ascended = ascent.run(design, ASCENT, self._late)
+        before, after = self._numbers(design), self._numbers(ascended)
+        moved = (before != after).any(axis=1)
+        self.lineage.add(after[moved], before[moved])
+        return ascended
