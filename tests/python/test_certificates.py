@@ -97,7 +97,7 @@ def test_the_certificate_of_a_region_fails_where_the_support_is_kept_from_the_be
     monkeypatch.setattr(continuous._Refining, "add_new", lambda self, z, value: False)
     monkeypatch.setattr(continuous._Refining, "merged", lambda self, tolerance: _own(self))
     monkeypatch.setattr("fisherpoint.design.approximate._drawn", lambda *_: at(*np.linspace(-0.5, 0.5, 21)))
-    monkeypatch.setattr("fisherpoint.design.approximate._searched", lambda *_: None)
+    monkeypatch.setattr("fisherpoint.design.approximate._searched", lambda *_: [])
     design = fp.approximate(problem(), starts=100)
     assert np.abs(design.points.u).max() <= 0.5
     # F at the ends, with thirds of the weight at -1/2, 0 and 1/2: sum of squares of Lagrange polynomials, times 3

@@ -32,12 +32,17 @@ from .optimality.told import NOT_TOLD, not_told
 from .optimality.weights import optimal_weights
 from .over_prior import OverPrior, Scenarios, moved_problems
 from .points.auto_search import AutoSearch
+from .points.climbs import Climbs
 from .settings import SINGULAR, ExchangeSettings
 
 MOST_CANDIDATES = 10**6
 
-MORE_POINTS, SEARCH, SEARCHED = 3, 600, 2000
-"""Points beyond the parameters of a design that is searched for first, its iterations, and how many of its candidates are taken."""
+SEARCHES, MORE_POINTS, SEARCH, SEARCHED = 3, 3, 600, 2000
+"""Searches for designs at first, as each misses points that another one has; their points beyond the number of parameters, their
+iterations, and how many of the candidates of each are taken."""
+
+AGREE = 1e-4
+"""No further search follows where one finds as good a design as those before it but for so much for each parameter."""
 
 MOST_OF_ALL = 320
 """Scenarios times parameters: matrices of this size are made of every candidate that is weighed."""
@@ -77,8 +82,8 @@ def approximate(
 
     Maximised is the criterion of M = sum_i w_i F_i over weights that sum to 1, which is a concave problem (Kiefer and Wolfowitz
     1960; Pukelsheim 1993). Among given candidates its solution is the best that there is, to the tolerance. Without candidates,
-    points are also moved in the region, until no ascent of the sensitivity function from many starts exceeds its level by more
-    than a thousandth. That is a search: it proves nothing about places that no ascent came to.
+    points are also moved in the region, until neither random climbs nor ascents of the sensitivity function from many starts
+    exceed its level by more than a thousandth. That is a search: it proves nothing about places that no ascent came to.
 
     Parameters
     ----------
@@ -156,13 +161,12 @@ def approximate(
 
         source = PointRows(problem, threads, () if scenarios is None else scenarios.problems)
         rng = np.random.default_rng(seed)
-        given = candidates
+        given, compiled = candidates, problem.model.kernels is kernels  # others are slow: few of their points are tried
         if given is None:
             _check_region(problem)
-            searches = criterion != "c" and problem.model.kernels is kernels
-            searched = _searched(problem, seed, threads, scenarios, tell) if searches else None
             given = _drawn(problem, n_candidates, rng)
-            given = given if searched is None else Experiments.join([given, searched])
+            if compiled and criterion != "c":
+                given = Experiments.join([given, *_searched(problem, seed, threads, scenarios, tell)])
         rows, places = source.valid(given)
         if not len(rows):
             told = ", ".join(f"{reason} {count}" for reason, count in source.rejected.items())
@@ -186,11 +190,10 @@ def approximate(
         weights = optimal_weights(pool, asked, tolerance=tolerance, seed=seed, space=space)
         found = Refinement(points[weights.chosen], rows[weights.chosen], weights, len(rows), 0)
         if candidates is None:
-
-            def others(k: int) -> Experiments | None:
-                return _searched(problem, seed + 1 + k, threads, scenarios, tell) if searches else None
-
-            found = refined(source, points, pool, asked, weights, starts, tolerance, rng, others, tell)
+            climb = None
+            if compiled:
+                climb = Climbs(problem, rng, threads, () if scenarios is None else scenarios.problems).run
+            found = refined(source, points, pool, asked, weights, starts, tolerance, rng, climb, tell)
     weights = found.weights
     information = CandidateRows(found.rows, constant).information(np.arange(len(found.rows)), weights.weights)
     inside = space.span.T @ information @ space.span if len(space.null) else information
@@ -257,29 +260,35 @@ def _step(now: ApproximateProgress) -> Step:
 
 def _searched(
     problem: DesignProblem, seed: int, threads: int, scenarios: Scenarios | None, tell: Callable[[str, int], None]
-) -> Experiments | None:
-    """The best candidates of a search for an exact design: it looks on every scale near good points, where peaks may be narrow.
+) -> list[Experiments]:
+    """The best candidates of searches for exact designs: they look on every scale near good points, where peaks may be narrow.
 
     For "c", whose optima are often singular, they say little; many close ones only hold up its weights.
     """
-    settings = ExchangeSettings(
-        n_experiments=len(problem.estimated) + MORE_POINTS,
-        n_candidates=50,
-        max_iterations=SEARCH,
-        seed=seed,
-        patience=None,
-        time_limit=None,
-        max_redraws=0,
-        references=True,
-    )
-    search = AutoSearch(problem, settings, threads, scenarios=scenarios)
-    if search.run(lambda now: tell("searching", now.drawn)) == "interrupted":
-        raise KeyboardInterrupt
-    found = search.seen.best(search.best.information, None, SEARCHED)
-    own = search.best.information.experiments
-    if scenarios is not None:  # the candidates are those of the prior mean, the design is for all of them
-        return own if found is None else Experiments.join([found.experiments, own])
-    return None if found is None else found.experiments
+    p, found, best = len(problem.estimated), list[Experiments](), -np.inf
+    for k in range(SEARCHES):
+        settings = ExchangeSettings(
+            n_experiments=p + MORE_POINTS,
+            n_candidates=50,
+            max_iterations=SEARCH,
+            seed=seed + k,
+            patience=None,
+            time_limit=None,
+            max_redraws=0,
+            references=True,
+        )
+        search = AutoSearch(problem, settings, threads, scenarios=scenarios)
+        if search.run(lambda now: tell("searching", now.drawn)) == "interrupted":
+            raise KeyboardInterrupt
+        seen = search.seen.best(search.best.information, None, SEARCHED)
+        if seen is not None:
+            found.append(seen.experiments)
+        if seen is None or scenarios is not None:  # the candidates are those of the prior mean, the design is for all scenarios
+            found.append(search.best.information.experiments)
+        before, best = best, max(best, search.best.log_det)
+        if abs(search.best.log_det - before) < AGREE * p:
+            break
+    return found
 
 
 def _drawn(problem: DesignProblem, count: int, rng: np.random.Generator) -> Experiments:

@@ -86,8 +86,8 @@ class ApproximateDesign(Shown, Kept):
     n_candidates : int
         Valid candidates over which the sensitivity function was computed, all of them.
     starts : int
-        Local ascents of the sensitivity function in the region, from as many places, after the last change of the support; 0
-        where only the candidates count.
+        Local ascents of the sensitivity function in the region, from as many places, after the last change of the support, and
+        after climbs at random that had met nothing; 0 where only the candidates count.
     sample : Experiments
         Some of the candidates, for pictures.
     left_out : mapping of reason to int

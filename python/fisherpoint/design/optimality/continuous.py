@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...basics.values import Array
+from ...information.point_information import PointInformation
 from ...points.experiments import Experiments
 from .ascents import ascend, newton
 from .candidate_rows import CandidateRows, Places
@@ -22,7 +23,10 @@ from .weights import REGULAR, Weights, optimal_weights
 ABOVE = 1e-3
 """By which share of its level the sensitivity function may be exceeded by what the ascents from many starts find."""
 
-MOST_ROUNDS, MOST_SEARCHES = 15, 6
+MOST_ROUNDS, MOST_SEARCHES = 15, 30
+
+QUIET = 2
+"""Climbs in a row that find nothing above the level before ascents from many starts are to prove that."""
 
 CLOSE = 1e-6
 """The rounds end where no maximum near the support exceeds the level by more than this share."""
@@ -52,8 +56,8 @@ LATEST = 64
 NEAR = 40
 """Candidates with a large sensitivity from which ascents start in each round."""
 
-OTHERS = 100
-"""Starts from what another search finds."""
+BESIDE = 100
+"""Candidates with a large sensitivity that may climb beside new ones."""
 
 SHORT, LONG = 25, 60
 """Iterations of an ascent in the rounds, and of those that search at the end."""
@@ -61,6 +65,10 @@ SHORT, LONG = 25, 60
 
 BACK = np.array([0.98, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2])
 """Shares of the way of an ascent that ends where some plants of the prior have no trajectory."""
+
+
+Climb = Callable[[Callable[[PointInformation], Array], Experiments], Experiments]
+"""Of what is climbed, (K,) of points that are valid at the prior mean, and points to begin from: where they have come to."""
 
 
 class Refinement(NamedTuple):
@@ -102,6 +110,17 @@ class _Refining:
         rows, places = (self.source.valid if on_nodes else self.source.at_mean)(self.box.points(z))
         result[places] = CandidateRows(rows, self.pool.constant).along(self.weights.half)
         return result
+
+    def height(self, points: PointInformation) -> Array:
+        """The same of points that are valid, (K,)."""
+        return CandidateRows(self.source.whitened(points), self.pool.constant).along(self.weights.half)
+
+    def climbed(self, climb: Climb, support: Experiments, along: Array) -> tuple[Array, Array]:
+        """Where points that climb once have ended, and the sensitivity there."""
+        self.tell("searching", len(self.pool))
+        best = np.argsort(-along, kind="stable")[:BESIDE]
+        z = self.box.places(climb(self.height, Experiments.join([support, self.points[best]])))
+        return z, self.psi(z, True)
 
     def peaks(self, start: Array, iterations: int) -> tuple[Array, Array]:
         """Where ascents end, and the sensitivity there, of points that are valid on all nodes."""
@@ -303,19 +322,19 @@ def refined(
     starts: int,
     tolerance: float,
     rng: np.random.Generator,
-    others: Callable[[int], Experiments | None],
+    climb: Climb | None,
     tell: Callable[[str, int], None],
 ) -> Refinement:
     """Move the support in the region until ascents from so many starts meet nothing above the level.
 
-    Some of the starts are those of `others`, what another search finds for each round. `tell` hears what is done, and over how many
-    candidates.
+    Before these, points `climb` at random along limits where ascents end. `tell` hears what is done, and over how many candidates.
 
-    The bound of the efficiency is by the largest sensitivity among all candidates and wherever an ascent has ended.
+    The bound of the efficiency is by the largest sensitivity among all candidates and wherever an ascent or a climb has ended.
     """
     work = _Refining(source, points, pool, asked, weights, tell)
     if not len(work.box.free):
         return Refinement(points[weights.chosen], pool.rows[weights.chosen], weights, len(pool), 0)
+    first = np.empty((0, len(work.box.free)))
     for search in range(MOST_SEARCHES):
         work.settle(tolerance)
         support, rows, final = work.merged(tolerance)
@@ -324,8 +343,13 @@ def refined(
         work.weights, _ = work.bounding(final)
         slope = work.weights.log_bound - float(np.log(work.weights.largest))
         along = work.pool.along(work.weights.half)
-        first = np.concatenate([_starts(work, support, along, starts, rng), _best_of(work, others(search))])
-        z, value = work.peaks(first, LONG)
+        found = [(work.box.places(support), work.psi(work.box.places(support)))]
+        while climb is not None and len(found) <= QUIET and found[-1][1].max() <= 1.0 + ABOVE:
+            found.append(work.climbed(climb, support, along))
+        if found[-1][1].max() <= 1.0 + ABOVE or search == MOST_SEARCHES - 1:
+            first = _starts(work, support, along, starts, rng)
+            found.append(work.peaks(first, LONG))
+        z, value = (np.concatenate(parts) for parts in zip(*found, strict=True))
         largest = max(float(along.max()), float(value[np.isfinite(value)].max(initial=0.0)))
         if largest <= 1.0 + ABOVE or search == MOST_SEARCHES - 1:
             break
@@ -340,14 +364,6 @@ def refined(
     bounds = final.log_phi, log_bound, final.estimable, deleted, final.rounds
     proven = Weights(np.arange(count), final.weights, half, largest, efficiency, *bounds)
     return Refinement(support, rows, proven, len(work.pool), len(first))
-
-
-def _best_of(work: _Refining, points: Experiments | None) -> Array:
-    """The places of those with the largest sensitivity."""
-    if points is None or not len(points):
-        return np.empty((0, len(work.box.free)))
-    z = work.box.places(points)
-    return z[np.argsort(-work.psi(z), kind="stable")[:OTHERS]]
 
 
 def _starts(work: _Refining, support: Experiments, along: Array, count: int, rng: np.random.Generator) -> Array:
