@@ -71,7 +71,8 @@ def settings_of(problem: fp.DesignProblem, given: Mapping[str, Any]) -> fp.Excha
 def search_rows(problem: fp.DesignProblem, settings: fp.ExchangeSettings) -> list[Row]:
     """How points would be searched for."""
     from fisherpoint.design.points.auto_search import CLIMB_ROUNDS, GROUPS, MERGED, MOST_POOL, PEAKS, POOL
-    from fisherpoint.design.points.pool_search import NEAR, NEAR_PEAK
+    from fisherpoint.design.points.climbs import NEAR_PEAK
+    from fisherpoint.design.points.pool_search import NEAR
     from fisherpoint.design.settings import searched_by
     from fisherpoint.information.output_covariance import needs_covariances
 

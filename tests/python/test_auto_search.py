@@ -131,10 +131,10 @@ def test_peaks_are_the_best_that_are_far_apart() -> None:
 
 def test_the_best_of_each() -> None:
     gains, of = np.array([3.0, 5.0, 4.0, 1.0, 2.0, 9.0]), np.array([0, 0, 0, 1, 1, 2])
-    least, usable = np.array([3.0, 0.0, 9.0]), np.array([True, True, True, True, False, True])
-    assert sorted(best_of_each(gains, of, least, 1, usable)) == [1, 3]
-    assert sorted(best_of_each(gains, of, least, 2, usable)) == [1, 2, 3]
-    assert sorted(best_of_each(gains, of, 0 * least, 9, usable)) == [0, 1, 2, 3, 5]
+    least = np.array([3.0, 0.0, 9.0])
+    assert sorted(best_of_each(gains, of, least, 1)) == [1, 4]
+    assert sorted(best_of_each(gains, of, least, 2)) == [1, 2, 3, 4]
+    assert sorted(best_of_each(gains, of, 0 * least, 9)) == [0, 1, 2, 3, 4, 5]
 
 
 def test_candidates_climb_and_stay_valid(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from ..basics.checks import as_positive, check_choice, check_flag, check_positive_int, check_type
-from ..basics.quantity import names_of
 from ..basics.values import FrozenMapping
 from ..engine.levels import kernels
 from ..information.combinations import combinations
@@ -83,7 +83,7 @@ def approximate(
     Maximised is the criterion of M = sum_i w_i F_i over weights that sum to 1, which is a concave problem (Kiefer and Wolfowitz
     1960; Pukelsheim 1993). Among given candidates its solution is the best that there is, to the tolerance. Without candidates,
     points are also moved in the region, until neither random climbs nor ascents of the sensitivity function from many starts
-    exceed its level by more than a thousandth. That is a search: it proves nothing about places that no ascent came to.
+    exceed its level by more than a thousandth. That is a search: it proves nothing about places to which neither came.
 
     Parameters
     ----------
@@ -159,13 +159,14 @@ def approximate(
             if hears is not None:
                 hears(ApproximateProgress(doing, candidates, time.perf_counter() - started))
 
-        source = PointRows(problem, threads, () if scenarios is None else scenarios.problems)
+        elsewhere = () if scenarios is None else scenarios.problems
+        source = PointRows(problem, threads, elsewhere)
         rng = np.random.default_rng(seed)
-        given, compiled = candidates, problem.model.kernels is kernels  # others are slow: few of their points are tried
+        given, fast = candidates, problem.model.kernels is kernels  # of slow models few points are tried
         if given is None:
             _check_region(problem)
             given = _drawn(problem, n_candidates, rng)
-            if compiled and criterion != "c":
+            if fast and criterion != "c":
                 given = Experiments.join([given, *_searched(problem, seed, threads, scenarios, tell)])
         rows, places = source.valid(given)
         if not len(rows):
@@ -190,9 +191,7 @@ def approximate(
         weights = optimal_weights(pool, asked, tolerance=tolerance, seed=seed, space=space)
         found = Refinement(points[weights.chosen], rows[weights.chosen], weights, len(rows), 0)
         if candidates is None:
-            climb = None
-            if compiled:
-                climb = Climbs(problem, rng, threads, () if scenarios is None else scenarios.problems).run
+            climb = Climbs(problem, rng, threads, elsewhere).run if fast else None
             found = refined(source, points, pool, asked, weights, starts, tolerance, rng, climb, tell)
     weights = found.weights
     information = CandidateRows(found.rows, constant).information(np.arange(len(found.rows)), weights.weights)
@@ -266,18 +265,18 @@ def _searched(
     For "c", whose optima are often singular, they say little; many close ones only hold up its weights.
     """
     p, found, best = len(problem.estimated), list[Experiments](), -np.inf
+    settings = ExchangeSettings(
+        n_experiments=p + MORE_POINTS,
+        n_candidates=50,
+        max_iterations=SEARCH,
+        seed=seed,
+        patience=None,
+        time_limit=None,
+        max_redraws=0,
+        references=True,
+    )
     for k in range(SEARCHES):
-        settings = ExchangeSettings(
-            n_experiments=p + MORE_POINTS,
-            n_candidates=50,
-            max_iterations=SEARCH,
-            seed=seed + k,
-            patience=None,
-            time_limit=None,
-            max_redraws=0,
-            references=True,
-        )
-        search = AutoSearch(problem, settings, threads, scenarios=scenarios)
+        search = AutoSearch(problem, replace(settings, seed=seed + k), threads, scenarios=scenarios)
         if search.run(lambda now: tell("searching", now.drawn)) == "interrupted":
             raise KeyboardInterrupt
         seen = search.seen.best(search.best.information, None, SEARCHED)
@@ -296,7 +295,7 @@ def _drawn(problem: DesignProblem, count: int, rng: np.random.Generator) -> Expe
     region, model = problem.region, problem.model
     assert isinstance(region, ExperimentRegion)
     table = region.draw(model, count, seed=rng, decades=True).table[:, : len(model.axes)].copy()
-    lower, upper = np.array([region.bounds[name] for name in names_of(model.axes)]).T
+    lower, upper = region.box(model)
     on_bounds = rng.random(table.shape) < 0.5
     on_bounds[::2] = False
     table = np.where(on_bounds, np.where(rng.random(table.shape) < 0.5, lower, upper), table)

@@ -102,6 +102,12 @@ class ExperimentRegion:
             return self
         return ExperimentRegion(in_units_of(self.bounds, self.units, model.axes), self.constraints)
 
+    def box(self, model: Model) -> tuple[Array, Array]:
+        """The lower and the upper bounds, (d,) each, in the order and the units of the model's axes."""
+        bounds = self.in_units_of(model).bounds
+        lower, upper = np.array([bounds[name] for name in names_of(model.axes)]).T
+        return lower, upper
+
     def draw(self, model: Model, count: int, *, seed: int | np.random.Generator = 0, decades: bool = False) -> Experiments:
         """Draw points uniformly from the box; the constraints are not looked at.
 
@@ -125,9 +131,8 @@ class ExperimentRegion:
         decades = check_flag(decades, "decades")
         count = check_positive_int(count, "count", 0, MOST_DRAWN)
         rng = as_generator(seed)
-        order, bounds = names_of(model.axes), self.in_units_of(model).bounds
-        lower, upper = np.array([bounds[name] for name in order]).T
-        share = rng.random((count, len(order)))
+        lower, upper = self.box(model)
+        share = rng.random((count, len(lower)))
         table = lower + (upper - lower) * share
         if decades and model.states and upper[-1] > 10.001 * lower[-1]:
             table[:, -1] = lower[-1] * (upper[-1] / lower[-1]) ** share[:, -1]
@@ -140,8 +145,7 @@ class ExperimentRegion:
         several numbers at once uniform draws are hardly ever near such a corner.
         """
         rng = as_generator(seed)
-        bounds = self.in_units_of(model).bounds
-        lower, upper = np.array([bounds[name] for name in names_of(model.axes)]).T
+        lower, upper = self.box(model)
         width, share = upper - lower, rng.random((count, len(lower)))
         table = lower + width * share
         farthest, nearest = NEXT_TO_ZERO
@@ -166,8 +170,7 @@ class ExperimentRegion:
         limit that bends.
         """
         rng = as_generator(seed)
-        bounds = self.in_units_of(model).bounds
-        lower, upper = np.array([bounds[name] for name in names_of(model.axes)]).T
+        lower, upper = self.box(model)
         table = points.table[:, : len(lower)].copy()
         free = np.flatnonzero(upper > lower)
         if len(table) and len(free):

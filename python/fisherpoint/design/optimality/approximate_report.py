@@ -104,7 +104,9 @@ def _proof(design: Reported) -> Section:
         facts.append(("proven to have no weight", counted(design.deleted, "candidate")))
     notes = []
     if design.starts:
-        notes.append("Points of the region that no ascent came to are not covered: the sensitivity function has many maxima")
+        notes.append(
+            "Points of the region that the search did not come to are not covered: the sensitivity function has many maxima"
+        )
     return Section("What is proven", (), [*facts, ("time", f"{design.seconds:.1f} s")], notes=notes)
 
 
@@ -128,7 +130,7 @@ def _warnings(design: Reported) -> Iterator[str]:
         )
     if design.efficiency < CLEARLY:
         if design.starts:
-            why = "the search ended while ascents still came to places that tell more. More candidates (n_candidates) may help"
+            why = "the search ended while it still came to places that tell more. More candidates (n_candidates) may help"
         else:
             why = "double precision has no more here"
         yield f"The efficiency is proven to be at least {floored(design.efficiency)} only: {why}."

@@ -1,4 +1,4 @@
-"""Points of a design in the region: local maxima of the sensitivity function join the candidates until none exceeds its level."""
+"""Points of a design in the region: maxima of the sensitivity function join the candidates until none is met above its level."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .unit_box import UnitBox, distinct, groups_within
 from .weights import REGULAR, Weights, optimal_weights
 
 ABOVE = 1e-3
-"""By which share of its level the sensitivity function may be exceeded by what the ascents from many starts find."""
+"""By which share of its level the sensitivity function may be exceeded by what climbs and the ascents from many starts find."""
 
 MOST_ROUNDS, MOST_SEARCHES = 15, 30
 
@@ -108,19 +108,22 @@ class _Refining:
         """tr(G F(z)), (K,); -inf where a place is no valid point."""
         result = np.full(len(z), -np.inf)
         rows, places = (self.source.valid if on_nodes else self.source.at_mean)(self.box.points(z))
-        result[places] = CandidateRows(rows, self.pool.constant).along(self.weights.half)
+        result[places] = self._along(rows)
         return result
 
-    def height(self, points: PointInformation) -> Array:
-        """The same of points that are valid, (K,)."""
-        return CandidateRows(self.source.whitened(points), self.pool.constant).along(self.weights.half)
+    def _along(self, rows: Array) -> Array:
+        return CandidateRows(rows, self.pool.constant).along(self.weights.half)
 
-    def climbed(self, climb: Climb, support: Experiments, along: Array) -> tuple[Array, Array]:
-        """Where points that climb once have ended, and the sensitivity there."""
-        self.tell("searching", len(self.pool))
-        best = np.argsort(-along, kind="stable")[:BESIDE]
-        z = self.box.places(climb(self.height, Experiments.join([support, self.points[best]])))
-        return z, self.psi(z, True)
+    def climbed(self, climb: Climb, start: Experiments) -> tuple[Array, Array]:
+        """Where points have climbed to, some from the start, and the sensitivity there; again while none is above the level."""
+        z, value = np.empty((0, len(self.box.free))), np.empty(0)
+        for _ in range(QUIET):
+            self.tell("searching", len(self.pool))
+            reached = self.box.places(climb(lambda points: self._along(self.source.whitened(points)), start))
+            z, value = np.concatenate([z, reached]), np.append(value, self.psi(reached, True))
+            if value.max(initial=0.0) > 1.0 + ABOVE:
+                break
+        return z, value
 
     def peaks(self, start: Array, iterations: int) -> tuple[Array, Array]:
         """Where ascents end, and the sensitivity there, of points that are valid on all nodes."""
@@ -334,7 +337,6 @@ def refined(
     work = _Refining(source, points, pool, asked, weights, tell)
     if not len(work.box.free):
         return Refinement(points[weights.chosen], pool.rows[weights.chosen], weights, len(pool), 0)
-    first = np.empty((0, len(work.box.free)))
     for search in range(MOST_SEARCHES):
         work.settle(tolerance)
         support, rows, final = work.merged(tolerance)
@@ -343,15 +345,16 @@ def refined(
         work.weights, _ = work.bounding(final)
         slope = work.weights.log_bound - float(np.log(work.weights.largest))
         along = work.pool.along(work.weights.half)
-        found = [(work.box.places(support), work.psi(work.box.places(support)))]
-        while climb is not None and len(found) <= QUIET and found[-1][1].max() <= 1.0 + ABOVE:
-            found.append(work.climbed(climb, support, along))
-        if found[-1][1].max() <= 1.0 + ABOVE or search == MOST_SEARCHES - 1:
+        z, value, last = np.empty((0, len(work.box.free))), np.empty(0), search == MOST_SEARCHES - 1
+        if climb is not None:
+            best = np.argsort(-along, kind="stable")[:BESIDE]
+            z, value = work.climbed(climb, Experiments.join([support, work.points[best]]))
+        if last or value.max(initial=0.0) <= 1.0 + ABOVE:
             first = _starts(work, support, along, starts, rng)
-            found.append(work.peaks(first, LONG))
-        z, value = (np.concatenate(parts) for parts in zip(*found, strict=True))
+            ended = work.peaks(first, LONG)
+            z, value = np.concatenate([z, ended[0]]), np.append(value, ended[1])
         largest = max(float(along.max()), float(value[np.isfinite(value)].max(initial=0.0)))
-        if largest <= 1.0 + ABOVE or search == MOST_SEARCHES - 1:
+        if last or largest <= 1.0 + ABOVE:
             break
         above = value > 1.0 + CLOSE
         work.weights = of_pool

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ...basics.quantity import names_of
 from ...basics.values import Array
 from ...points.experiments import Experiments
 from ...points.region import ExperimentRegion
@@ -19,7 +18,7 @@ class UnitBox:
         region, self.model = source.problem.region, source.problem.model
         assert isinstance(region, ExperimentRegion)
         self.source = source
-        self.lower, self.upper = np.array([region.bounds[name] for name in names_of(self.model.axes)]).T
+        self.lower, self.upper = region.box(self.model)
         self.free = np.flatnonzero(self.upper > self.lower)
 
     def points(self, z: Array) -> Experiments:

@@ -130,7 +130,7 @@ class AutoSearch(PoolSearch):
 
     def _copy_what_is_near(self) -> None:
         """Points that are nearly equal become replicates where that costs nothing."""
-        lower, upper = np.array(self._bounds).T
+        lower, upper = self._lower, self._upper
 
         def evaluated(table: Array) -> PointInformation:
             survivors, _ = self.source.survivors(Experiments.of_table(self.problem.model, np.clip(table, lower, upper)))
@@ -194,10 +194,9 @@ class AutoSearch(PoolSearch):
     def _climbed(self, design: PointInformation, pool: Pool) -> Generator[None, None, Pool]:
         """Candidates that would raise the criterion and are far apart, each after some rounds in which it climbs."""
         live = np.flatnonzero(pool.valid >= 0)
-        width = np.array([upper - lower for lower, upper in self._bounds])
-        table = pool.information.experiments.table[live, : len(width)]
+        table = self._numbers(pool.information)[live]
         most = max(1, round(self._drawn_share * PEAKS * self.settings.n_candidates))
-        peaks = pool[live[far_apart(table, width, self._gains(design, pool.columns[..., live]), most)]]
+        peaks = pool[live[far_apart(table, self._upper - self._lower, self._gains(design, pool.columns[..., live]), most)]]
         self._confirm(peaks, np.arange(len(peaks)))
         lower = peaks[np.arange(0)]
         for climbed in range(0, CLIMB_ROUNDS, UNCONFIRMED):

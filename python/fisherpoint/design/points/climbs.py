@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...basics.quantity import names_of
 from ...basics.values import Array
 from ...information.candidates import CandidateSource
 from ...information.point_information import PointInformation
@@ -28,7 +28,7 @@ AGAIN = 60
 
 ROUNDS = 30
 
-NEAR = 16
+NEAR_PEAK = 16
 """Candidates near each point in a round."""
 
 EARLIER = 4
@@ -39,6 +39,24 @@ LEAST_CLIMB = 1 + 1e-6
 
 Height = Callable[[PointInformation], Array]
 """Of points that are valid at the prior mean, what they climb, (K,)."""
+
+
+def higher(
+    source: CandidateSource, points: PointInformation, steps: Array, now: Array, height: Height, earlier: int
+) -> tuple[PointInformation, NDArray[np.intp]]:
+    """Near each point the highest candidate, where one exceeds what it is `now`, (K,); and the places of these points.
+
+    Candidates go on by the `steps` (K, m, d) that points have come by. The highest of each, so many, are also sampled `earlier`
+    where few nodes do not let them pass. Whether what is found is valid on all nodes is not known.
+    """
+    near, place = source.draw_near(points.experiments, NEAR_PEAK, steps)
+    of, least, found = place.astype(np.intp), LEAST_CLIMB * now, height(near)
+    wanted = best_of_each(found, of, least, earlier)
+    cut, of_wanted, lost = source.sampled_earlier(near.experiments[wanted])
+    passed = np.delete(wanted, lost)
+    tried, of = PointInformation.join([near[passed], cut]), np.append(of[passed], of[wanted[of_wanted]])
+    best = best_of_each(np.append(found[passed], height(cut)), of, least, 1)
+    return tried[best], of[best]
 
 
 class Climbs:
@@ -58,17 +76,11 @@ class Climbs:
     ) -> None:
         region = problem.region
         assert isinstance(region, ExperimentRegion)
-        bounds = region.in_units_of(problem.model).bounds
-        lower, upper = np.array([bounds[name] for name in names_of(problem.model.axes)]).T
+        lower, upper = region.box(problem.model)
         self._width = upper - lower
         self._source = CandidateSource(problem, rng, threads, elsewhere=elsewhere)
         self._lineage = Lineage()
         self._highest: Experiments | None = None
-
-    @property
-    def drawn(self) -> int:
-        """Candidates so far."""
-        return self._source.drawn
 
     def run(self, height: Height, beside: Experiments) -> Experiments:
         """Where candidates at the edges and some `beside` them have come to by climbing; all are valid on all nodes."""
@@ -84,20 +96,15 @@ class Climbs:
         return points.experiments
 
     def _round(self, points: PointInformation, now: Array, height: Height) -> tuple[PointInformation, Array]:
-        """Each point, or the highest valid one of what is drawn near it and of this sampled earlier; and how high they are."""
-        near, place = self._source.draw_near(points.experiments, NEAR, self._lineage.steps(self._numbers(points)))
-        of, least, found = place.astype(np.intp), LEAST_CLIMB * now, height(near)
-        wanted = best_of_each(found, of, least, EARLIER, np.ones(len(of), dtype=bool))
-        earlier, of_wanted, lost = self._source.sampled_earlier(near.experiments[wanted])
-        passed = np.delete(wanted, lost)
-        tried, of = PointInformation.join([near[passed], earlier]), np.append(of[passed], of[wanted[of_wanted]])
-        found = np.append(found[passed], height(earlier))
-        best = best_of_each(found, of, least, 1, np.ones(len(of), dtype=bool))
-        best = best[self._source.confirmed(tried[best])[1]]
-        self._lineage.add(self._numbers(tried[best]), self._numbers(points[of[best]]))
+        """Each point, or the highest candidate near it where that is valid; and how high they are."""
+        steps = self._lineage.steps(self._numbers(points))
+        found, of = higher(self._source, points, steps, now, height, EARLIER)
+        valid = self._source.confirmed(found)[1]
+        found, of = found[valid], of[valid]
+        self._lineage.add(self._numbers(found), self._numbers(points[of]))
         rows = np.arange(len(points))
-        rows[of[best]] = len(points) + np.arange(len(best))
-        return PointInformation.join([points, tried[best]])[rows], np.append(now, found[best])[rows]
+        rows[of] = len(points) + np.arange(len(of))
+        return PointInformation.join([points, found])[rows], np.append(now, height(found))[rows]
 
     def _numbers(self, points: PointInformation) -> Array:
         """Of points, (K, d)."""

@@ -12,7 +12,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from ...basics.quantity import names_of
 from ...basics.values import Array
 from ...information.candidates import CandidateSource
 from ...information.output_covariance import Criterion, cholesky_factor, whitened
@@ -68,7 +67,7 @@ class PointAscent:
         self._over, self._aims = over, aims
         self._problem, self._source, self._criterion, self._threads = problem, source, criterion, threads
         self.fixed = fixed
-        self._lower, self._upper = np.array([problem.region.bounds[name] for name in names_of(problem.model.axes)]).T
+        self._lower, self._upper = problem.region.box(problem.model)
         self._width = self._upper - self._lower
         self._free = np.flatnonzero(self._width > 0)
 

@@ -55,9 +55,9 @@ def far_apart(table: Array, width: Array, gains: Array, most: int) -> NDArray[np
     return np.asarray(order[np.array(chosen, dtype=np.intp)])
 
 
-def best_of_each(gains: Array, of: NDArray[np.intp], least: Array, most: int, usable: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Which usable candidates gain more than the least for what they are `of`, the `most` best for each."""
-    rows = np.flatnonzero(usable & (gains > least[of]))
+def best_of_each(gains: Array, of: NDArray[np.intp], least: Array, most: int) -> NDArray[np.intp]:
+    """Which candidates gain more than the least for what they are `of`, the `most` best for each."""
+    rows = np.flatnonzero(gains > least[of])
     rows = rows[np.lexsort((-gains[rows], of[rows]))]
     rank = np.arange(len(rows)) - np.searchsorted(of[rows], of[rows])
     return np.asarray(rows[rank < most])

@@ -18,14 +18,12 @@ from ..optimality.aims import LogDet
 from ..optimality.criteria import Determinant
 from ..optimality.estimable import Estimable
 from ..optimality.told import told_aims
+from .climbs import higher
 from .lineage import Lineage
 from .point_ascent import PointAscent, scenario_rows, whitened_rows
 from .point_search import PointSearch
-from .pool import Pool, best_of_each
+from .pool import Pool
 from .pool_exchange import PoolExchange, greedy
-
-NEAR_PEAK = 16
-"""Candidates that are drawn near each one that climbs, in a round."""
 
 ASCENT = 20
 """Iterations of an ascent of all numbers together."""
@@ -54,15 +52,15 @@ AS_MANY = 4
 LEAST_SHARE = 0.1
 """Of the candidates that are drawn however many scenarios there are."""
 
-LEAST_CLIMB = 1 + 1e-6
-"""By which a candidate that climbs must gain more."""
-
 
 class PoolSearch(PointSearch):
     """The state of a search over pools, for a D that does not depend on the other points."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        region = self.problem.region
+        assert isinstance(region, ExperimentRegion)
+        self._lower, self._upper = region.box(self.problem.model)
         p = len(self.problem.estimated)
         self._known = np.tile(self.of_prior, (len(self.over.problems), 1, 1))
         for s, known in enumerate(self.over.previous):
@@ -73,12 +71,6 @@ class PoolSearch(PointSearch):
         self._drawn_share = max(LEAST_SHARE, min(1.0, AS_MANY / len(self._known)))
         self._rng = np.random.default_rng([self.settings.seed, 2])
         self.lineage = Lineage()
-
-    @property
-    def _bounds(self) -> list[tuple[float, float]]:
-        region = self.problem.region
-        assert isinstance(region, ExperimentRegion)
-        return [region.bounds[axis.name] for axis in self.problem.model.axes]
 
     @property
     def _fixed(self) -> Array:
@@ -102,7 +94,7 @@ class PoolSearch(PointSearch):
 
     def _numbers(self, points: PointInformation) -> Array:
         """Of points, (K, d)."""
-        return points.experiments.table[:, : len(self._bounds)]
+        return points.experiments.table[:, : len(self._lower)]
 
     def _pool(self, information: PointInformation, valid: int = 0) -> Pool:
         return Pool(information, self._columns(information), valid)
@@ -205,21 +197,17 @@ class PoolSearch(PointSearch):
 
     def _higher(self, design: PointInformation, peaks: Pool) -> Pool:
         """Each candidate, or the best of what is drawn near it and of this sampled earlier, if few nodes let that pass."""
+        least = np.where(peaks.valid >= 0, self._gains(design, peaks.columns), 1.0)
         steps = self.lineage.steps(self._numbers(peaks.information))
-        near, place = self.source.draw_near(peaks.information.experiments, NEAR_PEAK, steps)
-        pool, of = self._pool(near), place.astype(np.intp)
-        gains = self._gains(design, pool.columns)
-        least = LEAST_CLIMB * np.where(peaks.valid >= 0, self._gains(design, peaks.columns), 1.0)
-        wanted = best_of_each(gains, of, least, EARLIER, np.ones(len(of), dtype=bool))
-        pool, of = self._with_sampled_earlier(pool, wanted, of)
-        gains = np.append(gains, self._gains(design, pool.columns[..., len(gains) :]))
-        tried = np.arange(len(of)) >= len(near)
-        tried[wanted] = pool.valid[wanted] >= 0
-        best = best_of_each(gains, of, least, 1, tried)
+
+        def gains(points: PointInformation) -> Array:
+            return self._gains(design, self._columns(points))
+
+        found, of = higher(self.source, peaks.information, steps, least, gains, EARLIER)
         source = np.arange(len(peaks))
-        source[of[best]] = len(peaks) + best
-        self.lineage.add(self._numbers(pool.information[best]), self._numbers(peaks.information[of[best]]))
-        return peaks.with_more(pool)[source]
+        source[of] = len(peaks) + np.arange(len(of))
+        self.lineage.add(self._numbers(found), self._numbers(peaks.information[of]))
+        return peaks.with_more(self._pool(found))[source]
 
     def _gains(self, design: PointInformation, columns: Array) -> Array:
         """By how much each candidate would raise the criterion beside the design, as a factor."""
