@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <cstddef>
 #include <deque>
@@ -37,6 +38,24 @@ class Room {
   void* at_;
 };
 
+// Looks for a while whether something has come about, and returns whether it has: to be put to sleep and woken takes as long as
+// a dozen trajectories, and what follows within one call of a kernel mostly comes sooner. Others may run in the meantime.
+template <class Asked>
+bool comes_soon(const Asked& asked) {
+  constexpr std::chrono::microseconds while_looked(100);
+  const auto until = std::chrono::steady_clock::now() + while_looked;
+  do {
+    for (int turn = 0; turn < 20; ++turn) {
+      if (asked()) return true;
+#if defined(__x86_64__)
+      __builtin_ia32_pause();
+#endif
+    }
+    std::this_thread::yield();
+  } while (std::chrono::steady_clock::now() < until);
+  return false;
+}
+
 // What several threads do together. Who comes while it is open takes part; to close it waits for those who do.
 class SharedWork {
  public:
@@ -53,8 +72,12 @@ class SharedWork {
     if (--inside_ == 0) left_.notify_all();
   }
   void close() {
+    {
+      const std::lock_guard lock(mutex_);
+      closed_ = true;
+    }
+    comes_soon([&] { return inside_ == 0; });
     std::unique_lock lock(mutex_);
-    closed_ = true;
     left_.wait(lock, [&] { return inside_ == 0; });
   }
 
@@ -62,7 +85,7 @@ class SharedWork {
   std::function<void()> part_;  // throws nothing
   std::mutex mutex_;
   std::condition_variable left_;
-  int inside_ = 0;
+  std::atomic<int> inside_ = 0;  // changed by who has the mutex
   bool closed_ = false;
 };
 
@@ -83,6 +106,7 @@ class ThreadPool {
     {
       const std::lock_guard lock(mutex_);
       offers_.insert(offers_.end(), threads, work);
+      open_ = offers_.size();
       try {
         for (; waiting_ < offers_.size(); ++waiting_)
           std::thread([this, room = std::make_unique<Room>()]() mutable { run(std::move(room)); }).detach();
@@ -97,6 +121,7 @@ class ThreadPool {
     {
       const std::lock_guard lock(mutex_);
       std::erase(offers_, work);
+      open_ = offers_.size();
     }
     work->close();
   }
@@ -115,12 +140,16 @@ class ThreadPool {
         offered_.wait(lock, [&] { return !offers_.empty(); });
         work = std::move(offers_.front());
         offers_.pop_front();
+        open_ = offers_.size();
         --waiting_;
       }
       work->take_part();
       work.reset();
-      const std::lock_guard lock(mutex_);
-      ++waiting_;
+      {
+        const std::lock_guard lock(mutex_);
+        ++waiting_;
+      }
+      comes_soon([&] { return open_ > 0; });
     }
   }
 
@@ -128,7 +157,8 @@ class ThreadPool {
   std::mutex mutex_;
   std::condition_variable offered_;
   std::deque<std::shared_ptr<SharedWork>> offers_;
-  std::size_t waiting_ = 0;  // threads, with those that have not begun yet
+  std::atomic<std::size_t> open_ = 0;  // as many offers as there are
+  std::size_t waiting_ = 0;            // threads, with those that have not begun yet
 };
 
 }  // namespace fisherpoint
