@@ -27,6 +27,9 @@ ENOUGH, LOOKS = 6, 3
 """Candidates that a round adds at least, where so many that would help may have a weight; and how often it looks for some that are
 no copies of others."""
 
+HELPS = 1.0 - 1e-9
+"""Sensitivity of a candidate that may help, at least."""
+
 MOST_ASKED = 768
 """Candidates of which it is asked at once whether they may have a weight, at most, where most may not."""
 
@@ -39,6 +42,9 @@ A copy adds nothing, and the weights of many copies are not unique: the interior
 
 NEAR, MUCH_CLOSER = 4096, 0.3
 """Candidates that are looked at alone, and what they may leave of the gap of all before all are asked again."""
+
+FEWER = 0.3
+"""Share of the candidates that is left when these are copied: all others are asked sooner than fewer are copied."""
 
 LARGE = 128
 """Candidates of a working set from which on those that hardly count leave it."""
@@ -228,7 +234,7 @@ class _Search:
             if not len(new) and not len(added):  # no weights are as good as those of what is alike, but not the same
                 new = self.unlike(best_first, beside, SAME)
             added = np.union1d(added, new)
-            if len(taken) == len(wanted):
+            if len(taken) >= min(len(wanted), ADDED):
                 if len(added):
                     break
                 looks += 1
@@ -269,7 +275,7 @@ class _Search:
     def _delete(self, along: Array, gap: float) -> Array:
         """What is left of tr(G F_i) where what cannot have a weight is deleted."""
         self.possible &= along >= least_sensitivity(gap, self.space.rank) * (1 - 1e-9)
-        if self.possible.mean() < 0.7:
+        if self.possible.mean() < FEWER:
             self.places, along = self.places[self.possible], along[self.possible]
             self.stored = CandidateRows(self.stored.rows[self.possible], self.candidates.constant)
             self.possible = np.ones(len(self.places), dtype=bool)
@@ -348,12 +354,12 @@ def least_sensitivity(gap: float, p: int) -> float:
 
 
 def _helpful(along: Array, parts: int) -> Places:
-    """Candidates that would help: the largest of each part of the list, so that they differ, and the largest of all."""
+    """Candidates that would help: the largest of each part of the list, so that they differ, and as many as are missing of all."""
     size = -(-len(along) // parts)
     padded = np.full(size * -(-len(along) // size), -np.inf)
     padded[: len(along)] = along
     first = padded.reshape(-1, size).argmax(axis=1) + size * np.arange(len(padded) // size)
-    few = min(len(along), parts // 4)
+    first = first[padded[first] >= HELPS]
+    few = min(len(along), max(parts // 4, parts - len(first)))
     largest = np.argpartition(-along, few - 1)[:few]
-    found = np.union1d(first, largest)
-    return np.asarray(found[along[found] >= 1.0 - 1e-9])
+    return np.asarray(np.union1d(first, largest[along[largest] >= HELPS]))
