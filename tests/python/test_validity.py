@@ -53,15 +53,15 @@ def test_what_was_tried_is_not_tried_again(problem: fp.DesignProblem, monkeypatc
     other = Validity(problem, None)
     other.tried(given[100:120])
     validity.include(other)
-    tried = Validity.tried
+    statuses = Validity.statuses
 
-    def counted(self: Validity, points: PointInformation) -> Any:
+    def counted(self: Validity, points: fp.Experiments) -> Any:
         nonlocal count
         count += len(points)
-        return tried(self, points)
+        return statuses(self, points)
 
-    monkeypatch.setattr(Validity, "tried", counted)
-    valid = validity.of(given)
+    monkeypatch.setattr(Validity, "statuses", counted)
+    valid = validity.of(given.experiments)
     assert count == len(given) - 120
     np.testing.assert_array_equal(valid[:100], status == 0)
     np.testing.assert_array_equal(valid, with_covariance(problem, given, None)[1] == 0)

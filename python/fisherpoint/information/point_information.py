@@ -13,7 +13,7 @@ from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
 from ..points.broken_limits import statuses_in_words
 from ..points.experiments import Experiments
-from ..points.predictive import covariance_over_nodes, linearized, nodes_of
+from ..points.predictive import PredictiveCovariance, covariance_over_nodes, linearized, nodes_of
 from ..points.runs import Runs
 from ..points.settings import Settings, check_jumps, check_kinks, checked_arguments, resolve_threads
 from ..points.status import Status, only_finite
@@ -163,10 +163,21 @@ def with_covariance(problem: DesignProblem, given: PointInformation, threads: in
     """The same points with their predictive covariances, and the statuses over all nodes of the rule."""
     if isinstance(problem.rule, Linearized):
         return with_linearized_covariance(problem, given)
+    result = _over_nodes(problem, given.experiments, threads, True)
+    return replace(given, covariance=result.covariance), result.status
+
+
+def statuses_over_nodes(problem: DesignProblem, points: Experiments, threads: int | None) -> IntArray:
+    """The statuses of `with_covariance` alone, of points that are ok at the prior mean."""
+    if isinstance(problem.rule, Linearized):
+        return np.zeros(len(points), dtype=np.int32)
+    return _over_nodes(problem, points, threads, False).status
+
+
+def _over_nodes(problem: DesignProblem, points: Experiments, threads: int | None, nearest: bool) -> PredictiveCovariance:
     nodes = nodes_of(problem.rule, problem.prior, names_of(problem.model.parameters), problem.estimated)
     settings = _settings(problem, threads)
-    result = covariance_over_nodes(problem.model, given.experiments, problem.theta, nodes, problem.rule, settings)
-    return replace(given, covariance=result.covariance), result.status
+    return covariance_over_nodes(problem.model, points, problem.theta, nodes, problem.rule, settings, nearest)
 
 
 def with_linearized_covariance(problem: DesignProblem, given: PointInformation) -> tuple[PointInformation, IntArray]:

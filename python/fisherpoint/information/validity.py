@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -12,8 +13,8 @@ from ..points.experiments import Experiments
 from ..points.settings import check_jumps, check_kinks, resolve_threads
 from ..points.status import Status
 from .longest import SHORT
-from .node_sieve import FATAL, NodeSieve, lasting
-from .point_information import PointInformation, with_covariance
+from .node_sieve import NodeSieve, fatal, lasting
+from .point_information import PointInformation, statuses_over_nodes, with_covariance
 from .problem import DesignProblem
 
 
@@ -24,10 +25,12 @@ class Validity:
     ----------
     problem : DesignProblem
     threads : int or None
+    covariances : bool
+        Whether what is tried gets its predictive covariance.
     """
 
-    def __init__(self, problem: DesignProblem, threads: int | None) -> None:
-        self._problem, self._threads = problem, threads
+    def __init__(self, problem: DesignProblem, threads: int | None, covariances: bool = True) -> None:
+        self._problem, self._threads, self._covariances = problem, threads, covariances
         settings = float(problem.rtol), check_kinks(problem.kinks), check_jumps(problem.jumps), "fastest", resolve_threads(threads)
         self._settings = settings
         self._sieve = NodeSieve(problem, settings)
@@ -39,28 +42,42 @@ class Validity:
         self._known.clear()
 
     def tried(self, points: PointInformation) -> tuple[PointInformation, IntArray]:
-        """The points (K,) with their predictive covariances, zero where they are not valid, and their statuses."""
-        status = self._sieve.statuses(points.experiments)
-        passed = np.flatnonzero(status == Status.ok)
-        found, there = with_covariance(self._problem, points[passed], self._threads)
-        if len(self._sieve.plants):
-            ok = np.flatnonzero(there == Status.ok)
-            there[ok] = self._sieve.on_plants(found.experiments[ok])
-        self._sieve.learn(found.experiments[np.flatnonzero(there)])
-        status[passed] = there
-        self._known.update(zip(_numbers(points), (status == Status.ok).tolist(), strict=True))
-        if len(passed) == len(points):
-            return found, status
-        covariance = np.zeros((len(points), *found.covariance.shape[1:]))
-        covariance[passed] = found.covariance
+        """The points (K,), with their predictive covariances where these are wanted, zero where not valid; and statuses."""
+        if not self._covariances:
+            return points, self.statuses(points.experiments)
+        covariance = np.zeros_like(points.covariance)
+
+        def over_nodes(rows: NDArray[np.intp]) -> IntArray:
+            found, status = with_covariance(self._problem, points[rows], self._threads)
+            covariance[rows] = found.covariance
+            return status
+
+        status = self._told(points.experiments, over_nodes)
         return replace(points, covariance=covariance), status
 
-    def of(self, points: PointInformation) -> NDArray[np.bool_]:
-        """Which points (K,) are valid; those of which it is not known are tried."""
+    def statuses(self, points: Experiments) -> IntArray:
+        """Statuses (K,) of points that are ok at the prior mean."""
+        return self._told(points, lambda rows: statuses_over_nodes(self._problem, points[rows], self._threads))
+
+    def _told(self, points: Experiments, over_nodes: Callable[[NDArray[np.intp]], IntArray]) -> IntArray:
+        """The statuses of a few nodes, of all where these let a point pass, and of the plants that are asked."""
+        status = self._sieve.statuses(points)
+        passed = np.flatnonzero(status == Status.ok)
+        there = over_nodes(passed)
+        if len(self._sieve.plants):
+            ok = np.flatnonzero(there == Status.ok)
+            there[ok] = self._sieve.on_plants(points[passed[ok]])
+        self._sieve.learn(points[passed[there != Status.ok]])
+        status[passed] = there
+        self._known.update(zip(_numbers(points), (status == Status.ok).tolist(), strict=True))
+        return status
+
+    def of(self, points: Experiments) -> NDArray[np.bool_]:
+        """Which points (K,) are valid, of such that are ok at the prior mean; those of which it is not known are tried."""
         numbers = _numbers(points)
         new = [k for k, key in enumerate(numbers) if key not in self._known]
         if new:
-            self.tried(points[np.array(new)])
+            self.statuses(points[np.array(new)])
         return np.array([self._known[key] for key in numbers], dtype=bool)
 
     def cut_short(
@@ -81,9 +98,12 @@ class Validity:
         status, dt = np.zeros(len(points), dtype=np.int32), points.dt.copy()
         if not ok_at_mean:
             there, at_mean = self._at_mean(points)
-            status, dt = np.where(np.isin(there, FATAL), there, np.int32(Status.ok)), np.minimum(dt, SHORT * at_mean)
+            status, dt = np.where(fatal(there), there, np.int32(Status.ok)), np.minimum(dt, SHORT * at_mean)
         left = np.flatnonzero(dt >= shortest)
         there, dt[left] = self._sieve.shortened(lasting(points[left], dt[left]), shortest, roughly)
+        if ok_at_mean:
+            lost = left[there != Status.ok]
+            self._known.update(dict.fromkeys(_numbers(points[lost]), False))
         status[left] = np.where(status[left] == Status.ok, there, status[left])
         places = np.flatnonzero((status != Status.ok) & (dt >= shortest))
         return lasting(points[places], dt[places]), places.astype(np.int32), status
@@ -99,12 +119,12 @@ class Validity:
         """Statuses (K,), and until when each point can be followed, infinite where none of `FATAL` ended it."""
         model, theta = self._problem.limited, self._problem.theta
         _, _, status, lasted = model.kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *self._settings)
-        return np.asarray(status), np.where(np.isin(status, FATAL), lasted, np.inf)
+        return np.asarray(status), np.where(fatal(status), lasted, np.inf)
 
     def include(self, other: Validity) -> None:
         """Remember what another has tried of the same problem."""
         self._known.update(other._known)
 
 
-def _numbers(points: PointInformation) -> list[bytes]:
-    return [row.tobytes() for row in points.experiments.table]
+def _numbers(points: Experiments) -> list[bytes]:
+    return [row.tobytes() for row in points.table]

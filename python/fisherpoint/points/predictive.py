@@ -127,14 +127,14 @@ def predictive_covariance(
 
 
 def covariance_over_nodes(
-    model: Model, points: Experiments, theta: Array, nodes: _core.PriorNodes, rule: Rule, settings: Settings
+    model: Model, points: Experiments, theta: Array, nodes: _core.PriorNodes, rule: Rule, settings: Settings, nearest: bool = True
 ) -> PredictiveCovariance:
-    """As `predictive_covariance`, of arguments that are known to be good."""
+    """As `predictive_covariance`, of arguments that are known to be good; semidefinite in any case where the `nearest` is asked."""
     covariance, status, *_, lost_weight = model.kernels.predictive_covariance(
         model.core, points.x0, points.u, points.dt, theta, nodes, *settings, max_lost=rule.max_lost_weight
     )
     status, projection = only_finite(status, covariance), np.zeros(len(points))
-    if rule.signed:
+    if rule.signed and nearest:
         covariance, projection = nearest_semidefinite(covariance)
     return PredictiveCovariance(covariance, status, projection, lost_weight)
 

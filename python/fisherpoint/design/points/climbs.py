@@ -15,6 +15,7 @@ from ...basics.values import Array
 from ...information.candidates import CandidateSource
 from ...information.point_information import PointInformation
 from ...information.problem import DesignProblem
+from ...information.validity import Validity
 from ...points.experiments import Experiments
 from ...points.region import ExperimentRegion
 from .lineage import Lineage
@@ -78,7 +79,7 @@ class Climbs:
         assert isinstance(region, ExperimentRegion)
         lower, upper = region.box(problem.model)
         self._width = upper - lower
-        self._source = CandidateSource(problem, rng, threads, elsewhere=elsewhere)
+        self._source = CandidateSource(problem, rng, threads, elsewhere=elsewhere, validity=Validity(problem, threads, False))
         self._lineage = Lineage()
         self._highest: Experiments | None = None
 

@@ -14,21 +14,20 @@ class Lineage:
     """The points near which others were drawn that took their places."""
 
     def __init__(self) -> None:
-        self._parents: dict[bytes, Array] = {}
+        self._ancestors: dict[bytes, Array] = {}  # of each point, (n, d), the nearest first
 
     def add(self, points: Array, parents: Array) -> None:
         """Take in points (K, d), and near which (K, d) they were drawn."""
-        self._parents.update((point.tobytes(), parent) for point, parent in zip(points, parents, strict=True))
+        for point, parent in zip(points, parents, strict=True):
+            before = self._ancestors.get(parent.tobytes())
+            own = parent[None] if before is None else np.concatenate([parent[None], before[: GENERATIONS - 1]])
+            self._ancestors[point.tobytes()] = own
 
     def steps(self, points: Array) -> Array:
         """From each of its ancestors to each point (K, d), the nearest first: (K, `GENERATIONS`, d), zero where there is none."""
         result = np.zeros((len(points), GENERATIONS, points.shape[1]))
         for steps, point in zip(result, points, strict=True):
-            ancestor = point
-            for step in steps:
-                parent = self._parents.get(ancestor.tobytes())
-                if parent is None:
-                    break
-                step[:] = point - parent
-                ancestor = parent
+            ancestors = self._ancestors.get(point.tobytes())
+            if ancestors is not None:
+                np.subtract(point, ancestors, out=steps[: len(ancestors)])
         return result

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
-from ...information.output_covariance import criterion
+from ...information.output_covariance import criterion, needs_covariances
 from ...information.point_information import PointInformation
 from ...information.problem import DesignProblem
 from ...information.validity import Validity
+from ...points.experiments import Experiments
 from ..efficiency import Bound
 from ..optimality.aims import Aim, LogDet, LogDetWithin, aim_of
 from ..optimality.asked import criterion as criterion_asked
@@ -46,6 +49,11 @@ class _Parts:
     def __len__(self) -> int:
         return int(self._ends[-1])
 
+    @cached_property
+    def points(self) -> Experiments:
+        """All of them: what is known of them is much more."""
+        return Experiments.join([part.experiments for part in self._parts])
+
     def __getitem__(self, places: Places) -> PointInformation:
         of = np.searchsorted(self._ends, places, side="right")
         order = np.argsort(of, kind="stable")
@@ -74,12 +82,12 @@ class SeenCandidates:
         self.aims = (aim_of(criterion_asked(problem)),) if aims is None else tuple(aims)
         self._seen: list[PointInformation] = []
         self._numbers = 0
-        self.validity = Validity(problem, threads)
+        self.validity = Validity(problem, threads, needs_covariances(str(problem.output_covariance)))
 
     def add(self, information: PointInformation) -> None:
         """Keep these, as long as there is room."""
         if len(information) and self._numbers < MOST_NUMBERS:
-            self._seen.append(information)
+            self._seen.append(_without_covariances(information))
             self._numbers += information.sensitivity.size * len(information.everywhere)
 
     def include(self, other: SeenCandidates) -> None:
@@ -121,7 +129,7 @@ class SeenCandidates:
                 known[s] += flat.T @ flat / count
 
         def runs_everywhere(places: Places) -> NDArray[np.bool_]:
-            return self.validity.of(everything[places])
+            return self.validity.of(everything.points[places])
 
         aims, level = self.aims, self.aims[0].level
         spans = [aim.k for aim in aims if isinstance(aim, LogDetWithin)]
@@ -146,7 +154,7 @@ class SeenCandidates:
         taken, have = [], 0
         for first in range(0, min(len(order), LOOKS * most), most):
             some = order[first : first + most]
-            taken.append(some[self.validity.of(best.everything[some])])
+            taken.append(some[self.validity.of(best.everything.points[some])])
             have += len(taken[-1])
             if have >= most:
                 break
@@ -156,7 +164,12 @@ class SeenCandidates:
         """The best weights of these candidates and the design's points, beside the previous ones."""
         parts = [design, *self._seen]
         everything, noise = _Parts(parts), criterion(self._problem, design, self._threads, "noise")
-        rows = np.concatenate([whitened_rows(noise, part) for part in parts])
+        own = whitened_rows(noise, design)
+        rows = np.empty((len(everything), *own.shape[1:]))
+        rows[: len(design)], first = own, len(design)
+        for part in self._seen:
+            rows[first : first + len(part)] = whitened_rows(noise, part)
+            first += len(part)
         p, count, known = rows.shape[2], len(design), None
         if previous is not None:
             flat = whitened_rows(noise, previous).reshape(-1, p)
@@ -173,7 +186,7 @@ class SeenCandidates:
 
         def runs_everywhere(places: Places) -> NDArray[np.bool_]:
             unknown = places[~valid[places]]
-            valid[unknown] = self.validity.of(everything[unknown])
+            valid[unknown] = self.validity.of(everything.points[unknown])
             return valid[places]
 
         found = optimal_weights(
@@ -185,3 +198,9 @@ class SeenCandidates:
             allowed=runs_everywhere,
         )
         return _Best(everything, candidates, found)
+
+
+def _without_covariances(information: PointInformation) -> PointInformation:
+    """The same without the memory of predictive covariances, which candidates have none of: zeros."""
+    zero = np.broadcast_to(0.0, information.covariance.shape)
+    return replace(information, covariance=zero, elsewhere=tuple(map(_without_covariances, information.elsewhere)))
