@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import fisherpoint as fp
-from fisherpoint.basics.extras import needed_for
 from fisherpoint.basics.messages import printable
 
 from .asked import shell_line
@@ -65,7 +64,7 @@ def campaign(
 
         from .results import free_for_campaign, needed
         from .terminal import as_file, read_config
-        from .written import write_shown
+        from .written import drawers, write_shown
     needed(output, check)
     config = read_config(file)
     settings = _settings(config, size, seed)
@@ -74,26 +73,24 @@ def campaign(
     if check:
         return _tell(config, settings, file, output, data)
     assert output is not None
-    if not no_plots:
-        with importing(), needed_for("pictures"):
-            from fisherpoint.campaign import pictures as plots_campaign  # noqa: F401  what can fail for a trivial reason fails before the work
-    begin_writing(output)
-    try:
-        measured = None if data is None else _read(config, data)
-        run = _opened(config, settings, output, threads)
-        lines = [] if data is None or measured is None else _taken(run, data, measured, progress=not quiet)
-        if not run.done or run.planned is not None:
-            run.next(progress=not quiet)
-    except RuntimeError as error:  # another process
-        raise ConfigError(str(error)) from error
-    except KeyboardInterrupt:
-        print("fisherpoint: interrupted before a batch was found; run the same command to continue", file=sys.stderr)
-        return INTERRUPTED
-    if run.history:
-        write_whole(output / "report.txt", as_file(run.report()))
-        lines += ["", str(run)]
-    written = ["report.txt"] if run.history else []
-    written += write_shown(run, output, {} if no_plots else run._plots(), file)
+    with drawers(None if no_plots else "fisherpoint.campaign.pictures") as drawing:
+        begin_writing(output)
+        try:
+            measured = None if data is None else _read(config, data)
+            run = _opened(config, settings, output, threads)
+            lines = [] if data is None or measured is None else _taken(run, data, measured, progress=not quiet)
+            if not run.done or run.planned is not None:
+                run.next(progress=not quiet)
+        except RuntimeError as error:  # another process
+            raise ConfigError(str(error)) from error
+        except KeyboardInterrupt:
+            print("fisherpoint: interrupted before a batch was found; run the same command to continue", file=sys.stderr)
+            return INTERRUPTED
+        if run.history:
+            write_whole(output / "report.txt", as_file(run.report()))
+            lines += ["", str(run)]
+        written = ["report.txt"] if run.history else []
+        written += write_shown(run, output, drawing, file)
     lines += ["", f"Written to {output}: {', '.join(written)}"]
     if run.planned is not None:
         lines += ["", *_to_do(run, file, output)]

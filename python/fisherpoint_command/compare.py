@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 import fisherpoint as fp
-from fisherpoint.basics.extras import needed_for
 
 from .importing import importing
 from .options import Check, Designs, Force, NoPlots, OutputIfAny, Quiet, Threads
@@ -44,7 +43,7 @@ def compare(
         from .results import free_directory, make_directory, remove_old
         from .runs import read_points
         from .terminal import as_file, named_files, read_config, read_data, say, show, warn_of_outside
-        from .written import PAGE, write_shown
+        from .written import PAGE, drawers, write_shown
     config = read_config(file)
     problem = config.problem()
     if problem.noise_std is None:
@@ -57,20 +56,18 @@ def compare(
         size = sum(map(size_of, points.values())) * DRAWS
         rows = [*(points_row(name, given) for name, given in points.items()), about(size, f"{DRAWS} plants, seed {seed}")]
         return tell(problem, [file, *designs], rows, output)
-    if output is not None and not no_plots:
-        with importing(), needed_for("pictures"):
-            from fisherpoint.design import compare_picture  # noqa: F401  what can fail for a trivial reason fails before the work
-    with alive("comparing"):
-        found = fp.compare(problem, points, seed=seed, threads=threads)
-    if not quiet:
-        show(found.report())
-    if output is not None:
-        make_directory(output, old)
-        contents = {"comparison.csv": found.to_pandas().to_csv(), "report.txt": as_file(found.report())}
-        written = [path.name for path in write_together(output, contents, stale=["comparison.png", PAGE])]
-        written += write_shown(found, output, {} if no_plots else found._plots(), file)
+    with drawers(None if output is None or no_plots else "fisherpoint.design.compare_picture") as drawing:
+        with alive("comparing"):
+            found = fp.compare(problem, points, seed=seed, threads=threads)
         if not quiet:
-            print()
-            say(f"Written to {output}: {', '.join(written)}")
-        remove_old(output, old, written, quiet)
+            show(found.report())
+        if output is not None:
+            make_directory(output, old)
+            contents = {"comparison.csv": found.to_pandas().to_csv(), "report.txt": as_file(found.report())}
+            written = [path.name for path in write_together(output, contents, stale=["comparison.png", PAGE])]
+            written += write_shown(found, output, drawing, file)
+            if not quiet:
+                print()
+                say(f"Written to {output}: {', '.join(written)}")
+            remove_old(output, old, written, quiet)
     return 0

@@ -10,7 +10,6 @@ from typing import Annotated, Any
 import typer
 
 import fisherpoint as fp
-from fisherpoint.basics.extras import needed_for
 
 from .asked import shell_line
 from .exits import INTERRUPTED, complain
@@ -68,18 +67,17 @@ def design(
     """
     with importing():
         import rich.progress  # noqa: F401  for the bar
-        import scipy.special  # noqa: F401  not where it is needed, in the middle of the search, which Ctrl-C is to end in order
 
-        import fisherpoint.design.exchange  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_whole
         from fisherpoint.design.configuration import ConfigError
+        from fisherpoint.design.exchange import designs
         from fisherpoint.points.outside import few, outside
 
         from .checked import points_row, search_rows, settings_of, tell
         from .results import free_directory, make_directory, needed, remove_old
         from .runs import design_of_runs, read_told
         from .terminal import as_file, read_config, read_data, say, show
-        from .written import write_shown
+        from .written import drawers, write_shown
     needed(output, check)
     config = read_config(file)
     if config.region is None:
@@ -112,25 +110,30 @@ def design(
         given = [points_row(f"kept, of {keep}", kept)] if keep is not None else []
         return tell(problem, files, [*given, *search_rows(problem, planned)], output)
     assert output is not None
-    # What can fail for a trivial reason fails before the work, not after it.
-    if not no_plots:
-        with importing(), needed_for("pictures"):
-            from fisherpoint.design.pictures import plots_of
-
-    try:
-        found = fp.exchange(problem, **settings, threads=threads, progress=not quiet)
-    except KeyboardInterrupt:
-        complain("interrupted before a design was found; nothing was saved")
-        return INTERRUPTED
-    make_directory(output, old)
-    found.save(output)
-    report = found.report()
-    write_whole(output / "report.txt", as_file(report))
-    if not quiet:
-        show(report)
-    interrupted = found.stop_reason == "interrupted"
-    plots = {} if no_plots or interrupted else plots_of(found)  # who interrupts wants an end
-    written = ["design.csv", "design.json", "report.txt", *write_shown(found, output, plots, file)]
+    if planned.confidence is not None or isinstance(problem.rule, fp.Sobol):
+        with importing():
+            import scipy.special  # noqa: F401  not where it is needed, in the middle of the search, which Ctrl-C is to end in order
+    with drawers(None if no_plots else "fisherpoint.design.pictures") as drawing:
+        found, told = None, {name: settings.get(name) for name in ("previous", "keep")}
+        try:
+            for found in designs(problem, planned, **told, threads=threads, progress=not quiet):
+                # What the design is compared with, which comes last, is seen in one picture alone.
+                drawing.begin({name: plot for name, plot in found._plots().items() if name != "criterion"})
+        except KeyboardInterrupt:
+            if found is None:
+                complain("interrupted before a design was found; nothing was saved")
+                return INTERRUPTED
+            found = replace(found, stop_reason="interrupted")
+        assert found is not None
+        make_directory(output, old)
+        found.save(output)
+        report = found.report()
+        write_whole(output / "report.txt", as_file(report))
+        if not quiet:
+            show(report)
+        interrupted = found.stop_reason == "interrupted"
+        shown = write_shown(found, output, drawing.unless(interrupted), file)
+    written = ["design.csv", "design.json", "report.txt", *shown]
     if not quiet:
         print()
         say(f"Written to {output}: {', '.join(written)}")

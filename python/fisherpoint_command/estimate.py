@@ -10,7 +10,6 @@ from typing import Annotated, Any
 import typer
 
 import fisherpoint as fp
-from fisherpoint.basics.extras import needed_for
 
 from .importing import importing
 from .options import Check, Force, Noise, NoPlots, Output, Quiet, Threads
@@ -61,12 +60,13 @@ def estimate(
         import fisherpoint.estimation.estimate  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_whole
         from fisherpoint.design.configuration import ConfigError
+        from fisherpoint.estimation.plots import plots_of
 
         from .alive import alive
         from .checked import about, tell
         from .results import free_directory, make_directory, needed, remove_old
         from .terminal import as_file, read_config, read_data, say, show
-        from .written import write_shown
+        from .written import drawers, write_shown
     needed(output, check)
     config = read_config(file)
     problem = config.problem()
@@ -85,19 +85,16 @@ def estimate(
         size = sum(1 if isinstance(part, fp.Record) else int(np.isfinite(part.samples).any(axis=-1).sum()) for part in parts)
         return tell(problem, [file, *data], [*rows, about(size * STARTS * ITERATIONS, f"{STARTS} starts")], output)
     assert output is not None
-    if not no_plots:
-        with importing(), needed_for("pictures"):
-            from fisherpoint.estimation.pictures import plots_of  # what can fail for a trivial reason fails before the work
-    fit = _estimate(problem, parts, no_prior, known, noise_std, threads, progress=not quiet)
-    with alive("computing profiles") if profiles else nullcontext():
-        found = [fit.profile(name) for name in fit.parameters] if profiles else []
-    report = fit.report(profiles=found)
-    make_directory(output, old)
-    written = [path.name for path in fit.save(output)]
-    write_whole(output / "report.txt", as_file(report))
-    written.append("report.txt")
-    plots = {} if no_plots else plots_of(fit, found)
-    written += write_shown(fit, output, plots, file, report)
+    with drawers(None if no_plots else "fisherpoint.estimation.pictures") as drawing:
+        fit = _estimate(problem, parts, no_prior, known, noise_std, threads, progress=not quiet)
+        with alive("computing profiles") if profiles else nullcontext():
+            found = [fit.profile(name) for name in fit.parameters] if profiles else []
+        report = fit.report(profiles=found)
+        make_directory(output, old)
+        written = [path.name for path in fit.save(output)]
+        write_whole(output / "report.txt", as_file(report))
+        written.append("report.txt")
+        written += write_shown(fit, output, drawing, file, plots_of(fit, found), report)
     if not quiet:
         show(report)
         print()

@@ -33,6 +33,7 @@ def evaluate(
         from fisherpoint.basics.files import write_together
         from fisherpoint.design.evaluated import evaluate_points
         from fisherpoint.design.files import PICTURES
+        from fisherpoint.design.plots import plots_of
         from fisherpoint.design.report import evaluation_report
         from fisherpoint.information.problem_report import problem_sections
         from fisherpoint.points.outside import few, outside
@@ -40,9 +41,9 @@ def evaluate(
         from .alive import alive
         from .checked import about, points_row, size_of, tell
         from .results import free_directory, make_directory, remove_old
-        from .runs import evaluate_runs, read_points
+        from .runs import RUN_PICTURES, evaluate_runs, read_points
         from .terminal import as_file, read_config, read_data, say, show
-        from .written import PAGE, write_page
+        from .written import PAGE, drawers, write_page
     config = read_config(file)
     problem = config.problem()
     experiments = read_data(points, "points", read_points, problem.model)
@@ -51,35 +52,33 @@ def evaluate(
         nodes = problem.rule.size(problem.prior)
         trajectories = about(size_of(experiments) * (2 + nodes), f"{nodes} nodes of the prior, and the mean")
         return tell(problem, [file, points], [points_row("points", experiments), trajectories], output)
-    drawn = output is not None and not no_plots
     if output:
         with importing(), needed_for("tables and pictures"):
             from fisherpoint.design.frames import parameter_frame
-        if drawn:
-            with importing(), needed_for("pictures"):
-                from fisherpoint.design.pictures import plots_of
-    with alive("evaluating"):
-        if isinstance(experiments, fp.Runs):
-            evaluation = fp.evaluate_design(problem, experiments, threads=threads)
-            report = evaluation.report()
-            if places := list(outside(problem.model, problem.region, experiments)):
-                report = replace(report, warnings=[*report.warnings, f"Outside of the region: {few(places, 10)}."])
-        else:
-            evaluated = evaluate_points(problem, experiments, threads)
-            report = evaluation_report(evaluated)
-    if not quiet:
-        show(report)
-    if output:
-        make_directory(output, old)
-        if isinstance(experiments, fp.Runs):
-            return evaluate_runs(problem, experiments, evaluation, report, file, output, old, no_plots, quiet)
-        table = parameter_frame(problem, evaluated.under_noise).to_csv()
-        write_together(output, {"parameters.csv": table, "report.txt": as_file(report)}, stale=[PAGE, *PICTURES[1:]])
-        written = write_page(report, problem_sections(problem), output, plots_of(evaluated) if drawn else {}, file)
+    pictures = RUN_PICTURES if isinstance(experiments, fp.Runs) else "fisherpoint.design.pictures"
+    with drawers(None if output is None or no_plots else pictures) as drawing:
+        with alive("evaluating"):
+            if isinstance(experiments, fp.Runs):
+                evaluation = fp.evaluate_design(problem, experiments, threads=threads)
+                report = evaluation.report()
+                if places := list(outside(problem.model, problem.region, experiments)):
+                    report = replace(report, warnings=[*report.warnings, f"Outside of the region: {few(places, 10)}."])
+            else:
+                evaluated = evaluate_points(problem, experiments, threads)
+                report = evaluation_report(evaluated)
         if not quiet:
-            print()
-            say(f"Written to {output}: {', '.join(['parameters.csv', 'report.txt', *written])}")
-        remove_old(output, old, ["report.txt", *written], quiet)
+            show(report)
+        if output:
+            make_directory(output, old)
+            if isinstance(experiments, fp.Runs):
+                return evaluate_runs(problem, experiments, evaluation, report, file, output, old, drawing, quiet)
+            table = parameter_frame(problem, evaluated.under_noise).to_csv()
+            write_together(output, {"parameters.csv": table, "report.txt": as_file(report)}, stale=[PAGE, *PICTURES[1:]])
+            written = write_page(report, problem_sections(problem), output, drawing, plots_of(evaluated), file)
+            if not quiet:
+                print()
+                say(f"Written to {output}: {', '.join(['parameters.csv', 'report.txt', *written])}")
+            remove_old(output, old, ["report.txt", *written], quiet)
     return 0
 
 

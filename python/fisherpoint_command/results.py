@@ -10,7 +10,7 @@ from fisherpoint.basics.messages import listed
 from fisherpoint.design.configuration import ConfigError
 from fisherpoint.design.files import PICTURES as OF_POINTS
 from fisherpoint.design.runs.run_design import PICTURES as OF_RUNS
-from fisherpoint.estimation.fit_files import PICTURES as OF_A_FIT
+from fisherpoint.estimation.plots import PICTURES as OF_A_FIT
 
 from .kept import begin_writing
 from .terminal import say

@@ -10,10 +10,10 @@ import numpy as np
 
 import fisherpoint as fp
 from fisherpoint.basics.csv_table import CsvTable, csv_text
-from fisherpoint.basics.extras import needed_for
 from fisherpoint.basics.files import write_together, write_whole
 from fisherpoint.design.configuration import Config
 from fisherpoint.design.runs.run_design import PICTURES
+from fisherpoint.design.runs.run_plots import plots_of
 from fisherpoint.information.problem_report import problem_sections
 from fisherpoint.points.run_files import RUN, SEGMENT
 from fisherpoint.points.run_trajectories import RunTrajectories
@@ -23,7 +23,10 @@ from .checked import run_rows, tell
 from .exits import INTERRUPTED, complain
 from .results import free_directory, make_directory, remove_old
 from .terminal import as_file, say, show
-from .written import PAGE, write_page, write_shown
+from .written import PAGE, Drawers, drawers, write_page, write_shown
+
+RUN_PICTURES = "fisherpoint.design.runs.run_pictures"
+"""The module of pictures of runs."""
 
 
 def design_of_runs(
@@ -50,22 +53,18 @@ def design_of_runs(
     if check:
         return tell(problem, [file], run_rows(problem, settings), output)
     assert output is not None
-    if not no_plots:
-        with needed_for("pictures"):
-            from fisherpoint.design.runs.run_pictures import plots_of  # what can fail for a trivial reason fails before the work
-
-    try:
-        found = fp.design_runs(problem, **settings, threads=threads, progress=not quiet)
-    except KeyboardInterrupt:
-        complain("interrupted before a first start was followed; nothing was saved")
-        return INTERRUPTED
-    make_directory(output, old)
-    found.save(output)
-    report = found.report()
-    write_whole(output / "report.txt", as_file(report))
-    interrupted = found.stop_reason == "interrupted"
-    plots = {} if no_plots or interrupted else plots_of(found)
-    shown = write_shown(found, output, plots, file)
+    with drawers(None if no_plots else RUN_PICTURES) as drawing:
+        try:
+            found = fp.design_runs(problem, **settings, threads=threads, progress=not quiet)
+        except KeyboardInterrupt:
+            complain("interrupted before a first start was followed; nothing was saved")
+            return INTERRUPTED
+        make_directory(output, old)
+        found.save(output)
+        report = found.report()
+        write_whole(output / "report.txt", as_file(report))
+        interrupted = found.stop_reason == "interrupted"
+        shown = write_shown(found, output, drawing.unless(interrupted), file)
     written = ["design.csv", "plan.csv", "design.json", "report.txt", *shown]
     if not quiet:
         show(report)
@@ -83,17 +82,14 @@ def evaluate_runs(
     file: Path,
     output: Path,
     old: Collection[str],
-    no_plots: bool,
+    drawing: Drawers,
     quiet: bool,
 ) -> int:
     """Write what given runs are worth: report.txt, parameters.csv, pictures and report.html."""
-    if not no_plots:
-        with needed_for("pictures"):
-            from fisherpoint.design.runs.run_pictures import evaluation_plots
     tables = {"parameters.csv": evaluation.to_pandas().to_csv(), "report.txt": as_file(report)}
     write_together(output, tables, stale=[PAGE, *PICTURES])
-    plots = {} if no_plots else evaluation_plots(problem, runs, evaluation)
-    written = ["report.txt", *write_page(report, problem_sections(problem), output, plots, file)]
+    plots = plots_of(problem, runs, evaluation)
+    written = ["report.txt", *write_page(report, problem_sections(problem), output, drawing, plots, file)]
     if not quiet:
         print()
         say(f"Written to {output}: {', '.join(['parameters.csv', *written])}")

@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 
 import fisherpoint as fp
-from fisherpoint.basics.extras import needed_for
 
 from .exits import INTERRUPTED, complain
 from .importing import importing
@@ -64,7 +63,7 @@ def sweep(
         from .results import free_directory, make_directory, needed, remove_old
         from .runs import read_told
         from .terminal import as_file, read_config, read_data, say, show
-        from .written import PAGE, write_shown
+        from .written import PAGE, drawers, write_shown
     needed(output, check)
     config = read_config(file)
     if config.region is None or config.runs is not None:
@@ -90,26 +89,23 @@ def sweep(
         rows = [("sizes", f"{len(counts)}, from {counts[0]} to {counts[-1]} points"), method, ("trajectories of a size", each)]
         return tell(problem, [file, *(previous or [])], rows, output)
     assert output is not None
-    if not no_plots:
-        with importing(), needed_for("pictures"):
-            from fisherpoint.design import sweep_picture  # noqa: F401  what can fail for a trivial reason fails before the work
-
-    try:
-        found = fp.sweep(problem, counts, cost=cost, threads=threads, progress=not quiet, previous=told or None, **settings)
-    except KeyboardInterrupt:
-        complain("interrupted before there was a design; nothing was saved")
-        return INTERRUPTED
-    make_directory(output, old)
-    report = found.report()
-    tables = {f"design_{len(of.points)}.csv": points_csv(of.points, problem.model) for of in found.designs}
-    contents = {"sweep.csv": found.to_pandas().to_csv(), **tables, "report.txt": as_file(report)}
-    stale = [path.name for path in output.glob("design_*.csv") if path.name not in tables]
-    write_together(output, contents, stale=["sweep.png", PAGE, "sweep.json", *stale])
-    found.save(output / "sweep.json")
-    interrupted = found.stop_reason.startswith("interrupted")
-    plots = {} if no_plots or interrupted else found._plots()  # who interrupts wants an end
+    with drawers(None if no_plots else "fisherpoint.design.sweep_picture") as drawing:
+        try:
+            found = fp.sweep(problem, counts, cost=cost, threads=threads, progress=not quiet, previous=told or None, **settings)
+        except KeyboardInterrupt:
+            complain("interrupted before there was a design; nothing was saved")
+            return INTERRUPTED
+        make_directory(output, old)
+        report = found.report()
+        tables = {f"design_{len(of.points)}.csv": points_csv(of.points, problem.model) for of in found.designs}
+        contents = {"sweep.csv": found.to_pandas().to_csv(), **tables, "report.txt": as_file(report)}
+        stale = [path.name for path in output.glob("design_*.csv") if path.name not in tables]
+        write_together(output, contents, stale=["sweep.png", PAGE, "sweep.json", *stale])
+        found.save(output / "sweep.json")
+        interrupted = found.stop_reason.startswith("interrupted")
+        shown = write_shown(found, output, drawing.unless(interrupted), file)
     tables_told = f"design_<size>.csv of {len(tables)} sizes"
-    written = ["sweep.csv", "sweep.json", "report.txt", *write_shown(found, output, plots, file)]
+    written = ["sweep.csv", "sweep.json", "report.txt", *shown]
     if not quiet:
         show(report)
         print()

@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 
 import fisherpoint as fp
-from fisherpoint.basics.extras import needed_for
 
 from .exits import INTERRUPTED
 from .importing import importing
@@ -61,7 +60,7 @@ def validate(
         from .results import free_directory, make_directory, needed, remove_old
         from .runs import read_points
         from .terminal import as_file, named_files, read_config, read_data, say, show, warn_of_outside
-        from .written import PAGE, write_shown
+        from .written import PAGE, drawers, write_shown
     needed(output, check)
     config = read_config(file)
     problem = config.problem()
@@ -77,25 +76,22 @@ def validate(
         size = sum(map(size_of, points.values())) * runs
         return tell(problem, [file, *designs], [*rows, about(size * ITERATIONS, f"{ITERATIONS} iterations of each fit")], output)
     assert output is not None
-    if not no_plots:
-        with importing(), needed_for("pictures"):
-            from fisherpoint.validation import pictures as plots_validation  # noqa: F401  what can fail for a trivial reason fails before the work
-    found = fp.validate(
-        problem,
-        points,
-        runs=runs,
-        theta=theta.value,
-        seed=seed,
-        noise=noise.value,
-        use_prior=use_prior,
-        threads=threads,
-        progress=not quiet,
-    )
-    make_directory(output, old)
-    contents = {"validation.csv": found.to_pandas().to_csv(), "report.txt": as_file(found.report())}
-    written = [path.name for path in write_together(output, contents, stale=["validation.png", PAGE])]
-    plots = {} if no_plots or found.interrupted else found._plots()  # who interrupts wants an end
-    written += write_shown(found, output, plots, file)
+    with drawers(None if no_plots else "fisherpoint.validation.pictures") as drawing:
+        found = fp.validate(
+            problem,
+            points,
+            runs=runs,
+            theta=theta.value,
+            seed=seed,
+            noise=noise.value,
+            use_prior=use_prior,
+            threads=threads,
+            progress=not quiet,
+        )
+        make_directory(output, old)
+        contents = {"validation.csv": found.to_pandas().to_csv(), "report.txt": as_file(found.report())}
+        written = [path.name for path in write_together(output, contents, stale=["validation.png", PAGE])]
+        written += write_shown(found, output, drawing.unless(found.interrupted), file)
     if not quiet:
         show(found.report())
         print()

@@ -15,7 +15,7 @@ from fisherpoint.design.evaluated import evaluate_points
 from fisherpoint.design.optimality.approximate_pictures import sensitivity_figure
 from fisherpoint.design.pictures import plot_points, plot_standard_errors, plot_trajectories
 from fisherpoint.design.pieces.piece_pictures import plot_windows
-from fisherpoint.design.runs.run_pictures import evaluation_plots
+from fisherpoint.design.runs.run_plots import plots_of
 from fisherpoint.information.pictures import plot_failures, plot_rules, plot_singular_values
 
 TWO = fp.SymbolicModel(
@@ -110,7 +110,7 @@ def of_points(kind: Callable[..., Figure]) -> Callable[[], Figure]:
 
 def of_runs(kind: str, runs: Callable[[], fp.Runs] = runs) -> Callable[[], Figure]:
     without_region = problem().replace(region=None)
-    return lambda: evaluation_plots(without_region, runs(), fp.evaluate_design(without_region, runs()))[kind]()
+    return lambda: plots_of(without_region, runs(), fp.evaluate_design(without_region, runs()))[kind]()
 
 
 def responses() -> Figure:

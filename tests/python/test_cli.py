@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -13,6 +14,7 @@ import pandas as pd
 import pytest
 
 import fisherpoint as fp
+from fisherpoint.design.exchange import designs
 from fisherpoint_command import cli
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -127,22 +129,38 @@ def test_a_design_over_the_prior(run: Any, file: Path, tmp_path: Path) -> None:
 
 
 def test_an_interrupted_design_is_saved_and_reported(run: Any, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    exchange = fp.exchange
-
-    def interrupted(*arguments: Any, progress: Any, **settings: Any) -> fp.Design:
+    def interrupted(*arguments: Any, progress: Any, **settings: Any) -> Iterator[fp.Design]:
         def stop(now: fp.Progress) -> None:
             assert progress is True
             if now.iteration == 2:
                 raise KeyboardInterrupt
 
-        return exchange(*arguments, progress=stop, **settings)
+        return designs(*arguments, progress=stop, **settings)
 
-    monkeypatch.setattr(fp, "exchange", interrupted)
+    monkeypatch.setattr("fisherpoint.design.exchange.designs", interrupted)
     result = run("design", file, "-o", tmp_path / "run")
     assert (result.code, result.err) == (130, "")
     assert "interrupted" in result.out
     assert names(tmp_path / "run") == {"design.csv", "design.json", "report.txt", "report.html"}
     assert fp.Design.load(tmp_path / "run").stop_reason == "interrupted"
+
+
+def test_a_design_that_is_not_compared_any_more_is_saved(
+    run: Any, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C may come between two steps, when a design has been found already."""
+
+    def interrupted(*arguments: Any, **settings: Any) -> Iterator[fp.Design]:
+        found = designs(*arguments, **settings)
+        yield next(found)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("fisherpoint.design.exchange.designs", interrupted)
+    result = run("design", file, "-o", tmp_path / "run")
+    assert (result.code, result.err) == (130, "")
+    assert names(tmp_path / "run") == {"design.csv", "design.json", "report.txt", "report.html"}
+    design = fp.Design.load(tmp_path / "run")
+    assert design.stop_reason == "interrupted" and design.efficiency is None
 
 
 def test_the_page_shows_what_was_asked_and_how_to_repeat_it(run: Any, file: Path, tmp_path: Path) -> None:
@@ -184,10 +202,10 @@ def test_a_page_is_opened_in_the_browser(run: Any, tmp_path: Path, monkeypatch: 
 
 
 def test_interrupted_before_there_is_a_design(run: Any, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(*arguments: Any, **settings: Any) -> fp.Design:
+    def interrupted(*arguments: Any, **settings: Any) -> Iterator[fp.Design]:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(fp, "exchange", interrupted)
+    monkeypatch.setattr("fisherpoint.design.exchange.designs", interrupted)
     result = run("design", file, "-o", tmp_path / "run")
     assert (result.code, result.out) == (130, "")
     assert result.err == "fisherpoint: interrupted before a design was found; nothing was saved\n"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import fisherpoint as fp
 from conftest import REGION
 from defaults import KINDS, MODEL, NAMES, NOISE, OUTPUTS, PRIOR, SMALL, grid, problem, same_bits
 from fisherpoint.design.efficiency import median_of, random_designs
+from fisherpoint.design.exchange import designs
 from fisherpoint.design.points.exchange_search import SHORTLIST
 from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.information.point_information import PointInformation
@@ -253,6 +255,15 @@ def test_efficiencies_are_ratios_of_what_was_found(kind: str) -> None:
     assert e.bound is None and e.vs_bound is None  # not every parameter varies over the nodes
     if kind == "noise":
         assert under_noise.log_det == design.evaluation.log_det
+
+
+def test_a_design_is_there_before_what_it_is_compared_with() -> None:
+    whole = fp.exchange(problem(), **QUICK | {"references": True})
+    first, last = designs(problem(), whole.settings)
+    assert first.efficiency is None and last.efficiency == whole.efficiency is not None
+    assert first.points == last.points == whole.points and first.stop_reason == last.stop_reason == whole.stop_reason
+    (alone,) = designs(problem(), replace(whole.settings, references=False))
+    assert alone.efficiency is None and alone.points == whole.points
 
 
 def test_a_design_that_is_worse_than_random_is_said_to_be() -> None:

@@ -131,6 +131,9 @@ def test_a_profile_counts_its_values() -> None:
     values = [now.values for now in told]
     assert values == sorted(set(values)) and values[-1] >= len(profile.values) - 1  # not at the estimate itself
     assert profile.interval == fit().profile("k").interval
+    drawn: list[fp.ProfileProgress] = []
+    fit().plot("profiles", progress=drawn.append)
+    assert (np.diff([now.values for now in drawn]) < 0).sum() == len(fit().parameters) - 1  # each begins anew
 
 
 def test_pieces_tell_their_exchanges() -> None:

@@ -18,6 +18,7 @@ from fisherpoint.design import pictures as plots
 from fisherpoint.design import report
 from fisherpoint.design.evaluated import evaluate_points
 from fisherpoint.design.frames import parameter_frame, simulation_frame
+from fisherpoint.design.plots import plots_of
 from fisherpoint.show import numbers
 from fisherpoint.show.text import to_text
 
@@ -152,7 +153,7 @@ def test_under_the_noise_there_is_one_table(design: fp.Design) -> None:
     assert "No standard errors" not in text and "log det F under the noise" not in text
 
 
-def test_without_noise_nothing_is_promised_and_left_out_outputs_are_named(design: fp.Design, tmp_path: Path) -> None:
+def test_without_noise_nothing_is_promised_and_left_out_outputs_are_named(design: fp.Design) -> None:
     evaluated = evaluate_points(problem(None), design.points)
     text = words(to_text(report.evaluation_report(evaluated)))
     assert evaluated.under_noise is None
@@ -164,16 +165,16 @@ def test_without_noise_nothing_is_promised_and_left_out_outputs_are_named(design
     assert frame.standard_error.isna().all() and frame.rse.isna().all() and frame.prior_std.notna().all()
     with pytest.raises(ValueError, match="noise_std: expected the sensor noise"):
         plots.plot_standard_errors(evaluated)
-    assert "standard_errors.png" not in {path.name for path in plots.save_all(evaluated, tmp_path)}
+    assert "standard_errors" not in plots_of(evaluated)
 
 
-def test_singular_designs_name_what_they_do_not_determine(design: fp.Design, tmp_path: Path) -> None:
+def test_singular_designs_name_what_they_do_not_determine(design: fp.Design) -> None:
     evaluated = evaluate_points(problem(NOISE_STD), design.points[:1])
     text = words(to_text(report.evaluation_report(evaluated)))
     assert f"{evaluated.evaluation.rank} of 9: singular" in text
     assert text.count("not determined") == len(evaluated.evaluation.null_directions)
     assert parameter_frame(evaluated.problem, evaluated.evaluation).standard_error.isna().all()
-    assert len(plots.save_all(evaluated, tmp_path)) == 4
+    assert len([plot() for plot in plots_of(evaluated).values()]) == 4
 
 
 def test_weak_parameters_are_those_above_half_the_prior(design: fp.Design) -> None:
@@ -248,15 +249,11 @@ def test_every_picture_is_a_figure_of_its_own(design: fp.Design, tmp_path: Path)
         plots.plot_trajectories,
     ):
         assert isinstance(plot(design), Figure)
-    paths = plots.save_all(design, tmp_path)
-    assert [path.name for path in paths] == [
-        "criterion.png",
-        "points.png",
-        "standard_errors.png",
-        "correlation.png",
-        "trajectories.png",
-    ]
-    assert all(path.read_bytes().startswith(b"\x89PNG") for path in paths)
+    drawn = design._plots()
+    assert list(drawn) == ["criterion", "points", "standard_errors", "correlation", "trajectories"]
+    for name, plot in drawn.items():
+        design.plot(name, path=tmp_path / name)
+        assert isinstance(plot(), Figure) and (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_pictures_do_not_need_pyplot() -> None:

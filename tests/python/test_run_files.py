@@ -203,7 +203,7 @@ class Runs:
             for module in (plots, plots_fit, plots_validation):
                 for name in (name for name in vars(module) if name.startswith("plot_")):
                     patch.setattr(module, name, lambda *_: Figure())
-            patch.setattr(fp, "exchange", lambda *_, **__: self.designs[which])
+            patch.setattr("fisherpoint.design.exchange.designs", lambda *_, **__: iter([self.designs[which]]))
             for name in ("estimate", "validate"):
                 patch.setattr(fp, name, self.work(which, getattr(fp, name)))
             assert run(*arguments(self.command, self.tables[which], output)) == 0

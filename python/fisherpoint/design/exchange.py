@@ -7,7 +7,7 @@ removal leaves the largest Phi leaves. That may be the candidate itself, so Phi 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -163,6 +163,20 @@ def exchange(
         confidence=confidence,
         prior_information=prior_information,
     )
+    *_, found = designs(problem, settings, previous=previous, keep=keep, threads=threads, progress=progress)
+    return found
+
+
+def designs(
+    problem: DesignProblem,
+    settings: ExchangeSettings,
+    *,
+    previous: Previous | None = None,
+    keep: Experiments | FoundDesign | None = None,
+    threads: int | None = None,
+    progress: bool | Callable[[Progress], None] | None = None,
+) -> Iterator[Design]:
+    """Yield the design as soon as it is found, and at last with what it is compared with; arguments are as of `exchange`."""
     check_asked(settings, problem)
     check_progress(progress)
     threads = resolve_threads(threads)
@@ -172,7 +186,7 @@ def exchange(
         known, kept = _with_kept(problem, keep, known, settings.n_experiments, threads)
     if settings.over is not None:
         scenarios = scenarios_of(problem, settings, previous, keep, known, threads)
-    with following(progress, "iteration", points_step(criterion), "drawing the first points") as told:
+    with following(progress, "iteration", points_step(settings.criterion), "drawing the first points") as told:
         search = _search(problem, settings, threads, known, kept, scenarios)
         stop_reason = search.run(told)
         interrupted = stop_reason == "interrupted"
@@ -183,14 +197,15 @@ def exchange(
         evaluation = search.evaluation(under_noise)
         if evaluation.null_directions:
             space = search.look_at_what_is_told()
-            if settings.singular == "error" and criterion in OF_ALL and not interrupted:
+            if settings.singular == "error" and settings.criterion in OF_ALL and not interrupted:
                 refuse_open(problem, space, settings.n_experiments)
         if settings.references and not interrupted:
+            yield Design(**vars(search.found(stop_reason, evaluation, under_noise, None, left_out)))
             try:
                 efficiency = _references(search, evaluation, under_noise)
             except KeyboardInterrupt:
                 stop_reason = "interrupted"
-    return Design(**vars(search.found(stop_reason, evaluation, under_noise, efficiency, left_out)))
+    yield Design(**vars(search.found(stop_reason, evaluation, under_noise, efficiency, left_out)))
 
 
 def check_determined(search: PointSearch) -> None:

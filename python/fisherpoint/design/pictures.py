@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -14,8 +12,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ..basics.checks import check_choice
-from ..show import style
-from ..show.shown import Plots
 from ..show.standard_errors import standard_error_figure
 from ..show.style import CRITERION, NOISE, PRIOR, STYLE
 from .criterion_report import maximised
@@ -90,36 +86,6 @@ def plot_of(design: FoundDesign, kind: str) -> Figure:
     if kind == "trajectories" and not design.problem.model.states:
         raise ValueError("kind: expected a model with states for 'trajectories', given one without")
     return PLOTS[kind](design)
-
-
-def save_all(design: Evaluated, directory: str | Path) -> list[Path]:
-    """Write every picture of `design` as PNG; standard errors only where the sensor noise is known.
-
-    Parameters
-    ----------
-    design
-        A design, or evaluated points; these have no criterion over iterations.
-    directory
-        An existing directory.
-
-    Returns
-    -------
-    list of Path
-        The files.
-    """
-    return style.save_all(plots_of(design), directory)
-
-
-def plots_of(design: Evaluated) -> Plots:
-    """The pictures that have something to show."""
-    plots = dict(PLOTS)
-    if not isinstance(design, FoundDesign):
-        del plots["criterion"]
-    if design.under_noise is None:
-        del plots["standard_errors"]
-    if not design.problem.model.states:
-        del plots["trajectories"]  # nothing moves
-    return {name: partial(plot, design) for name, plot in plots.items()}
 
 
 def _reference(axes: Axes, value: float | None, label: str, style: str) -> None:

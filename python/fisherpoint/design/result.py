@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,7 @@ from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
 from .files import FORMAT, FORMAT_VERSION, PICTURES, design_from_json, design_to_json, has_points_of
 from .found import FoundDesign
+from .plots import plots_of
 from .report import ROWS_OF_PAGES, design_report
 from .settings_section import settings_section
 
@@ -41,10 +43,7 @@ class Design(FoundDesign, Shown):
         return [*problem_sections(self.problem), settings_section(self.settings)]
 
     def _plots(self) -> Plots:
-        with needed_for("pictures"):
-            from .pictures import plots_of
-
-        return plots_of(self)
+        return {"criterion": partial(self.plot, "criterion"), **plots_of(self)}
 
     def plot(self, kind: str = "points", *, path: str | Path | None = None) -> Figure:
         """Draw the points, how they were found, or what they are worth; needs matplotlib.

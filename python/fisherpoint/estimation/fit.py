@@ -14,6 +14,7 @@ from ..prior.gaussian import GaussianPrior
 from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
 from .fit_files import fit_dict, load_fit, save_fit
+from .plots import plots_of
 from .posterior import posterior_of
 from .profile import Profile, ProfileProgress, profile_of
 from .profile_curve import ProfileCurve
@@ -77,15 +78,18 @@ class Fit(FitStatistics, Shown):
         return sections if self.prior is None else [*sections, prior_section(self.prior, self.model.parameters)]
 
     def _plots(self) -> Plots:
-        with needed_for("pictures"):
-            from .pictures import plots_of
-
         return plots_of(self)
 
     def __repr__(self) -> str:
         return f"Fit({', '.join(f'{name}={value:.6g}' for name, value in self.estimate.items())})"
 
-    def plot(self, kind: str = "parity", *, path: str | Path | None = None) -> Figure:
+    def plot(
+        self,
+        kind: str = "parity",
+        *,
+        path: str | Path | None = None,
+        progress: bool | Callable[[ProfileProgress], None] | None = None,
+    ) -> Figure:
         """Draw how well the fit describes the data, or how well it knows the parameters; needs matplotlib.
 
         Parameters
@@ -95,6 +99,8 @@ class Fit(FitStatistics, Shown):
             estimates; joint confidence ellipses; the profile likelihood of every unknown, which takes a while.
         path : path, optional
             Where the picture is also written; the ending says the format, PNG where there is none.
+        progress : bool or callable, optional
+            Of each of the "profiles", as `profile` takes it; the others are there at once.
 
         Returns
         -------
@@ -110,7 +116,7 @@ class Fit(FitStatistics, Shown):
             from .pictures import PLOTS, plot_profiles
 
         if check_choice(kind, (*PLOTS, "profiles"), "kind") == "profiles":
-            return drawn(plot_profiles([self.profile(name) for name in self.parameters]), path)
+            return drawn(plot_profiles([self.profile(name, progress=progress) for name in self.parameters]), path)
         return drawn(PLOTS[kind](self), path)
 
     def to_pandas(self) -> pd.DataFrame:

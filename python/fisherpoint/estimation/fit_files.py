@@ -16,11 +16,10 @@ from ..data.measurements import Measurements
 from ..points.runs import Runs
 from . import report
 from .fit_state import PLAIN, fit_from_state, fit_state
+from .plots import PICTURES
 from .statistics import FitStatistics
 
 FORMAT, FORMAT_VERSION = "fisherpoint fit", 1
-PICTURES = ("parity.png", "residuals.png", "time.png", "correlation.png", "ellipses.png", "profiles.png")
-"""What the command line may draw of a fit."""
 
 
 def fit_dict(fit: FitStatistics) -> dict[str, Any]:

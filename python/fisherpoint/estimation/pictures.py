@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from itertools import combinations
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import matplotlib as mpl
@@ -21,11 +19,9 @@ from ..data import Record
 from ..points.run_trajectories import checked_run_trajectories
 from ..points.runs import Runs
 from ..points.settings import checked_arguments
-from ..show import style
 from ..show.correlation import draw_correlation
 from ..show.early import is_crowded, make_logarithmic_from_zero
 from ..show.run_time import RunTime, shares_of
-from ..show.shown import Plots
 from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, labelled, said, scale, telling, telling_each
 from .profile_curve import OPEN, ProfileCurve
 from .statistics import FitStatistics
@@ -270,23 +266,6 @@ PLOTS: dict[str, Callable[[FitStatistics], Figure]] = {
     "ellipses": plot_ellipses,
 }
 """The pictures of a fit by their kind, but for profiles, which are computed first."""
-
-
-def save_all(fit: FitStatistics, directory: str | Path, profiles: Sequence[ProfileCurve] = ()) -> list[Path]:
-    """Write every picture that the fit has something to show in, as PNG, into an existing directory; return the files."""
-    return style.save_all(plots_of(fit, profiles), directory)
-
-
-def plots_of(fit: FitStatistics, profiles: Sequence[ProfileCurve] = ()) -> Plots:
-    """The pictures that have something to show."""
-    plots: dict[str, Callable[[], Figure]] = {name: partial(plot, fit) for name, plot in PLOTS.items()}
-    if not any(_series(fit)):
-        del plots["time"]
-    if len(fit.parameters) == 1:
-        del plots["correlation"], plots["ellipses"]
-    if profiles:
-        plots["profiles"] = lambda: plot_profiles(profiles)
-    return plots
 
 
 def _grid(count: int, width: float, height: float) -> tuple[Figure, list[Axes]]:

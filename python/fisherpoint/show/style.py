@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -110,14 +110,6 @@ def drawn(figure: Figure, path: str | Path | None) -> Figure:
     if path is not None:
         save_figure(figure, path)
     return figure
-
-
-def save_all(plots: Mapping[str, Callable[[], Figure]], directory: str | Path) -> list[Path]:
-    """Write pictures by their names, as PNG, into an existing directory; return the files."""
-    paths = [Path(directory) / f"{name}.png" for name in plots]
-    for plot, path in zip(plots.values(), paths, strict=True):
-        save_figure(plot(), path)
-    return paths
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:

@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from ...basics.checks import as_path
+from ...basics.checks import as_path, check_choice
 from ...basics.extras import needed_for
 from ...basics.files import write_together
 from ...basics.kept import Codec, Kept
@@ -30,6 +30,7 @@ from ..over_prior import OverPrior
 from ..scenario_values import ScenarioValues, scenario_values_from_json, scenario_values_to_json
 from ..settings import RunSettings
 from ..settings_section import settings_section
+from .run_plots import plots_of
 from .run_report import run_report, segments_table
 
 if TYPE_CHECKING:
@@ -141,10 +142,7 @@ class RunDesign(Shown, Kept):
         return [*problem_sections(self.problem), settings_section(self.settings)]
 
     def _plots(self) -> Plots:
-        with needed_for("pictures"):
-            from .run_pictures import plots_of
-
-        return plots_of(self)
+        return plots_of(self.problem, self.runs, self.evaluation)
 
     def to_pandas(self) -> pd.DataFrame:
         """One row per parameter, as `Evaluation.to_pandas`."""
@@ -168,9 +166,9 @@ class RunDesign(Shown, Kept):
         """
         with needed_for("plot"):
             from ...show.style import drawn
-            from .run_pictures import plot_of
 
-        return drawn(plot_of(self, kind), path)
+        plots = self._plots()
+        return drawn(plots[check_choice(kind, tuple(plots), "kind")](), path)
 
     def save(self, directory: str | Path) -> None:
         """Write design.csv, plan.csv and design.json into `directory`, which is made where needed; design.json last.

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import re
-from functools import partial
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...basics.checks import check_choice
 from ...basics.quantity import names_of
 from ...basics.values import Array
-from ...information.evaluation import Evaluation
 from ...information.problem import DesignProblem
 from ...information.run_information import run_rows, run_settings
 from ...points.run_trajectories import checked_run_trajectories
@@ -21,10 +18,8 @@ from ...points.runs import Runs
 from ...points.status import Status
 from ...show.numbers import counted
 from ...show.run_time import RunTime, shares_of
-from ...show.shown import Plots
 from ...show.style import NOISE, PRIOR, STYLE, TEXT, labelled, scale, telling
 from .run_plants import RunPlants
-from .run_report import HasRuns
 
 DRAWN = 100
 """Plants whose outputs show the spread."""
@@ -33,26 +28,6 @@ NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"
 
 MOST_SHOWN = 6
 """Runs of a picture."""
-
-
-def plot_of(design: HasRuns, kind: str) -> Figure:
-    plots = plots_of(design)
-    return plots[check_choice(kind, tuple(plots), "kind")]()
-
-
-def plots_of(design: HasRuns) -> Plots:
-    """Every picture of a design of runs."""
-    return evaluation_plots(design.problem, design.runs, design.evaluation)
-
-
-def evaluation_plots(problem: DesignProblem, runs: Runs, evaluation: Evaluation) -> Plots:
-    """Every picture of runs that were evaluated."""
-    return {
-        "runs": partial(plot_runs, problem, runs),
-        "information": partial(plot_information, problem, runs),
-        "standard_errors": partial(evaluation.plot, "standard_errors"),
-        "correlation": partial(evaluation.plot, "correlation"),
-    }
 
 
 def plot_runs(problem: DesignProblem, runs: Runs) -> Figure:

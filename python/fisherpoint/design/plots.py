@@ -1,0 +1,29 @@
+"""Which pictures of evaluated points there are; each imports what it needs when it is drawn."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from ..show.shown import Plots
+from .evaluated import Evaluated
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def plots_of(design: Evaluated) -> Plots:
+    """The pictures of evaluated points that have something to show."""
+    names = ["points"]
+    if design.under_noise is not None:
+        names.append("standard_errors")
+    names.append("correlation")
+    if design.problem.model.states:  # else nothing moves
+        names.append("trajectories")
+    return {name: partial(_drawn, name, design) for name in names}
+
+
+def _drawn(name: str, design: Evaluated) -> Figure:
+    from .pictures import PLOTS
+
+    return PLOTS[name](design)

@@ -1,0 +1,43 @@
+"""Which pictures of a fit there are; each imports what it needs when it is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+from ..data.record import Record
+from ..points.runs import Runs
+from ..show.shown import Plots
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from .profile_curve import ProfileCurve
+    from .statistics import FitStatistics
+
+PICTURES = ("parity.png", "residuals.png", "time.png", "correlation.png", "ellipses.png", "profiles.png")
+"""What the command line may draw of a fit."""
+
+
+def plots_of(fit: FitStatistics, profiles: Sequence[ProfileCurve] = ()) -> Plots:
+    """The pictures that have something to show, with the profile likelihoods that were computed."""
+    names = ["parity", "residuals"]
+    if any(isinstance(part, Record) or isinstance(part.points, Runs) for part in fit.data):
+        names.append("time")
+    if len(fit.parameters) > 1:
+        names += ["correlation", "ellipses"]
+    plots = {name: partial(_drawn, name, fit) for name in names}
+    return {**plots, "profiles": partial(_profiles, profiles)} if profiles else plots
+
+
+def _drawn(name: str, fit: FitStatistics) -> Figure:
+    from .pictures import PLOTS
+
+    return PLOTS[name](fit)
+
+
+def _profiles(profiles: Sequence[ProfileCurve]) -> Figure:
+    from .pictures import plot_profiles
+
+    return plot_profiles(profiles)
