@@ -19,6 +19,8 @@ def main() -> None:
         if heard:
             signal.signal(signal.SIGINT, leave)
         _open_streams()
+        # Matrices are small: threads of a linear algebra library would stand in the way of the kernels'.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         try:
             from .cli import main as run
         except ImportError as error:
