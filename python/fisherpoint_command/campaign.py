@@ -62,9 +62,10 @@ def campaign(
         from fisherpoint.basics.files import write_whole
         from fisherpoint.design.configuration import ConfigError
 
+        from .drawing import drawers
         from .results import free_for_campaign, needed
         from .terminal import as_file, read_config
-        from .written import drawers, write_shown
+        from .written import write_shown
     needed(output, check)
     config = read_config(file)
     settings = _settings(config, size, seed)

@@ -40,10 +40,11 @@ def compare(
 
         from .alive import alive
         from .checked import about, points_row, size_of, tell
+        from .drawing import drawers
         from .results import free_directory, make_directory, remove_old
         from .runs import read_points
         from .terminal import as_file, named_files, read_config, read_data, say, show, warn_of_outside
-        from .written import PAGE, drawers, write_shown
+        from .written import PAGE, write_shown
     config = read_config(file)
     problem = config.problem()
     if problem.noise_std is None:

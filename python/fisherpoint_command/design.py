@@ -71,13 +71,15 @@ def design(
         from fisherpoint.basics.files import write_whole
         from fisherpoint.design.configuration import ConfigError
         from fisherpoint.design.exchange import designs
+        from fisherpoint.design.plots import plots_of
         from fisherpoint.points.outside import few, outside
 
         from .checked import points_row, search_rows, settings_of, tell
+        from .drawing import drawers
         from .results import free_directory, make_directory, needed, remove_old
         from .runs import design_of_runs, read_told
         from .terminal import as_file, read_config, read_data, say, show
-        from .written import drawers, write_shown
+        from .written import write_shown
     needed(output, check)
     config = read_config(file)
     if config.region is None:
@@ -117,8 +119,9 @@ def design(
         found, told = None, {name: settings.get(name) for name in ("previous", "keep")}
         try:
             for found in designs(problem, planned, **told, threads=threads, progress=not quiet):
-                # What the design is compared with, which comes last, is seen in one picture alone.
-                drawing.begin({name: plot for name, plot in found._plots().items() if name != "criterion"})
+                drawing.begin(
+                    plots_of(found)
+                )  # of the points: the criterion's picture shows what they are compared with in the end
         except KeyboardInterrupt:
             if found is None:
                 complain("interrupted before a design was found; nothing was saved")

@@ -64,9 +64,10 @@ def estimate(
 
         from .alive import alive
         from .checked import about, tell
+        from .drawing import drawers
         from .results import free_directory, make_directory, needed, remove_old
         from .terminal import as_file, read_config, read_data, say, show
-        from .written import drawers, write_shown
+        from .written import write_shown
     needed(output, check)
     config = read_config(file)
     problem = config.problem()

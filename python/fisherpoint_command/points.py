@@ -32,18 +32,18 @@ def evaluate(
     with importing():
         from fisherpoint.basics.files import write_together
         from fisherpoint.design.evaluated import evaluate_points
-        from fisherpoint.design.files import PICTURES
-        from fisherpoint.design.plots import plots_of
+        from fisherpoint.design.plots import PICTURES, plots_of
         from fisherpoint.design.report import evaluation_report
         from fisherpoint.information.problem_report import problem_sections
         from fisherpoint.points.outside import few, outside
 
         from .alive import alive
         from .checked import about, points_row, size_of, tell
+        from .drawing import drawers
         from .results import free_directory, make_directory, remove_old
         from .runs import RUN_PICTURES, evaluate_runs, read_points
         from .terminal import as_file, read_config, read_data, say, show
-        from .written import PAGE, drawers, write_page
+        from .written import PAGE, write_page
     config = read_config(file)
     problem = config.problem()
     experiments = read_data(points, "points", read_points, problem.model)

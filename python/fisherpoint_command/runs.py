@@ -12,18 +12,18 @@ import fisherpoint as fp
 from fisherpoint.basics.csv_table import CsvTable, csv_text
 from fisherpoint.basics.files import write_together, write_whole
 from fisherpoint.design.configuration import Config
-from fisherpoint.design.runs.run_design import PICTURES
-from fisherpoint.design.runs.run_plots import plots_of
+from fisherpoint.design.runs.run_plots import PICTURES, plots_of
 from fisherpoint.information.problem_report import problem_sections
 from fisherpoint.points.run_files import RUN, SEGMENT
 from fisherpoint.points.run_trajectories import RunTrajectories
 from fisherpoint.show.section import Report
 
 from .checked import run_rows, tell
+from .drawing import Drawers, drawers
 from .exits import INTERRUPTED, complain
 from .results import free_directory, make_directory, remove_old
 from .terminal import as_file, say, show
-from .written import PAGE, Drawers, drawers, write_page, write_shown
+from .written import PAGE, write_page, write_shown
 
 RUN_PICTURES = "fisherpoint.design.runs.run_pictures"
 """The module of pictures of runs."""

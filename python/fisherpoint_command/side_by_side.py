@@ -43,7 +43,6 @@ class Helpers:
         self._forks: dict[Connection, ForkProcess] = {}
         self._idle = SimpleQueue[Connection]()
         if cores > 1:
-            gc.freeze()  # else each search for garbage would have the memory copied that the forks share
             with suppress(OSError):  # too little memory for another one
                 for _ in range(min(cores, most)):
                     self._fork(prepare)
@@ -72,7 +71,6 @@ class Helpers:
         for connection, process in self._forks.items():
             process.join()
             connection.close()
-        gc.unfreeze()
 
     def _elsewhere(self, work: Callable[[], Any]) -> Done:
         connection = self._idle.get()

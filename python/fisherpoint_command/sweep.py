@@ -60,10 +60,11 @@ def sweep(
         from fisherpoint.points.experiments import points_csv
 
         from .checked import search_rows, settings_of, tell
+        from .drawing import drawers
         from .results import free_directory, make_directory, needed, remove_old
         from .runs import read_told
         from .terminal import as_file, read_config, read_data, say, show
-        from .written import PAGE, drawers, write_shown
+        from .written import PAGE, write_shown
     needed(output, check)
     config = read_config(file)
     if config.region is None or config.runs is not None:

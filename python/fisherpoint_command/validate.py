@@ -57,10 +57,11 @@ def validate(
         from fisherpoint.basics.files import write_together
 
         from .checked import about, points_row, size_of, tell
+        from .drawing import drawers
         from .results import free_directory, make_directory, needed, remove_old
         from .runs import read_points
         from .terminal import as_file, named_files, read_config, read_data, say, show, warn_of_outside
-        from .written import PAGE, drawers, write_shown
+        from .written import PAGE, write_shown
     needed(output, check)
     config = read_config(file)
     problem = config.problem()

@@ -19,14 +19,14 @@ PROGRAM = "from fisherpoint_command import main; print('ready', flush=True, file
 MISSING = "import sys; sys.modules[{package!r}] = None; from fisherpoint_command import main; main()"
 SLOW_PICTURES = f"""
 import sys, time
-from fisherpoint_command import written
-drawn = written._encoded
+from fisherpoint_command import drawing
+drawn = drawing._encoded
 def slow(name, plot):
     if name in ("correlation", "comparison"):
         print("slow", file=sys.stderr, flush=True)
         time.sleep(300)
     return drawn(name, plot)
-written._encoded = slow
+drawing._encoded = slow
 {PROGRAM}
 """
 HEADER = "q,v,p_A,p_B,x_v,u,dt\n"

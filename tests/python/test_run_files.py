@@ -21,9 +21,9 @@ import fisherpoint as fp
 from fisherpoint.basics.files import write_together, write_whole
 from fisherpoint.design import evaluated
 from fisherpoint.design import pictures as plots
-from fisherpoint.design.files import PICTURES
+from fisherpoint.design.plots import PICTURES
 from fisherpoint.estimation import pictures as plots_fit
-from fisherpoint.estimation.fit_files import PICTURES as PICTURES_OF_A_FIT
+from fisherpoint.estimation.plots import PICTURES as PICTURES_OF_A_FIT
 from fisherpoint.show.style import save_figure
 from fisherpoint.validation import pictures as plots_validation
 from fisherpoint_command import cli

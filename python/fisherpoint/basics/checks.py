@@ -227,8 +227,6 @@ def as_index(index: Any, count: int, name: str) -> slice | NDArray[Any]:
     TypeError
         For anything else than these or one place.
     """
-    if isinstance(index, np.ndarray) and index.ndim == 1 and index.dtype.kind in "iub":
-        return index
     if isinstance(index, slice):
         with suppress(TypeError, ValueError):
             index.indices(count)

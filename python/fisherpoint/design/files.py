@@ -32,10 +32,6 @@ from .settings import ExchangeSettings, settings_from_json, settings_to_json
 
 FORMAT = "fisherpoint design"
 FORMAT_VERSION = 2  # 1 had no checksum
-PICTURES = ("criterion.png", "points.png", "standard_errors.png", "correlation.png", "trajectories.png")
-"""What the command line draws of a design; of points that are evaluated, all but the first."""
-
-
 PLAIN = ("drawn", "accepted", "stop_reason", "seconds")
 """Fields of a design that JSON has as they are."""
 

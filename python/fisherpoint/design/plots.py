@@ -11,6 +11,9 @@ from .evaluated import Evaluated
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+PICTURES = ("criterion.png", "points.png", "standard_errors.png", "correlation.png", "trajectories.png")
+"""What the command line may draw of a design; of points that are evaluated, all but the first."""
+
 
 def plots_of(design: Evaluated) -> Plots:
     """The pictures of evaluated points that have something to show."""

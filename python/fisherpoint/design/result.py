@@ -17,9 +17,9 @@ from ..information.problem_report import problem_sections
 from ..points.experiments import points_csv
 from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
-from .files import FORMAT, FORMAT_VERSION, PICTURES, design_from_json, design_to_json, has_points_of
+from .files import FORMAT, FORMAT_VERSION, design_from_json, design_to_json, has_points_of
 from .found import FoundDesign
-from .plots import plots_of
+from .plots import PICTURES, plots_of
 from .report import ROWS_OF_PAGES, design_report
 from .settings_section import settings_section
 

@@ -24,7 +24,7 @@ from .problem import DesignProblem
 FATAL = (Status.left_domain, Status.met_jump, Status.not_finite)
 """What makes a node lost however its trajectory is computed."""
 
-_IS_FATAL = np.isin(np.arange(max(Status) + 1), FATAL)
+_IS_FATAL = np.isin(np.arange(max(Status) + 1), FATAL)  # by status: a search asks thousands of times
 
 FEW, MOST = 12, 1000
 """Nodes that are asked, and those of a rule up to which it is worth to look for them."""
@@ -184,7 +184,7 @@ class NodeSieve:
 
 
 def fatal(status: IntArray) -> NDArray[np.bool_]:
-    """Which statuses are of `FATAL`; a table tells it in a tenth of the time of a search for each."""
+    """Which statuses are of `FATAL`."""
     return np.asarray(_IS_FATAL[status])
 
 

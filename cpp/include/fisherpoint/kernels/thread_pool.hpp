@@ -38,22 +38,22 @@ class Room {
   void* at_;
 };
 
-// Looks for a while whether something has come about, and returns whether it has: to be put to sleep and woken takes as long as
-// a dozen trajectories, and what follows within one call of a kernel mostly comes sooner. Others may run in the meantime.
+// Looks for a while whether something has come about, before one sleeps until it has: to be put to sleep and woken takes as
+// long as a dozen trajectories, and what follows within one call of a kernel mostly comes sooner. Others may run in the
+// meantime.
 template <class Asked>
-bool comes_soon(const Asked& asked) {
+void look_for_a_while(const Asked& asked) {
   constexpr std::chrono::microseconds while_looked(100);
   const auto until = std::chrono::steady_clock::now() + while_looked;
   do {
     for (int turn = 0; turn < 20; ++turn) {
-      if (asked()) return true;
+      if (asked()) return;
 #if defined(__x86_64__)
       __builtin_ia32_pause();
 #endif
     }
     std::this_thread::yield();
   } while (std::chrono::steady_clock::now() < until);
-  return false;
 }
 
 // What several threads do together. Who comes while it is open takes part; to close it waits for those who do.
@@ -76,7 +76,7 @@ class SharedWork {
       const std::lock_guard lock(mutex_);
       closed_ = true;
     }
-    comes_soon([&] { return inside_ == 0; });
+    look_for_a_while([&] { return inside_ == 0; });
     std::unique_lock lock(mutex_);
     left_.wait(lock, [&] { return inside_ == 0; });
   }
@@ -149,7 +149,7 @@ class ThreadPool {
         const std::lock_guard lock(mutex_);
         ++waiting_;
       }
-      comes_soon([&] { return open_ > 0; });
+      look_for_a_while([&] { return open_ > 0; });
     }
   }
 

@@ -165,7 +165,7 @@ class SeenCandidates:
         parts = [design, *self._seen]
         everything, noise = _Parts(parts), criterion(self._problem, design, self._threads, "noise")
         own = whitened_rows(noise, design)
-        rows = np.empty((len(everything), *own.shape[1:]))
+        rows = np.empty((len(everything), *own.shape[1:]))  # filled part by part: they are most of the memory
         rows[: len(design)], first = own, len(design)
         for part in self._seen:
             rows[first : first + len(part)] = whitened_rows(noise, part)

@@ -30,16 +30,12 @@ from ..over_prior import OverPrior
 from ..scenario_values import ScenarioValues, scenario_values_from_json, scenario_values_to_json
 from ..settings import RunSettings
 from ..settings_section import settings_section
-from .run_plots import plots_of
+from .run_plots import PICTURES, plots_of
 from .run_report import run_report, segments_table
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
-
-
-PICTURES = ("runs.png", "information.png", "standard_errors.png", "correlation.png")
-"""What the command line draws."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

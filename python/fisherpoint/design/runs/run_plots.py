@@ -13,6 +13,9 @@ from ...show.shown import Plots
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+PICTURES = ("runs.png", "information.png", "standard_errors.png", "correlation.png")
+"""What the command line draws."""
+
 
 def plots_of(problem: DesignProblem, runs: Runs, evaluation: Evaluation) -> Plots:
     """Every picture of runs that were evaluated."""
