@@ -14,7 +14,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.context import ForkProcess
 from queue import SimpleQueue
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, NoReturn, Self, TypeVar
 
 T = TypeVar("T")
 
@@ -35,19 +35,19 @@ class Helpers:
     most : int
         Forks, at most; there are no more than cores.
     prepare : callable
-        What each does at once, such as imports.
+        What is done at once, such as imports; by one, from which the others are forked then.
     """
 
     def __init__(self, most: int, prepare: Callable[[], object]) -> None:
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
-        self._forks: dict[Connection, ForkProcess] = {}
+        self._pipes: list[tuple[Connection, Connection]] = []
         self._idle = SimpleQueue[Connection]()
+        self._first: ForkProcess | None = None
         if cores > 1:
             with suppress(OSError):  # too little memory for another one
-                for _ in range(min(cores, most)):
-                    self._fork(prepare)
-        self._waiting = ThreadPoolExecutor(len(self._forks)) if self._forks else None  # each for one fork
-        if not self._forks:
+                self._first = self._fork(prepare, min(cores, most))
+        self._waiting = None if self._first is None else ThreadPoolExecutor(len(self._pipes))  # each for one fork
+        if self._first is None:
             prepare()
 
     def begin(self, work: Callable[[], T]) -> Callable[[], T]:
@@ -64,13 +64,14 @@ class Helpers:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         # Not asked to end: they may stand in the middle of a picture, or of sending one.
-        for process in self._forks.values():
-            process.kill()
+        if self._first is not None:
+            self._first.terminate()
         if self._waiting is not None:
             self._waiting.shutdown(cancel_futures=True)
-        for connection, process in self._forks.items():
-            process.join()
-            connection.close()
+        if self._first is not None:
+            self._first.join()
+        for here, _ in self._pipes:
+            here.close()
 
     def _elsewhere(self, work: Callable[[], Any]) -> Done:
         connection = self._idle.get()
@@ -81,15 +82,15 @@ class Helpers:
         finally:
             self._idle.put(connection)
 
-    def _fork(self, prepare: Callable[[], object]) -> None:
-        here, there = multiprocessing.Pipe()
-        not_its_own = [here, *self._forks]
-        process = multiprocessing.get_context("fork").Process(target=_work, args=(prepare, there, not_its_own), daemon=True)
-        with _unheard():
+    def _fork(self, prepare: Callable[[], object], count: int) -> ForkProcess:
+        self._pipes = [multiprocessing.Pipe() for _ in range(count)]
+        process = multiprocessing.get_context("fork").Process(target=_work, args=(prepare, self._pipes), daemon=True)
+        with _unheard(signal.SIGINT):  # an interrupt is for this process
             process.start()
-        there.close()  # so that reading here ends where the other process does
-        self._forks[here] = process
-        self._idle.put(here)
+        for here, there in self._pipes:
+            there.close()  # so that reading here ends where the other process does
+            self._idle.put(here)
+        return process
 
 
 def _waited(done: Future[Done], work: Callable[[], T]) -> T:
@@ -104,28 +105,62 @@ def _waited(done: Future[Done], work: Callable[[], T]) -> T:
 
 
 @contextmanager
-def _unheard() -> Iterator[None]:
-    """Let a fork begin without an interrupt, which is for this process."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+def _unheard(number: signal.Signals) -> Iterator[None]:
+    """Keep a signal waiting while a process is forked."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {number})
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _work(prepare: Callable[[], object], connection: Connection, not_its_own: Sequence[Connection]) -> None:
+def _work(prepare: Callable[[], object], pipes: Sequence[tuple[Connection, Connection]]) -> None:
+    """What the first fork does: it prepares for all, forks the others, and does its own part of the work."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt is for who has begun this
-    for other in not_its_own:  # else this would not end where the other process does
-        other.close()
+    for here, _ in pipes:  # else this would not end where the other process does
+        here.close()
     os.nice(LATER)
     gc.disable()  # this lasts for seconds, and nearly all that there is belongs to the other process
+    forks: list[int] = []
+    signal.signal(signal.SIGTERM, lambda *_: _end(forks))
     with suppress(Exception):  # also where what there is cannot be sent: then it is done there
         prepare()
-        while True:
-            work = connection.recv()
-            done: Done
-            try:
-                done = work(), None
-            except Exception as error:
-                done = None, error
-            connection.send(done)
+        mine, *others = [there for _, there in pipes]
+        for other in others:
+            if _forked(forks):
+                mine = other
+                break
+        for _, there in pipes:
+            if there is not mine:
+                there.close()
+        _serve(mine)
+    _end(forks)
+
+
+def _forked(forks: list[int]) -> bool:
+    """Fork this process, and return whether this is the new one, which has no forks; else it is one of them now."""
+    with _unheard(signal.SIGTERM):  # or one of them would not be ended
+        if fork := os.fork():
+            forks.append(fork)
+        else:
+            forks.clear()
+    return not fork
+
+
+def _serve(connection: Connection) -> NoReturn:
+    """Do what comes along a connection, and send what comes of it."""
+    while True:
+        work = connection.recv()
+        done: Done
+        try:
+            done = work(), None
+        except Exception as error:
+            done = None, error
+        connection.send(done)
+
+
+def _end(forks: Sequence[int]) -> NoReturn:
+    for fork in forks:
+        os.kill(fork, signal.SIGKILL)
+        os.waitpid(fork, 0)
+    os._exit(0)
