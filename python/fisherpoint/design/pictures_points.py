@@ -191,7 +191,7 @@ def _room(here: Floats, half: Floats, others: Floats, marks: Floats, axes: Axes)
     around = np.concatenate([away * np.column_stack([np.cos(angles), np.sin(angles)]) for away in AWAY])
     offsets = half * np.sign(np.round(around, 6)) * np.minimum(1.0, np.abs(around) / AWAY[0]) + around
     gaps, foreign = (
-        np.array([np.min(np.hypot(*np.maximum(np.abs(here + offset - things) - half, 0.0).T), initial=most) for offset in offsets])
+        np.min(np.hypot(*np.maximum(np.abs((here + offsets)[:, None] - things) - half, 0.0).T), axis=0, initial=most)
         for things, most in ((others, ROOM), (marks, np.inf))
     )
     own = np.hypot(*np.maximum(np.abs(offsets) - half, 0.0).T)

@@ -137,8 +137,18 @@ def _spread(problem: DesignProblem, points: Experiments, fractions: Floats, thet
     """Outputs (K, T, n_y) at the prior mean, and both ends (2, K, T, n_y) of their range over the prior."""
     mean = paths_of(problem, points, fractions, problem.theta[None])[1][:, 0]
     paths = paths_of(problem, points, fractions, theta)[1]
-    percentile = np.nanpercentile if np.isnan(paths).any() else np.percentile  # which takes a third of the time
-    return mean, percentile(paths, RANGE, axis=1)
+    return mean, np.stack([_percentile(paths, share) for share in RANGE])
+
+
+def _percentile(paths: Floats, share: float) -> Floats:
+    """As `np.nanpercentile` of paths (K, plants, T, n_y) over the plants, in a hundredth of the time: few of them end early."""
+    ordered = np.sort(paths, axis=1)  # what is not there stands last
+    last = np.count_nonzero(~np.isnan(paths), axis=1)[:, None] - 1
+    place = last * (share / 100)
+    below = np.floor(place).astype(np.intp)
+    low, high = (np.take_along_axis(ordered, np.minimum(at, last), axis=1) for at in (below, below + 1))
+    between: Floats = low + (place - below) * (high - low)
+    return between[:, 0]
 
 
 def _at_once(problem: DesignProblem, points: Experiments) -> Floats:
