@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from decimal import Decimal
@@ -53,7 +54,7 @@ def as_numbers(values: ArrayLike, name: str) -> Array:
             array = array.astype(np.float64)  # a copy in any case
     except (TypeError, ValueError, OverflowError, ArithmeticError, AttributeError, RuntimeError) as error:
         raise ValueError(f"{name}: expected numbers, given {shown(values, 80)}") from error
-    if isinstance(values, np.ma.MaskedArray):
+    if "numpy.ma" in sys.modules and isinstance(values, np.ma.MaskedArray):  # which would be imported here, for nothing else
         array[np.ma.getmaskarray(values)] = np.nan
     return array
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,8 @@ MAX_DRAWN_PER_CANDIDATE = 2000
 
 SMALLEST_BATCH, LARGEST_BATCH = 64, 1024
 """Draws at once; what is left over serves the next request."""
+
+Points = TypeVar("Points", Experiments, PointInformation)
 
 ONWARD = 0.5
 """Share of the candidates near points that go on where these have come from."""
@@ -226,7 +229,7 @@ def surviving(
         keep = region.satisfied(problem.model, points)
         rejected["constraint"] += int((~keep).sum())
     inside = np.flatnonzero(keep)
-    for surface, rows in on_surface(problem.model, points[inside], problem.theta, problem.crossed).items():
+    for surface, rows in on_surface(problem.model, _of(points, inside), problem.theta, problem.crossed).items():
         rejected[f"starts on {surface} = 0"] += int(keep[inside[rows]].sum())
         keep[inside[rows]] = False
     if problem.initial_state_std:
@@ -235,10 +238,10 @@ def surviving(
             rejected[f"starts near {surface}{'' if surface in problem.limited.along else ' = 0'}"] += int(keep[rows].sum())
             keep[rows] = False
     tried = np.flatnonzero(keep)
-    information, status = point_sensitivities(problem, points[tried], threads)
+    information, status = point_sensitivities(problem, _of(points, tried), threads)
     rejected.update(failures_of(status))
-    survive = status == Status.ok
-    information, tried = information[survive], tried[survive]
+    survive = np.flatnonzero(status == Status.ok)
+    information, tried = _of(information, survive), tried[survive]
     found: list[PointInformation] = []
     for other in elsewhere:
         if other is problem:
@@ -248,3 +251,8 @@ def surviving(
         rejected.update(lost)
         information, tried, found = information[kept], tried[kept], [*(one[kept] for one in found), there]
     return replace(information, elsewhere=tuple(found)) if found else information, tried, rejected
+
+
+def _of(points: Points, rows: NDArray[np.intp]) -> Points:
+    """Rows of points, each of them once; without a copy where these are all."""
+    return points if len(rows) == len(points) else points[rows]

@@ -47,11 +47,11 @@ class Pool:
 def far_apart(table: Array, width: Array, gains: Array, most: int) -> NDArray[np.intp]:
     """Rows of a table (K, d), one after the other that with the largest gain that is far from those before it, `most` at most."""
     order = np.argsort(-gains, kind="stable")[:MOST_SORTED]
-    places = table[order] / np.where(width > 0, width, 1.0)
+    places = np.ascontiguousarray((table[order] / np.where(width > 0, width, 1.0)).T)
     free, chosen = np.ones(len(order), dtype=bool), list[int]()
     while len(chosen) < most and free.any():
         chosen.append(int(np.argmax(free)))
-        free &= (np.abs(places - places[chosen[-1]]) > APART).any(axis=1)
+        free &= (np.abs(places - places[:, chosen[-1:]]) > APART).any(axis=0)
     return np.asarray(order[np.array(chosen, dtype=np.intp)])
 
 
