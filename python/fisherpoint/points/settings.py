@@ -98,12 +98,13 @@ def crossed_surfaces(model: Model, kinks: bool, jumps: bool) -> tuple[str, ...]:
 
 def on_surface(model: Model, points: Experiments, theta: Array, crossed: Collection[str] = ()) -> dict[str, NDArray[np.intp]]:
     """Return for each divisor, and each switching surface that is not `crossed`, the indices of the points that start on it."""
-    if not len(points):
+    surfaces = (*model.jumps, *model.kinks, *model.poles)
+    told = [(m, name) for m, name in enumerate(surfaces) if name not in crossed]
+    if not len(points) or not told:
         return {}
-    surfaces, values = (*model.jumps, *model.kinks, *model.poles), model.switching(points.x0, points.u, theta)
+    values = model.switching(points.x0, points.u, theta)
     if model.poles:
         values = np.column_stack([values, model.limits(points.x0, points.u, theta)[:, : len(model.poles)]])
-    told = ((m, name) for m, name in enumerate(surfaces) if name not in crossed)
     return {name: np.flatnonzero(values[:, m] == 0) for m, name in told if (values[:, m] == 0).any()}
 
 
