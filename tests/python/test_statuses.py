@@ -393,6 +393,21 @@ def test_draws_on_a_surface_are_counted_by_its_name(monkeypatch: pytest.MonkeyPa
     assert np.all(design.points.x0[:, [1, 4]] != 0)
 
 
+@pytest.mark.parametrize("kinks", ["cross", "exclude"])
+def test_a_region_may_reach_past_where_a_surface_has_a_value(kinks: str) -> None:
+    """|sqrt(x - 1) - 0.5| has its kink where the root is 0.5; a candidate with x < 1 is one that leaves the domain."""
+    rates, parameters = ["c*abs(sqrt(x - 1) - 0.5) - k*x + u"], {"k": "1/s", "c": "1/s"}
+    model = fp.SymbolicModel(rates, ["x"], {"x": "1"}, {"u": "1/s"}, parameters)
+    region = fp.ExperimentRegion({"x": (0.2, 3.0), "u": (0.0, 2.0), "dt": (0.1, 2.0)})
+    prior = fp.GaussianPrior(mean={"k": 0.3, "c": 0.5}, relative_std={"k": 0.1, "c": 0.1})
+    of = fp.DesignProblem(model, prior, region, noise_std={"y": 0.01}, kinks=kinks)
+    design = fp.exchange(of, n_experiments=4, max_iterations=20, references=False)
+    assert design.rejected["left_domain"] > 0 and (design.points.x0 > 1).all()
+    outside = fp.Experiments([[0.5], [2.0]], [[0.0], [0.0]], [0.1, 0.1])
+    status = fp.simulate(model, outside, [0.3, 0.5], kinks=kinks).status
+    assert [Status(int(one)) for one in status] == [Status.left_domain, Status.ok]
+
+
 def test_every_status_has_advice() -> None:
     reasons = ["met_jump", "left_domain", "step_limit", "not_finite", "met_kink", "grazes_jump", "on_jump", "two_jumps"]
     assert [status.name for status in Status] == ["ok", *reasons, "chatters", "no_rest"]

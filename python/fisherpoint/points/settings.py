@@ -97,14 +97,18 @@ def crossed_surfaces(model: Model, kinks: bool, jumps: bool) -> tuple[str, ...]:
 
 
 def on_surface(model: Model, points: Experiments, theta: Array, crossed: Collection[str] = ()) -> dict[str, NDArray[np.intp]]:
-    """Return for each divisor, and each switching surface that is not `crossed`, the indices of the points that start on it."""
+    """Return for each divisor, and each switching surface that is not `crossed`, the indices of the points that start on it.
+
+    A point outside of the domain, where a surface may have no value, is on none: its trajectory's status tells it.
+    """
     surfaces = (*model.jumps, *model.kinks, *model.poles)
     told = [(m, name) for m, name in enumerate(surfaces) if name not in crossed]
     if not len(points) or not told:
         return {}
-    values = model.switching(points.x0, points.u, theta)
+    given = points.x0, points.u, np.broadcast_to(theta, (len(points), len(model.parameters)))
+    values = np.asarray(model.core.switching(*given))
     if model.poles:
-        values = np.column_stack([values, model.limits(points.x0, points.u, theta)[:, : len(model.poles)]])
+        values = np.column_stack([values, np.asarray(model.core.limits(*given))[:, : len(model.poles)]])
     return {name: np.flatnonzero(values[:, m] == 0) for m, name in told if (values[:, m] == 0).any()}
 
 
