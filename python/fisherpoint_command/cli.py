@@ -131,7 +131,7 @@ def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
 
 COMPLETING = "_FISHERPOINT_COMPLETE"
 
-HELP = {"-h", "--help", "--version"}
+HELP, QUIET = {"-h", "--help", "--version"}, "--quiet"
 
 
 def _run(arguments: list[str]) -> int:
@@ -144,6 +144,8 @@ def _run(arguments: list[str]) -> int:
                 from pydantic import BaseModel, BeforeValidator, TypeAdapter  # noqa: F401  as typer does when a command begins
         with command.make_context("fisherpoint", arguments) as context:  # typer's own way ends without a word at Ctrl-C
             code: int = command.invoke(context) or 0
+        if code == INTERRUPTED and QUIET in arguments and (there := kept()):  # else what it has printed says so
+            complain(f"interrupted; {there}")
         sys.stdout.flush()
         return code
     except typer.Exit as left:  # after --help and --version
