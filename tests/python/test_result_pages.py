@@ -150,3 +150,14 @@ def test_a_picture_is_embedded_in_the_smaller_format() -> None:
     assert 'src="data:image/svg+xml;base64,' in for_page("few", few).markup
     picture = for_page("many", many)
     assert 'src="data:image/png;base64,' in picture.markup and len(picture.markup) < 300_000
+
+
+def test_outlined_texts_are_no_paths_of_a_page() -> None:
+    from matplotlib.figure import Figure
+    from matplotlib.patheffects import withStroke
+
+    figure = Figure()
+    text = figure.text(0.5, 0.5, "12")
+    assert 'src="data:image/svg+xml;base64,' in for_page("a_picture", figure).markup
+    text.set_path_effects([withStroke(linewidth=3, foreground="white")])
+    assert 'src="data:image/png;base64,' in for_page("a_picture", figure).markup

@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from .page import PagePicture
 from .style import TELLS, encoded, settle
@@ -31,14 +32,25 @@ def for_page(name: str, figure: Figure, png: bytes | None = None) -> PagePicture
     png = png or encoded(figure, "png")
     labels = {gid: str(artist.get_label()) for artist in figure.findobj() if (gid := artist.get_gid() or "").startswith(TELLS)}
     width = float(figure.get_size_inches()[0])
-    svg = _svg(figure, title)
-    if labels and (inline := _inline(svg, labels, title)) and len(inline) <= MOST_INLINE:
-        return PagePicture(title, inline, width)
-    kind, data = min(("svg+xml", svg), ("png", png), key=lambda one: len(one[1]))
-    if len(data) * 4 / 3 > MOST_BYTES:
+    kind, data = "png", png
+    if labels or _is_large(png) or not _has_outlined_texts(figure):
+        svg = _svg(figure, title)
+        if labels and (inline := _inline(svg, labels, title)) and len(inline) <= MOST_INLINE:
+            return PagePicture(title, inline, width)
+        kind, data = min(("svg+xml", svg), ("png", png), key=lambda one: len(one[1]))
+    if _is_large(data):
         kind, data = "png", encoded(figure, "png", SMALL_DPI)
     source = f"data:image/{kind};base64,{b64encode(data).decode()}"
     return PagePicture(title, f'<img alt="{escape(title)}" src="{source}">', width)
+
+
+def _is_large(data: bytes) -> bool:
+    return len(data) * 4 / 3 > MOST_BYTES
+
+
+def _has_outlined_texts(figure: Figure) -> bool:
+    """Whether some texts would be paths in an SVG, which takes long and is large."""
+    return any(text.get_path_effects() for text in figure.findobj(Text))
 
 
 def _svg(figure: Figure, title: str) -> bytes:
