@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 import re
+import warnings
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("matplotlib")
 
 import fisherpoint as fp
+from fisherpoint.design.pictures_trajectories import _percentile
 from picture_cases import PICTURES
 from picture_data import STORED, data_of, differences
 
@@ -55,3 +58,14 @@ def test_a_difference_is_told() -> None:
     other["panels"][0]["labels"][0] = "share"
     other["panels"][0]["lines"][0]["at_0"][0] *= 1.01
     assert [text.partition(":")[0] for text in differences(shown, other)] == ["panels[0].labels[0]", "panels[0].lines[0].at_0"]
+
+
+@pytest.mark.parametrize("share", [0.0, 5.0, 50.0, 95.0, 100.0])
+def test_the_shade_is_of_the_plants_that_are_still_there(share: float) -> None:
+    paths = np.random.default_rng(0).standard_normal((3, 40, 5, 2))
+    paths[0, 3, 2:], paths[0, 7:19, 4], paths[1, :, 3:], paths[2, 1:, 1] = np.nan, np.nan, np.nan, np.nan
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of those of which none is there
+        expected = np.nanpercentile(paths, share, axis=1)
+    assert np.isnan(expected[1, 3:]).all() and np.isfinite(expected[0]).all()
+    np.testing.assert_allclose(_percentile(paths, share), expected, rtol=1e-14)
