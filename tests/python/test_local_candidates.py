@@ -80,6 +80,13 @@ def test_a_lineage_has_the_steps_from_its_ancestors_the_nearest_first() -> None:
     assert not found[2].any()
 
 
+def test_an_ancestor_comes_from_where_it_came_from_last() -> None:
+    lineage, (a, b, c, d) = Lineage(), np.eye(4)
+    lineage.add(np.array([b, c]), np.array([a, b]))
+    lineage.add(b[None], d[None])
+    np.testing.assert_array_equal(lineage.steps(c[None])[0, :3], [c - b, c - d, np.zeros(4)])
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_moving_points_raises_phi(kind: str) -> None:
     """By more than twice as many random candidates do, in the mean over some searches."""

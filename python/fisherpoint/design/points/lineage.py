@@ -14,20 +14,24 @@ class Lineage:
     """The points near which others were drawn that took their places."""
 
     def __init__(self) -> None:
-        self._ancestors: dict[bytes, Array] = {}  # of each point, (n, d), the nearest first
+        self._parents: dict[bytes, Array] = {}
 
     def add(self, points: Array, parents: Array) -> None:
         """Take in points (K, d), and near which (K, d) they were drawn."""
-        for point, parent in zip(points, parents, strict=True):
-            before = self._ancestors.get(parent.tobytes())
-            own = parent[None] if before is None else np.concatenate([parent[None], before[: GENERATIONS - 1]])
-            self._ancestors[point.tobytes()] = own
+        self._parents.update((point.tobytes(), parent) for point, parent in zip(points, parents, strict=True))
 
     def steps(self, points: Array) -> Array:
-        """From each of its ancestors to each point (K, d), the nearest first: (K, `GENERATIONS`, d), zero where there is none."""
+        """From each of its ancestors to each point (K, d), the nearest first: (K, `GENERATIONS`, d), zero where there is none.
+
+        Of an ancestor that was drawn near several points one after the other, the last of these is the next.
+        """
         result = np.zeros((len(points), GENERATIONS, points.shape[1]))
         for steps, point in zip(result, points, strict=True):
-            ancestors = self._ancestors.get(point.tobytes())
-            if ancestors is not None:
-                np.subtract(point, ancestors, out=steps[: len(ancestors)])
+            ancestor = point
+            for step in steps:
+                parent = self._parents.get(ancestor.tobytes())
+                if parent is None:
+                    break
+                step[:] = point - parent
+                ancestor = parent
         return result
