@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from time import perf_counter
 
-from .asked import ARGUMENTS
+from .asked import is_quiet
 
 AFTER, EVERY = 0.7, 0.5
 """Seconds from the last sign until one shows, and between changes of it."""
@@ -54,7 +54,7 @@ class Sign:
 @contextmanager
 def alive(what: str) -> Iterator[None]:
     """Show on standard error, where that is a terminal, what is being done and for how long; nothing where it is done at once."""
-    if "--quiet" in ARGUMENTS.get() or not sys.stderr.isatty():
+    if is_quiet() or not sys.stderr.isatty():
         yield
         return
     sign = Sign(what)

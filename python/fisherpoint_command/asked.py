@@ -1,4 +1,4 @@
-"""The arguments that the program was given, as a page says how to repeat what it shows."""
+"""The arguments that the program was given: whether it is to be quiet, and how a page says to repeat what it shows."""
 
 from __future__ import annotations
 
@@ -10,6 +10,11 @@ from pathlib import Path
 from fisherpoint.basics.standard_input import STANDARD_INPUT
 
 ARGUMENTS: ContextVar[Sequence[str]] = ContextVar("ARGUMENTS", default=())
+
+
+def is_quiet() -> bool:
+    """Whether only errors are to be said."""
+    return "--quiet" in ARGUMENTS.get()
 
 
 def repeated() -> str:

@@ -15,7 +15,7 @@ import fisherpoint as fp
 from fisherpoint.basics.standard_input import hold_standard_input
 
 from .alive import Sign
-from .asked import ARGUMENTS
+from .asked import ARGUMENTS, is_quiet
 from .exits import INTERRUPTED, MISUSE, READER_LEFT, complain, why_not_imported
 from .importing import importing
 from .kept import WRITING, kept
@@ -131,7 +131,7 @@ def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
 
 COMPLETING = "_FISHERPOINT_COMPLETE"
 
-HELP, QUIET = {"-h", "--help", "--version"}, "--quiet"
+HELP = {"-h", "--help", "--version"}
 
 
 def _run(arguments: list[str]) -> int:
@@ -144,7 +144,7 @@ def _run(arguments: list[str]) -> int:
                 from pydantic import BaseModel, BeforeValidator, TypeAdapter  # noqa: F401  as typer does when a command begins
         with command.make_context("fisherpoint", arguments) as context:  # typer's own way ends without a word at Ctrl-C
             code: int = command.invoke(context) or 0
-        if code == INTERRUPTED and QUIET in arguments and (there := kept()):  # else what it has printed says so
+        if code == INTERRUPTED and is_quiet() and (there := kept()):  # else what it has printed says so
             complain(f"interrupted; {there}")
         sys.stdout.flush()
         return code

@@ -119,9 +119,7 @@ def design(
         found, told = None, {name: settings.get(name) for name in ("previous", "keep")}
         try:
             for found in designs(problem, planned, **told, threads=threads, progress=not quiet):
-                drawing.begin(
-                    plots_of(found)
-                )  # of the points: the criterion's picture shows what they are compared with in the end
+                drawing.begin(plots_of(found))  # but for the criterion's, which shows what is compared in the end
         except KeyboardInterrupt:
             if found is None:
                 complain("interrupted before a design was found; nothing was saved")

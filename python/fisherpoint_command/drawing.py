@@ -37,7 +37,7 @@ class Drawers:
         self._begun: dict[str, Callable[[], tuple[bytes, PagePicture]]] = {}
 
     def unless(self, interrupted: bool) -> Drawers:
-        """None where it was interrupted: who does so wants an end."""
+        """These, or where it was interrupted such as draw nothing: who does so wants an end."""
         return Drawers(None) if interrupted else self
 
     def begin(self, plots: Plots) -> None:

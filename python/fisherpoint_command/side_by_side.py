@@ -40,13 +40,12 @@ class Helpers:
 
     def __init__(self, most: int, prepare: Callable[[], object]) -> None:
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
-        self._pipes: list[tuple[Connection, Connection]] = []
         self._idle = SimpleQueue[Connection]()
+        self._waiting = ThreadPoolExecutor(most)  # each for one fork
         self._first: ForkProcess | None = None
         if cores > 1:
             with suppress(OSError):  # too little memory for another one
                 self._first = self._fork(prepare, min(cores, most))
-        self._waiting = None if self._first is None else ThreadPoolExecutor(len(self._pipes))  # each for one fork
         if self._first is None:
             prepare()
 
@@ -55,7 +54,7 @@ class Helpers:
 
         The work is pickled, and so is what it returns. Where it cannot be, or the fork is gone, the work is done here.
         """
-        if self._waiting is None:
+        if self._first is None:
             return work
         return partial(_waited, self._waiting.submit(self._elsewhere, work), work)
 
@@ -63,15 +62,13 @@ class Helpers:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        # Not asked to end: they may stand in the middle of a picture, or of sending one.
-        if self._first is not None:
+        if self._first is not None:  # by a signal: they may stand in the middle of their work, or of sending what came of it
             self._first.terminate()
-        if self._waiting is not None:
-            self._waiting.shutdown(cancel_futures=True)
+        self._waiting.shutdown(cancel_futures=True)
         if self._first is not None:
             self._first.join()
-        for here, _ in self._pipes:
-            here.close()
+        while not self._idle.empty():
+            self._idle.get().close()
 
     def _elsewhere(self, work: Callable[[], Any]) -> Done:
         connection = self._idle.get()
@@ -83,11 +80,11 @@ class Helpers:
             self._idle.put(connection)
 
     def _fork(self, prepare: Callable[[], object], count: int) -> ForkProcess:
-        self._pipes = [multiprocessing.Pipe() for _ in range(count)]
-        process = multiprocessing.get_context("fork").Process(target=_work, args=(prepare, self._pipes), daemon=True)
+        pipes = [multiprocessing.Pipe() for _ in range(count)]
+        process = multiprocessing.get_context("fork").Process(target=_work, args=(prepare, pipes), daemon=True)
         with _unheard(signal.SIGINT):  # an interrupt is for this process
             process.start()
-        for here, there in self._pipes:
+        for here, there in pipes:
             there.close()  # so that reading here ends where the other process does
             self._idle.put(here)
         return process

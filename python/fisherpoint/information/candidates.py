@@ -28,10 +28,10 @@ MAX_DRAWN_PER_CANDIDATE = 2000
 SMALLEST_BATCH, LARGEST_BATCH = 64, 1024
 """Draws at once; what is left over serves the next request."""
 
-Points = TypeVar("Points", Experiments, PointInformation)
-
 ONWARD = 0.5
 """Share of the candidates near points that go on where these have come from."""
+
+Points = TypeVar("Points", Experiments, PointInformation)
 
 
 class CandidateSource:

@@ -119,7 +119,7 @@ def point_sensitivities(problem: DesignProblem, points: Experiments, threads: in
         result = checked_sensitivities(problem.limited, points, problem.theta, settings, outputs_alone=True)
     else:  # one run of the extended model has the tangents by the parameters too
         result = checked_sensitivities(assumed.model, points, assumed.theta(problem.theta), settings, outputs_alone=True)
-    scaled = _standardised(problem, result.dy_dtheta)
+    scaled = problem.standardised(result.dy_dtheta)
     n_y, status, share = scaled.shape[1], only_finite(result.status, scaled), None
     if assumed is not None:
         share = assumed.covariance(result.dy_dtheta)
@@ -143,22 +143,12 @@ def sensitivities_at(
         rows = theta[first : first + each]
         many = points[np.tile(np.arange(count), len(rows))]
         result = checked_sensitivities(problem.limited, many, np.repeat(rows, count, axis=0), settings, outputs_alone=True)
-        scaled = _standardised(problem, result.dy_dtheta)
+        scaled = problem.standardised(result.dy_dtheta)
         status = only_finite(result.status, scaled)
         scaled[status != Status.ok] = 0.0
         for part in range(len(rows)):
             some = slice(part * count, (part + 1) * count)
             yield scaled[some], status[some]
-
-
-def _standardised(problem: DesignProblem, dy_dtheta: Array) -> Array:
-    """dy/dtheta (K, n_y, p) of the estimated parameters times the prior std; infinite where that is too large."""
-    of_all = problem.estimated_columns == list(range(dy_dtheta.shape[2]))
-    own = dy_dtheta if of_all else dy_dtheta[:, :, problem.estimated_columns]
-    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
-        scaled = np.ascontiguousarray(own * problem.std)
-    scaled[~(np.abs(scaled) <= problem.largest_sensitivity)] = np.inf
-    return scaled
 
 
 def _settings(problem: DesignProblem, threads: int | None) -> Settings:

@@ -217,6 +217,17 @@ class DesignProblem(InNotebooks):
         noise = [1.0] * len(self.model.outputs) if self.noise_std is None else [min(1.0, std) for std in self.noise_std.values()]
         return _read_only(LARGEST_SENSITIVITY * np.array(noise)[:, None])
 
+    def standardised(self, dy_dtheta: Array) -> Array:
+        """dy/dtheta (..., n_y, q), of the model's parameters or more, by the estimated ones in units of their prior std.
+
+        (..., n_y, p); infinite where that is larger than `largest_sensitivity`, or is no number.
+        """
+        of_all = self.estimated_columns == list(range(dy_dtheta.shape[-1]))  # nearly always, and a copy less
+        with np.errstate(over="ignore", invalid="ignore"):
+            scaled: Array = (dy_dtheta if of_all else dy_dtheta[..., self.estimated_columns]) * self.std
+        scaled[~(np.abs(scaled) <= self.largest_sensitivity)] = np.inf
+        return scaled
+
     @cached_property
     def noise_covariance(self) -> Array:
         """R of (17), (n_y, n_y); zero where the noise is not known."""

@@ -57,8 +57,7 @@ class RunTangents(NamedTuple):
         assumed = problem.assumed
         there = self.runs.measured[:, :, None, None] if told is None else told[..., None]
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
-            scaled = np.where(there, self.dy[..., problem.estimated_columns] * problem.std, 0.0)
-            scaled[~(np.abs(scaled) <= problem.largest_sensitivity)] = np.inf
+            scaled = np.where(there, problem.standardised(self.dy), 0.0)
             status = only_finite(self.status, scaled)
             if assumed is not None:
                 moved = np.where(there, self.dy[..., assumed.columns] * assumed.std, 0.0)

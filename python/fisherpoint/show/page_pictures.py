@@ -1,4 +1,4 @@
-"""Pictures for a page: in the smaller of two formats, or where curves tell their names, as elements of the page."""
+"""Pictures for a page: as PNG or SVG, mostly the smaller of both, or where curves tell their names, as elements of the page."""
 
 from __future__ import annotations
 
