@@ -120,9 +120,11 @@ def _estimate(
         start=problem.prior if no_prior else None,
         parameters=problem.parameters,
         noise_std=noise_std,
-        # Noise that is estimated has what is assumed in it.
-        uncertain=problem.uncertain if known else None,
+        uncertain=problem.uncertain,
+        # Noise that is estimated has what is drawn anew in it.
+        varies=problem.varies if known else None,
         initial_state_std=problem.initial_state_std if known else None,
+        shared=problem.shared_starts if known else (),
         assumed_rule=problem.assumed_rule,
         threads=threads,
         progress=progress,

@@ -222,14 +222,18 @@ class Campaign(Shown):
             if self._files is not None:
                 self._files.write_batch(self._state, again=True)
             return self.planned
-        prior = self.problem.prior if self.fit is None else self.fit.posterior()
-        settings = replace(self.settings, seed=batch_seed(self.settings.seed, len(self.history)))
+        prior, settings = self.problem.prior, replace(self.settings, seed=batch_seed(self.settings.seed, len(self.history)))
+        # The posterior has the data in it, but for what they say of constants that all data share.
+        again = not settings.prior_information or self.problem.n_nuisance > 0
+        if self.fit is not None:
+            posterior = self.fit.posterior()
+            prior = prior.moved_to(posterior.mean) if settings.prior_information and again else posterior
         found = self._state.kind.design(
             self.problem.replace(prior=prior),
             settings,
             threads=self._threads,
             progress=progress,
-            previous=None if settings.prior_information else self.data,  # the posterior has them in it
+            previous=self.data if again else None,
         )
         if self._files is not None:
             self._files.write_batch(replace(self._state, planned=found))
@@ -367,7 +371,9 @@ class Campaign(Shown):
             parameters=problem.estimated,
             noise_std=problem.noise_std,
             uncertain=problem.uncertain,
+            varies=problem.varies,
             initial_state_std=problem.initial_state_std,
+            shared=problem.shared_starts,
             assumed_rule=problem.assumed_rule,
             threads=self._threads,
             progress=progress,

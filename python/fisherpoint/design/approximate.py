@@ -28,7 +28,7 @@ from .optimality.continuous import Refinement, refined
 from .optimality.criteria import Criterion
 from .optimality.estimable import estimable
 from .optimality.point_rows import PointRows, check_additive
-from .optimality.told import NOT_TOLD, not_told
+from .optimality.told import NOT_TOLD, determined, not_told
 from .optimality.weights import optimal_weights
 from .over_prior import OverPrior, Scenarios, moved_problems
 from .points.auto_search import AutoSearch
@@ -98,7 +98,7 @@ def approximate(
     prior_information : bool
         Whether the inverse of the prior's covariance is added to the information of `n_experiments` measurements.
     n_experiments : int, optional
-        For `prior_information`, of which the share depends on how much is measured.
+        For `prior_information`, and where constants are uncertain: what is known beforehand counts once beside so many.
     singular : {"estimable", "error"}
         Where no candidate tells about some combinations of parameters, "D", "A" and "E" ask for the others, and the result names
         what is left open; or that is an error.
@@ -134,25 +134,29 @@ def approximate(
     if check_choice(criterion, CRITERIA, "criterion") == "ME":
         raise ValueError("criterion: expected one with a concave form, given 'ME': no bound holds for the condition number")
     check_choice(singular, SINGULAR, "singular")
+    nuisance = problem.n_nuisance
     asked: Criterion = criterion_of(problem, criterion, of=of, conditions=conditions, scale=scale, threads=threads)
+    asked = asked.beside_nuisance(nuisance)
     starts = check_positive_int(starts, "starts", 1, MOST_CANDIDATES)
     n_candidates = check_positive_int(n_candidates, "n_candidates", 1, MOST_CANDIDATES)
     seed, threads = check_positive_int(seed, "seed", 0), resolve_threads(threads)
     tolerance = as_positive(tolerance, "tolerance")
     if not 1e-9 <= tolerance <= 0.1:
         raise ValueError(f"tolerance: expected a share between 1e-9 and 0.1, given {tolerance:g}")
-    n_experiments = _experiments(check_flag(prior_information, "prior_information"), n_experiments)
+    prior_information = check_flag(prior_information, "prior_information")
+    n_experiments = _experiments(prior_information or nuisance > 0, n_experiments)
     if candidates is not None:
         check_type(candidates, Experiments, "candidates")
     scenarios = None if over is None else _scenarios(problem, over, criterion)
-    constant = None if n_experiments is None else information_of_prior(problem) / n_experiments
+    constant = None if n_experiments is None else information_of_prior(problem, prior_information) / n_experiments
     check_progress(progress)
 
     if scenarios is not None:
         there = [
-            criterion_of(one, criterion, of=of, conditions=conditions, scale=scale, threads=threads) for one in scenarios.problems
+            criterion_of(one, criterion, of=of, conditions=conditions, scale=scale, threads=threads).beside_nuisance(nuisance)
+            for one in scenarios.problems
         ]
-        asked = Averaged(there, scenarios.average, [len(problem.estimated)] * len(there))
+        asked = Averaged(there, scenarios.average, [problem.n_unknowns] * len(there))
     with following(progress, "approximate", _step, counted=False) as hears:
 
         def tell(doing: str, candidates: int) -> None:
@@ -182,7 +186,7 @@ def approximate(
             raise ValueError(
                 f"over: expected scenarios that tell about the same, given some in which no candidate tells about {told}"
             )
-        if refused or not space.rank or asked.outside(space) > NOT_TOLD:
+        if refused or not determined(problem, least) or asked.outside(space) > NOT_TOLD:
             told = combinations(null)
             what = "all parameters, as singular = 'error' asks" if refused else "what is asked"
             raise ValueError(f"candidates: expected some that determine {what}, given none that tell about {told}, in prior std")
@@ -204,6 +208,7 @@ def approximate(
         conditions=conditions,
         scale=None if scale is None else FrozenMapping(dict(scale)),
         n_experiments=n_experiments,
+        prior_information=prior_information,
         over=over,
         points=found.points,
         weights=weights.weights,
@@ -230,19 +235,25 @@ def _scenarios(problem: DesignProblem, over: OverPrior, criterion: str) -> Scena
     if criterion == "E":
         raise ValueError("criterion: expected 'D', 'Ds', 'A', 'c' or 'I' with over, given 'E', which has kinks of its own")
     problems, average = moved_problems(problem, over)
-    size, most = len(problems) * len(problem.estimated), MOST_OF_ALL // len(problem.estimated)
+    size, most = len(problems) * problem.n_unknowns, MOST_OF_ALL // problem.n_unknowns
     if size > MOST_OF_ALL:
-        raise ValueError(f"over: expected at most {most} scenarios of {len(problem.estimated)} parameters, given {len(problems)}")
+        raise ValueError(f"over: expected at most {most} scenarios of {problem.n_unknowns} unknowns, given {len(problems)}")
     return Scenarios(problems, average, (None,) * len(problems))
 
 
 def _experiments(added: bool, n_experiments: int | None) -> int | None:
     if not added:
         if n_experiments is not None:
-            raise ValueError("n_experiments: expected none without prior_information, on which weights do not depend; given one")
+            raise ValueError(
+                "n_experiments: expected none without prior_information or uncertain constants, on which weights do not depend; "
+                "given one"
+            )
         return None
     if n_experiments is None:
-        raise ValueError("n_experiments: expected how many experiments the prior's information is added to, given none")
+        raise ValueError(
+            "n_experiments: expected how many experiments there will be, as what is known beforehand counts once beside them all, "
+            "given none"
+        )
     return check_positive_int(n_experiments, "n_experiments")
 
 

@@ -57,6 +57,7 @@ class Config(ModelFile):
     prior_correlation: dict[str, Correlation] = Field(default_factory=dict)
     noise_std: dict[str, Std] | None = None
     uncertain: dict[str, Std] = Field(default_factory=dict)
+    varies: dict[str, Std] = Field(default_factory=dict)
     initial_state_std: dict[str, Std] = Field(default_factory=dict)
     region: RegionTable | None = None
     runs: RunsTable | None = None
@@ -105,7 +106,7 @@ class Config(ModelFile):
         rule = self._build_rule()
         known = (*model.constant_quantities, *model.parameters)
         noise_std = stds(self.noise_std or {}, model.outputs)
-        uncertain, initial_state_std = stds(self.uncertain, known), stds(self.initial_state_std, model.states)
+        uncertain, varies = stds(self.uncertain, known), stds(self.varies, known)
         with self._names_key("design"):
             return DesignProblem(
                 model,
@@ -114,7 +115,8 @@ class Config(ModelFile):
                 noise_std=noise_std or None,
                 rule=rule,
                 uncertain=uncertain,
-                initial_state_std=initial_state_std,
+                varies=varies,
+                initial_state_std=stds(self.initial_state_std, model.states),
                 **self.design.model_dump(include=_PROBLEM_KEYS, exclude_none=True),
             )
 

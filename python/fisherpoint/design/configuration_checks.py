@@ -17,6 +17,7 @@ ENTRIES: Mapping[str, type[BaseModel]] = {
     "prior": PriorEntry,
     "noise_std": Std,
     "uncertain": Std,
+    "varies": Std,
     "initial_state_std": Std,
     "region": Bounds,
 }
@@ -63,10 +64,13 @@ def mistakes_between(tables: Mapping[str, Any], model: Model) -> Iterator[str]:
         estimated = design.parameters
         for name in (name for name in estimated if name not in parameters):
             yield f"design.parameters: expected names from {choices(parameters, name)}, given {toml(name)}"
-    if (uncertain := tables.get("uncertain")) is not None:
-        yield from wrong_entries("uncertain", uncertain, (*model.constant_quantities, *model.parameters))
-        for name in (name for name in uncertain if name in estimated and design is not None):
-            yield f"uncertain.{name}: expected a constant, or a parameter that is not among design.parameters, given one that is"
+    for label in ("uncertain", "varies"):
+        if (given := tables.get(label)) is not None:
+            yield from wrong_entries(label, given, (*model.constant_quantities, *model.parameters))
+            for name in (name for name in given if name in estimated and design is not None):
+                yield f"{label}.{name}: expected a constant, or a parameter that is not among design.parameters, given one that is"
+    for name in (name for name in tables.get("varies") or () if name in (tables.get("uncertain") or ())):
+        yield f"varies.{name}: expected a name that is not in [uncertain], given one that is"
     if (starts := tables.get("initial_state_std")) is not None:
         yield from wrong_entries("initial_state_std", starts, model.states)
     by_name = {"levels": "a whole number, 1 to keep the parameter at its mean", "edges": "a list of ascending numbers"}

@@ -22,7 +22,7 @@ from .optimality.candidate_rows import CandidateRows
 from .optimality.estimable import estimable
 from .optimality.exact_design import ExactDesign
 from .optimality.point_rows import PointRows, check_additive
-from .optimality.told import NOT_TOLD, not_told
+from .optimality.told import NOT_TOLD, determined, not_told
 from .optimality.weights import optimal_weights
 
 TOLERANCE = 1e-6
@@ -101,6 +101,7 @@ def exact(
     if check_choice(criterion, CRITERIA, "criterion") == "ME":
         raise ValueError("criterion: expected one with a concave form, given 'ME': no bound holds for the condition number")
     asked = criterion_of(problem, criterion, of=of, conditions=conditions, scale=scale, threads=threads)
+    asked = asked.beside_nuisance(problem.n_nuisance)
     gap = as_positive(gap, "gap")
     if not 1e-9 <= gap <= 0.5:
         raise ValueError(f"gap: expected a share between 1e-9 and 0.5, given {gap:g}")
@@ -109,7 +110,9 @@ def exact(
     seed, threads = check_positive_int(seed, "seed", 0), resolve_threads(threads)
     if progress is not None and not callable(progress):
         raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
-    known = information_of_prior(problem) if check_flag(prior_information, "prior_information") else None
+    prior_information, known = check_flag(prior_information, "prior_information"), None
+    if prior_information or problem.n_nuisance:
+        known = information_of_prior(problem, prior_information)
 
     source = PointRows(problem, threads)
     rows, places = source.valid(candidates) if len(candidates) else (np.empty((0, 1, 1)), np.empty(0, dtype=np.intp))
@@ -119,7 +122,7 @@ def exact(
     pool = CandidateRows(rows, None if known is None else known / n)
     space = estimable(pool.triangle())
     null = not_told(problem, space)
-    if not space.rank or asked.outside(space) > NOT_TOLD:
+    if not determined(problem, space) or asked.outside(space) > NOT_TOLD:
         told = combinations(null)
         raise ValueError(f"candidates: expected some that determine what is asked, given none that tell about {told}")
     weights = optimal_weights(pool, asked, tolerance=TOLERANCE, seed=seed, space=space)
@@ -129,7 +132,8 @@ def exact(
     if not found.efficiency > 0:
         raise ValueError(
             f"n_experiments: expected enough to determine what criterion {criterion!r} asks, given {n}: the candidates determine "
-            f"{space.rank} combinations of parameters, and no design of so many measurements was found that determines it"
+            f"{determined(problem, space)} combinations of parameters, and no design of so many measurements was found that "
+            "determines it"
         )
     chosen = np.flatnonzero(found.counts)
     counts = found.counts[chosen]

@@ -15,6 +15,7 @@ import numpy as np
 from ..basics.checks import check_type
 from ..information.candidates import surviving
 from ..information.evaluation import Evaluation
+from ..information.nuisance import beside_nuisance
 from ..information.output_covariance import needs_covariances
 from ..information.point_information import PointInformation, with_covariance
 from ..information.previous import Previous, previous_information
@@ -26,9 +27,9 @@ from ..points.status import Status, failures_of
 from ..show.progress import check_progress, following
 from .efficiency import Efficiency, efficiency_of, median_of, random_designs
 from .found import FoundDesign
-from .optimality.aims import LogDet, LogDetWithin
+from .optimality.aims import LogDet
 from .optimality.asked import OF_ALL
-from .optimality.told import refuse_open
+from .optimality.told import determined, refuse_open
 from .over_prior import OverPrior, Scenarios, moved_problems
 from .points.auto_search import AutoSearch
 from .points.exchange_search import ExchangeSearch
@@ -211,7 +212,7 @@ def designs(
 def check_determined(search: PointSearch) -> None:
     """Raise where no points were found that determine what another criterion than log det F asks."""
     asked, count = search.settings.criterion, search.settings.n_experiments
-    if not np.isfinite(search.best.log_det) and not isinstance(search.aims[0], LogDet | LogDetWithin):
+    if not np.isfinite(search.best.log_det) and not search.aims[0].of_all:
         raise ValueError(
             f"n_experiments: expected points enough to determine what criterion {asked!r} asks, given {count}: the search has"
             " found none that do"
@@ -288,8 +289,8 @@ def _references(search: PointSearch, evaluation: Evaluation, under_noise: Evalua
         seen.include(other.seen)
     aim, log_det = search.at_mean, under_noise.log_det
     if not isinstance(aim, LogDet):
-        log_det = aim.value(under_noise.fisher)
-    too_few = search.space is not None and evaluation.rank < search.space.rank
+        log_det = aim.value(beside_nuisance(under_noise.fisher, search.problem.n_nuisance))
+    too_few = search.space is not None and evaluation.rank < determined(search.problem, search.space)
     bound = None
     if not too_few or settings.criterion not in OF_ALL:
         own, over = search.best.information, search.scenarios

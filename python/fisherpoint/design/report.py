@@ -151,7 +151,10 @@ def _parameter_table(evaluated: Evaluated) -> Section:
             "of the outputs over the prior; it ranks designs. Give [noise_std]."
         )
         return Section("No standard errors", notes=[note])
-    noise = "the sensor noise (D = R)" if problem.assumed is None else "the sensor noise and what is uncertain (R_k)"
+    noise = "the sensor noise (D = R)"
+    if problem.assumed is not None:
+        anew = "the sensor noise and what is drawn anew (R_k)" if problem.assumed.columns else noise
+        noise = f"{anew}, with uncertain constants unknown too" if problem.n_nuisance else anew
     alone = under_noise.without_prior
     columns = ["parameter", "unit", "mean", "prior std", "standard error", "RSE", "of prior std"]
     columns += [] if alone is None else ["without the prior"]
@@ -166,10 +169,10 @@ def _parameter_table(evaluated: Evaluated) -> Section:
         if name in under_noise.weak_parameters:
             marked.append(k)
     notes = [] if alone is None else [WITH_PRIOR]
-    if problem.assumed is not None and problem.assumed_covariance != "predictive":
+    if problem.assumed is not None and problem.assumed.columns and problem.assumed_covariance != "predictive":
         notes.append(
-            'To first order in what is uncertain; assumed_covariance = "predictive" takes in curvature, which may make estimates '
-            "worse than this. fisherpoint validate tells."
+            'To first order in what is drawn anew; assumed_covariance = "predictive" takes in curvature, which may make estimates '
+            "worse than this. fisherpoint validate shows whether it does."
         )
     if under_noise.nearby is not None:
         notes.append(under_noise.nearby.described)
@@ -197,10 +200,11 @@ def _criterion(evaluated: Evaluated) -> Section:
 
 
 def _assumed(problem: DesignProblem) -> Iterator[tuple[str, str]]:
-    """What is uncertain and so takes part in the output covariance of each point."""
+    """What is not known exactly: constants of the plant, and what is drawn anew in each point or run."""
     model = problem.model
     units = {q.name: q.unit for q in (*model.states, *model.parameters, *model.constant_quantities)}
-    for label, stds in (("uncertain", problem.uncertain), ("starts deviate by", problem.initial_state_std)):
+    drawn = ("drawn anew in each point or run", problem.varies)
+    for label, stds in (("uncertain", problem.uncertain), drawn, ("starts deviate by", problem.initial_state_std)):
         if stds:
             yield label, ", ".join(f"{name} {number(std)}{f' {units[name]}' * (units[name] != '1')}" for name, std in stds.items())
 
@@ -213,7 +217,9 @@ def _describe_covariance(problem: DesignProblem) -> str:
         "pooled": f"pooled: D = {noise}mean predictive covariance of the points, (17)",
         "pointwise": f"pointwise: D_k = {noise}predictive covariance of the point itself",
     }[problem.output_covariance or ""]
-    return form if problem.assumed is None else f"{form}; plus the uncertainty of constants and starts at each point"
+    if problem.assumed is None or not problem.assumed.columns:
+        return form
+    return f"{form}; plus what is drawn anew in each point"
 
 
 def _efficiency(design: FoundDesign) -> Iterator[Section]:

@@ -29,9 +29,9 @@ from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
 from .cost import Cost
 from .exchange import check_determined, scenarios_of
-from .optimality.aims import Aim, LogDet
+from .optimality.aims import Aim
 from .optimality.asked import OF_ALL
-from .optimality.told import not_told, refuse_open
+from .optimality.told import determined, not_told, refuse_open
 from .over_prior import OverPrior
 from .points.point_search import PointSearch, Progress
 from .points.seen_candidates import SeenCandidates
@@ -183,7 +183,7 @@ def sweep(
     check_asked(settings, problem)
     known, _ = previous_information(problem, previous, threads)
     scenarios = None if over is None else scenarios_of(problem, settings, previous, None, known, threads)
-    seen = SeenCandidates(problem, threads, of_prior=information_of_prior(problem) if prior_information else 0.0)
+    seen = SeenCandidates(problem, threads, of_prior=information_of_prior(problem, settings.prior_information))
     found: list[_Found] = []
     space, ridge, aims = None, 0.0, seen.aims
     search: PointSearch | None = None
@@ -219,14 +219,14 @@ def sweep(
                 raise
             stop_reason = "interrupted_first"  # who interrupts wants an end: nothing is proven of this one
             found.append(_found(search))
-    level = None if space is None or not len(space.null) else space.rank
+    level = None if space is None or not len(space.null) else determined(problem, space)
     seen.aims = aims
     designs, bound = [], None
     for information, evaluation, aim, maximised in found:
         own = level if maximised is None else aim.level
         value = log_det_of(evaluation, level) if maximised is None else maximised
         # Beside what is known it depends on the size.
-        afresh = bound is None or known is not None or prior_information
+        afresh = bound is None or known is not None or prior_information or problem.n_nuisance
         if afresh and stop_reason != "interrupted_first" and np.isfinite(value):
             bound = seen.bound(information, known) if scenarios is None else seen.bound_over(information, known, scenarios)
         points = information.experiments
@@ -262,7 +262,7 @@ def _found(search: PointSearch) -> _Found:
     assert evaluation is not None
     if aim.criterion.name != search.settings.criterion:  # the points are too few for it, and chosen by log det F
         aim, maximised = search.asked[0], -np.inf
-    usual = search.scenarios is None and isinstance(search.asked[0], LogDet)
+    usual = search.scenarios is None and search.asked[0].of_all
     return _Found(search.best.information, evaluation, aim, None if usual else maximised)
 
 

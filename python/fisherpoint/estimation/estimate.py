@@ -10,12 +10,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..basics.checks import as_float, by_name, check_mapping, check_positive_int, check_type, some_names_among
+from ..basics.checks import as_float, by_name, check_mapping, check_positive_int, check_type, names_among, some_names_among
 from ..basics.messages import listed, shown
 from ..basics.quantity import names_of
 from ..basics.values import Array
 from ..data.measurements import Measurements
 from ..data.record import Record
+from ..information.assumed import assumed_of
 from ..models import Model
 from ..points.natural_sizes import warn_of_small_states
 from ..points.settings import check_rtol, resolve_threads
@@ -25,6 +26,7 @@ from ..show.numbers import counted
 from ..show.progress import Step, check_progress, following
 from .fit import Fit
 from .known_noise import KnownNoise
+from .nuisance import Nuisance, known_beforehand, nuisance_of, own_parameters
 from .observed import Observed
 from .search import SAME_MINIMUM, Found, search_with_known_noise, search_with_unknown_noise
 from .small_samples import unbiased
@@ -52,7 +54,9 @@ def estimate(
     noise_std: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
     uncertain: Mapping[str, float] | None = None,
+    varies: Mapping[str, float] | None = None,
     initial_state_std: Mapping[str, float] | None = None,
+    shared: Sequence[str] = (),
     assumed_rule: Rule | None = None,
     starts: int = 8,
     rtol: float = 1e-9,
@@ -81,10 +85,16 @@ def estimate(
         Standard deviations of the sensor noise, SI units, of all outputs that were measured. Default: not known.
     bounds : mapping of name to (lower, upper), optional
         None for no bound. Default: what the model itself demands (`Model.least`).
-    uncertain, initial_state_std : mapping of name to float, optional
-        As in `DesignProblem`: standard deviations of constants, and of the starts of experiment points and runs. What they add to
+    uncertain : mapping of name to float, optional
+        As in `DesignProblem`: standard deviations of constants, and of parameters that are not estimated, of which each has one
+        value in all data. They are estimated too, with that as what is known beforehand, and stand behind the parameters in the
+        fit.
+    varies, initial_state_std : mapping of name to float, optional
+        As in `DesignProblem`: standard deviations of what is drawn anew in each point or run, and of their starts. What they add to
         the covariance of the outputs is taken at the estimate; the samples of a run share the error. Not for records: estimate them
         there.
+    shared : sequence of str, optional
+        States of `initial_state_std` whose start deviates once, in all points and runs alike; these are estimated too.
     assumed_rule : Rule, optional
         Takes that share as a predictive covariance (16), where it is not linear; the default is by tangents, which runs need.
     starts : int
@@ -114,20 +124,30 @@ def estimate(
     parts = _parts(data, model)
     names = names_of(model.parameters)
     chosen = some_names_among(names if parameters is None else parameters, names, "parameters")
-    for label, stds in (("noise_std", noise_std), ("uncertain", uncertain), ("initial_state_std", initial_state_std)):
+    drawn = (("uncertain", uncertain), ("varies", varies))
+    for label, stds in (("noise_std", noise_std), *drawn, ("initial_state_std", initial_state_std)):
         if stds is not None:
             check_mapping(stds, label)
-    for name in (name for name in chosen if uncertain is not None and name in uncertain):
-        raise ValueError(f"uncertain: expected constants or parameters that are not estimated, given {name!r}, which is")
+    for label, stds in drawn:
+        for name in (name for name in chosen if stds is not None and name in stds):
+            raise ValueError(f"{label}: expected constants or parameters that are not estimated, given {name!r}, which is")
+    shared = names_among(shared, tuple(initial_state_std or ()), "shared")
+    nuisance, starts_anew = nuisance_of(uncertain, initial_state_std, shared)
+    assumed_of(model, uncertain, varies, initial_state_std)  # unknown names, and what is in two of them
+    joint = nuisance.of(model)
     for label, given in (("prior", prior), ("start", start)):
         if (label == "prior" and given is not None) or isinstance(given, GaussianPrior):
             check_type(given, GaussianPrior, label)
     spread = prior if prior is not None else start if isinstance(start, GaussianPrior) else None
+    if nuisance.starts and not all(isinstance(part, Measurements) for part in parts):
+        raise ValueError("shared: expected measurements of points or runs, given a record: estimate its start")
     first = _first(model, prior, start, parts)
-    theta = model.theta({name: first[name] for name in names})
+    theta = joint.theta(model.theta({name: first[name] for name in names}))
+    for name, place in zip(joint.nuisance_names, joint.nuisance, strict=True):
+        first.setdefault(name, float(theta[place]))
     threads = resolve_threads(threads)
     rtol = check_rtol(rtol)
-    observed = Observed(model, parts, chosen, theta, rtol, threads)
+    observed = Observed(joint.model, parts, (*chosen, *joint.nuisance_names), theta, rtol, threads)
     warn_of_small_states(model, "the starts keep", *(part.points.x0 for part in parts if isinstance(part, Measurements)))
     known_names = dict.fromkeys((*names, *observed.names))
     for label, mapping in (("start", start), ("prior", prior)):
@@ -137,34 +157,35 @@ def estimate(
     begin = {name: first[name] if name in first else start_guess(model, *observed.starts[name]) for name in observed.names}
     scales = {q.name: q.scale or 0.0 for q in model.states}
     sizes = {name: scales[state] for name, (state, _) in observed.starts.items()}
-    unknowns = unknowns_of(begin, spread, sizes, checked_bounds(model, bounds, observed.names))
+    limits = checked_bounds(joint.model, bounds, observed.names)
+    unknowns = unknowns_of(begin, known_beforehand(spread, joint, theta), sizes, limits)
     for name, log in zip(observed.names, unknowns.log, strict=True):
         if log and not begin[name] > 0:
             raise ValueError(f"start[{name!r}]: expected a positive number, as its prior is log-normal; given {begin[name]:g}")
     starts = check_positive_int(starts, "starts", most=MOST_STARTS)
     with _heard(observed, progress):
         z0 = evaluable_starts(observed, unknowns, begin, spread, starts)
-        factor = None if prior is None else prior_factor(prior, unknowns)
+        factor = prior_factor(known_beforehand(prior, joint, theta), unknowns)
         residuals = WeightedResiduals(observed, unknowns, observed.y[None], np.eye(observed.y.shape[1]), factor)
 
         if noise_std is not None:
             sensors = noise_covariance(model, noise_std, observed.y)
-            noise = KnownNoise(model, parts, sensors, uncertain, initial_state_std, assumed_rule, rtol, threads)
+            noise = KnownNoise(joint.model, parts, sensors, varies, starts_anew, assumed_rule, rtol, threads)
             found = search_with_known_noise(residuals, z0, noise)
-        elif uncertain or initial_state_std:
-            raise ValueError("noise_std: expected the sensor noise together with uncertain or initial_state_std, given none")
+        elif varies or starts_anew:
+            raise ValueError("noise_std: expected the sensor noise together with varies or initial_state_std, given none")
         else:
             check_noise_can_be_told(observed, prior)
             found = search_with_unknown_noise(residuals, z0)
             sensors = found.residuals.covariance
 
-        fit = _fit(parts, prior, noise_std is not None, sensors, found, len(z0))
+        fit = _fit(model, nuisance, parts, prior, noise_std is not None, sensors, found, len(z0))
         if not fit.noise_known:
             return _with_unbiased_noise(fit)
         if len(z0) > 1 and spread is not None and (fit.unexplained or 2 * fit.reached <= fit.starts):
             further = further_starts(found.residuals, begin, spread, len(z0))
             again = search_with_known_noise(residuals, np.concatenate([found.z[None], further]), noise)
-            fit = _better(fit, _fit(parts, prior, True, sensors, again, len(z0) + len(further)))
+            fit = _better(fit, _fit(model, nuisance, parts, prior, True, sensors, again, len(z0) + len(further)))
         return fit
 
 
@@ -194,6 +215,8 @@ def _heard(observed: Observed, progress: bool | Callable[[EstimateProgress], Non
 
 
 def _fit(
+    model: Model,
+    nuisance: Nuisance,
     parts: tuple[Measurements | Record, ...],
     prior: GaussianPrior | None,
     noise_known: bool,
@@ -204,10 +227,11 @@ def _fit(
     observed, values = found.residuals.observed, found.residuals.unknowns.values(found.z[None])
     response = observed.respond(values)
     return Fit(
-        model=observed.model,
+        model=model,
         data=parts,
         prior=prior,
-        theta=observed.parameters(values)[0],
+        nuisance=nuisance,
+        theta=own_parameters(model, observed.parameters(values)[0]),
         values=values[0],
         predicted=response.y[0],
         residuals=observed.y - response.y[0],

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..basics.messages import listed
 from ..basics.quantity import names_of
-from ..basics.values import Array, finite_or_none
+from ..basics.values import Array, FrozenMapping, finite_or_none
 from ..data.measurements import Measurements
 from ..data.record import Record
 from ..models.codec import model_from_json, model_to_json
@@ -16,6 +16,7 @@ from ..points.codec import points_from_json, points_to_json, runs_from_json, run
 from ..points.runs import Runs
 from ..points.settings import resolve_threads
 from ..prior.codec import prior_from_json, prior_to_json
+from .nuisance import Nuisance, known_beforehand
 from .observed import Observed
 from .run_error import RunError
 from .statistics import FitStatistics
@@ -36,8 +37,10 @@ def fit_state(fit: FitStatistics) -> dict[str, Any]:
         "model": model_to_json(fit.model),
         "data": [_data_to_json(part) for part in fit.data],
         "prior": None if fit.prior is None else prior_to_json(fit.prior),
-        "prior_takes_part": fit.weighted.prior_factor is not None,
-        "estimated": [name for name in unknowns.names if name in names],
+        "prior_takes_part": fit.prior is not None and fit.weighted.prior_factor is not None,
+        "uncertain": dict(fit.nuisance.uncertain),
+        "shared_starts": dict(fit.nuisance.starts),
+        "estimated": [name for name in unknowns.names if name in names and name not in fit.nuisance.uncertain],
         "theta": fit.theta.tolist(),
         "values": fit.values.tolist(),
         "rtol": fit.weighted.observed.rtol,
@@ -59,13 +62,16 @@ def fit_from_state(data: dict[str, Any]) -> dict[str, Any]:
     model, parts = model_from_json(data["model"]), tuple(_data_from_json(part) for part in data["data"])
     prior = None if data["prior"] is None else prior_from_json(data["prior"])
     theta, values = _numbers(data["theta"]), _numbers(data["values"])
-    observed = Observed(model, parts, tuple(data["estimated"]), theta, data["rtol"], resolve_threads(None))
+    nuisance = Nuisance(FrozenMapping(data.get("uncertain", {})), FrozenMapping(data.get("shared_starts", {})))
+    joint = nuisance.of(model)
+    estimated, full = (*data["estimated"], *joint.nuisance_names), joint.theta(theta)
+    observed = Observed(joint.model, parts, estimated, full, data["rtol"], resolve_threads(None))
     of = data["unknowns"]
     lower, upper = (np.array([none if value is None else value for value in of[side]]) for side, none in BOUNDS.items())
     unknowns = Unknowns(observed.names, _numbers(of["center"]), _numbers(of["scale"]), np.array(of["log"], bool), lower, upper)
     if {len(array) for array in (values, unknowns.center, unknowns.scale, unknowns.log, lower, upper)} != {len(observed.names)}:
         raise ValueError(f"values: expected {len(observed.names)} unknowns, {listed(observed.names)}; given another number")
-    factor = prior_factor(prior, unknowns) if data["prior_takes_part"] and prior is not None else None
+    factor = prior_factor(known_beforehand(prior if data["prior_takes_part"] else None, joint, full), unknowns)
     common = tuple(RunError(error["first"], _numbers(error["moved"])) for error in data.get("common", ()))
     weighted = WeightedResiduals(observed, unknowns, observed.y[None], _numbers(data["weights"]), factor, common)
     response = observed.respond(values[None])
@@ -73,6 +79,7 @@ def fit_from_state(data: dict[str, Any]) -> dict[str, Any]:
         model=model,
         data=parts,
         prior=prior,
+        nuisance=nuisance,
         theta=theta,
         values=values,
         predicted=response.y[0],

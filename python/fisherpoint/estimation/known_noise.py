@@ -1,4 +1,4 @@
-"""Noise that is known: of the sensors, with the share of what is assumed and not exact."""
+"""Noise that is known: of the sensors, with the share of what is drawn anew in each point or run."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .run_error import RunError, run_errors
 
 @dataclass(frozen=True, eq=False)
 class KnownNoise:
-    """R of the sensors, or R_k = R + G_k P G_k^T of every point, and of every run, where constants or starts are uncertain.
+    """R of the sensors, or R_k = R + H_k P H_k^T of every point, and of every run, where something is drawn anew in each.
 
     Attributes
     ----------
@@ -30,7 +30,7 @@ class KnownNoise:
     parts : sequence of Measurements or Record
     sensors : ndarray, (n_y, n_y)
         R.
-    uncertain, initial_state_std : mapping of name to float, or None
+    varies, initial_state_std : mapping of name to float, or None
         As `estimate` takes them.
     rule : Rule or None
         Takes the share by (16) instead of tangents.
@@ -41,7 +41,7 @@ class KnownNoise:
     model: Model
     parts: tuple[Measurements | Record, ...]
     sensors: Array
-    uncertain: Mapping[str, float] | None
+    varies: Mapping[str, float] | None
     initial_state_std: Mapping[str, float] | None
     rule: Rule | None
     rtol: float
@@ -50,7 +50,7 @@ class KnownNoise:
     @property
     def assumed(self) -> bool:
         """Whether there is more than the sensors' noise."""
-        return bool(self.uncertain or self.initial_state_std)
+        return bool(self.varies or self.initial_state_std)
 
     def at(self, theta: Array) -> tuple[Array, tuple[RunError, ...]]:
         """Of every sample (n_y, n_y), or (N, n_y, n_y) where something is assumed, and of runs, at the parameters (p,)."""
@@ -59,9 +59,10 @@ class KnownNoise:
         shares, common = [np.zeros((0, *self.sensors.shape))], list[RunError]()
         for part in self.parts:
             if not isinstance(part, Measurements):
-                label = "uncertain" if self.uncertain else "initial_state_std"
+                label = "varies" if self.varies else "initial_state_std"
                 raise ValueError(
-                    f"{label}: expected measurements of points or runs, given a record; there, estimate what is uncertain"
+                    f"{label}: expected measurements of points or runs, given a record: estimate its start, and what has one value "
+                    "in it"
                 )
             if isinstance(part.points, Runs):
                 common += self._of_runs(part, theta, sum(map(len, shares)))
@@ -75,7 +76,7 @@ class KnownNoise:
             self.model,
             points,
             theta,
-            uncertain=self.uncertain,
+            varies=self.varies,
             initial_state_std=self.initial_state_std,
             rtol=self.rtol,
             threads=self.threads,
@@ -90,6 +91,6 @@ class KnownNoise:
     def _of_runs(self, data: Measurements, theta: Array, first: int) -> Iterator[RunError]:
         if self.rule is not None and not isinstance(self.rule, Linearized):
             raise ValueError(f"assumed_rule: expected tangents, None, for runs, given {self.rule}")
-        assumed = assumed_of(self.model, self.uncertain, self.initial_state_std)
+        assumed = assumed_of(self.model, None, self.varies, self.initial_state_std)
         settings: Settings = self.rtol, True, True, "fastest", self.threads
         return run_errors(assumed, data, theta, settings, np.sqrt(np.diag(self.sensors)), first)

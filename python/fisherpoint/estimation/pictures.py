@@ -252,8 +252,10 @@ def _between_samples(fit: FitStatistics, run: Runs) -> NDArray[np.float64]:
     n = int(run.segments[0])
     shares = shares_of(n)
     fine, count = run.divided(shares), n * len(shares)
-    settings = checked_arguments(fit.model, fine, fit.theta, fit.weighted.observed.rtol, None, "cross", "cross", None)
-    found = checked_run_trajectories(fit.model, fine, fit.theta, settings)
+    observed = fit.weighted.observed
+    model, theta = observed.model, observed.parameters(fit.values[None])[0]
+    settings = checked_arguments(model, fine, theta, observed.rtol, None, "cross", "cross", None)
+    found = checked_run_trajectories(model, fine, theta, settings)
     reached = np.arange(count) < found.reached[0]
     return np.where(reached[:, None], found.y[0, :count], np.nan)
 

@@ -38,7 +38,7 @@ def headline(fit: FitStatistics) -> str:
     count, samples = int(np.isfinite(fit.residuals).sum()), len(fit.residuals)
     kind = "least squares" if len(fit.tests) == 1 else "least log det of the residual covariance (10)"
     kind = "weighted least squares" if fit.noise_known else kind
-    if fit.weighted.prior_factor is not None:
+    if fit.prior is not None and fit.weighted.prior_factor is not None:
         kind = f"maximum a posteriori, {'noise given' if fit.noise_known else 'noise estimated'}"
     unknowns = counted(len(fit.parameters), "unknown")
     return f"Fit of {fit.model.name}: {unknowns} from {counted(count, 'number')} in {counted(samples, 'sample')}, {kind}"
@@ -49,10 +49,13 @@ def asked_facts(fit: FitStatistics) -> list[tuple[str, str]]:
     parts = [f"{counted(len(part.samples), 'sample')} of {type(part).__name__}" for part in fit.data]
     noise = np.sqrt(np.diag(fit.noise_covariance))
     given = ", ".join(f"{name} {number(noise[i])}" for i, name in enumerate(names_of(fit.model.outputs)) if name in fit.tests)
+    known = {**fit.nuisance.uncertain, **fit.nuisance.starts}
+    beforehand = ", ".join(f"{name} {number(std)}" for name, std in known.items())
     return [
         ("model", fit.model.name),
         ("data", ", ".join(parts)),
         ("unknowns", ", ".join(fit.parameters)),
+        *([("uncertain constants, one std beforehand", beforehand)] if beforehand else []),
         ("sensor noise, one std", given if fit.noise_known else "estimated from the residuals"),
     ]
 

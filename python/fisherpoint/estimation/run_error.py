@@ -1,4 +1,4 @@
-"""What is uncertain and common to a run: it moves all samples of the run at once, beside the noise that each has of its own."""
+"""What is drawn anew in each run: it moves all samples of the run at once, beside the noise that each has of its own."""
 
 from __future__ import annotations
 

@@ -16,6 +16,7 @@ from ..basics.values import Array, FrozenMapping
 from ..models import Model
 from ..prior.gaussian import GaussianPrior
 from .apriori import apriori_covariance
+from .nuisance import Nuisance
 from .precision import Precision, in_words, quantile
 from .small_samples import Inflated, inflated, output_degrees_of_freedom
 from .unknown_noise import correlations_can_be_told, residual_covariance
@@ -56,10 +57,12 @@ class FitStatistics:
     data : tuple of Measurements or Record
     prior : GaussianPrior or None
         That took part in the estimate.
+    nuisance : Nuisance
+        What was estimated beside the parameters, with what is known of it beforehand.
     theta : ndarray, (p,)
         All parameters of the model: the estimated ones, and those that were known.
     values : ndarray, (P,)
-        The unknowns in the order of `parameters`: estimated parameters, and starts of records.
+        The unknowns in the order of `parameters`: estimated parameters, uncertain constants, and starts of records.
     predicted, residuals : ndarray, (N, n_y)
         Of all samples in a row, run after run, SI units; measured - predicted, NaN where not measured.
     noise_known : bool
@@ -79,6 +82,7 @@ class FitStatistics:
     model: Model
     data: tuple[Any, ...]
     prior: GaussianPrior | None
+    nuisance: Nuisance
     theta: Array
     values: Array
     predicted: Array
@@ -94,7 +98,7 @@ class FitStatistics:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of the unknowns: the estimated parameters, then starts of records that were not known, such as "x0_h1"."""
+        """Names of the unknowns: estimated parameters, uncertain constants, starts of records that were not known, as "x0_h1"."""
         return self.weighted.unknowns.names
 
     @property
@@ -106,7 +110,7 @@ class FitStatistics:
     def units(self) -> Mapping[str, str]:
         """Of the unknowns, by name."""
         of_states = {q.name: q.unit for q in self.model.states}
-        units = {q.name: q.unit for q in self.model.parameters}
+        units = {q.name: q.unit for q in self.weighted.observed.model.parameters}
         units |= {name: of_states[state] for name, (state, _) in self.weighted.observed.starts.items()}
         return FrozenMapping({name: units[name] for name in self.parameters})
 
@@ -188,7 +192,10 @@ class FitStatistics:
     @cached_property
     def apriori_covariance(self) -> Array | None:
         """D of (17) for the measured points, beside which (10) shows what the data told: the noise's covariance plus the mean
-        predictive covariance over the prior, (n_y, n_y); None without a prior of all parameters, or for records."""
+        predictive covariance over the prior, (n_y, n_y); None without a prior of all parameters, for records, and beside
+        uncertain constants, which all samples share."""
+        if self.nuisance:
+            return None
         return apriori_covariance(self.model, self.data, self.prior, self.parameters, self.noise_covariance)
 
     @cached_property

@@ -138,8 +138,10 @@ def _checked_bound(given: float | None, name: str) -> float | None:
     return None if given is None or np.isinf(as_numbers(given, name)).all() else as_float(given, name)
 
 
-def prior_factor(prior: GaussianPrior, unknowns: Unknowns) -> Array | None:
+def prior_factor(prior: GaussianPrior | None, unknowns: Unknowns) -> Array | None:
     """L^-1 (k, P) of the correlation L L^T that the prior has in coordinates, for the k unknowns that it covers; None for none."""
+    if prior is None:
+        return None
     columns = [j for j, name in enumerate(unknowns.names) if name in prior.names]
     if not columns:
         return None

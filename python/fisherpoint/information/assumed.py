@@ -1,12 +1,14 @@
-"""What is assumed and not exact: constants, parameters that are not estimated, and start states.
+"""What is not known exactly and not estimated: constants, parameters, and start states.
 
-Their errors move the outputs by G times the error, to first order, with G = dy/d(what is assumed). The outputs so scatter about
-their prediction by R + G P G^T, with P the squares of the standard deviations, and not by R, the sensor noise, alone.
+What is drawn anew in each point or run (a load, a start) is an error of that point or run: with H = dy/dz and P the squares of the
+standard deviations, its outputs scatter about their prediction by R_k = R + H P H^T, and not by R, the sensor noise, alone. What
+has one value for the whole plant (a constant) moves all outputs at once: it is a nuisance parameter, estimated beside the others
+with the information 1/std^2 that it has beforehand (`nuisance.py`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -39,17 +41,21 @@ class AssumedCovariance(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Assumed:
-    """A model in which what is assumed are parameters.
+    """A model in which what is not known exactly are parameters.
 
     Attributes
     ----------
     model : Model
-        The model, with assumed constants and then deviations of start states behind its own parameters.
+        The model, with constants and then deviations of start states behind its own parameters.
     further : ndarray
         Values of these: the constants', and zeros.
     columns : list of int
-        Places among `model.parameters` of all that is assumed.
+        Places among `model.parameters` of what is drawn anew in each point or run.
     std : ndarray
+        Its standard deviations, SI units.
+    nuisance : list of int
+        Places among `model.parameters` of what has one value for the whole plant.
+    nuisance_std : ndarray
         Its standard deviations, SI units.
     """
 
@@ -57,13 +63,15 @@ class Assumed:
     further: Array
     columns: list[int]
     std: Array
+    nuisance: list[int]
+    nuisance_std: Array
 
     def theta(self, theta: Array) -> Array:
         """Parameters of the extended model, for parameters (p,) or (K, p) of the model."""
         return np.concatenate([theta, np.broadcast_to(self.further, (*theta.shape[:-1], len(self.further)))], axis=-1)
 
     def prior(self, theta: Array) -> GaussianPrior:
-        """A prior for the extended model; of its standard deviations only those of what is assumed mean something."""
+        """A prior for the extended model; of its standard deviations only those of what is drawn anew mean something."""
         names, std = names_of(self.model.parameters), np.ones(len(self.model.parameters))
         std[self.columns] = self.std
         return GaussianPrior(
@@ -72,9 +80,15 @@ class Assumed:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters of the extended model that stand for what is assumed."""
+        """Names of the parameters of the extended model that are drawn anew in each point or run."""
         names = names_of(self.model.parameters)
         return tuple(names[j] for j in sorted(self.columns))
+
+    @property
+    def nuisance_names(self) -> tuple[str, ...]:
+        """Names of the parameters of the extended model that have one value for the whole plant."""
+        names = names_of(self.model.parameters)
+        return tuple(names[j] for j in self.nuisance)
 
     def covariance(self, dy_dtheta: Array) -> Array:
         """G P G^T, (K, n_y, n_y), from sensitivities (K, n_y, p) of the extended model; not finite where that overflows."""
@@ -84,41 +98,73 @@ class Assumed:
             return (product + product.transpose(0, 2, 1)) / 2
 
     def predictive(self, points: Experiments, theta: Array, rule: Rule, settings: Settings) -> PredictiveCovariance:
-        """The predictive covariance (16) over what is assumed, at parameters (p,) of the model."""
+        """The predictive covariance (16) over what is drawn anew, at parameters (p,) of the model."""
         nodes = nodes_of(rule, self.prior(theta), names_of(self.model.parameters), self.names)
         return covariance_over_nodes(self.model, points, self.theta(theta), nodes, rule, settings)
 
 
-def assumed_of(model: Model, uncertain: Mapping[str, float] | None, initial_state_std: Mapping[str, float] | None) -> Assumed:
+def assumed_of(
+    model: Model,
+    uncertain: Mapping[str, float] | None = None,
+    varies: Mapping[str, float] | None = None,
+    initial_state_std: Mapping[str, float] | None = None,
+    shared: Sequence[str] = (),
+) -> Assumed:
     """Extend a model; the same arguments give the same object.
+
+    Parameters
+    ----------
+    model : Model
+    uncertain, varies : mapping of name to float, optional
+        Standard deviations, SI units, of constants and parameters: of what has one value for the plant, and of what is drawn anew.
+    initial_state_std : mapping of state name to float, optional
+        Standard deviations, SI units, of the deviations of starts.
+    shared : sequence of str
+        States whose start deviates once for all points or runs.
 
     Raises
     ------
     TypeError
-        Where a constant of a model without equations is uncertain.
+        Where a constant of a model without equations is not known exactly.
     ValueError
-        For an unknown name, or a standard deviation that is negative.
+        For an unknown name, a standard deviation that is negative, or a name that is `uncertain` and `varies`.
     """
     constants, parameters, states = map(names_of, (model.constant_quantities, model.parameters, model.states))
-    known = by_name(uncertain, (*constants, *parameters), "uncertain", as_std_or_zero)
+    common = by_name(uncertain, (*constants, *parameters), "uncertain", as_std_or_zero)
+    anew = by_name(varies, (*constants, *parameters), "varies", as_std_or_zero)
+    for name in (name for name in anew if name in common):
+        raise ValueError(f"varies: expected names that are not among uncertain, given {name!r}, which is")
     starts = by_name(initial_state_std, states, "initial_state_std", as_std_or_zero)
-    return _extended(model, known, starts)
+    return _extended(model, common, anew, starts, tuple(name for name in starts if name in shared))
 
 
 @lru_cache(maxsize=16)
-def _extended(model: Model, uncertain: FrozenMapping[float], starts: FrozenMapping[float]) -> Assumed:
-    constants = [name for name in names_of(model.constant_quantities) if name in uncertain]
+def _extended(
+    model: Model,
+    common: FrozenMapping[float],
+    anew: FrozenMapping[float],
+    starts: FrozenMapping[float],
+    shared: tuple[str, ...],
+) -> Assumed:
+    constants = [name for name in names_of(model.constant_quantities) if name in common or name in anew]
     try:
         extended = model.estimate(*constants) if constants else model
     except TypeError as error:
-        given = type(model).__name__
-        raise TypeError(f"uncertain: expected a model with equations where constants are uncertain, given a {given}") from error
+        label, given = "uncertain" if any(name in common for name in constants) else "varies", type(model).__name__
+        raise TypeError(f"{label}: expected a model with equations where it names constants, given a {given}") from error
     extended = extended.free_start(*starts) if starts else extended
     own, p = names_of(model.parameters), len(model.parameters)
-    among = [name for name in own if name in uncertain]
-    std = [uncertain[name] for name in (*among, *constants)] + list(starts.values())
+    place = {name: j for j, name in enumerate((*own, *constants))}
+    of_start = {name: p + len(constants) + j for j, name in enumerate(starts)}
     further = np.array([model.constants[name] for name in constants] + [0.0] * len(starts))
-    return Assumed(extended, further, [*map(own.index, among), *range(p, p + len(further))], np.array(std))
+
+    def chosen(stds: Mapping[str, float], shares: bool) -> tuple[list[int], Array]:
+        names = [name for name in place if name in stds]
+        own_starts = [name for name in starts if (name in shared) == shares]
+        columns = [place[name] for name in names] + [of_start[name] for name in own_starts]
+        return columns, np.array([stds[name] for name in names] + [starts[name] for name in own_starts])
+
+    return Assumed(extended, further, *chosen(anew, False), *chosen(common, True))
 
 
 def assumed_covariance(
@@ -126,7 +172,7 @@ def assumed_covariance(
     points: Experiments,
     theta: Mapping[str, float] | ArrayLike,
     *,
-    uncertain: Mapping[str, float] | None = None,
+    varies: Mapping[str, float] | None = None,
     initial_state_std: Mapping[str, float] | None = None,
     rtol: float = 1e-6,
     threads: int | None = None,
@@ -134,18 +180,18 @@ def assumed_covariance(
     jumps: str = "cross",
     rule: Rule | None = None,
 ) -> AssumedCovariance:
-    """Share of the output covariance that comes from what is assumed: G P G^T, with the exact tangents G, or (16).
+    """Share of the output covariance that comes from what is drawn anew in each point: H P H^T, with exact tangents H, or (16).
 
     Parameters
     ----------
     model, points, theta, rtol, threads, kinks, jumps
         As in `simulate`.
-    uncertain : mapping of name to float, optional
+    varies : mapping of name to float, optional
         Standard deviations, SI units, of constants and of parameters that are not estimated.
     initial_state_std : mapping of state name to float, optional
         Standard deviations, SI units, of the deviations of the starts from x0.
     rule : Rule, optional
-        Takes the predictive covariance (16) over what is assumed in the place of tangents; theta is (p,) then.
+        Takes the predictive covariance (16) over these instead of tangents; theta is (p,) then.
 
     Returns
     -------
@@ -155,13 +201,13 @@ def assumed_covariance(
     Raises
     ------
     TypeError, ValueError
-        As `simulate`; for an unknown name or a negative standard deviation; and for an uncertain constant of a model without
-        equations, whose tangents nothing gives.
+        As `simulate`; for an unknown name or a negative standard deviation; and for a constant of a model without equations,
+        whose tangents nothing gives.
     """
     check_type(model, Model, "model")
     check_type(points, Experiments, "points")
     values = model.theta(theta)
-    assumed = assumed_of(model, uncertain, initial_state_std)
+    assumed = assumed_of(model, None, varies, initial_state_std)
     settings = checked_arguments(model, points, values, rtol, threads, kinks, jumps, None)
     if rule is not None and not isinstance(rule, Linearized):
         check_type(rule, Rule, "rule")

@@ -34,6 +34,7 @@ def problem_to_json(problem: DesignProblem) -> dict[str, Any]:
         "jumps": problem.jumps,
         "rtol": problem.rtol,
         "uncertain": None if problem.uncertain is None else dict(problem.uncertain),
+        "varies": None if problem.varies is None else dict(problem.varies),
         "initial_state_std": None if problem.initial_state_std is None else dict(problem.initial_state_std),
         "assumed_covariance": problem.assumed_covariance,
         "along": None if problem.along is None else list(problem.along),
@@ -55,6 +56,7 @@ def problem_from_json(data: dict[str, Any]) -> DesignProblem:
         jumps=data.get("jumps", "exclude"),  # as every problem was before files said it
         rtol=data["rtol"],
         uncertain=data.get("uncertain"),  # older files have none of these
+        varies=data.get("varies"),
         initial_state_std=data.get("initial_state_std"),
         assumed_covariance=data.get("assumed_covariance", "tangents"),
         along=data.get("along"),

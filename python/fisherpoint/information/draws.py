@@ -1,4 +1,4 @@
-"""Plants as the prior has them: draws of parameters and of what is uncertain, without those that make no sense to the model."""
+"""Plants as the prior has them: draws of parameters and uncertain constants, without those that make no sense to the model."""
 
 from __future__ import annotations
 
@@ -31,16 +31,15 @@ def drawn_from_prior(problem: DesignProblem, count: int, rng: np.random.Generato
 def drawn_plants(problem: DesignProblem, count: int, rng: np.random.Generator, wider: float = 1.0) -> tuple[Array, int]:
     """The same with uncertain constants drawn too: parameters (count, p) of `problem.assumed.model`, if there is one.
 
-    Deviations of starts are zero: a plant has others in each run. With `wider` all else deviates so many times as far.
+    What is drawn anew in each point or run does not deviate. With `wider` all else deviates so many times as far.
     """
     draw, assumed = _of_prior(problem, rng, wider), problem.assumed
     if assumed is None:
         return _sensible_draws(problem.model, count, draw)
-    known = len(assumed.std) - len(problem.initial_state_std or ())
 
     def of_assumed(count: int) -> Array:
         theta = assumed.theta(draw(count))
-        theta[:, assumed.columns[:known]] += wider * assumed.std[:known] * rng.standard_normal((count, known))
+        theta[:, assumed.nuisance] += wider * assumed.nuisance_std * rng.standard_normal((count, len(assumed.nuisance)))
         return theta
 
     return _sensible_draws(assumed.model, count, of_assumed)

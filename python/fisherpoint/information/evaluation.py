@@ -21,6 +21,7 @@ from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
 from .combinations import combination
 from .nearby import Nearby, nearby_of
+from .nuisance import marginal_rows
 from .null_space import column_scaled_svd, null_directions
 from .output_covariance import Criterion, cholesky_factor, whitened
 from .point_information import PointInformation
@@ -55,10 +56,11 @@ class Evaluation(Shown, Kept):
         log det of `fisher`, by Cholesky, or from singular values where that would lose digits; -inf where it is singular.
     fisher : ndarray, (p, p)
         (7) with its factor 2/L, for parameters divided by their prior standard deviations; `information` is without the factor.
+        Where constants are uncertain, it is what is known about the parameters without knowing these: the Schur complement.
     output_covariance_kind : str
     output_covariance : ndarray, (n, n), or (K, n, n) where each point has its own
-        D over `outputs`, in squared output units: one for each point, previous ones first, for "pointwise" and where constants or
-        starts are uncertain. Of runs R, beside which what is uncertain is common to a run.
+        D over `outputs`, in squared output units: one for each point, previous ones first, for "pointwise" and where something
+        is drawn anew in each point. Of runs R, beside which what is drawn anew is common to a run.
     outputs, outputs_left_out : tuple of str
         Outputs that take part; those that carry neither variance nor sensitivity do not.
     covariance : ndarray, (p, p), or None
@@ -113,7 +115,8 @@ class Evaluation(Shown, Kept):
     def information(self) -> Array:
         """Fisher information (p, p) in its sum form, sum_k S_k^T D^-1 S_k, in the units of `fisher`, as `Fit.information` has it.
 
-        It adds up over points and grows with their number, while `fisher` is a mean over them.
+        It adds up over points and grows with their number, while `fisher` is a mean over them. Where constants are uncertain it
+        does not add up: all points share them.
         """
         return self.fisher * (self.n_points / 2)
 
@@ -212,15 +215,21 @@ def evaluate_information(
 ) -> Evaluation:
     """Evaluate points whose information is known, with that of the prior beside it on request."""
     names, std = problem.estimated, problem.std
-    prepared = d.prepare(information)
+    prepared, nuisance = d.prepare(information), problem.n_nuisance
     accumulator = d.accumulate(prepared)
     covariance_of_outputs = accumulator.output_covariance(d.given, d.pooled)
     factor = cholesky_factor(covariance_of_outputs, d.names, d.kind)
     fisher = finite_fisher(accumulator.fisher(covariance_of_outputs))
-    white, known, without_prior = whitened(factor, prepared.sensitivity).reshape(-1, len(names)), None, None
+    white, known, without_prior = whitened(factor, prepared.sensitivity).reshape(-1, problem.n_unknowns), None, None
     if prior_information:
-        known, without_prior = prior_rows(problem), _errors_of(white, names, std)
+        alone = np.concatenate([white, prior_rows(problem, False)])
+        without_prior = _errors_of(marginal_rows(alone, nuisance), names, std)
+    if prior_information or nuisance:
+        known = prior_rows(problem, prior_information)
         fisher, white = fisher + 2 / len(prepared) * known.T @ known, np.concatenate([white, known])
+    if nuisance:
+        white = marginal_rows(white, nuisance)
+        fisher = 2 / len(prepared) * white.T @ white
     log_det = _core.log_det(fisher)
 
     singular_values, directions, length = column_scaled_svd(white)

@@ -169,8 +169,9 @@ def feasibility(
     Parameters
     ----------
     problem : DesignProblem
-        Its prior, `uncertain`, and `initial_state_std` say which plants there are: estimated parameters and uncertain constants
-        are a plant's own, and starts deviate in each point or run. Kinks and jumps are crossed or not as it says.
+        Its prior, `uncertain`, `varies` and `initial_state_std` say which plants there are: estimated parameters and uncertain
+        constants are a plant's own; what varies, and starts, deviate in each point or run. Kinks and jumps are crossed or not as it
+        says.
     points : Experiments or Runs
         At least one point, or run.
     draws : int
@@ -223,11 +224,11 @@ class _Tally:
 
     def __init__(self, problem: DesignProblem, points: Experiments | Runs, settings: Settings) -> None:
         self._points, self._settings = points, settings
-        assumed, starts = problem.assumed, len(problem.initial_state_std or ())
+        assumed = problem.assumed
         self._model = problem.limited if assumed is None else assumed.model
         self._named = problem.limited if len(problem.limited.domain) == len(self._model.domain) else self._model
-        self._columns = assumed.columns[len(assumed.columns) - starts :] if assumed is not None and starts else []
-        self._std = assumed.std[len(assumed.std) - starts :] if assumed is not None and starts else np.empty(0)
+        self._columns = [] if assumed is None else assumed.columns
+        self._std = np.empty(0) if assumed is None else assumed.std
         self.unable = 0
         self.reasons: Counter[str] = Counter()
         self.failures: dict[str, IntArray] = {}

@@ -126,12 +126,12 @@ def nearby_of(
     half : ndarray, (p, p)
         half half^T is the promised covariance of the standardised parameters; columns are its principal axes.
     threads : int or None
-    known : ndarray, (k, p), optional
-        Rows that count beside those of the points wherever the parameters are: the prior's information.
+    known : ndarray, (k, n_unknowns), optional
+        Rows that count beside those of the points wherever the parameters are: what is known beforehand.
     """
     names, promised, moves = problem.estimated, np.linalg.norm(half, axis=1), _moves(half)
     at_mean = _white(d, factor, information)
-    growth, worst = np.ones(len(names)), (0.0, 0, np.zeros(len(names)), at_mean)
+    growth, worst = np.ones(len(names)), (0.0, 0, np.zeros(problem.n_unknowns), at_mean)
     status = np.zeros((len(information), 0), dtype=np.int32)
     points, theta = information.points, _moved(problem, moves)
     at_all = (
@@ -146,7 +146,7 @@ def nearby_of(
         kept = np.isin(found, WITHOUT_TANGENT)
         there[kept] = at_mean[kept]
         root = _half(there, known)
-        errors = np.linalg.norm(root, axis=1)
+        errors = np.linalg.norm(root[: len(names)], axis=1)
         ratio = errors / promised
         j = int(np.argmax(ratio))
         if ratio[j] > worst[0]:
@@ -183,12 +183,12 @@ def _moved(problem: DesignProblem, moves: Array) -> Array:
 
 
 def _white(d: Criterion, factor: Array, information: PointInformation) -> Array:
-    """Sensitivities (K, n, p) in units of the outputs' standard deviations."""
+    """Sensitivities (K, n, n_unknowns) in units of the outputs' standard deviations."""
     return np.asarray(np.linalg.solve(factor, d.prepare(information).sensitivity), dtype=np.float64)
 
 
 def _half(white: Array, known: Array | None) -> Array:
-    """A root (p, p) of the covariance; what is not determined has a standard error that is large, but finite."""
+    """A root of the covariance of all unknowns; what is not determined has a standard error that is large, but finite."""
     rows = _shortened(white.reshape(-1, white.shape[2]))
     singular_values, directions, length = column_scaled_svd(rows if known is None else np.concatenate([rows, known]))
     floor = max(singular_values[0], TINY) / (100 * UNDETERMINED)
@@ -206,7 +206,7 @@ def _shortened(matrix: Array) -> Array:
 
 
 def _losing(at_mean: Array, there: Array, direction: Array) -> tuple[int, ...]:
-    """Points whose information along a direction (p,) is lost."""
+    """Points whose information along a direction of the unknowns is lost."""
     loss = np.square(at_mean @ direction).sum(axis=1) - np.square(there @ direction).sum(axis=1)
     total = np.maximum(loss, 0.0).sum()
     return tuple(k for k in np.argsort(-loss, kind="stable").tolist() if loss[k] > SHARE * total)

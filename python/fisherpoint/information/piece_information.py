@@ -24,7 +24,7 @@ Places = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class PieceInformation:
-    """F of K windows in its sum form, parameters standardised by the prior.
+    """M of K windows in its sum form, of the unknowns standardised by their prior: the parameters, and then the nuisance ones.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ def piece_problem(problem: DesignProblem, pieces: Pieces) -> DesignProblem:
 
 def piece_information(problem: DesignProblem, pieces: Pieces, threads: int | None) -> PieceInformation:
     """Compute F of all windows at the prior mean; `problem` is that of `piece_problem`."""
-    p, each = len(problem.estimated), max(1, MOST_SEGMENTS // (pieces.length - 1))
+    p, each = problem.n_unknowns, max(1, MOST_SEGMENTS // (pieces.length - 1))
     lower = np.tril_indices(p)
     packed, kept = np.empty((len(pieces), len(lower[0]))), np.zeros(len(pieces), dtype=bool)
     factor, lost = np.zeros((p, p)), Counter[str]()
@@ -96,7 +96,7 @@ def _white_rows(
             kept[starts] = False
     rows, runs, y = rows[kept], runs[kept], y[kept]
     if not len(rows):
-        return rows, np.empty((0, 1, len(problem.estimated)))
+        return rows, np.empty((0, 1, problem.n_unknowns))
     found = run_rows(problem, runs, problem.theta, run_settings(problem, threads), np.isfinite(y))
     lost.update(failures_of(found.status))
     ok = found.status == 0

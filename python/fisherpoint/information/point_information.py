@@ -33,12 +33,12 @@ class PointInformation:
     Attributes
     ----------
     points : Experiments or Runs
-    sensitivity : ndarray, (K, n_y, p)
-        dy/dtheta times the prior std.
+    sensitivity : ndarray, (K, n_y, n_unknowns)
+        dy/dtheta times the prior std, and then by the nuisance parameters of the problem times theirs.
     covariance : ndarray, (K, n_y, n_y)
         Predictive covariances over the prior of the estimated parameters.
     assumed : ndarray, (K, n_y, n_y), or None
-        What uncertain constants and starts add to R; None where nothing is uncertain.
+        What is drawn anew in each point adds to R; None where nothing is.
     measured : ndarray of bool, (K, n_y), or None
         Which outputs are measured; None for all.
     elsewhere : tuple of PointInformation
@@ -121,7 +121,7 @@ def point_sensitivities(problem: DesignProblem, points: Experiments, threads: in
         result = checked_sensitivities(assumed.model, points, assumed.theta(problem.theta), settings, outputs_alone=True)
     scaled = problem.standardised(result.dy_dtheta)
     n_y, status, share = scaled.shape[1], only_finite(result.status, scaled), None
-    if assumed is not None:
+    if assumed is not None and assumed.columns:
         share = assumed.covariance(result.dy_dtheta)
         status = only_finite(status, share)
         if problem.assumed_covariance == "predictive" and not isinstance(problem.rule, Linearized):
@@ -133,16 +133,19 @@ def point_sensitivities(problem: DesignProblem, points: Experiments, threads: in
 def sensitivities_at(
     problem: DesignProblem, points: Experiments, theta: Array, threads: int | None
 ) -> Iterator[tuple[Array, IntArray]]:
-    """For each of R sets of parameters (R, p) of the model: standardised sensitivities (K, n_y, p) and statuses (K,) of K points.
+    """For each of R sets of parameters (R, p) of the model: standardised sensitivities (K, n_y, n_unknowns) and statuses (K,).
 
     Kinks and jumps are crossed, as in fits. Where the status is not ok the sensitivities are zero.
     """
     settings: Settings = float(problem.rtol), True, True, "fastest", resolve_threads(threads)
     count, each = len(points), max(1, MOST_POINTS // len(points))
+    model = problem.limited
+    if problem.n_nuisance and problem.assumed is not None:
+        model, theta = problem.assumed.model, problem.assumed.theta(theta)
     for first in range(0, len(theta), each):
         rows = theta[first : first + each]
         many = points[np.tile(np.arange(count), len(rows))]
-        result = checked_sensitivities(problem.limited, many, np.repeat(rows, count, axis=0), settings, outputs_alone=True)
+        result = checked_sensitivities(model, many, np.repeat(rows, count, axis=0), settings, outputs_alone=True)
         scaled = problem.standardised(result.dy_dtheta)
         status = only_finite(result.status, scaled)
         scaled[status != Status.ok] = 0.0
@@ -181,7 +184,7 @@ def with_linearized_covariance(problem: DesignProblem, given: PointInformation) 
     moments = _second_moments(problem.rule, problem.prior, names_of(problem.model.parameters), problem.estimated)
     columns = problem.estimated_columns
     ok = np.zeros(len(given), dtype=np.int32)
-    result = linearized(given.sensitivity, moments[np.ix_(columns, columns)], ok)
+    result = linearized(given.sensitivity[..., : len(columns)], moments[np.ix_(columns, columns)], ok)
     return replace(given, covariance=result.covariance), result.status
 
 

@@ -1,4 +1,4 @@
-"""What is known of the parameters before any measurement, as Fisher information beside that of the data."""
+"""What is known before any measurement, as Fisher information beside that of the data."""
 
 from __future__ import annotations
 
@@ -8,16 +8,21 @@ from ..basics.values import Array
 from .problem import DesignProblem
 
 
-def prior_rows(problem: DesignProblem) -> Array:
-    """H (p, p) of which H^T H is the inverse of the prior's covariance, for the estimated parameters in units of their std.
+def prior_rows(problem: DesignProblem, of_parameters: bool) -> Array:
+    """H (k, n_unknowns) of which H^T H is what is known beforehand of the unknowns, in units of their std: rows as those of data.
 
-    With the correlation L L^T that is L^-1: rows as those of data, one of each parameter where they are not correlated.
+    That is 1 for each nuisance parameter, and with `of_parameters` the inverse of the prior's covariance of the estimated ones:
+    with their correlation L L^T, L^-1.
     """
+    p, rows = len(problem.estimated), np.eye(problem.n_unknowns)
+    if not of_parameters:
+        return rows[p:]
     correlation = problem.prior.marginal(problem.estimated).correlation
-    return np.asarray(np.linalg.solve(np.linalg.cholesky(correlation), np.eye(len(correlation))), dtype=np.float64)
+    rows[:p, :p] = np.linalg.solve(np.linalg.cholesky(correlation), np.eye(p))
+    return rows
 
 
-def prior_information(problem: DesignProblem) -> Array:
-    """The inverse (p, p) itself, which counts once beside the sum over the measurements."""
-    rows = prior_rows(problem)
+def prior_information(problem: DesignProblem, of_parameters: bool) -> Array:
+    """H^T H (n_unknowns, n_unknowns) itself, which counts once beside the sum over the measurements."""
+    rows = prior_rows(problem, of_parameters)
     return np.asarray(rows.T @ rows, dtype=np.float64)

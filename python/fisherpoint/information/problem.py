@@ -61,14 +61,17 @@ class DesignProblem(InNotebooks):
     rtol : float
         Tolerance of the trajectories.
     uncertain : mapping of name to float, optional
-        Standard deviations, SI units, of constants, and of parameters that are not estimated, which are else known exactly. What
-        they make of the outputs is added to R for each point: R_k = R + G_k P G_k^T, as if they were another error in each.
+        Standard deviations, SI units, of constants, and of parameters that are not estimated, which are else known exactly. Each
+        has one value for the whole plant, in previous data too: however many points there are, they do not average it out.
+    varies : mapping of name to float, optional
+        The same for what is drawn anew in each point or run: a load, a temperature of the day. It adds to the covariance of the
+        outputs of a point or run: R_k = R + H_k P H_k^T.
     initial_state_std : mapping of state name to float, optional
-        Standard deviations, SI units, by which starts deviate from x0; they add to R_k in the same way. A candidate must then
-        start three of them away from jumps and limits.
+        Standard deviations, SI units, by which starts deviate from x0, anew in each point or run, and once for all runs where the
+        region has the start `shared`. A candidate must then start three of them away from jumps and limits.
     assumed_covariance : {"tangents", "predictive"}
-        Whether the two shares of R_k are G_k P G_k^T with the exact tangents at the mean, or (16) over the distribution of what is
-        uncertain, by `rule`.
+        Whether R_k has H_k P H_k^T with the exact tangents at the mean, or (16) over the distribution of what is drawn anew, by
+        `rule`.
     along : sequence of str, optional
         Limits along the way: comparisons such as ``"abs(v) < 0.4"`` that hold on whole trajectories, see `SymbolicModel.within`. A
         point or run that breaks one at the prior mean is none. What was measured already need not keep them.
@@ -98,6 +101,7 @@ class DesignProblem(InNotebooks):
     jumps: str = "cross"
     rtol: float = 1e-6
     uncertain: Mapping[str, float] | None = None
+    varies: Mapping[str, float] | None = None
     initial_state_std: Mapping[str, float] | None = None
     assumed_covariance: str = "tangents"
     along: Sequence[str] | None = None
@@ -158,10 +162,11 @@ class DesignProblem(InNotebooks):
     def _check_assumed(self, everything: tuple[str, ...]) -> None:
         known = (*names_of(self.model.constant_quantities), *everything)
         _ = self.limited  # limits that cannot be read are told
-        for label, names in (("uncertain", known), ("initial_state_std", names_of(self.model.states))):
+        for label, names in (("uncertain", known), ("varies", known), ("initial_state_std", names_of(self.model.states))):
             object.__setattr__(self, label, by_name(getattr(self, label), names, label, as_std) or None)
-        for name in (name for name in self.uncertain or () if name in self.estimated):
-            raise ValueError(f"uncertain: expected constants or parameters that are not estimated, given {name!r}, which is")
+        for label, given in (("uncertain", self.uncertain), ("varies", self.varies)):
+            for name in (name for name in given or () if name in self.estimated):
+                raise ValueError(f"{label}: expected constants or parameters that are not estimated, given {name!r}, which is")
         check_choice(self.assumed_covariance, ASSUMED_COVARIANCES, "assumed_covariance")
         if self.assumed is not None and self.assumed_covariance == "predictive":
             try:
@@ -201,14 +206,39 @@ class DesignProblem(InNotebooks):
 
     @cached_property
     def assumed(self) -> Assumed | None:
-        """The model with what is uncertain among its parameters; None where nothing is."""
-        if not self.uncertain and not self.initial_state_std:
+        """The model with what is not known exactly among its parameters; None where all is."""
+        if not self.uncertain and not self.varies and not self.initial_state_std:
             return None
-        return assumed_of(self.limited, self.uncertain, self.initial_state_std)
+        return assumed_of(self.limited, self.uncertain, self.varies, self.initial_state_std, self.shared_starts)
+
+    @property
+    def shared_starts(self) -> tuple[str, ...]:
+        """States whose start deviates once for all runs, as the region has it `shared`."""
+        shared = self.region.shared if isinstance(self.region, RunRegion) else ()
+        return tuple(name for name in self.initial_state_std or () if name in shared)
+
+    @property
+    def n_nuisance(self) -> int:
+        """How many unknowns there are beside the estimated parameters: uncertain constants, and starts that all runs share."""
+        return 0 if self.assumed is None else len(self.assumed.nuisance)
+
+    @property
+    def n_unknowns(self) -> int:
+        """Columns of standardised sensitivities: estimated parameters, and then the nuisance ones."""
+        return len(self.estimated) + self.n_nuisance
+
+    @cached_property
+    def _unknown_columns(self) -> list[int]:
+        """Places of these among the parameters of the model, or of the model of `assumed`."""
+        return self.estimated_columns + ([] if self.assumed is None else self.assumed.nuisance)
+
+    @cached_property
+    def _unknown_std(self) -> Array:
+        return self.std if self.assumed is None else _read_only(np.append(self.std, self.assumed.nuisance_std))
 
     @property
     def assumed_rule(self) -> Rule | None:
-        """The rule by which what is assumed spreads over the outputs, (16); None where that is by tangents."""
+        """The rule by which what is drawn anew spreads over the outputs, (16); None where that is by tangents."""
         return self.rule if self.assumed_covariance == "predictive" else None
 
     @cached_property
@@ -218,13 +248,14 @@ class DesignProblem(InNotebooks):
         return _read_only(LARGEST_SENSITIVITY * np.array(noise)[:, None])
 
     def standardised(self, dy_dtheta: Array) -> Array:
-        """dy/dtheta (..., n_y, q), of the model's parameters or more, by the estimated ones in units of their prior std.
+        """dy/dtheta (..., n_y, q), of the model's parameters or more, by the `n_unknowns` ones in units of their prior std.
 
-        (..., n_y, p); infinite where that is larger than `largest_sensitivity`, or is no number.
+        (..., n_y, n_unknowns); infinite where that is larger than `largest_sensitivity`, or is no number.
         """
-        of_all = self.estimated_columns == list(range(dy_dtheta.shape[-1]))  # nearly always, and a copy less
+        columns = self._unknown_columns
+        of_all = columns == list(range(dy_dtheta.shape[-1]))  # nearly always, and a copy less
         with np.errstate(over="ignore", invalid="ignore"):
-            scaled: Array = (dy_dtheta if of_all else dy_dtheta[..., self.estimated_columns]) * self.std
+            scaled: Array = (dy_dtheta if of_all else dy_dtheta[..., columns]) * self._unknown_std
         scaled[~(np.abs(scaled) <= self.largest_sensitivity)] = np.inf
         return scaled
 

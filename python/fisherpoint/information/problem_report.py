@@ -31,6 +31,8 @@ class Asked(Protocol):
     @property
     def uncertain(self) -> Mapping[str, float] | None: ...
     @property
+    def varies(self) -> Mapping[str, float] | None: ...
+    @property
     def initial_state_std(self) -> Mapping[str, float] | None: ...
     @property
     def output_covariance(self) -> str | None: ...
@@ -57,6 +59,7 @@ def problem_sections(problem: Asked) -> list[Section]:
         ("parameters to estimate", ", ".join(problem.estimated)),
         ("sensor noise, one std", _numbers(problem.noise_std, model.outputs)),
         ("uncertain constants, one std", _numbers(problem.uncertain)),
+        ("drawn anew in each point or run, one std", _numbers(problem.varies)),
         ("uncertain starts, one std", _numbers(problem.initial_state_std, model.states)),
         ("output covariance", str(problem.output_covariance)),
         ("rule over the prior", repr(problem.rule)),

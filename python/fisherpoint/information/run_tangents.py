@@ -1,8 +1,8 @@
 """The sensitivities of runs, and their rows as the Fisher matrix takes them.
 
-F of a run is the sum over its samples, as long as only the sensor noise moves them. What is uncertain and common to a run, its
-start and constants, moves all its samples at once: with G their tangents by it and P its squared standard deviations, the
-covariance of what a run measures is one matrix, R_k = I x R + G P G^T, and F = J^T R_k^-1 J. Here each sample has rows such that F
+F of a run is the sum over its samples, as long as only the sensor noise moves them. What is drawn anew in each run, its start and
+what `varies`, moves all its samples at once: with H their tangents by it and P its squared standard deviations, the covariance of
+what a run measures is one matrix, R_k = I x R + H P H^T, and F = J^T R_k^-1 J. Here each sample has rows such that F
 is a sum over samples again: J is multiplied by (I x R)^1/2 R_k^-1/2, so that D = R whitens them as it does those of points.
 """
 
@@ -59,7 +59,7 @@ class RunTangents(NamedTuple):
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
             scaled = np.where(there, problem.standardised(self.dy), 0.0)
             status = only_finite(self.status, scaled)
-            if assumed is not None:
+            if assumed is not None and assumed.columns:
                 moved = np.where(there, self.dy[..., assumed.columns] * assumed.std, 0.0)
                 status = only_finite(status, moved)
                 noise = np.sqrt(np.diag(problem.noise_covariance))[:, None]
@@ -125,7 +125,7 @@ def _extended(problem: DesignProblem, theta: Array) -> tuple[Model, Array]:
 
 
 def moves_of_runs(assumed: Assumed, runs: Runs, theta: Array, settings: Settings) -> tuple[Array, IntArray]:
-    """By how much outputs move with a standard deviation of each thing that is assumed, (K, N, n_y, q), and statuses (K,).
+    """By how much outputs move with a standard deviation of all that is drawn anew, (K, N, n_y, q), and statuses (K,).
 
     Zero where nothing is measured, and where the status is not ok; theta is (p,).
     """

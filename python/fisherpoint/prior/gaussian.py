@@ -169,6 +169,12 @@ class GaussianPrior:
         rows = [self.names.index(name) for name in names]
         return GaussianPrior(mean, covariance=self._covariance[np.ix_(rows, rows)], log=log)
 
+    def moved_to(self, mean: Mapping[str, float]) -> GaussianPrior:
+        """Return the same distribution about another mean."""
+        if self._covariance is None:
+            return GaussianPrior(mean, self._std, log=self._log)
+        return GaussianPrior(mean, covariance=self._covariance, log=self._log)
+
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, GaussianPrior) or (self._mean, self._std) != (other._mean, other._std):
             return False

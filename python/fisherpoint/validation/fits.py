@@ -13,6 +13,7 @@ from ..basics.quantity import names_of
 from ..basics.values import Array
 from ..data.measurements import Measurements
 from ..estimation.least_squares import CONVERGED, ENDS
+from ..estimation.nuisance import known_beforehand, nuisance_of
 from ..estimation.observed import Observed
 from ..estimation.precision import Precision, covariances, in_words, quantile
 from ..estimation.run_error import RunError, run_errors
@@ -45,7 +46,7 @@ WRONG = "a wrong minimum: from the true parameters, the search ends lower"
 
 
 class VirtualFits(NamedTuple):
-    """n virtual experiments and their fits; P estimated parameters.
+    """n virtual experiments and their fits; P estimated parameters, without the nuisance ones.
 
     estimate and standard_error (n, P) in SI units, covered (n, P) by an interval that has ends, at_bound (n, P), and why a fit
     failed (n,), an empty string for one that did not. The estimate of one that did is where its search ended, NaN where there were
@@ -79,12 +80,15 @@ class Estimator:
     noise_known : bool
     promise : Precision
         What the noise and the points promise at the prior mean.
+    nuisance : int
+        The last so many unknowns are constants of the plant that are not known exactly, and starts that all runs share.
     """
 
     residuals: WeightedResiduals
     starts: Array
     noise_known: bool
     promise: Precision
+    nuisance: int = 0
 
     @classmethod
     def of(
@@ -101,38 +105,48 @@ class Estimator:
         outputs = names_of(model.outputs)
         data = Measurements(points, _blank(points, np.array([0.0 if name in noise_std else np.nan for name in outputs])))
         blank = data.samples
-        observed = Observed(model, [data], names, problem.theta, rtol, threads)
+        nuisance, _ = nuisance_of(problem.uncertain, problem.initial_state_std, problem.shared_starts)
+        joint = nuisance.of(model)
+        theta = joint.theta(problem.theta)
+        observed = Observed(joint.model, [data], (*names, *joint.nuisance_names), theta, rtol, threads)
         if not noise_known:
             check_noise_can_be_told(observed, problem.prior if use_prior else None)
         covariance = noise_covariance(model, noise_std, blank)
         common: tuple[RunError, ...] = ()
         if isinstance(points, Runs):
             run_information(problem, points, threads)  # which must be there
-            if problem.assumed is not None:
+            if problem.assumed is not None and problem.assumed.columns:
                 std = np.sqrt(np.diag(covariance))
                 common = tuple(run_errors(problem.assumed, data, problem.theta, run_settings(problem, threads), std))
         else:
             information = point_information(problem, points, False, threads)
             if information.assumed is not None:
                 covariance = covariance + information.assumed
-        mean = {name: problem.prior.mean[name] for name in names}
-        unknowns = unknowns_of(mean, problem.prior, {}, checked_bounds(model, None, names))
-        factor = prior_factor(problem.prior, unknowns) if use_prior else None
+        places = names_of(joint.model.parameters)
+        mean = {name: float(theta[places.index(name)]) for name in observed.names}
+        bounds = checked_bounds(joint.model, None, observed.names)
+        unknowns = unknowns_of(mean, known_beforehand(problem.prior, joint, theta), {}, bounds)
+        factor = prior_factor(known_beforehand(problem.prior if use_prior else None, joint, theta), unknowns)
         residuals = WeightedResiduals(observed, unknowns, blank[None], covariance, factor, common)
         starts = evaluable_starts(observed, unknowns, mean, problem.prior, STARTS)
         _, jacobian, _ = residuals(starts[:1], np.zeros(1, dtype=np.intp))
-        return cls(residuals, starts, noise_known, Precision.of(jacobian[0]))
+        return cls(residuals, starts, noise_known, Precision.of(jacobian[0]), len(joint.nuisance))
 
     @property
     def unknowns(self) -> Unknowns:
         return self.residuals.unknowns
 
     @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the P estimated parameters."""
+        return self.unknowns.names[: len(self.unknowns) - self.nuisance]
+
+    @property
     def promised_errors(self) -> Array:
         """Standard errors (P,) in SI units at the prior mean; NaN for what the points do not determine."""
         slopes = self.unknowns.slopes(self.unknowns.values(self.starts[:1]))[0]
         errors: Array = np.sqrt(np.diag(self.promise.covariance)) * slopes
-        return np.where(self.promise.determined, errors, np.nan)
+        return np.where(self.promise.determined, errors, np.nan)[: len(self.parameters)]
 
     @property
     def null_directions(self) -> tuple[str, ...]:
@@ -156,7 +170,7 @@ class Estimator:
         return Searches(residuals, self.noise_known, self.starts).searched(truth)
 
     def fit(self, y: Array, truth: Array) -> VirtualFits:
-        """Fit data (B, N, n_y) of true unknowns (B, P)."""
+        """Fit data (B, N, n_y) of true unknowns, the nuisance ones with them."""
         unknowns, residuals = self.unknowns, replace(self.residuals, y=y)
         true = unknowns.coordinates(truth)
         found = self.searched(residuals, true)
@@ -179,12 +193,13 @@ class Estimator:
         estimate = unknowns.values(minima.z)
         within = np.abs(minima.z - true) <= quantile(LEVEL, degrees_of_freedom) * spread
         ends = [WRONG if wrong and end == CONVERGED else ENDS[int(end)] for end, wrong in zip(minima.end, found.wrong, strict=True)]
+        own = slice(0, len(self.parameters))
         return VirtualFits(
-            truth,
-            estimate,
-            spread * unknowns.slopes(estimate),
-            within & determined,
-            held,
+            truth[:, own],
+            estimate[:, own],
+            (spread * unknowns.slopes(estimate))[:, own],
+            (within & determined)[:, own],
+            held[:, own],
             np.array(["" if end == ENDS[CONVERGED] else end for end in ends], dtype=np.str_),
         )
 
@@ -212,14 +227,19 @@ class VirtualExperiments:
 
     def run(self, theta: Array) -> VirtualFits:
         """Measure the points at true parameters theta (n, p), and fit the data of each virtual experiment."""
-        columns = [names_of(self.rig.model.parameters).index(name) for name in self.estimator.unknowns.names]
-        y, status = self.rig.measure(self.points, theta, self.streams, self.threads)
+        estimator = self.estimator
+        columns = [names_of(self.rig.model.parameters).index(name) for name in estimator.parameters]
+        y, status, deviations = self.rig.measure(self.points, theta, self.streams, self.threads)
+        of_nuisance = np.tile(estimator.unknowns.center[len(columns) :], (len(theta), 1))
+        if deviations.shape[1]:  # a true model of its own has its own constants
+            of_nuisance += deviations
+        truth = np.concatenate([theta[:, columns], of_nuisance], axis=1)
         failure = np.array([f"{NO_DATA}: {Status(int(code)).name}" for code in status], dtype="<U80")
         ok = status == Status.ok
         blank = np.full((len(theta), len(columns)), np.nan)
         found = VirtualFits(theta[:, columns], blank, blank.copy(), blank > 0, blank > 0, failure)
         if ok.any():
-            for whole, part in zip(found[1:], self.estimator.fit(y[ok], theta[ok][:, columns])[1:], strict=True):
+            for whole, part in zip(found[1:], estimator.fit(y[ok], truth[ok])[1:], strict=True):
                 whole[ok] = part
         return found
 

@@ -166,6 +166,8 @@ def done(validation: Validated) -> str:
         parts.append(f"data made by another model ({validation.truth.name})")
     if validation.problem.uncertain and validation.truth is None:
         parts.append(f"{', '.join(validation.problem.uncertain)} off by an error that all points of an experiment share")
+    if validation.problem.varies and validation.truth is None:
+        parts.append(f"{', '.join(validation.problem.varies)} drawn anew in each point or run")
     if validation.problem.initial_state_std:
         runs = [isinstance(design.points, Runs) for design in validation.designs.values()]
         kinds = [kind for kind, there in (("point", not all(runs)), ("run", any(runs))) if there]

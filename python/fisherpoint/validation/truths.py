@@ -35,46 +35,49 @@ class Rig:
     model : Model
         What makes the data.
     assumed : Assumed or None
-        What deviates from one virtual experiment to the next (constants), and from point to point or run to run (starts); None
-        where nothing does.
-    n_starts : int
-        The last so many of what is assumed are starts.
+        What deviates from one virtual experiment to the next (constants), and from point to point or run to run; None where nothing
+        does.
     noise_std : ndarray, (n_y,)
         NaN for an output that is not measured.
     """
 
     model: Model
     assumed: Assumed | None
-    n_starts: int
     noise_std: Array
 
     @classmethod
     def of(cls, problem: DesignProblem, truth: Model | None, noise_std: Mapping[str, float]) -> Rig:
         """The rig that the problem describes; a `truth` has exactly its own constants."""
-        model, uncertain = (problem.model, problem.uncertain) if truth is None else (truth, None)
-        starts = problem.initial_state_std
-        assumed = assumed_of(model, uncertain, starts) if uncertain or starts else None
+        model, uncertain, varies = (problem.model, problem.uncertain, problem.varies) if truth is None else (truth, None, None)
+        starts, assumed = problem.initial_state_std, None
+        if uncertain or varies or starts:
+            assumed = assumed_of(model, uncertain, varies, starts, problem.shared_starts)
         std = np.array([noise_std.get(name, np.nan) for name in names_of(model.outputs)])
-        return cls(model, assumed, len(starts or ()), std)
+        return cls(model, assumed, std)
 
-    def measure(self, points: Experiments | Runs, theta: Array, rng: Streams, threads: int) -> tuple[Array, IntArray]:
-        """Outputs (B, S, n_y) of all samples for true parameters (B, p), NaN where not measured, and the worst statuses (B,)."""
+    def measure(self, points: Experiments | Runs, theta: Array, rng: Streams, threads: int) -> tuple[Array, IntArray, Array]:
+        """What virtual experiments with true parameters (B, p) give.
+
+        Returns
+        -------
+        y : ndarray, (B, S, n_y)
+            Outputs of all samples, NaN where not measured.
+        status : ndarray of int, (B,)
+            The worst of each experiment.
+        nuisance : ndarray, (B, q)
+            By how much the constants of each plant deviate, SI units.
+        """
         count, n_points = len(theta), len(points)
         n_samples = int(points.measured.sum()) if isinstance(points, Runs) else n_points
         noise = self.noise_std * rng.noise.standard_normal((count, n_samples, len(self.noise_std)))
-        model, true = self.model, np.repeat(theta, n_points, axis=0)
+        model, true, common = self.model, np.repeat(theta, n_points, axis=0), np.zeros((count, 0))
         if self.assumed is not None:
-            model, std = self.assumed.model, self.assumed.std
-            n_constants = len(std) - self.n_starts
-            deviation = np.concatenate(
-                [
-                    np.repeat(rng.constants.standard_normal((count, n_constants)), n_points, axis=0),
-                    rng.starts.standard_normal((count * n_points, self.n_starts)),
-                ],
-                axis=1,
-            )
-            true = self.assumed.theta(true)
-            true[:, self.assumed.columns] += std * deviation
+            assumed, model = self.assumed, self.assumed.model
+            common = assumed.nuisance_std * rng.constants.standard_normal((count, len(assumed.nuisance)))
+            anew = assumed.std * rng.anew.standard_normal((count * n_points, len(assumed.columns)))
+            true = assumed.theta(true)
+            true[:, assumed.nuisance] += np.repeat(common, n_points, axis=0)
+            true[:, assumed.columns] += anew
         status = np.full(count * n_points, Status.not_finite, dtype=np.int32)
         rows = np.flatnonzero(sensible(model, true))
         y = np.zeros((count * n_points, *points.dt.shape[1:], len(self.noise_std)))
@@ -88,7 +91,7 @@ class Rig:
                 y[rows], status[rows] = done.y, done.status
         if isinstance(points, Runs):
             y = y[np.tile(points.measured, (count, 1))]
-        return y.reshape(count, n_samples, -1) + noise, first_failure(status.reshape(count, n_points))
+        return y.reshape(count, n_samples, -1) + noise, first_failure(status.reshape(count, n_points)), common
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +100,7 @@ class Streams:
 
     noise: np.random.Generator
     constants: np.random.Generator
-    starts: np.random.Generator
+    anew: np.random.Generator
 
     @classmethod
     def of(cls, seed: int) -> Streams:

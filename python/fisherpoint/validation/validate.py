@@ -109,8 +109,8 @@ def validate(
     count, seed = check_positive_int(runs, "runs", most=MOST_RUNS), check_positive_int(seed, "seed", 0)
     check_choice(noise, ("known", "estimated"), "noise")
     use_prior = check_flag(use_prior, "use_prior")
-    if noise == "estimated" and problem.assumed is not None:
-        raise ValueError("noise: expected 'known' beside uncertain or initial_state_std, given 'estimated'")
+    if noise == "estimated" and problem.assumed is not None and problem.assumed.columns:
+        raise ValueError("noise: expected 'known' beside varies or initial_state_std, given 'estimated'")
     if truth is not None:
         _check_truth(truth, problem.model)
     std = _noise_std(problem, noise_std)
@@ -130,7 +130,7 @@ def validate(
     validations = {
         name: DesignValidation.of(
             points,
-            dict(zip(estimators[name].unknowns.names, estimators[name].promised_errors.tolist(), strict=True)),
+            dict(zip(estimators[name].parameters, estimators[name].promised_errors.tolist(), strict=True)),
             problem.prior.std,
             estimators[name].null_directions,
             parts.get(name),

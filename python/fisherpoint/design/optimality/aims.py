@@ -42,6 +42,11 @@ class Aim(ABC):
     def __init__(self, criterion: Criterion) -> None:
         self.criterion, self.level = criterion, criterion.level
 
+    @property
+    def of_all(self) -> bool:
+        """Whether it is log det of the information about all parameters, or about all of them that are estimable."""
+        return isinstance(self.criterion, Determinant) and self.criterion.of_all
+
     def value(self, fisher: Array) -> float:
         """`level` log phi(F); -inf where F does not determine what is asked."""
         return self.level * self.criterion.log_phi(fisher)
@@ -156,7 +161,7 @@ class LogSubsetDet(_Sloped):
         return self.value(fisher)
 
     def within(self, factor: Array) -> Aim:
-        return LogSubsetDet(Determinant(self.criterion.name, _solved(factor, self._k), False))
+        return LogSubsetDet(Determinant(self.criterion.name, _solved(factor, self._k), False, self.of_all))
 
 
 class LogVariance(_Sloped):
@@ -239,7 +244,7 @@ def restricted(asked: Aim, space: Estimable) -> Aim:
     criterion = asked.criterion.restricted(space.span)
     if not len(space.null) or criterion is asked.criterion:
         return asked
-    if not isinstance(criterion, Determinant):
+    if not isinstance(criterion, Determinant) or not criterion.whole:
         return aim_of(criterion)
     # Q^T F Q = T^T B^T F B T with T = (Q^T B)^-1, as F = Q (Q^T F Q) Q^T
     size = np.linalg.slogdet(space.span.T @ space.into)[1] / space.rank

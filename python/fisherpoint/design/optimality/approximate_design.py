@@ -58,7 +58,9 @@ class ApproximateDesign(Shown, Kept):
         Where the output is predicted.
     scale : mapping of parameter name to float, or None
     n_experiments : int or None
-        With how many experiments the prior's information was weighed; None where it was not added.
+        Beside how many experiments what is known beforehand counts once; None where nothing was added.
+    prior_information : bool
+        Whether the prior's information about the parameters was added; that about uncertain constants always is.
     over : OverPrior or None
         The criterion over the prior; None where it is of the prior mean.
     points : Experiments
@@ -67,7 +69,8 @@ class ApproximateDesign(Shown, Kept):
         They sum to 1.
     information : ndarray, (p, p), or (S, p, p)
         M = sum_i w_i F_i, with parameters in units of their prior std, and 1/n_experiments of the prior's where it was added; in
-        each of the scenarios, where the criterion is over the prior.
+        each of the scenarios, where the criterion is over the prior. Uncertain constants and shared starts have rows and columns
+        of their own, behind those of the parameters.
     value : float
         The criterion at M, which is that of one experiment; n of them have n M. Over the prior it is the average over the scenarios
         of log phi times `level`, which is log det M for "D".
@@ -121,6 +124,7 @@ class ApproximateDesign(Shown, Kept):
     seconds: float
     _: KW_ONLY
     over: OverPrior | None = None
+    prior_information: bool = False
 
     _INSIDE = (Estimable, EstimableOver)
     _CODEC: ClassVar[Codec] = {
@@ -136,7 +140,8 @@ class ApproximateDesign(Shown, Kept):
 
     def _criterion_at(self, problem: DesignProblem) -> Criterion:
         options = {"of": self.of, "conditions": self.conditions, "scale": self.scale}
-        return criterion(problem, self.criterion_name, **options)  # type: ignore[arg-type]
+        asked = criterion(problem, self.criterion_name, **options)  # type: ignore[arg-type]
+        return asked.beside_nuisance(problem.n_nuisance)
 
     @cached_property
     def _scenarios(self) -> tuple[tuple[DesignProblem, ...], Average] | None:
@@ -148,7 +153,7 @@ class ApproximateDesign(Shown, Kept):
         if self._scenarios is None:
             return self.criterion
         problems, average = self._scenarios
-        return Averaged([self._criterion_at(one) for one in problems], average, [len(self.problem.estimated)] * len(problems))
+        return Averaged([self._criterion_at(one) for one in problems], average, [self.problem.n_unknowns] * len(problems))
 
     @property
     def scenario_values(self) -> tuple[float, ...] | None:
@@ -169,7 +174,9 @@ class ApproximateDesign(Shown, Kept):
 
     @property
     def _constant(self) -> Array | None:
-        return None if self.n_experiments is None else prior_information(self.problem) / self.n_experiments
+        if self.n_experiments is None:
+            return None
+        return prior_information(self.problem, self.prior_information) / self.n_experiments
 
     def sensitivity(self, points: Experiments, *, threads: int | None = None) -> Array:
         """The sensitivity function (K,) at any points; NaN where a point is none. The design is optimal where it is <= `level`."""

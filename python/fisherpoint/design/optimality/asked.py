@@ -103,13 +103,15 @@ class Asked(Protocol):
 
 
 def criterion_of(problem: DesignProblem, asked: Asked, threads: int | None = None) -> Criterion:
-    """What the settings of a search ask for."""
-    return criterion(problem, asked.criterion, of=asked.of, conditions=asked.conditions, scale=asked.scale, threads=threads)
+    """What the settings of a search ask for, of information about all unknowns: the parameters and the nuisance ones."""
+    found = criterion(problem, asked.criterion, of=asked.of, conditions=asked.conditions, scale=asked.scale, threads=threads)
+    return found.beside_nuisance(problem.n_nuisance)
 
 
 def criterion_of_design(problem: DesignProblem, asked: Asked, evaluation: Evaluation) -> Criterion:
-    """The same; where F of a design is singular, "A", "E" and "ME" ask for the rest."""
-    found, nulls = criterion_of(problem, asked), evaluation.null_directions
+    """What they ask of F, (p, p); where that of a design is singular, "A", "E" and "ME" ask for the rest."""
+    found = criterion(problem, asked.criterion, of=asked.of, conditions=asked.conditions, scale=asked.scale)
+    nulls = evaluation.null_directions
     if not nulls:
         return found
     columns = np.array([[null.get(name, 0.0) for name in evaluation.parameters] for null in nulls]).T
@@ -147,12 +149,13 @@ def _function(problem: DesignProblem, of: object) -> Array:
 
 def _predictions(problem: DesignProblem, of: object, conditions: object, threads: int | None) -> Array:
     """Gradients of the predictions as columns, so that tr(K^T M^-1 K) is their mean variance; at most p columns."""
+    p = len(problem.estimated)
     output = names_of(problem.model.outputs).index(check_choice(of, names_of(problem.model.outputs), "of"))
     check_type(conditions, Experiments, "conditions")
     assert isinstance(conditions, Experiments)
     if not len(conditions):
         raise ValueError("conditions: expected at least one point, given none")
-    rows = point_information(problem, conditions, False, threads).sensitivity[:, output]
+    rows = point_information(problem, conditions, False, threads).sensitivity[:, output, :p]
     if not rows.any():
         raise ValueError(f"of: expected an output that depends on a parameter under the conditions, given {of!r}")
     values, directions = np.linalg.svd(rows / np.sqrt(len(rows)), full_matrices=False)[1:]

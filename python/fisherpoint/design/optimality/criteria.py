@@ -150,13 +150,22 @@ class Criterion(InNotebooks):
         """The share of what is asked that is not estimable; 0 for criteria that ask for what is."""
         return 0.0
 
+    def beside_nuisance(self, nuisance: int) -> Criterion:
+        """The same of the first parameters, of information about these and as many nuisance parameters behind them."""
+        if nuisance:
+            raise ValueError(
+                f"criterion: expected 'D', 'Ds', 'A', 'c' or 'I' beside uncertain constants or shared starts, given {self.name!r}"
+            )
+        return self
+
 
 class Determinant(Criterion):
     """log det (K^T M^-1 K)^-1: "D" where K is the identity, "Ds" where it picks parameters and the others are nuisance."""
 
-    def __init__(self, name: str, k: Array, whole: bool) -> None:
+    def __init__(self, name: str, k: Array, whole: bool, of_all: bool = False) -> None:
         self.name, self.k, self.level = name, k, k.shape[1]
         self.whole = whole  # K spans everything, or all that is estimable: D, in whatever coordinates
+        self.of_all = whole or of_all  # it asks for all that is estimable of K, whose columns are orthonormal
 
     def value(self, information: Array) -> float:
         return self.of_log_phi(self.log_phi(information))
@@ -198,13 +207,24 @@ class Determinant(Criterion):
     def within(self, estimable: Estimable) -> Criterion:
         if self.whole:
             return Determinant(self.name, np.eye(estimable.rank), True)
-        return Determinant(self.name, estimable.into.T @ self.k, False)
+        k = self._estimable_part(estimable.span) if self.of_all and len(estimable.null) else self.k
+        return Determinant(self.name, estimable.into.T @ k, False, self.of_all)
 
     def restricted(self, span: Array) -> Criterion:
-        return Determinant(self.name, np.asarray(span), True) if self.whole else self
+        if self.whole:
+            return Determinant(self.name, np.asarray(span), True)
+        return Determinant(self.name, self._estimable_part(span), False, True) if self.of_all else self
+
+    def beside_nuisance(self, nuisance: int) -> Criterion:
+        return Determinant(self.name, _padded(self.k, nuisance), False, self.whole) if nuisance else self
 
     def outside(self, estimable: Estimable) -> float:
-        return 0.0 if self.whole else estimable.outside(self.k)
+        return 0.0 if self.of_all else estimable.outside(self.k)
+
+    def _estimable_part(self, span: Array) -> Array:
+        """An orthonormal basis of what of K is in the span: all of a column, or of a sum of columns, or nothing."""
+        u, s, _ = np.linalg.svd(span @ (span.T @ self.k), full_matrices=False)
+        return np.asarray(u[:, s > 0.5])
 
 
 class Variance(Criterion):
@@ -247,6 +267,9 @@ class Variance(Criterion):
 
     def restricted(self, span: Array) -> Criterion:
         return Variance(self.name, span @ (span.T @ self.k)) if self.whole else self
+
+    def beside_nuisance(self, nuisance: int) -> Criterion:
+        return Variance(self.name, _padded(self.k, nuisance), self.whole) if nuisance else self
 
     def outside(self, estimable: Estimable) -> float:
         return 0.0 if self.whole else estimable.outside(self.k)
@@ -355,6 +378,11 @@ class ConditionNumber(Criterion):
 
     def restricted(self, span: Array) -> Criterion:
         return ConditionNumber(_without_zeros(self.k, span))
+
+
+def _padded(k: Array, nuisance: int) -> Array:
+    """K with rows of zeros for the nuisance parameters."""
+    return np.concatenate([k, np.zeros((nuisance, k.shape[1]))])
 
 
 def _without_zeros(k: Array, span: Array) -> Array:

@@ -50,7 +50,8 @@ class ExactDesign(Shown, Kept):
     counts : ndarray of int, (m,)
         How often each is.
     information : ndarray, (p, p)
-        sum_i n_i F_i, with parameters in units of their prior std, and that of the prior where it was added.
+        sum_i n_i F_i, with parameters in units of their prior std, and that of the prior where it was added. Uncertain constants
+        have rows and columns of their own, behind those of the parameters.
     value : float
         The criterion at this matrix.
     efficiency : float
@@ -103,7 +104,8 @@ class ExactDesign(Shown, Kept):
     def criterion(self) -> Criterion:
         """The criterion, as a function of information matrices."""
         options = {"of": self.of, "conditions": self.conditions, "scale": self.scale}
-        return criterion(self.problem, self.criterion_name, **options)  # type: ignore[arg-type]
+        asked = criterion(self.problem, self.criterion_name, **options)  # type: ignore[arg-type]
+        return asked.beside_nuisance(self.problem.n_nuisance)
 
     @property
     def proven(self) -> bool:

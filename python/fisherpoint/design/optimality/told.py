@@ -10,9 +10,9 @@ from ...basics.values import Array
 from ...information.combinations import combinations
 from ...information.null_space import null_directions
 from ...information.problem import DesignProblem
-from .aims import Aim, LogDet, restricted
+from .aims import Aim, aim_of, restricted
+from .asked import criterion
 from .candidate_rows import CandidateRows
-from .criteria import Determinant
 from .estimable import Estimable, estimable
 
 NOT_TOLD = 1e-6
@@ -68,7 +68,7 @@ def told_aims(
         spaces = [estimable(CandidateRows(own, there / count).triangle()) for own, there in zip(rows, known, strict=True)]
     for aim, own, there, space in zip(aims, rows, known, spaces, strict=True):
         name = aim.criterion.name
-        if not space.rank or aim.criterion.outside(space) > NOT_TOLD:
+        if not determined(problem, space) or aim.criterion.outside(space) > NOT_TOLD:
             raise ValueError(
                 f"region: expected {kind} that determine what criterion {name!r} asks, given none that tell about "
                 f"{combinations(not_told(problem, space))}"
@@ -80,13 +80,13 @@ def told_aims(
         too_few = most < space.rank
         if singular == "error":
             refuse_open(problem, space, count if too_few else None, named)
-        if too_few and not isinstance(aim, LogDet):
+        if too_few and not aim.of_all:
             if named == RUNS:
                 raise ValueError(
-                    f"{size}: expected {kind} enough to determine {space.rank} parameters, all of which criterion {name!r} asks "
-                    f"for, given {count}, which determine {most} at most"
+                    f"{size}: expected {kind} enough to determine {determined(problem, space)} parameters, all of which criterion "
+                    f"{name!r} asks for, given {count}, which determine {most - problem.n_nuisance} at most"
                 )
-            aim = LogDet(Determinant("D", np.eye(len(space.length)), True))
+            aim = aim_of(criterion(problem, "D").beside_nuisance(problem.n_nuisance))
         result.append(restricted(aim, space))
     return tuple(result), tuple(spaces)
 
@@ -102,15 +102,21 @@ def refuse_open(problem: DesignProblem, space: Estimable, count: int | None, nam
         )
     if count is not None:
         raise ValueError(
-            f"{size}: expected {kind} enough to determine {space.rank} parameters, as singular = 'error' asks, given "
-            f"{count}, which leave some of them open whatever the {kind} are: take more {kind}, or estimate fewer parameters "
+            f"{size}: expected {kind} enough to determine {determined(problem, space)} parameters, as singular = 'error' asks, "
+            f"given {count}, which leave some of them open whatever the {kind} are: take more {kind}, or estimate fewer parameters "
             "(parameters = [...])"
         )
 
 
+def determined(problem: DesignProblem, space: Estimable) -> int:
+    """How many combinations of the estimated parameters candidates determine: something is known of each nuisance one."""
+    return space.rank - problem.n_nuisance
+
+
 def not_told(problem: DesignProblem, space: Estimable) -> tuple[Mapping[str, float], ...]:
     """Combinations of standardised parameters that no candidate tells about."""
-    return null_directions(space.null, space.length, problem.estimated)
+    p = len(problem.estimated)  # nuisance parameters take no part in any: something is known of each
+    return null_directions(space.null[:, :p], space.length[:p], problem.estimated)
 
 
 def _most(rows: Array, known: Array, count: int, enough: int) -> int:

@@ -124,7 +124,7 @@ class ExchangeSearch(PointSearch):
         """log det F with each candidate beside the design, (K,)."""
         prepared = self.criterion.prepare(candidates)
         phis: Array = accumulator.log_det_with(
-            prepared.sensitivity, prepared.covariance, self.criterion.given, self.criterion.pooled, ridge
+            prepared.sensitivity, prepared.covariance, self.criterion.given, self.criterion.pooled, ridge, self.problem.n_nuisance
         )
         return phis
 
@@ -136,7 +136,8 @@ class ExchangeSearch(PointSearch):
         sensitivity = np.concatenate([self.best.prepared.sensitivity, added.sensitivity])
         covariance = np.concatenate([self.best.prepared.covariance, added.covariance])
         accumulator.add(added.sensitivity, added.covariance)
-        phis = accumulator.log_det_without(sensitivity, covariance, self.criterion.given, self.criterion.pooled, ridge)
+        d = self.criterion
+        phis = accumulator.log_det_without(sensitivity, covariance, d.given, d.pooled, ridge, self.problem.n_nuisance)
         accumulator.remove(added.sensitivity, added.covariance)
         leaving = int(np.argmax(phis))
         last = len(phis) - 1

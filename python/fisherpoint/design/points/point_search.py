@@ -21,7 +21,7 @@ from ...points.experiments import Experiments
 from ..average import Average
 from ..efficiency import Efficiency
 from ..found import FoundDesign, TraceRecord
-from ..optimality.aims import Aim, LogDet, LogDetWithin, aim_of, restricted
+from ..optimality.aims import Aim, LogDet, aim_of, restricted
 from ..optimality.asked import criterion_of
 from ..optimality.candidate_rows import CandidateRows
 from ..optimality.estimable import Estimable, estimable
@@ -81,8 +81,7 @@ class PointSearch:
         self.space: Estimable | None = None  # what these determine, at the prior mean, where it was looked at
         self.spaces: tuple[Estimable, ...] | None = None  # the same of the pools of a search, in each scenario
         self.ridge = 0.0  # what was added to F while designs were singular
-        p = len(self.problem.estimated)
-        self.of_prior = prior_information(self.problem) if self.settings.prior_information else np.zeros((p, p))
+        self.of_prior = prior_information(self.problem, self.settings.prior_information)
         self.seen = SeenCandidates(self.problem, self.threads, self.aims, self.of_prior)
         self.away = None if self.settings.confidence is None else Away(self.problem, self.settings, self.seen.validity)
         keep = self.seen.add if self.settings.references and self.problem.noise_std is not None else None
@@ -256,7 +255,7 @@ class PointSearch:
             everything = own if known is None else PointInformation.join([known, own])
             evaluation = evaluate_information(problem, everything, self.criterion, self.threads, self.settings.prior_information)
             log_det = evaluation.log_det
-            if isinstance(aim, LogDetWithin) and evaluation.rank == aim.level:
+            if aim.of_all and evaluation.rank == aim.level:
                 log_det = float(evaluation.log_det_estimable or 0.0)
             scale = evaluation.rank * float(np.log(len(everything) / total))
             evaluations.append(replace(evaluation, log_det=log_det + scale))

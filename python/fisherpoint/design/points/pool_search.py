@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from ...basics.values import Array
 from ...information.point_information import PointInformation
 from ...points.region import ExperimentRegion
-from ..optimality.aims import LogDet
-from ..optimality.criteria import Determinant
+from ..optimality.aims import aim_of
+from ..optimality.asked import criterion
 from ..optimality.estimable import Estimable
 from ..optimality.told import told_aims
 from .climbs import higher
@@ -61,13 +61,14 @@ class PoolSearch(PointSearch):
         region = self.problem.region
         assert isinstance(region, ExperimentRegion)
         self._lower, self._upper = region.box(self.problem.model)
-        p = len(self.problem.estimated)
+        p = self.problem.n_unknowns
         self._known = np.tile(self.of_prior, (len(self.over.problems), 1, 1))
         for s, known in enumerate(self.over.previous):
             if known is not None:
                 rows = whitened_rows(self.criterion, known).reshape(-1, p)
                 self._known[s] += np.einsum("kp,kq->pq", rows, rows)
-        self._level, self._log_dets = self.aims[0].level, [LogDet(Determinant("D", np.eye(p), True))] * len(self.aims)
+        of_d = aim_of(criterion(self.problem, "D").beside_nuisance(self.problem.n_nuisance))
+        self._level, self._log_dets = self.aims[0].level, [of_d] * len(self.aims)
         self._drawn_share = max(LEAST_SHARE, min(1.0, AS_MANY / len(self._known)))
         self._rng = np.random.default_rng([self.settings.seed, 2])
         self.lineage = Lineage()

@@ -22,7 +22,7 @@ from ..optimality.asked import criterion as criterion_asked
 from ..optimality.candidate_rows import CandidateRows, Places
 from ..optimality.criteria import ConditionNumber, Determinant
 from ..optimality.estimable import estimable
-from ..optimality.told import NOT_TOLD
+from ..optimality.told import NOT_TOLD, determined
 from ..optimality.weights import Weights, optimal_weights
 from ..over_prior import Scenarios
 from .over_bound import over_bound
@@ -79,7 +79,8 @@ class SeenCandidates:
         self, problem: DesignProblem, threads: int, aims: Sequence[Aim] | None = None, of_prior: Array | float = 0.0
     ) -> None:
         self._problem, self._threads, self._of_prior = problem, threads, of_prior
-        self.aims = (aim_of(criterion_asked(problem)),) if aims is None else tuple(aims)
+        d = criterion_asked(problem).beside_nuisance(problem.n_nuisance)
+        self.aims = (aim_of(d),) if aims is None else tuple(aims)
         self._seen: list[PointInformation] = []
         self._numbers = 0
         self.validity = Validity(problem, threads, needs_covariances(str(problem.output_covariance)))
@@ -178,8 +179,7 @@ class SeenCandidates:
             known = np.asarray(self._of_prior / count) if known is None else known + self._of_prior / count
         candidates = CandidateRows(rows, known)
         space, aim = estimable(candidates.triangle()), self.aims[0]
-        whole = isinstance(aim, LogDet | LogDetWithin)
-        lost = space.rank != aim.level if whole else aim.criterion.outside(space) > NOT_TOLD
+        lost = determined(self._problem, space) != aim.level if aim.of_all else aim.criterion.outside(space) > NOT_TOLD
         if lost or isinstance(aim.criterion, ConditionNumber):
             return None
         valid = np.arange(len(rows)) < count

@@ -147,8 +147,7 @@ def design_runs(
     if keep is not None:
         kept = _kept(keep, problem.region, settings.n_runs)
         there = there + np.array([_information_of_kept(moved, kept, threads) for moved in problems])
-    if settings.prior_information:
-        there = there + information_of_prior(problem)
+    there = there + information_of_prior(problem, settings.prior_information)
     with following(progress, "start", _step, "drawing the first runs") as told:
         search = RunSearch(
             problem,
@@ -253,7 +252,7 @@ def _known_there(
     if known is not None and moved is not problem:
         known, _ = previous_information(moved, previous, threads)
     if known is None:
-        return np.zeros((len(problem.estimated), len(problem.estimated)))
+        return np.zeros((problem.n_unknowns, problem.n_unknowns))
     measured = known.sensitivity if known.measured is None else np.where(known.measured[:, :, None], known.sensitivity, 0.0)
     return np.asarray(information_matrices(moved, measured[None])[0])
 

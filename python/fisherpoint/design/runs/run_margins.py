@@ -41,8 +41,9 @@ class RunMargins:
         parts = np.zeros((len(problem.estimated), size))
         parts[:, problem.estimated_columns] = factor.T
         if assumed is not None:
-            further = np.zeros((len(assumed.columns), size))
-            further[np.arange(len(assumed.columns)), assumed.columns] = assumed.std
+            columns, std = [*assumed.nuisance, *assumed.columns], np.append(assumed.nuisance_std, assumed.std)
+            further = np.zeros((len(columns), size))
+            further[np.arange(len(columns)), columns] = std
             parts = np.concatenate([parts, further])
         self._parts = parts
 

@@ -15,7 +15,7 @@ from ...points.status import Status
 
 
 class RunPlants:
-    """Plants drawn from the prior, and from what is uncertain; each has one deviation of its starts.
+    """Plants drawn from the prior, and from what is uncertain; each has one deviation of what is drawn anew in each run.
 
     Parameters
     ----------
@@ -28,10 +28,10 @@ class RunPlants:
 
     def __init__(self, problem: DesignProblem, count: int, rng: np.random.Generator, settings: Settings) -> None:
         self._theta, _ = drawn_plants(problem, count, rng)
-        assumed, starts = problem.assumed, len(problem.initial_state_std or ())
+        assumed = problem.assumed
         self._model, self._settings = problem.limited if assumed is None else assumed.model, settings
-        if assumed is not None and starts:
-            self._theta[:, assumed.columns[-starts:]] += assumed.std[-starts:] * rng.standard_normal((count, starts))
+        if assumed is not None and assumed.columns:
+            self._theta[:, assumed.columns] += assumed.std * rng.standard_normal((count, len(assumed.columns)))
 
     def __len__(self) -> int:
         return len(self._theta)

@@ -88,7 +88,8 @@ class RunPool:
         left = np.zeros(len(values), dtype=bool) if alone else values < SINGULAR
         self.singular = bool(left.any())
         length = np.sqrt(np.maximum(np.diag(everything), 0.0))
-        self.open = null_directions(vectors[:, left].T, length, objective.problem.estimated)
+        names = objective.problem.estimated
+        self.open = null_directions(vectors[: len(names), left].T, length[: len(names)], names)
 
     @property
     def rows(self) -> Array:

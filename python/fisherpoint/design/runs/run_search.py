@@ -21,7 +21,7 @@ from ...information.run_information import run_rows, run_settings
 from ...points.run_region import RunCoordinates, RunRegion
 from ...points.runs import Runs
 from ..average import Average
-from ..optimality.aims import Aim, LogDet
+from ..optimality.aims import Aim
 from ..optimality.told import RUNS, told_aims
 from .run_ascent import Peak, ascend
 from .run_moves import moved_runs
@@ -148,10 +148,10 @@ class RunSearch:
         self._sketched: list[Found] = []
         wanted = max(4 * n_runs, 20, min(n_candidates, MOST_SEGMENTS_OF_POOL // (region.segments * len(plants))))
         self.pool = RunPool(self.objective, wanted, self._rng)
-        self.singular = self.pool.singular and isinstance(aims[0], LogDet)
+        self.singular = self.pool.singular and aims[0].of_all
         if self.singular:
             self.objective.previous = self.objective.previous + RIDGE * np.eye(previous.shape[-1])
-        elif not isinstance(aims[0], LogDet):
+        elif not aims[0].of_all:
             self.objective.aims, _ = told_aims(problem, aims, self.pool.rows, previous, n_runs, "estimable", RUNS)
         self._kappa = 0.0 if confidence is None or self._easy() else KAPPA
         if self._kappa:
