@@ -116,7 +116,8 @@ def measured(candidate: Candidate, case: Case, noise: float, theta: Array) -> tu
     constants: dict[str, Any] = {"T_1": case.factor * T_1}
     if isinstance(candidate.data, fp.Experiments):
         rig = Rig.of(asked, fp.HydraulicCylinder(**constants), asked.noise_std or {})
-        return rig.measure(candidate.data, theta, streams, resolve_threads(None))
+        y, status, _ = rig.measure(candidate.data, theta, streams, resolve_threads(None))
+        return y, status
     one = candidate.data
     x0 = np.tile([one.x0[state.name] for state in MODEL.states], (len(theta), 1))
     true = fp.HydraulicCylinder(**constants, smooth=SMOOTH)

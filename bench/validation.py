@@ -78,7 +78,7 @@ def _figures(
     threads = resolve_threads(None)
     estimator = Estimator.of(problem, points, NOISE_STD, True, False, rtol, threads)
     theta, _ = truths_of(problem, "mean", FITS, 0)
-    y, _ = Rig.of(problem, None, NOISE_STD).measure(points, theta, Streams.of(0), threads)
+    y, _, _ = Rig.of(problem, None, NOISE_STD).measure(points, theta, Streams.of(0), threads)
     residuals = replace(estimator.residuals, y=y)
     starts = np.tile(estimator.start, (FITS, 1))
     bounds = estimator.unknowns.lower, estimator.unknowns.upper

@@ -34,7 +34,7 @@ def point_cases() -> dict[str, Case]:
             model=of_model,
             points=of_points,
             theta=theta,
-            uncertain=({"d": 0.1}, MAP, NONE),
+            varies=({"d": 0.1}, MAP, NONE),
             initial_state_std=({"h": 0.01}, MAP, NONE),
             rule=(None, NONE),
             **SETTINGS,

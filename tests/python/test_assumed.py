@@ -1,4 +1,4 @@
-"""What is assumed and not exact: its tangents by a second route, its share of D, and where it keeps points away from."""
+"""What is drawn anew in each point: its tangents by a second route, its share of D, and where it keeps points away from."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_tangents_of_the_cylinder_are_those_of_other_cylinders_and_starts(chosen
     order = ["A_A", "p_s", "T_1", "q", "v", "p_A"]
     names = order if chosen == "all" else [chosen]
     constants, starts = ({name: of[name] for name in names if name in of} for of in (UNCERTAIN, STARTS))
-    actual = assumed_covariance(MODEL, POINTS, THETA, uncertain=constants, initial_state_std=starts, rtol=TIGHT)
+    actual = assumed_covariance(MODEL, POINTS, THETA, varies=constants, initial_state_std=starts, rtol=TIGHT)
     assert not actual.status.any()
     tangents = cylinder_tangents(POINTS)[:, :, [order.index(name) for name in names]]
     close(actual.covariance, share(tangents, [everything[name] for name in names]), 1e-6)
@@ -115,19 +115,19 @@ def test_tangents_of_a_python_model() -> None:
 
     uncertain, starts = {"gain": 0.01, "k3": 0.02, "area": 0.05}, {"h1": 0.01, "h2": 0.003}
     tangents = [central(outputs(name), 1e-3) for name in uncertain] + [central(started(place), 1e-3) for place in (0, 1)]
-    actual = assumed_covariance(tanks, TANK_POINTS, TANK_THETA, uncertain=uncertain, initial_state_std=starts, rtol=TIGHT)
+    actual = assumed_covariance(tanks, TANK_POINTS, TANK_THETA, varies=uncertain, initial_state_std=starts, rtol=TIGHT)
     close(actual.covariance, share(np.stack(tangents, axis=2), [*uncertain.values(), *starts.values()]), 1e-6)
 
 
 def test_without_a_standard_deviation_there_is_no_share() -> None:
     for stds in ({}, None, {"T_1": 0.0}):
-        assert not assumed_covariance(MODEL, POINTS, THETA, uncertain=stds, initial_state_std=None).covariance.any()
-    assert not assumed_covariance(MODEL, POINTS, THETA, uncertain=None, initial_state_std={"q": 0.0}).covariance.any()
+        assert not assumed_covariance(MODEL, POINTS, THETA, varies=stds, initial_state_std=None).covariance.any()
+    assert not assumed_covariance(MODEL, POINTS, THETA, varies=None, initial_state_std={"q": 0.0}).covariance.any()
 
 
 def test_a_point_whose_tangents_fail_has_a_status_and_zeros() -> None:
     points = fp.Experiments.join([point(), point(v=1e-4, p_A=15e6, p_B=3e6, dt=5e-3), point(v=-1e-3, p_A=15e6, p_B=3e6)])
-    result = assumed_covariance(MODEL, points, THETA, uncertain=UNCERTAIN, initial_state_std=STARTS, jumps="exclude")
+    result = assumed_covariance(MODEL, points, THETA, varies=UNCERTAIN, initial_state_std=STARTS, jumps="exclude")
     expected = fp.simulate(MODEL, points, THETA, jumps="exclude").status
     assert expected.any() and not expected.all()
     np.testing.assert_array_equal(result.status, expected)
@@ -151,7 +151,7 @@ def expected_d(given: fp.DesignProblem, points: fp.Experiments) -> Floats:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_each_point_is_weighed_with_its_own_covariance(kind: str) -> None:
-    given = problem(output_covariance=kind, uncertain=UNCERTAIN, initial_state_std=STARTS)
+    given = problem(output_covariance=kind, varies=UNCERTAIN, initial_state_std=STARTS)
     evaluation = fp.evaluate_design(given, POINTS)
     d = expected_d(given, POINTS)
     size = np.sqrt(np.diagonal(d, axis1=1, axis2=2).max(axis=0))
@@ -165,14 +165,14 @@ def test_each_point_is_weighed_with_its_own_covariance(kind: str) -> None:
 
 
 def test_what_is_uncertain_makes_no_point_better() -> None:
-    exact, uncertain = (fp.evaluate_design(problem(uncertain=of), POINTS) for of in (None, UNCERTAIN))
+    exact, uncertain = (fp.evaluate_design(problem(varies=of), POINTS) for of in (None, UNCERTAIN))
     assert exact.standard_errors is not None and uncertain.standard_errors is not None
     assert all(uncertain.standard_errors[name] > exact.standard_errors[name] for name in NAMES)
 
 
 def test_a_design_that_knows_what_is_uncertain_hangs_on_it_less() -> None:
     """What docs/how_to/assumptions.md states of T_1, with a shorter search."""
-    exact, stated = (problem(uncertain=of, rule=fp.SparseGaussHermite(2)) for of in (None, {"T_1": 2.2e-4}))
+    exact, stated = (problem(varies=of, rule=fp.SparseGaussHermite(2)) for of in (None, {"T_1": 2.2e-4}))
     blind, aware = (fp.exchange(of, 12, n_candidates=50, max_iterations=80, references=False).points for of in (exact, stated))
     log_dets = {
         name: [fp.evaluate_design(of, points).log_det for of in (exact, stated)]
@@ -186,8 +186,8 @@ def test_a_design_that_knows_what_is_uncertain_hangs_on_it_less() -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_nothing_uncertain_is_the_same_to_the_last_bit(kind: str) -> None:
     without = fp.exchange(problem(output_covariance=kind), **QUICK)
-    given = problem(output_covariance=kind, uncertain={}, initial_state_std={})
-    assert (given.uncertain, given.initial_state_std, given.assumed) == (None, None, None)
+    given = problem(output_covariance=kind, varies={}, initial_state_std={})
+    assert (given.varies, given.initial_state_std, given.assumed) == (None, None, None)
     empty = fp.exchange(given, **QUICK)
     assert same_bits(empty.points.table, without.points.table)
     assert same_bits(empty.evaluation.fisher, without.evaluation.fisher)
@@ -197,7 +197,7 @@ def test_nothing_uncertain_is_the_same_to_the_last_bit(kind: str) -> None:
 def test_a_parameter_that_is_not_estimated_may_be_uncertain() -> None:
     chosen = [name for name in NAMES if name != "c_L"]
     known = fp.evaluate_design(problem(parameters=chosen), POINTS)
-    uncertain = fp.evaluate_design(problem(parameters=chosen, uncertain={"c_L": PRIOR.std["c_L"]}), POINTS)
+    uncertain = fp.evaluate_design(problem(parameters=chosen, varies={"c_L": PRIOR.std["c_L"]}), POINTS)
     s = fp.sensitivities(MODEL, POINTS, THETA).dy_dtheta
     g = s[:, :, [NAMES.index("c_L")]] * PRIOR.std["c_L"]
     r = np.diag(np.square(list(NOISE.values())))
@@ -207,7 +207,7 @@ def test_a_parameter_that_is_not_estimated_may_be_uncertain() -> None:
 
 def test_the_predictive_form_is_16_over_what_is_uncertain() -> None:
     rule = fp.TensorGrid(3, span=1.5)
-    given = problem(uncertain={"T_1": 6e-4}, assumed_covariance="predictive", rule=rule, jumps="exclude")
+    given = problem(varies={"T_1": 6e-4}, assumed_covariance="predictive", rule=rule, jumps="exclude")
     points = POINTS[[k for k in range(12) if k != 9]]  # which meets the jump at one of the three values of T_1
     with pytest.raises(ValueError, match=r"points\[9\] \(met_jump\)"):
         fp.evaluate_design(given, POINTS)
@@ -217,7 +217,7 @@ def test_the_predictive_form_is_16_over_what_is_uncertain() -> None:
     expected = np.einsum("r,rki,rkj->kij", weights / weights.sum(), off, off)
     actual = fp.evaluate_design(given, points).output_covariance - np.diag(np.square(list(NOISE.values())))
     close(actual, expected, 1e-4)
-    tangents = assumed_covariance(MODEL, points, THETA, uncertain={"T_1": 6e-4}).covariance
+    tangents = assumed_covariance(MODEL, points, THETA, varies={"T_1": 6e-4}).covariance
     with pytest.raises(AssertionError):  # T_1 is far enough from linear here
         close(tangents, expected, 1e-2)
     linear = fp.evaluate_design(given.replace(rule=fp.Linearized()), points).output_covariance
@@ -230,8 +230,8 @@ def test_estimates_take_either_form() -> None:
     data = fp.Measurements(points, fp.simulate(MODEL, points, THETA, rtol=1e-9).y)
     names, uncertain = ["E_oil"], {"T_1": 6e-4}
     for rule in (None, fp.TensorGrid(3, span=1.5)):
-        fit = fp.estimate(MODEL, data, start=PRIOR.mean, parameters=names, noise_std=NOISE, uncertain=uncertain, assumed_rule=rule)
-        share = assumed_covariance(MODEL, points, THETA, uncertain=uncertain, rtol=1e-9, rule=rule).covariance
+        fit = fp.estimate(MODEL, data, start=PRIOR.mean, parameters=names, noise_std=NOISE, varies=uncertain, assumed_rule=rule)
+        share = assumed_covariance(MODEL, points, THETA, varies=uncertain, rtol=1e-9, rule=rule).covariance
         s = fp.sensitivities(MODEL, points, THETA, rtol=1e-9).dy_dtheta[:, :, NAMES.index("E_oil")]
         d = np.diag(np.square(list(NOISE.values()))) + share
         information = np.einsum("ki,ki->", s, np.linalg.solve(d, s[:, :, None])[:, :, 0])
@@ -240,7 +240,7 @@ def test_estimates_take_either_form() -> None:
 
 def test_both_forms_agree_where_deviations_are_small() -> None:
     chosen = [name for name in NAMES if name != "c_L"]
-    small: dict[str, Any] = {"uncertain": {"T_1": 2e-6, "c_L": 2e-12}, "initial_state_std": {"q": 1e-6, "v": 1e-5, "p_A": 100.0}}
+    small: dict[str, Any] = {"varies": {"T_1": 2e-6, "c_L": 2e-12}, "initial_state_std": {"q": 1e-6, "v": 1e-5, "p_A": 100.0}}
     tangents = problem(parameters=chosen, rule=fp.SparseGaussHermite(2), **small)
     shares = [
         fp.evaluate_design(given, POINTS).output_covariance - given.noise_covariance
@@ -286,7 +286,7 @@ def test_candidates_near_a_jump_are_rejected_and_counted() -> None:
     assert np.abs(design.points.x0[:, 1]).min() >= MARGIN * 0.02
     assert design.rejected["starts near v = 0"] > 0
     assert design.drawn == design.accepted + sum(design.rejected.values())
-    assert "starts near v = 0" not in fp.exchange(problem(uncertain=UNCERTAIN), **QUICK).rejected
+    assert "starts near v = 0" not in fp.exchange(problem(varies=UNCERTAIN), **QUICK).rejected
     # What was measured there counts all the same.
     assert np.isfinite(fp.evaluate_design(given, POINTS).log_det)
 
@@ -310,6 +310,9 @@ def test_candidates_near_a_jump_are_rejected_and_counted() -> None:
             ValueError,
             r"uncertain: expected constants or parameters that are not estimated, given 'c_L'",
         ),
+        ({"varies": {"c_L": 1e-9}}, ValueError, r"varies: expected constants or parameters that are not estimated, given 'c_L'"),
+        ({"varies": {"T1": 1e-4}}, ValueError, r"varies: expected names of A_A, A_B.*; given unknown 'T1'"),
+        ({"uncertain": {"T_1": 1e-4}, "varies": {"T_1": 1e-4}}, ValueError, r"varies: expected names that are not among uncertain"),
         ({"uncertain": ["T_1"]}, TypeError, r"uncertain: expected a mapping of names to numbers, given list"),
         (
             {"initial_state_std": {"u": 1e-3}},
@@ -319,7 +322,7 @@ def test_candidates_near_a_jump_are_rejected_and_counted() -> None:
         ({"initial_state_std": {"q": "a"}}, ValueError, r"initial_state_std\['q'\]: expected numbers"),
         ({"assumed_covariance": "exact"}, ValueError, r"assumed_covariance: expected 'tangents' or 'predictive', given 'exact'"),
         (
-            {"uncertain": {"T_1": 1e-4}, "assumed_covariance": "predictive"},
+            {"varies": {"T_1": 1e-4}, "assumed_covariance": "predictive"},
             ValueError,
             r"rule: expected one without names of parameters for assumed_covariance='predictive'",
         ),
@@ -333,11 +336,12 @@ def test_mistakes(changes: dict[str, Any], error: type[Exception], expected: str
 def test_a_model_without_equations_has_no_uncertain_constants() -> None:
     model = callable_tanks(constants={"gain": (1.0, "1")})
     theta = model.theta(model.nominal)
-    with pytest.raises(TypeError, match=r"uncertain: expected a model with equations .*, given a CallableModel"):
-        assumed_covariance(model, TANK_POINTS, theta, uncertain={"gain": 0.1})
+    with pytest.raises(TypeError, match=r"varies: expected a model with equations .*, given a CallableModel"):
+        assumed_covariance(model, TANK_POINTS, theta, varies={"gain": 0.1})
     prior = fp.GaussianPrior(model.nominal, relative_std=dict.fromkeys(model.nominal, 0.1))
-    with pytest.raises(TypeError, match=r"uncertain: expected a model with equations"):
-        fp.DesignProblem(model, prior, None, noise_std={"y": 0.01}, uncertain={"gain": 0.1})
+    for label in ("uncertain", "varies"):
+        with pytest.raises(TypeError, match=rf"{label}: expected a model with equations"):
+            fp.DesignProblem(model, prior, None, noise_std={"y": 0.01}, **{label: {"gain": 0.1}})
 
 
 @pytest.mark.filterwarnings("ignore:.*:UserWarning")
@@ -352,5 +356,5 @@ def test_its_starts_and_its_parameters_may_be_uncertain() -> None:
         return fp.simulate(model, TANK_POINTS, theta + by * np.eye(4)[2], rtol=1e-10).y
 
     tangents = np.stack([central(other_theta, 1e-3), central(started, 1e-3)], axis=2)
-    actual = assumed_covariance(model, TANK_POINTS, theta, uncertain={"k3": 0.02}, initial_state_std={"h1": 0.01}, rtol=1e-8)
+    actual = assumed_covariance(model, TANK_POINTS, theta, varies={"k3": 0.02}, initial_state_std={"h1": 0.01}, rtol=1e-8)
     close(actual.covariance, share(tangents, [0.02, 0.01]), 1e-5)

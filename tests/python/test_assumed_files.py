@@ -1,9 +1,10 @@
-"""What is assumed and not exact in saved designs, in TOML files and in reports."""
+"""What is not known exactly in saved designs, in TOML files and in reports."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,12 +14,14 @@ from defaults import problem, same_bits, without_checksum
 from test_assumed import QUICK, STARTS, UNCERTAIN
 
 
-def test_a_design_with_uncertain_constants_comes_back_and_repeats(tmp_path: Path) -> None:
-    given = problem(uncertain=UNCERTAIN, initial_state_std=STARTS, rule=fp.SparseGaussHermite(2), assumed_covariance="tangents")
+@pytest.mark.parametrize("label", ["uncertain", "varies"])
+def test_a_design_with_uncertain_constants_comes_back_and_repeats(tmp_path: Path, label: str) -> None:
+    stated: dict[str, Any] = {label: UNCERTAIN, "assumed_covariance": "tangents"}
+    given = problem(initial_state_std=STARTS, rule=fp.SparseGaussHermite(2), **stated)
     design = fp.exchange(given, **QUICK)
     design.save(tmp_path)
     loaded = fp.Design.load(tmp_path)
-    assert dict(loaded.problem.uncertain or {}) == UNCERTAIN
+    assert dict(getattr(loaded.problem, label)) == UNCERTAIN
     assert dict(loaded.problem.initial_state_std or {}) == STARTS
     assert same_bits(loaded.evaluation.output_covariance, design.evaluation.output_covariance)
     again = fp.exchange(loaded.problem, **QUICK)
@@ -29,7 +32,7 @@ def test_a_design_with_uncertain_constants_comes_back_and_repeats(tmp_path: Path
 def test_an_older_file_has_nothing_uncertain(tmp_path: Path) -> None:
     fp.exchange(problem(), **QUICK).save(tmp_path)
     data = without_checksum(json.loads((tmp_path / "design.json").read_text()))
-    for name in ("uncertain", "initial_state_std", "assumed_covariance"):
+    for name in ("uncertain", "varies", "initial_state_std", "assumed_covariance"):
         del data["problem"][name]
     for name in ("n_previous", "previous_left_out"):
         del data[name]
@@ -43,6 +46,9 @@ TABLES = """
 [uncertain]
 T_1 = { value = 2.2e-4, unit = "s" }
 p_s = 1e5
+
+[varies]
+A_A = 1e-6
 
 [initial_state_std]
 q = 1e-5
@@ -62,6 +68,7 @@ def load(tmp_path: Path, tables: str, **changes: str) -> fp.DesignProblem:
 def test_tables_of_a_file(tmp_path: Path) -> None:
     given = load(tmp_path, TABLES)
     assert dict(given.uncertain or {}) == {"T_1": 2.2e-4, "p_s": 1e5}
+    assert dict(given.varies or {}) == {"A_A": 1e-6}
     assert dict(given.initial_state_std or {}) == {"q": 1e-5, "v": 2e-3}
     assert given.assumed_covariance == "tangents"
     predictive = load(tmp_path, TABLES, **{"seed = 0 ": 'assumed_covariance = "predictive" '})
@@ -80,6 +87,8 @@ def test_tables_of_a_file(tmp_path: Path) -> None:
         ),
         ("p_s = 1e5", "p_s = 0", "uncertain.p_s.value: expected a number > 0, given 0"),
         ("p_s = 1e5", "c_L = 1e-9", r"uncertain.c_L: expected a constant, or a parameter that is not among design.parameters"),
+        ("A_A = 1e-6", "p_s = 1e4", r"varies.p_s: expected a name that is not in \[uncertain\], given one that is"),
+        ("A_A = 1e-6", "c_L = 1e-9", r"varies.c_L: expected a constant, or a parameter that is not among design.parameters"),
         ("v = {", "u = {", "unknown key initial_state_std.u; expected one of q, v, p_A, p_B, x_v"),
         ("value = 2e-3", "value = 2e-3, std = 1", "unknown key initial_state_std.v.std; expected one of value, unit"),
         ('"m/s"', '"rad/s"', "initial_state_std.v.unit: expected a unit of what is in 'm/s', given 'rad/s'.*: rad/s, not m/s"),
@@ -92,15 +101,18 @@ def test_mistakes_in_tables(tmp_path: Path, old: str, new: str, expected: str) -
 
 
 def test_the_report_says_what_is_uncertain() -> None:
-    design = fp.exchange(problem(uncertain=UNCERTAIN, initial_state_std={"v": 0.02}, region=fp.ExperimentRegion(REGION)), **QUICK)
+    constants = {name: UNCERTAIN[name] for name in ("A_A", "p_s")}
+    given = problem(uncertain=constants, varies={"T_1": 2.2e-4}, initial_state_std={"v": 0.02}, region=fp.ExperimentRegion(REGION))
+    design = fp.exchange(given, **QUICK)
     text = " ".join(str(design).split())
     for part in (
-        "A_A 2e-6 m2, p_s 1e5 Pa, T_1 0.00022 s",
+        "A_A 2e-6 m2, p_s 1e5 Pa",
+        "drawn anew in each point or run T_1 0.00022 s",
         "starts deviate by",
         "v 0.02 m/s",
-        "plus the uncertainty of constants and starts at each point",
-        "(R_k)",
-        "To first order in what is uncertain",
+        "plus what is drawn anew in each point",
+        "(R_k), with uncertain constants unknown too",
+        "To first order in what is drawn anew",
     ):
         assert part in text
     assert "starts near v = 0" in text and "three of initial_state_std" in text

@@ -255,10 +255,10 @@ def test_noise_of_an_output_that_can_be_fitted_exactly_is_not_told() -> None:
     assert enough.converged and not enough.noise_not_told
 
 
-@pytest.mark.parametrize("label", ["uncertain", "initial_state_std"])
+@pytest.mark.parametrize("label", ["varies", "initial_state_std"])
 def test_what_is_assumed_is_not_for_records(label: str) -> None:
     decay = fp.SymbolicModel(["-k*x"], ["x"], {"x": "1"}, {}, {"k": "1/s", "g": "1"}, {"x": "1"}, nominal={"k": 1.0, "g": 1.0})
     record = fp.Record([0.0, 1.0, 2.0], np.empty((3, 0)), [1.0, 0.4, 0.1])
-    assumed = {"g": 0.1} if label == "uncertain" else {"x": 0.1}
+    assumed = {"g": 0.1} if label == "varies" else {"x": 0.1}
     with pytest.raises(ValueError, match=f"^{label}: expected measurements of points or runs, given a record"):
         fp.estimate(decay, record, parameters=["k"], noise_std={"x": 0.1}, **{label: assumed})

@@ -52,7 +52,7 @@ def test_a_predictive_covariance_that_overflows_is_not_finite(kind: str, rule: f
 
 
 def test_an_assumed_covariance_that_overflows_is_not_finite() -> None:
-    result = fp.assumed_covariance(model("equations"), POINTS, {"p": 1.0, "q": 1.0}, uncertain={"p": STD})
+    result = fp.assumed_covariance(model("equations"), POINTS, {"p": 1.0, "q": 1.0}, varies={"p": STD})
     assert result.status.tolist() == [fp.Status.ok, fp.Status.not_finite]
     assert not result.covariance.any()
 

@@ -43,10 +43,10 @@ def same_information(a: fp.Evaluation, b: fp.Evaluation, rtol: float = 1e-9) -> 
     assert a.log_det == pytest.approx(b.log_det, rel=1e-9)
 
 
-@pytest.mark.parametrize("uncertain", [None, SOME], ids=["exact", "uncertain"])
+@pytest.mark.parametrize("varies", [None, SOME], ids=["exact", "varies"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_previous_points_count_as_all_others(kind: str, uncertain: dict[str, float] | None) -> None:
-    given = problem(output_covariance=kind, uncertain=uncertain)
+def test_previous_points_count_as_all_others(kind: str, varies: dict[str, float] | None) -> None:
+    given = problem(output_covariance=kind, varies=varies)
     together = fp.evaluate_design(given, POINTS)
     for previous in (FIRST, measured(FIRST), [FIRST[:4], measured(FIRST[4:])], (FIRST,)):
         evaluation = fp.evaluate_design(given, SECOND, previous=previous)
@@ -67,11 +67,11 @@ def test_nothing_previous_is_the_same_to_the_last_bit() -> None:
 MISSING = ((0, 1), (2, 0), (2, 3), (5, 0), (5, 1), (5, 2))
 
 
-@pytest.mark.parametrize("uncertain", [None, SOME], ids=["exact", "uncertain"])
+@pytest.mark.parametrize("varies", [None, SOME], ids=["exact", "varies"])
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "pooled"])
-def test_what_was_not_measured_says_nothing(kind: str, uncertain: dict[str, float] | None) -> None:
+def test_what_was_not_measured_says_nothing(kind: str, varies: dict[str, float] | None) -> None:
     """F is the sum over what was measured, with the rows and columns of D_k that belong to it."""
-    given = problem(output_covariance=kind, uncertain=uncertain)
+    given = problem(output_covariance=kind, varies=varies)
     data = measured(FIRST, *MISSING)
     evaluation = fp.evaluate_design(given, SECOND, previous=data)
     r = np.diag(np.square(list(NOISE.values())))
@@ -80,8 +80,8 @@ def test_what_was_not_measured_says_nothing(kind: str, uncertain: dict[str, floa
         d += region_mean(given, 1)
     if kind == "pointwise":
         d += fp.predictive_covariance(MODEL, POINTS, PRIOR, given.rule).covariance
-    if uncertain:
-        d += fp.assumed_covariance(MODEL, POINTS, THETA, uncertain=uncertain).covariance
+    if varies:
+        d += fp.assumed_covariance(MODEL, POINTS, THETA, varies=varies).covariance
     there = np.concatenate([np.isfinite(data.y), np.ones((len(SECOND), 4), dtype=bool)])
     fisher = np.zeros((9, 9))
     for s_k, d_k, of_k in zip(standardised(POINTS), d, there, strict=True):
@@ -99,7 +99,7 @@ def test_one_covariance_for_all_points_needs_all_outputs() -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_search_never_removes_them(kind: str) -> None:
-    given = problem(output_covariance=kind, uncertain=SOME)
+    given = problem(output_covariance=kind, varies=SOME)
     design = fp.exchange(given, 6, **QUICK, previous=measured(FIRST[:6]))
     assert (len(design.points), design.n_previous, design.previous_left_out) == (6, 6, {})
     assert not {row.tobytes() for row in FIRST.table} & {row.tobytes() for row in design.points.table}

@@ -41,7 +41,7 @@ def dense(data: fp.Measurements, theta: Floats, start: bool, constant: bool) -> 
 def test_a_fit_is_that_of_dense_algebra(start: bool, constant: bool) -> None:
     data = with_gaps(measured(drawn(), initial_state_std=START if start else None))
     uncertain, initial = CONSTANT if constant else None, START if start else None
-    fit = fp.estimate(MODEL, data, noise_std=NOISE, uncertain=uncertain, initial_state_std=initial, rtol=1e-11)
+    fit = fp.estimate(MODEL, data, noise_std=NOISE, varies=uncertain, initial_state_std=initial, rtol=1e-11)
     assert fit.converged
     parts = list(zip(*dense(data, fit.values, start, constant), strict=True))
     information = sum(j.T @ np.linalg.solve(r_k, j) for _, j, r_k in parts)
@@ -210,7 +210,7 @@ def test_what_a_run_has_behind_its_last_number_says_nothing() -> None:
 
 def test_points_and_runs_count_together() -> None:
     """A point is a run of one segment, whichever of them is previous; also where the parameters are off."""
-    given, runs, points = problem(initial_state_std=START, uncertain=CONSTANT), drawn(2), drawn(6, seed=9).starts
+    given, runs, points = problem(initial_state_std=START, varies=CONSTANT), drawn(2), drawn(6, seed=9).starts
     of_points = with_gaps(fp.VirtualRig(MODEL, THETA, NOISE, seed=6).measure(points))
     of_runs = fp.Measurements(fp.Runs.of_points(points), of_points.y[:, None])
     one, other, swapped = (
@@ -239,7 +239,7 @@ def test_what_an_output_would_have_said_nearby_does_not_count() -> None:
 @pytest.mark.parametrize(
     "call",
     [
-        lambda runs: fp.assumed_covariance(MODEL, runs, THETA, uncertain=CONSTANT),
+        lambda runs: fp.assumed_covariance(MODEL, runs, THETA, varies=CONSTANT),
         lambda runs: fp.predictive_covariance(MODEL, runs, PRIOR, fp.Linearized()),
     ],
 )

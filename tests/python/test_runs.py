@@ -112,7 +112,7 @@ def test_the_information_of_a_run_is_that_of_dense_algebra(
         fp.GaussianPrior(dict(zip(("k1", "k2", "m"), THETA, strict=True)), dict(zip(("k1", "k2", "m"), std, strict=True))),
         None,
         noise_std=NOISE,
-        uncertain=uncertain,
+        varies=uncertain,
         initial_state_std=start,
         rtol=1e-11,
     )

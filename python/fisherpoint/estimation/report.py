@@ -49,13 +49,10 @@ def asked_facts(fit: FitStatistics) -> list[tuple[str, str]]:
     parts = [f"{counted(len(part.samples), 'sample')} of {type(part).__name__}" for part in fit.data]
     noise = np.sqrt(np.diag(fit.noise_covariance))
     given = ", ".join(f"{name} {number(noise[i])}" for i, name in enumerate(names_of(fit.model.outputs)) if name in fit.tests)
-    known = {**fit.nuisance.uncertain, **fit.nuisance.starts}
-    beforehand = ", ".join(f"{name} {number(std)}" for name, std in known.items())
     return [
         ("model", fit.model.name),
         ("data", ", ".join(parts)),
         ("unknowns", ", ".join(fit.parameters)),
-        *([("uncertain constants, one std beforehand", beforehand)] if beforehand else []),
         ("sensor noise, one std", given if fit.noise_known else "estimated from the residuals"),
     ]
 
@@ -78,6 +75,9 @@ def facts(fit: FitStatistics) -> Iterator[tuple[str, str]]:
         yield "chi-square", f"{number(fit.chi_square)} with {_degrees(degrees)}{per}"
     else:
         yield "noise", f"estimated with {_degrees(degrees)}"
+    known = {**fit.nuisance.uncertain, **fit.nuisance.starts}
+    if known:
+        yield "uncertain constants, one std beforehand", ", ".join(f"{name} {number(std)}" for name, std in known.items())
     yield "search", f"{'converged' if fit.converged else fit.message.rstrip('.')}, {counted(fit.evaluations, 'evaluation')}"
     if fit.starts > 1:
         yield "starts at this minimum", f"{fit.reached} of {fit.starts}"

@@ -24,16 +24,19 @@ Places = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class PieceInformation:
-    """M of K windows in its sum form, of the unknowns standardised by their prior: the parameters, and then the nuisance ones.
+    """M of K windows in its sum form, of the n unknowns standardised by their prior: nuisance parameters first, then the others.
 
     Attributes
     ----------
     rows : ndarray of int, (K,)
         Which of the pieces they are: those whose trajectories are ok.
-    packed : ndarray, (K, p (p + 1) / 2)
-        The lower triangles of F, row after row.
-    factor : ndarray, (p, p)
-        Upper triangular C with C^T C = sum of F over all windows, made without the squares, so that small values keep their digits.
+    packed : ndarray, (K, n (n + 1) / 2)
+        The lower triangles of M, row after row.
+    factor : ndarray, (n, n)
+        Upper triangular C with C^T C = sum of M over all windows, and what is known of nuisance parameters beforehand; made without
+        the squares, so that small values keep their digits.
+    known : ndarray, (n (n + 1) / 2,)
+        What is known beforehand, packed: 1 for each nuisance parameter.
     left_out : mapping of reason to int
         Windows that are none at the prior mean.
     """
@@ -41,6 +44,7 @@ class PieceInformation:
     rows: Places
     packed: Array
     factor: Array
+    known: Array
     left_out: Mapping[str, int]
 
 
@@ -68,18 +72,21 @@ def piece_problem(problem: DesignProblem, pieces: Pieces) -> DesignProblem:
 
 
 def piece_information(problem: DesignProblem, pieces: Pieces, threads: int | None) -> PieceInformation:
-    """Compute F of all windows at the prior mean; `problem` is that of `piece_problem`."""
-    p, each = problem.n_unknowns, max(1, MOST_SEGMENTS // (pieces.length - 1))
+    """Compute M of all windows at the prior mean; `problem` is that of `piece_problem`."""
+    p, nuisance, each = problem.n_unknowns, problem.n_nuisance, max(1, MOST_SEGMENTS // (pieces.length - 1))
     lower = np.tril_indices(p)
     packed, kept = np.empty((len(pieces), len(lower[0]))), np.zeros(len(pieces), dtype=bool)
-    factor, lost = np.zeros((p, p)), Counter[str]()
+    beforehand = np.diag((np.arange(p) < nuisance).astype(np.float64))
+    factor, lost = beforehand.copy(), Counter[str]()
     for first in range(0, len(pieces), each):
         rows, white = _white_rows(problem, pieces, np.arange(first, min(first + each, len(pieces))), threads, lost)
         if len(rows):
+            white = np.roll(white, nuisance, axis=2)
             factor = np.asarray(np.linalg.qr(np.concatenate([factor, white.reshape(-1, p)]), mode="r"))
             packed[rows], kept[rows] = (white.transpose(0, 2, 1) @ white)[:, *lower], True
     rows = np.flatnonzero(kept)
-    return PieceInformation(rows, packed if kept.all() else packed[rows], factor, FrozenMapping(dict(+lost)))
+    packed = packed if kept.all() else packed[rows]
+    return PieceInformation(rows, packed, factor, beforehand[lower], FrozenMapping(dict(+lost)))
 
 
 def _white_rows(

@@ -90,9 +90,11 @@ def best_pieces(
         windows = Windows(pieces.first[information.rows], pieces.length)
         _refuse_more(count, windows)
         _refuse_open_directions(problem, information.factor)
-        packing = Packed(len(problem.estimated))
+        packing = Packed(len(problem.estimated), problem.n_nuisance)
         packing.in_coordinates(information.packed, information.factor)
-        search = PieceSearch(information.packed, packing, windows, count)
+        known = information.known[None].copy()
+        packing.in_coordinates(known, information.factor)
+        search = PieceSearch(information.packed, packing, windows, count, known[0])
         stop_reason = search.run(heard, started)
         design = _found(problem, pieces, information, search, stop_reason, seed, threads, started)
     if singular == "error" and design.evaluation.null_directions and stop_reason != "interrupted":
@@ -111,11 +113,11 @@ def _refuse_more(count: int, windows: Windows) -> None:
 
 
 def _refuse_open_directions(problem: DesignProblem, factor: Array) -> None:
-    names = problem.estimated
+    names, q = problem.estimated, problem.n_nuisance
     values, directions, length = column_scaled_svd(factor)
-    rank = int((values > RANK_TOLERANCE * max(values.max(), 1e-300)).sum())
+    rank = int((values > RANK_TOLERANCE * max(values.max(), 1e-300)).sum()) - q
     if rank < len(names):
-        told = combinations(null_directions(directions[rank:], length, names))
+        told = combinations(null_directions(directions[rank + q :, q:], length[q:], names))
         raise ValueError(
             f"pieces: expected windows that together determine all parameters, given {rank} of {len(names)}; not determined, in"
             f" prior std: {told}. Estimate fewer parameters, or take longer windows"
@@ -136,7 +138,8 @@ def _found(
     runs, y = pieces.cut(rows)
     picked = picked_information(problem, pieces, rows, threads)
     evaluation = evaluate_information(problem, picked, criterion(problem, picked, threads), threads)
-    p, offset = len(problem.estimated), 2 * float(np.log(np.abs(np.diag(information.factor))).sum())
+    p = len(problem.estimated)
+    offset = 2 * float(np.log(np.abs(np.diag(information.factor)))[problem.n_nuisance :].sum())
     singular = evaluation.covariance is None
     return PieceDesign(
         problem=problem,

@@ -1,4 +1,4 @@
-"""Many symmetric matrices, packed as their lower triangles row after row."""
+"""Many symmetric matrices, packed as their lower triangles row after row, and log det of them or of a Schur complement."""
 
 from __future__ import annotations
 
@@ -8,28 +8,35 @@ from ...basics.values import Array
 
 
 class Packed:
-    """Symmetric matrices of p rows as vectors of p (p + 1) / 2 numbers."""
+    """Symmetric matrices of n = nuisance + p rows as vectors of n (n + 1) / 2 numbers.
 
-    def __init__(self, p: int) -> None:
-        self.p, self._places = p, np.tril_indices(p)
+    `log_dets` and `gradient` are those of the Schur complement of the first rows, which belong to nuisance parameters.
+    """
+
+    def __init__(self, p: int, nuisance: int = 0) -> None:
+        self.p, self.nuisance, self.size = p, nuisance, p + nuisance
+        self._places = np.tril_indices(self.size)
         self._weights = np.where(self._places[0] == self._places[1], 1.0, 2.0)
 
     def whole(self, packed: Array) -> Array:
-        """The matrices (..., p, p)."""
-        matrices = np.empty((*packed.shape[:-1], self.p, self.p))
+        """The matrices (..., n, n)."""
+        matrices = np.empty((*packed.shape[:-1], self.size, self.size))
         matrices[..., self._places[0], self._places[1]] = packed
         matrices[..., self._places[1], self._places[0]] = packed
         return matrices
 
     def of(self, matrices: Array) -> Array:
-        """Matrices (..., p, p), packed."""
+        """Matrices (..., n, n), packed."""
         return np.asarray(matrices[..., self._places[0], self._places[1]])
 
     def gradient(self, matrix: Array) -> Array:
-        """Of log det at a packed positive definite matrix M: what, times a packed F, is tr(M^-1 F)."""
+        """Of log det at a packed positive definite matrix M: what, times a packed F, is tr(G F), with G = M^-1 - M_cc^-1."""
         from scipy.linalg import cho_factor, cho_solve
 
-        solved = cho_solve(cho_factor(self.whole(matrix), lower=True), np.eye(self.p))
+        whole, q = self.whole(matrix), self.nuisance
+        solved = cho_solve(cho_factor(whole, lower=True), np.eye(self.size))
+        if q:
+            solved[:q, :q] -= cho_solve(cho_factor(whole[:q, :q], lower=True), np.eye(q))
         return np.asarray(self.of((solved + solved.T) / 2) * self._weights)
 
     def log_dets(self, packed: Array) -> Array:
@@ -37,9 +44,10 @@ class Packed:
         matrices = np.moveaxis(self.whole(packed), (-2, -1), (0, 1))
         value = np.zeros(packed.shape[:-1])
         with np.errstate(divide="ignore", invalid="ignore"):
-            for j in range(self.p):
+            for j in range(self.size):
                 pivot = matrices[j, j]
-                value += np.log(np.where(pivot > 0, pivot, 0.0))
+                if j >= self.nuisance:
+                    value += np.log(np.where(pivot > 0, pivot, 0.0))
                 below = matrices[j + 1 :, j]
                 matrices[j + 1 :, j + 1 :] -= below[:, None] * (below / pivot)[None]
         return np.where(np.isnan(value), -np.inf, value)

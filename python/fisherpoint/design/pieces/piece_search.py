@@ -1,7 +1,8 @@
 """Which windows of a record to take: weights on all of them first, then windows, then exchanges of one for another.
 
-log det of M = sum of w_k F_k is concave in the weights, so that for any M it is at most log det M + tr(M^-1 M') - p of any M' that
-may be chosen. The largest sum of tr(M^-1 F_k) over disjoint windows thus bounds what any choice reaches.
+log det of M = sum of w_k F_k is concave in the weights, so that for any M it is at most log det M + tr(G M') - p of any M' that may
+be chosen, with G = M^-1 its derivative. The largest sum of tr(G F_k) over disjoint windows thus bounds what any choice reaches. The
+same holds for log det of a Schur complement, where there are nuisance parameters.
 """
 
 from __future__ import annotations
@@ -61,6 +62,8 @@ class PieceSearch:
     windows : Windows
     count : int
         At most as many as there are disjoint windows.
+    known : ndarray, (m,), optional
+        What is known beside the windows that are chosen, packed; default: nothing.
 
     Attributes
     ----------
@@ -74,8 +77,9 @@ class PieceSearch:
         What was added to M, as a share of all windows, while the chosen ones left it singular.
     """
 
-    def __init__(self, f: Array, packing: Packed, windows: Windows, count: int) -> None:
+    def __init__(self, f: Array, packing: Packed, windows: Windows, count: int, known: Array | None = None) -> None:
         self._f, self._packing, self.windows, self.count = f, packing, windows, count
+        self._known = np.zeros(f.shape[1]) if known is None else known
         self.chosen = windows.most()[:count]
         self.bound, self.exchanges = np.inf, 0
         self._value, self._regular = self.log_det(self.chosen), False
@@ -87,11 +91,14 @@ class PieceSearch:
     @property
     def singular(self) -> bool:
         """Whether the chosen windows do not determine all parameters."""
-        return self._packing.rank(self._total(self.chosen), SINGULAR) < self._packing.p
+        return self._packing.rank(self._total(self.chosen), SINGULAR) < self._packing.size
 
     @property
     def shares(self) -> Array:
-        """tr(M^-1 F_k) / p of the chosen windows, which sum up to 1; where M is not singular."""
+        """tr(G F_k) / p of the chosen windows, G the derivative of log det; where M is not singular.
+
+        They sum up to 1, less the share of what is known of nuisance parameters beforehand.
+        """
         gradient = self._packing.gradient(self._total(self.chosen))
         return np.asarray(self._f[self.chosen] @ gradient / self._packing.p)
 
@@ -103,7 +110,7 @@ class PieceSearch:
                 told(PieceProgress(self.exchanges, max(0.0, self.bound - self._value), perf_counter() - started))
 
         try:
-            self._weigh(self._f.sum(axis=0) * (self.count / len(self._f)))
+            self._weigh(self._f.sum(axis=0) * (self.count / len(self._f)) + self._known)
             tell()
             while True:
                 while self._exchange():
@@ -120,14 +127,14 @@ class PieceSearch:
             return "interrupted"
 
     def _total(self, chosen: Places) -> Array:
-        return np.asarray(self._f[chosen].sum(axis=0))
+        return np.asarray(self._f[chosen].sum(axis=0) + self._known)
 
     def _ridge(self) -> Array:
         """Nothing from when on the chosen windows do not leave M singular."""
         self._regular = self._regular or not self.singular
         if not self._regular:
             self.ridge = RIDGE
-        return (0.0 if self._regular else RIDGE) * self._packing.of(np.eye(self._packing.p))
+        return (0.0 if self._regular else RIDGE) * self._packing.of(np.eye(self._packing.size))
 
     def _weigh(self, m: Array) -> None:
         """Improve weights on all windows from M = sum of w_k F_k on (Frank and Wolfe 1956); lower the bound, keep the best windows.
@@ -136,8 +143,9 @@ class PieceSearch:
         """
         p = self._packing.p
         for _ in range(ROUNDS_OF_WEIGHTS):
-            gains = self._f @ self._packing.gradient(m)
-            chosen, most = self.windows.best(np.maximum(gains, 0.0), self.count)
+            gradient = self._packing.gradient(m)
+            chosen, most = self.windows.best(np.maximum(self._f @ gradient, 0.0), self.count)
+            most += float(self._known @ gradient)
             self.bound = min(self.bound, float(self._packing.log_dets(m)) + most - p)
             vertex = self._total(chosen)
             value = float(self._packing.log_dets(vertex))
@@ -192,7 +200,7 @@ class PieceSearch:
         partner = self._partners()
         without = m - self._f[self.chosen]
         worth = value - packing.log_dets(without)
-        regular = np.array([packing.rank(one, SINGULAR) == p for one in without]) & np.isfinite(worth)
+        regular = np.array([packing.rank(one, SINGULAR) == packing.size for one in without]) & np.isfinite(worth)
         slopes = np.stack([packing.gradient(one) if ok else gradient for one, ok in zip(without, regular, strict=True)])
         lost = np.where(partner >= 0, own[np.maximum(partner, 0)], own.min())
         candidates = np.flatnonzero((partner > -2) & (gains - lost > LEAST_GAIN))
