@@ -122,9 +122,15 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
         {"value": "The standard deviation.", "unit": "The unit, where it is not the model's."},
     ),
     "uncertain": (
-        "Standard deviations of constants, and of parameters that are not estimated, by name."
+        "Standard deviations of constants, and of parameters that are not estimated, by name: of what has one value in all data."
         " [Uncertain constants and starts](../how_to/assumptions.md) explains their effect.",
         '[uncertain]\nT_1 = { value = 2.2e-4, unit = "s" }\n',
+        {"value": "The standard deviation.", "unit": "The unit, where it is not the model's."},
+    ),
+    "varies": (
+        "Standard deviations of constants, and of parameters that are not estimated, by name: of what is drawn anew in each point or"
+        " run, such as a load or the temperature of the day.",
+        '[varies]\np_s = { value = 1, unit = "bar" }\n',
         {"value": "The standard deviation.", "unit": "The unit, where it is not the model's."},
     ),
     "initial_state_std": (
@@ -211,7 +217,7 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "jumps": "Whether trajectories may cross jumps, or slide along them;"
             ' `"exclude"`, the reading of the paper, leaves out points that meet one.',
             "rtol": "Tolerance of the trajectories, in units of the states' natural sizes.",
-            "assumed_covariance": "How the effect of `[uncertain]` and `[initial_state_std]` is computed: by tangents at the mean,"
+            "assumed_covariance": "How the effect of `[varies]` and `[initial_state_std]` is computed: by tangents at the mean,"
             " or by the rule.",
             "along": "Limits along the way: comparisons of states and inputs that whole trajectories keep, as"
             ' `["p_A < 19e6", "abs(v) < 0.4"]`. [What they do](../how_to/limits.md).',

@@ -189,16 +189,17 @@ def dense(points: fp.Experiments) -> Floats:
 @pytest.mark.parametrize(("name", "of"), CRITERIA)
 def test_searches_maximise_what_is_reported(name: str, of: Any) -> None:
     """A design for uncertain constants is better by its own criterion than one that takes them for exact, and is bounded."""
-    quick: dict[str, Any] = {"n_candidates": 20, "criterion": name, "of": of}
+    quick: dict[str, Any] = {"n_candidates": 10, "max_iterations": 12, "criterion": name, "of": of}
     aware = fp.exchange(decay(uncertain=STD), 5, **quick)
     blind = fp.exchange(decay(), 5, **quick)
     criterion = fp.criterion(decay(), name, of=of)
     log_phi = {key: criterion.log_phi(dense(design.points)) for key, design in {"aware": aware, "blind": blind}.items()}
-    assert log_phi["aware"] >= log_phi["blind"] - 1e-6
+    assert log_phi["aware"] >= log_phi["blind"] - 1e-3
     assert aware.efficiency is not None and aware.efficiency.at_least is not None
     assert 0.5 < aware.efficiency.at_least <= 1 + 1e-9
     # The certificate holds for designs of the same size that were found in another way.
-    weights = fp.approximate(decay(uncertain=STD), criterion=name, of=of, n_experiments=5, n_candidates=300, starts=20)
+    candidates = fp.Experiments.join([drawn(150, seed=7), aware.points])
+    weights = fp.approximate(decay(uncertain=STD), candidates, criterion=name, of=of, n_experiments=5)
     assert weights.efficiency > 0.999
     share = weights.efficiency_of(aware.points)
     assert 0.5 < share <= 1.0
@@ -265,7 +266,7 @@ def test_a_singular_design_names_parameters_alone() -> None:
     assert design.evaluation.rank == 1
     assert [set(direction) for direction in design.evaluation.null_directions] == [{"a", "b"}]
     assert [set(direction) for direction in design.not_told] == [{"a", "b"}]
-    weights = fp.approximate(given, n_experiments=3, n_candidates=100, starts=10)
+    weights = fp.approximate(given, design.points, n_experiments=3)
     assert [set(direction) for direction in weights.null_directions] == [{"a", "b"}]
 
 
