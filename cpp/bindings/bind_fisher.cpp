@@ -50,7 +50,8 @@ auto each(void (FisherAccumulator::*change)(const double*, const double*)) {
 }
 
 auto log_det_changed(int sign) {
-  return [sign](const Accumulator& f, const Input& s, const Input& c, const Input& given, bool pooled, double ridge, int nuisance) {
+  return [sign](const Accumulator& f, const Input& s, const Input& c, const Input& given, bool pooled, double ridge,
+                int nuisance) {
     check_points(f, s, c);
     if (nuisance < 0 || nuisance >= f.parameters()) throw py::value_error("nuisance: expected fewer than the parameters");
     auto result = empty({s.shape(0)});
@@ -100,9 +101,10 @@ void bind_fisher(py::module_& m) {
             return to_array(f.unlocked([&] { return f.fisher(d); }));
           },
           "output_covariance"_a, "F (p, p) by (7).")
-      .def("log_det_with", log_det_changed(+1), "dy_dtheta"_a, "predictive_covariance"_a, "given"_a, "pooled"_a,
-           "ridge"_a = 0.0, "nuisance"_a = 0,
-           "log det F with each of the points added alone; the last `nuisance` parameters, with unit information, marginalised.")
+      .def(
+          "log_det_with", log_det_changed(+1), "dy_dtheta"_a, "predictive_covariance"_a, "given"_a, "pooled"_a, "ridge"_a = 0.0,
+          "nuisance"_a = 0,
+          "log det F with each of the points added alone; the last `nuisance` parameters, with unit information, marginalised.")
       .def("log_det_without", log_det_changed(-1), "dy_dtheta"_a, "predictive_covariance"_a, "given"_a, "pooled"_a,
            "ridge"_a = 0.0, "nuisance"_a = 0, "The same with each of the points removed alone.");
 }

@@ -171,7 +171,7 @@ TEST_CASE("points that are added to the accumulator, or asked about, take no mem
     const OutputCovariance covariance{d, pooled};
     double out[count];
     const auto asked = [&](int n) {
-      return taken_by([&] { f.log_det_changed(1, n, s.data(), c.data(), covariance, 0.1, out); });
+      return taken_by([&] { f.log_det_changed(1, n, s.data(), c.data(), covariance, 0.1, 0, out); });
     };
     CHECK(asked(1) == asked(count));
   }

@@ -29,14 +29,33 @@ TEST_CASE("the contraction is the sum over the points, for any D") {
   const Matrix extra = random_matrix(n_y, p, 99), spread = d;
   const OutputCovariance pooled{d, true};
   double predicted;
-  f.log_det_changed(+1, 1, extra.data(), spread.data(), pooled, 0.0, &predicted);
+  f.log_det_changed(+1, 1, extra.data(), spread.data(), pooled, 0.0, 0, &predicted);
   FisherAccumulator more = f;
   more.add(extra.data(), spread.data());
   CHECK(predicted == doctest::Approx(log_det(more.fisher(pooled.given + spread / 7.0))).epsilon(1e-12));
-  more.log_det_changed(-1, 1, extra.data(), spread.data(), pooled, 0.0, &predicted);
+  more.log_det_changed(-1, 1, extra.data(), spread.data(), pooled, 0.0, 0, &predicted);
   CHECK(predicted == doctest::Approx(log_det(f.fisher(d))).epsilon(1e-10));
   more.remove(extra.data(), spread.data());
   CHECK((more.fisher(d) - plain).norm() < 1e-12 * plain.norm());
+}
+
+TEST_CASE("nuisance parameters, of which something is known, are marginalised") {
+  constexpr int n_y = 2, p = 4, nuisance = 2, points = 5;
+  FisherAccumulator f(n_y, p);
+  Matrix sum = Matrix::Zero(p, p);
+  const Matrix none = Matrix::Zero(n_y, n_y);
+  for (int k = 0; k < points; ++k) {
+    const Matrix s = random_matrix(n_y, p, 20 + k);
+    f.add(s.data(), none.data());
+    sum += s.transpose() * s;
+  }
+  const Matrix extra = random_matrix(n_y, p, 77);
+  sum += extra.transpose() * extra;
+  sum.diagonal().tail(nuisance).array() += 1;
+  const Matrix marginal = sum.inverse().topLeftCorner(p - nuisance, p - nuisance).inverse() * 2.0 / (points + 1);
+  double predicted;
+  f.log_det_changed(+1, 1, extra.data(), none.data(), {Matrix::Identity(n_y, n_y), false}, 0.0, nuisance, &predicted);
+  CHECK(predicted == doctest::Approx(std::log(marginal.determinant())).epsilon(1e-12));
 }
 
 TEST_CASE("singular is minus infinity, whatever the scales") {

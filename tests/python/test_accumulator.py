@@ -119,6 +119,28 @@ def test_log_det_without_each_point(is_pooled: bool, ridge: float) -> None:
         assert result[m] == pytest.approx(log_det(fisher(left_s, used) + ridge * np.eye(P)), rel=1e-10, abs=1e-10)
 
 
+@pytest.mark.parametrize("is_pooled", [False, True])
+@pytest.mark.parametrize("without", [False, True])
+def test_nuisance_parameters_are_marginalised(is_pooled: bool, without: bool) -> None:
+    """The inverse of the rest of the inverse, with unit information of each nuisance parameter beside the points."""
+    s, c, d = random_design(9, 4)
+    more_s, more_c, _ = random_design(5, 5)
+    accumulator = filled(s, c)
+    if without:
+        found = accumulator.log_det_without(s, c, d, is_pooled, 0.0, 2)
+        designs = [(np.delete(s, m, axis=0), np.delete(c, m, axis=0)) for m in range(9)]
+    else:
+        found = accumulator.log_det_with(more_s, more_c, d, is_pooled, 0.0, 2)
+        designs = [(np.concatenate([s, more_s[m : m + 1]]), np.concatenate([c, more_c[m : m + 1]])) for m in range(5)]
+    for value, (own_s, own_c) in zip(found, designs, strict=True):
+        known = np.diag([0.0, 0.0, *[2 / len(own_s)] * (P - 2)])
+        whole = fisher(own_s, pooled(d, own_c) if is_pooled else d) + known
+        marginal = np.linalg.inv(np.linalg.inv(whole)[:2, :2])
+        assert value == pytest.approx(log_det(marginal), rel=1e-10, abs=1e-10)
+    with pytest.raises(ValueError, match="nuisance: expected fewer than the parameters"):
+        accumulator.log_det_with(s, c, d, False, 0.0, P)
+
+
 def test_asking_changes_nothing() -> None:
     s, c, d = random_design(5, 7)
     accumulator = filled(s, c)

@@ -274,9 +274,10 @@ class FisherAccumulator:
         given: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
         pooled: bool,
         ridge: typing.SupportsFloat | typing.SupportsIndex = 0.0,
+        nuisance: typing.SupportsInt | typing.SupportsIndex = 0,
     ) -> numpy.typing.NDArray[numpy.float64]:
         """
-        log det F with each of the points added alone.
+        log det F with each of the points added alone; the last `nuisance` parameters, with unit information, marginalised.
         """
     def log_det_without(
         self,
@@ -285,9 +286,10 @@ class FisherAccumulator:
         given: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
         pooled: bool,
         ridge: typing.SupportsFloat | typing.SupportsIndex = 0.0,
+        nuisance: typing.SupportsInt | typing.SupportsIndex = 0,
     ) -> numpy.typing.NDArray[numpy.float64]:
         """
-        log det F with each of the points removed alone.
+        The same with each of the points removed alone.
         """
     def output_covariance(
         self, given: typing.Annotated[numpy.typing.ArrayLike, numpy.float64], pooled: bool

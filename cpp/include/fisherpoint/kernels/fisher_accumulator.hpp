@@ -86,14 +86,14 @@ class FisherAccumulator {
   Matrix fisher(const OutputCovariance& d) const { return fisher(output_covariance(d)); }
 
   // log det (F + ridge I) of the design with each of n further points, one at a time (sign +1), or without each of n of its
-  // points (-1). The ridge, a share of the prior's information, tells designs apart that are still singular. The last parameters
-  // may be nuisance ones, of which each has unit information beforehand: then it is log det of the Schur complement of their
-  // block, a ratio of determinants.
+  // points (-1). The ridge, a share of the prior's information, tells designs apart that are still singular. The last
+  // parameters may be nuisance ones, of which each has unit information beforehand: then it is log det of the Schur complement
+  // of their block, a ratio of determinants.
   void log_det_changed(int sign, std::size_t n, const double* s, const double* c, const OutputCovariance& d, double ridge,
                        int nuisance, double* out) const {
     const double count = static_cast<double>(count_) + sign;
     Eigen::LLT<Matrix> whitening(n_y_);
-    Matrix before, white(n_y_, p_), own(p_, p_), fisher(p_, p_);
+    Matrix before, white(n_y_, p_), own(p_, p_), fisher(p_, p_), block(nuisance, nuisance);
     Room room(*this);
     LogDet log_det_of(p_), log_det_of_nuisance(nuisance);
     if (!d.pooled) before = information(whitening = factor(d.given), room);
@@ -112,7 +112,10 @@ class FisherAccumulator {
       fisher.diagonal().array() += ridge;
       if (nuisance > 0) fisher.diagonal().tail(nuisance).array() += 2.0 / count;
       out[m] = log_det_of(fisher);
-      if (nuisance > 0) out[m] -= log_det_of_nuisance(fisher.bottomRightCorner(nuisance, nuisance));
+      if (nuisance > 0) {
+        block = fisher.bottomRightCorner(nuisance, nuisance);
+        out[m] -= log_det_of_nuisance(block);
+      }
     }
   }
 
