@@ -31,6 +31,8 @@ class Reported(Protocol):
     @property
     def n_experiments(self) -> int | None: ...
     @property
+    def prior_information(self) -> bool: ...
+    @property
     def over(self) -> OverPrior | None: ...
     @property
     def scenario_values(self) -> tuple[float, ...] | None: ...
@@ -97,7 +99,8 @@ def _proof(design: Reported) -> Section:
     if design.starts:
         facts.append(("and what was met by", f"{counted(design.starts, 'local ascent')} in the region"))
     if design.n_experiments is not None:
-        facts.append(("with the prior's information, for", counted(design.n_experiments, "experiment")))
+        known = "with the prior's information, for" if design.prior_information else "what is known of constants counts once in"
+        facts.append((known, counted(design.n_experiments, "experiment")))
     facts += [("not determined (in prior std)", combination(null)) for null in design.null_directions]
     facts += [(f"left out: {reason}", str(count)) for reason, count in design.left_out.items()]
     if design.deleted:
