@@ -15,22 +15,26 @@ from numpy.typing import NDArray
 
 from ..basics.values import Array
 from ..data import Measurements
+from ..points.experiments import Experiments
 from ..points.runs import Runs
 
 
 class _Run(NamedTuple):
-    """A run up to its last number: how it begins, inputs (n, n_u), durations (n,) and outputs (n, n_y)."""
+    """A run up to its last number: where it is, and its outputs (n, n_y)."""
 
+    points: Experiments | Runs
     row: int
-    begin: Hashable
-    u: Array
-    dt: Array
     y: Array
+
+    @property
+    def begin(self) -> Hashable:
+        """How the run begins."""
+        return self.points.key(self.row, 1)
 
     def same_samples(self, other: _Run) -> tuple[int, int]:
         """How many samples read the same as those of another run with the same inputs, and how many both have."""
-        n = min(len(self.dt), len(other.dt))
-        if not (np.array_equal(self.u[:n], other.u[:n]) and np.array_equal(self.dt[:n], other.dt[:n])):
+        n = min(len(self.y), len(other.y))
+        if self.points.key(self.row, n) != other.points.key(other.row, n):
             return 0, 0
         both = np.isfinite(self.y[:n]) & np.isfinite(other.y[:n])
         there = both.any(axis=1)
@@ -87,13 +91,9 @@ def _matches(told: Measurements, data: Measurements) -> Iterator[tuple[int, int,
 
 def _runs(data: Measurements) -> Iterator[_Run]:
     """The runs, or points as such, that have a number."""
-    points = data.points
-    if isinstance(points, Runs):
-        u, dt, y, rest = points.u, points.dt, data.y, points.rest
-    else:
-        u, dt, y, rest = points.u[:, None], points.dt[:, None], data.y[:, None], (None,) * len(points)
+    points, y = data.points, data.y
+    if isinstance(points, Experiments):
+        y = y[:, None]
     there: NDArray[np.bool_] = np.asarray(np.isfinite(y).any(axis=2))
     for row in np.flatnonzero(there.any(axis=1)).tolist():
-        n = int(np.flatnonzero(there[row])[-1]) + 1
-        begin = (points.x0[row].tobytes(), u[row, 0].tobytes(), float(dt[row, 0]), rest[row])
-        yield _Run(row, begin, u[row, :n], dt[row, :n], y[row, :n])
+        yield _Run(points, row, y[row, : int(np.flatnonzero(there[row])[-1]) + 1])

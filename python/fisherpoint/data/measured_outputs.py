@@ -36,13 +36,8 @@ def told_runs(runs: Runs, y: Array) -> tuple[Runs, Array]:
     """
     there: NDArray[np.bool_] = np.asarray(np.isfinite(y).any(axis=2))
     rows = np.flatnonzero(there.any(axis=1))
-    there, segments = there[rows], np.arange(there.shape[1])
-    needed = segments <= np.max(np.where(there, segments, 0), axis=1, initial=0)[:, None]
-    longest = slice(int(needed.sum(axis=1).max(initial=0)))
-    dt = np.where(needed, runs.dt[rows], 0.0)[:, longest]
-    rest = None if runs.rests is None else list(runs.rests[rows])
-    told = Runs(runs.x0[rows], runs.u[rows, longest], dt, there[:, longest], rest=rest, columns=runs.columns)
-    return told, y[rows, longest]
+    told = runs[rows].ending(there[rows])
+    return told, y[rows, : told.dt.shape[1]]
 
 
 def _checked(y: Array) -> Array:

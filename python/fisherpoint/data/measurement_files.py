@@ -90,16 +90,16 @@ def _runs(table: CsvTable, model: Model) -> tuple[Runs, Array]:
     for j, name in enumerate(names_of(model.outputs)):
         if name in outputs:
             table.refuse(~np.isnan(numbers[:, j]) & ~measured[k, n], outputs[name], f"no number where {MEASURED.name} is 0")
-    of_run = np.column_stack([x0, u.reshape(len(u), -1), dt])
-    _, same = np.unique(of_run, axis=0, return_inverse=True)
-    replicates = np.column_stack([same.reshape(-1)[k], n])
+    try:
+        runs = Runs(x0, u, dt, measured, rest=rest, columns=columns_of(model))
+    except ValueError as error:
+        raise ValueError(f"{table.path}: {error}") from error
+    _, same = runs.distinct(sampled_alike=False)
+    replicates = np.column_stack([same[k], n])
     refuse_implausible(table, model, outputs, replicates, x0, u[:, 0], numbers, np.flatnonzero(n == 0))
     y = np.full((*dt.shape, numbers.shape[1]), np.nan)
     y[k, n] = numbers
-    try:
-        return Runs(x0, u, dt, measured, rest=rest, columns=columns_of(model)), y
-    except ValueError as error:
-        raise ValueError(f"{table.path}: {error}") from error
+    return runs, y
 
 
 def _numbers(table: CsvTable, model: Model, outputs: Mapping[str, str], failed: list[int]) -> Array:

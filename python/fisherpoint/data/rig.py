@@ -111,14 +111,12 @@ class VirtualRig:
             raise ValueError(f"x0: expected shape (K, {len(self.model.states)}), given {planned.x0.shape}")
         if isinstance(planned, Runs):
             x0 = checked_starts(self.model, planned, self.theta) + deviation
-            runs = Runs(x0, planned.u, planned.dt, planned.measured, columns=planned.columns)
-            along = simulate(self.model, runs, self.theta, rtol=self.rtol, jumps="cross")
+            along = simulate(self.model, planned.starting(x0), self.theta, rtol=self.rtol, jumps="cross")
             completed = np.arange(planned.dt.shape[1]) < along.reached[:, None]
             there = planned.measured & completed & (along.status != Status.not_finite)[:, None]
             y, status = along.y, along.status
         else:
-            true = Experiments(planned.x0 + deviation, planned.u, planned.dt, columns=planned.columns)
-            done = simulate(self.model, true, self.theta, rtol=self.rtol, jumps="cross")
+            done = simulate(self.model, planned.starting(planned.x0 + deviation), self.theta, rtol=self.rtol, jumps="cross")
             there = done.status == Status.ok
             y, status = done.y, done.status
         counts = failures_of(status)

@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-
 from ..basics.values import FrozenMapping
 from ..engine.levels import kernels
 from ..information.evaluation import Evaluation
@@ -138,4 +136,4 @@ class FoundDesign:
     @property
     def distinct_points(self) -> int:
         """Number of different points; a design may repeat one."""
-        return len(np.unique(self.points.table, axis=0))
+        return len(self.points.distinct()[0])

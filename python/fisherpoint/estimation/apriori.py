@@ -30,7 +30,8 @@ def apriori_covariance(
     if prior is None or set(names) - set(prior.names) or len(measured) < len(data):
         return None
     points = Measurements.join(measured).experiments
-    _, first, counts = np.unique(points.table, axis=0, return_index=True, return_counts=True)
+    first, of = points.distinct()
+    counts = np.bincount(of)
     varied = tuple(name for name in names if name in estimated)
     spread = predictive_covariance(model, points[first], prior.marginal(names), DEFAULT_RULE, jumps="cross", parameters=varied)
     ok = spread.status == Status.ok

@@ -130,8 +130,8 @@ _Respond = Callable[[Array, Array], Response]
 
 def _points_response(model: Model, points: Experiments, columns: list[int], settings: Settings) -> _Respond:
     """The response of points, of which replicates are simulated once."""
-    _, first, replicate = np.unique(points.table, axis=0, return_index=True, return_inverse=True)
-    distinct, replicate = points[first], replicate.reshape(-1)
+    first, replicate = points.distinct()
+    distinct = points[first]
 
     def respond(theta: Array, _: Array) -> Response:
         found = measurements_response(model, distinct, theta, columns, settings)
@@ -142,9 +142,8 @@ def _points_response(model: Model, points: Experiments, columns: list[int], sett
 
 def _runs_response(model: Model, runs: Runs, columns: list[int], settings: Settings) -> _Respond:
     """The response of runs, of which replicates are simulated once."""
-    table = np.column_stack([runs.x0, runs.u.reshape(len(runs), -1), runs.dt, runs.measured])
-    _, first, replicate = np.unique(table, axis=0, return_index=True, return_inverse=True)
-    distinct, replicate = runs[first], replicate.reshape(-1)
+    first, replicate = runs.distinct()
+    distinct = runs[first]
     number = np.split(np.arange(distinct.measured.sum()), np.cumsum(distinct.measured.sum(axis=1))[:-1])
     places = np.concatenate([number[k] for k in replicate])
 

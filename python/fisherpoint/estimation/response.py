@@ -37,9 +37,9 @@ def measurements_response(model: Model, points: Experiments, theta: Array, colum
     status = np.empty((count, n_points), dtype=np.int32)
     for first in range(0, count, each):
         rows = theta[first : first + each]
-        x0, u, dt = (np.tile(part, (len(rows),) + (1,) * (part.ndim - 1)) for part in (points.x0, points.u, points.dt))
+        many = points[np.tile(np.arange(n_points), len(rows))]
         result = model.kernels.sensitivities(
-            model.core, x0, u, dt, np.repeat(rows, n_points, axis=0), *settings, outputs_alone=True
+            model.core, many.x0, many.u, many.dt, np.repeat(rows, n_points, axis=0), *settings, outputs_alone=True
         )
         _, found, _, derivatives, codes = result
         some = slice(first, first + len(rows))

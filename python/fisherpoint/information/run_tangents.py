@@ -89,10 +89,9 @@ def tangents_from(
 ) -> RunTangents:
     """The same for runs that are base.runs[own] up to some segment; they are computed from there on."""
     model, values = _extended(problem, theta)
-    n, of = runs.dt.shape[1], base.runs
-    differs = (runs.u != of.u[own]).any(axis=2) | (runs.dt != of.dt[own])
-    first = np.where(differs.any(axis=1), np.argmax(differs, axis=1), n - 1)
-    whole = (runs.x0 != of.x0[own]).any(axis=1) | (first == 0)
+    n = runs.dt.shape[1]
+    first = np.minimum(runs.first_difference(base.runs, own), n - 1)
+    whole = first == 0
     x, dx, dy, status = base.x[own], base.dx[own], base.dy[own], base.status[own]
     if whole.any():
         done = checked_run_sensitivities(model, runs[whole], values[whole], settings, outputs_alone=outputs_alone)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -111,6 +111,20 @@ class Experiments(InNotebooks):
     def table(self) -> Array:
         """All numbers, one row per point: x0, u, dt; shape (K, n_x + n_u + 1)."""
         return np.column_stack([self.x0, self.u, self.dt])
+
+    def key(self, point: int, segments: int | None = None) -> Hashable:
+        """What is done to the plant at a point: equal keys, equal trajectories; as that of a run of one segment."""
+        held = (np.ravel(part) + 0.0 for part in (self.x0[point], self.u[point], self.dt[point]))
+        return 1, *(part.tobytes() for part in held), None
+
+    def distinct(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Replicates: the first of the points that are the same (D,), and for each point the place of its kind among these (K,)."""
+        _, first, of = np.unique(self.table + 0.0, axis=0, return_index=True, return_inverse=True)  # -0.0 is 0.0
+        return first, np.asarray(of.reshape(-1), dtype=np.intp)
+
+    def starting(self, x0: Array) -> Experiments:
+        """The same points from other starts (K, n_x)."""
+        return Experiments(x0, self.u, self.dt, columns=self.columns)
 
     @classmethod
     def of_table(cls, model: Model, table: Array) -> Experiments:

@@ -20,7 +20,7 @@ MOST = 64
 """States at rest, as many as a model of equations has."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rest:
     """A start at rest under a held input: the start is where the rates of the states are zero, and so depends on the parameters.
 
@@ -50,6 +50,16 @@ class Rest:
             if not 1 <= len(names) <= MOST or len(set(names)) != len(names):
                 raise ValueError(f"rest.states: expected names of states, each once, given {listed(names)}")
             object.__setattr__(self, "states", names)
+
+    def _identity(self) -> tuple[object, ...]:
+        """What the rest is, whatever the order of its states."""
+        return self.u, None if self.states is None else frozenset(self.states)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Rest) and self._identity() == other._identity()
+
+    def __hash__(self) -> int:
+        return hash(self._identity())
 
     def names(self, states: tuple[str, ...]) -> tuple[str, ...]:
         """Those of a model's states that are at rest, in its order."""

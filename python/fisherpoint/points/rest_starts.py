@@ -91,9 +91,7 @@ def checked_starts(model: Model, runs: Runs, theta: Array) -> Array:
 
 def start_points(model: Model, runs: Runs, theta: Array) -> Experiments:
     """The first segments of runs as points that start where the runs do."""
-    starts = runs.starts
-    x0 = starts_of(model, runs, theta, tangents=False).x0
-    return Experiments(x0, starts.u, starts.dt, columns=starts.columns)
+    return runs.starts.starting(starts_of(model, runs, theta, tangents=False).x0)
 
 
 def _groups(model: Model, runs: Runs) -> list[tuple[tuple[str, ...], NDArray[np.intp]]]:

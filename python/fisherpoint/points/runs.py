@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -132,8 +132,10 @@ class Runs(InNotebooks):
         return (self[k] for k in range(len(self)))
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Runs) and all(
-            np.array_equal(getattr(self, name), getattr(other, name)) for name in ("x0", "u", "dt", "measured", "rests")
+        return (
+            isinstance(other, Runs)
+            and (len(self), self.x0.shape[1], self.u.shape[2]) == (len(other), other.x0.shape[1], other.u.shape[2])
+            and all(self._samples(k) == other._samples(k) for k in range(len(self)))
         )
 
     __hash__ = None  # type: ignore[assignment]  # arrays
@@ -178,6 +180,55 @@ class Runs(InNotebooks):
     def starts(self) -> Experiments:
         """The first segments, as points; where a run starts at rest, x0 is the guess of that."""
         return Experiments(self.x0, self.u[:, 0], self.dt[:, 0], columns=self.columns)
+
+    def key(self, run: int, segments: int | None = None) -> Hashable:
+        """What is done to the plant in the first `segments` of a run, or in all of them: equal keys, equal trajectories.
+
+        It has the start and how that is found, the inputs and the durations, where -0.0 is 0.0; not which segments are measured,
+        and nothing behind the last segment.
+        """
+        n = int(np.count_nonzero(self.dt[run])) if segments is None else segments
+        held = (np.ravel(part) + 0.0 for part in (self.x0[run], self.u[run, :n], self.dt[run, :n]))
+        return n, *(part.tobytes() for part in held), None if self.rests is None else self.rests[run]
+
+    def distinct(self, *, sampled_alike: bool = True) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Replicates: the first of the runs that are the same (D,), and for each run the place of its kind among these (K,).
+
+        Parameters
+        ----------
+        sampled_alike : bool
+            Whether runs are the same only where the same segments are measured.
+        """
+        kinds: dict[Hashable, int] = {}
+        keys = (self._samples(k) if sampled_alike else self.key(k) for k in range(len(self)))
+        of = np.array([kinds.setdefault(key, len(kinds)) for key in keys], dtype=np.intp)
+        return np.unique(of, return_index=True)[1], of
+
+    def _samples(self, run: int) -> Hashable:
+        """What is done in a run, and which segments are measured."""
+        return self.key(run), np.flatnonzero(self.measured[run]).tobytes()
+
+    def first_difference(self, other: Runs, own: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Number of segments that each run has in common with other[own], from the start on; 0 where their starts differ."""
+        n = self.dt.shape[1]
+        differs = (self.u != other.u[own]).any(axis=2) | (self.dt != other.dt[own])
+        first = np.where(differs.any(axis=1), np.argmax(differs, axis=1), n)
+        away = (self.x0 != other.x0[own]).any(axis=1)
+        if self.rests is not None or other.rests is not None:
+            rests = np.full(len(other), None) if other.rests is None else other.rests
+            away |= [a is not b and a != b for a, b in zip(self.rest, rests[own], strict=True)]
+        return np.where(away, 0, first)
+
+    def ending(self, samples: Flags) -> Runs:
+        """The runs up to the last of their `samples` (K, N), of which each has one; these are measured."""
+        needed = np.maximum.accumulate(samples[:, ::-1], axis=1)[:, ::-1]
+        longest = slice(int(needed.sum(axis=1).max(initial=0)))
+        parts = self.u[:, longest], np.where(needed, self.dt, 0.0)[:, longest], samples[:, longest]
+        return Runs._of(self.x0, *parts, self.columns, self.rests)
+
+    def starting(self, x0: Array) -> Runs:
+        """The same runs from known starts (K, n_x), none of which has to be found."""
+        return Runs._of(x0, self.u, self.dt, self.measured, self.columns)
 
     def divided(self, at: ArrayLike) -> Runs:
         """The same runs with every segment divided at shares of its duration, of which the last is 1; that part ends as before."""

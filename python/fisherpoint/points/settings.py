@@ -65,7 +65,7 @@ def checked_arguments(
     crosses = check_kinks(kinks), check_jumps(jumps)
     starts = points.starts if isinstance(points, Runs) else points
     if isinstance(points, Runs) and points.rests is not None and theta.ndim == 1:
-        starts = Experiments(checked_starts(model, points, theta), starts.u, starts.dt)
+        starts = starts.starting(checked_starts(model, points, theta))
     if not isinstance(points, Runs) or points.rests is None or theta.ndim == 1:  # of other starts the status says it
         refuse_starts_on_surfaces(model, starts, theta, crossed_surfaces(model, *crosses))
     if method is not None:

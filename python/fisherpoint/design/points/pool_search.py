@@ -140,7 +140,7 @@ class PoolSearch(PointSearch):
         best in the place of each point are sampled earlier where some plants cannot run them to their end.
         """
         points, count = design.experiments, len(design)
-        places = np.sort(np.unique(points.table, axis=0, return_index=True)[1])
+        places = np.sort(points.distinct()[0])
         each = max(LEAST_NEAR, int(share * self._drawn_share * NEAR * self.settings.n_candidates) // len(places))
         near, of = self.source.draw_near(points[places], each, self.lineage.steps(self._numbers(design)[places]))
         if not len(near):
