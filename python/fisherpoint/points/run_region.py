@@ -13,7 +13,7 @@ from ..basics.checks import as_floats, as_positive, by_name, check_mapping, chec
 from ..basics.messages import shown
 from ..basics.quantity import names_of
 from ..basics.units import converted
-from ..basics.values import Array
+from ..basics.values import Array, FrozenMapping
 from ..models import Model
 from .bounds import in_units_of, pair_or_number, read_bounds, split_unit, units_in, with_units
 from .region import refuse_fixed_on_surface
@@ -21,6 +21,9 @@ from .rest import Rest
 from .runs import Runs, as_flags
 
 MOST_SEGMENTS = 10_000
+
+ROUNDING = 1e-9
+"""Share by which a step between levels may exceed what an input may change: 0.3 - 0.2 is more than 0.2 - 0.1."""
 
 DECADE = 10.0
 """Bounds of durations that are further apart count logarithmically."""
@@ -44,9 +47,11 @@ class RunRegion:
         The only values that an input may take, within its bounds; with a unit as the last entry, [0, 0.5, 1, "kW"], they are
         converted to the model's.
     slew : mapping of input to float, optional
-        The most that an input may change from one segment to the next; (0.2, "kW") is converted.
+        The most that an input may change from one segment to the next; (0.2, "kW") is converted. Of an input with levels, each is
+        the nearest one to the wanted value that is no farther from the one before.
     duration : float, optional
-        The longest that a run may last, s; its segments are shortened alike where they would last longer.
+        The longest that a run may last, s. Where its segments would last longer, all of them keep the same share of what they have
+        above the lower bound of ``"dt"``.
     measured : array_like of bool, (N,), optional
         At the ends of which segments outputs may be measured. Default: all.
     rest : Rest, optional
@@ -86,14 +91,12 @@ class RunRegion:
         names = tuple(self.bounds)
         self.constant = names_among(constant, names, "constant")
         self.shared = names_among(shared, names, "shared")
-        self.levels: Mapping[str, tuple[float, ...]] = by_name(levels, names, "levels", _levels)
+        given: Mapping[str, tuple[float, ...]] = by_name(levels, names, "levels", _levels)
         self._level_units, self._slew_units = units_in(levels, "levels"), units_in(slew, "slew")
-        for name, values in self.levels.items():
-            lower, upper = self.bounds[name]
-            if name in self.units or name in self._level_units:  # without a unit, they are in the model's
-                continue
-            if min(values) < lower or max(values) > upper:
-                raise ValueError(f"levels[{name!r}]: expected values within {lower:g} and {upper:g}, given {shown(list(values))}")
+        # Those with a unit are compared when both are in the model's.
+        known = {name: values for name, values in given.items() if not (name in self.units or name in self._level_units)}
+        within = {name: _within(values, *self.bounds[name], f"levels[{name!r}]") for name, values in known.items()}
+        self.levels: Mapping[str, tuple[float, ...]] = FrozenMapping({**given, **within})
         self.slew: Mapping[str, float] = by_name(slew, names, "slew", _change)
         self.duration = None if duration is None else as_positive(duration, "duration", "duration in s")
         if self.duration is not None and self.duration < self.segments * self.bounds["dt"][0] * (1 - 1e-12):
@@ -242,7 +245,7 @@ class RunCoordinates:
             u[:, :, i] = self._slewed(name, np.broadcast_to(values[name], shape))
         dt = np.broadcast_to(values["dt"], shape).copy()
         if region.duration is not None:
-            dt *= np.minimum(1.0, region.duration / dt.sum(axis=1, keepdims=True))
+            dt = _shortened(dt, region.bounds["dt"][0], region.duration)
         measured = np.broadcast_to(np.array(region.measured), shape).copy()
         return Runs(x0, u, dt, measured, rest=region.rest, columns=(*names_of(model.states), *names_of(model.inputs)))
 
@@ -256,14 +259,33 @@ class RunCoordinates:
         return np.asarray(np.clip(lower + (upper - lower) * share, lower, upper))
 
     def _slewed(self, name: str, values: Array) -> Array:
-        """The same, as near as the steps from one segment to the next allow."""
+        """The values (K, N), as near as the steps from one segment to the next allow; levels where there are some."""
         most = self._region.slew.get(name)
         if most is None:
             return values
+        levels = np.array(self._region.levels.get(name, ()))
         slewed = values.copy()
         for n in range(1, values.shape[1]):
-            slewed[:, n] = np.clip(values[:, n], slewed[:, n - 1] - most, slewed[:, n - 1] + most)
+            before = slewed[:, n - 1]
+            slewed[:, n] = np.clip(values[:, n], before - most, before + most)
+            if len(levels):
+                slewed[:, n] = _nearest_level(levels, values[:, n], before, most)
         return slewed
+
+
+def _shortened(dt: Array, lower: float, duration: float) -> Array:
+    """Durations (K, N), of which those that last too long together approach their lower bound by one share of what is above it."""
+    above = dt - lower
+    excess, left = above.sum(axis=1, keepdims=True), max(duration - dt.shape[1] * lower, 0.0)
+    share = np.divide(left, excess, out=np.ones_like(excess), where=excess > left)
+    return np.where(share < 1.0, lower + share * above, dt)
+
+
+def _nearest_level(levels: Array, wanted: Array, before: Array, most: float) -> Array:
+    """Of the levels (L,) that are within `most` of the one before, (K,), that next to what is wanted, (K,)."""
+    reached = np.abs(levels - before[:, None]) <= most * (1 + ROUNDING)
+    distance = np.where(reached, np.abs(levels - wanted[:, None]), np.inf)
+    return np.asarray(levels[np.argmin(distance, axis=1)])
 
 
 def _levels(given: Any, label: str) -> tuple[float, ...]:
@@ -272,6 +294,14 @@ def _levels(given: Any, label: str) -> tuple[float, ...]:
     if array.ndim != 1 or not len(array):
         raise ValueError(f"{label}: expected a sequence of values, at least one, given {shown(given)}")
     return tuple(sorted(set(array.tolist())))
+
+
+def _within(levels: tuple[float, ...], lower: float, upper: float, label: str) -> tuple[float, ...]:
+    """Levels within their bounds; what is beyond them by rounding, as of converted units, is on them."""
+    rounding = 1e-12 * max(abs(lower), abs(upper))
+    if min(levels) < lower - rounding or max(levels) > upper + rounding:
+        raise ValueError(f"{label}: expected values within {lower:g} and {upper:g}, given {shown(list(levels))}")
+    return tuple(sorted({min(max(level, lower), upper) for level in levels}))
 
 
 def _change(given: Any, label: str) -> float:

@@ -45,7 +45,7 @@ class PointRows:
     def at_mean(self, points: Experiments) -> tuple[Array, NDArray[np.intp]]:
         """Rows (V, n, p), or (V, S, n, p), of those that are valid at the prior mean, and their places."""
         rows, places = [], []
-        for first in range(0, len(points), MOST_POINTS):
+        for first in range(0, max(len(points), 1), MOST_POINTS):
             information, kept, _ = self._surviving(points[first : first + MOST_POINTS])
             rows.append(self.whitened(information))
             places.append(kept + first)
@@ -54,7 +54,7 @@ class PointRows:
     def valid(self, points: Experiments) -> tuple[Array, NDArray[np.intp]]:
         """Rows of those that are valid at the prior mean and on all nodes of the rule, and their places; others are counted."""
         rows, places = [], []
-        for first in range(0, len(points), MOST_POINTS):
+        for first in range(0, max(len(points), 1), MOST_POINTS):
             information, kept, lost = self._surviving(points[first : first + MOST_POINTS])
             _, status = with_covariance(self.problem, information, self._threads)
             good = status == Status.ok
