@@ -165,8 +165,22 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "duration": "The longest that a run may last, s.",
             "lead_in": "Segments at the beginning that are not measured.",
             "samples": "How many samples are chosen of each run; all where it is not given.",
+            "rest": "How runs start [at rest](../how_to/runs_at_rest.md), as a table `[runs.rest]`.",
             "n_starts": "How often the search begins anew.",
             "confidence": "Share of the plants that the prior allows which must be able to run the design.",
+        },
+    ),
+    "runs.rest": (
+        "The plant has settled before a run: rates vanish at its start, under a held input, or where a controller keeps states or"
+        " outputs. Of states that are found, the middle of their bounds in `[region]` is the guess."
+        " [Starts at rest](../how_to/runs_at_rest.md).",
+        '[runs.rest]\nu = { u = 2.0 }\nstates = ["v", "p_A", "p_B", "x_v"]\n',
+        {
+            "u": "The held input, by name; of an input to be solved for, the guess.",
+            "states": "The states of which the rates vanish; the others start within their bounds.",
+            "hold": "States at rest that start within their bounds, where a controller keeps them.",
+            "outputs": "Values of outputs at the rest, by name, where a controller keeps them.",
+            "solve": "Inputs that keep the plant there, which are found: as many as `hold` and `outputs` together.",
         },
     ),
     "rule": (

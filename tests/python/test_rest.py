@@ -262,9 +262,10 @@ def of_one(f: list[str], **more: Any) -> Callable[..., fp.RunTrajectories]:
     ("f", "x0", "u", "said"),
     [
         (["a*k + x**2 + u"], [1.0], 0.0, r"rest: expected an equilibrium of x, found none from x0 of runs\[0\]"),
-        (["a*k*u"], [1.0], 0.0, r"given rates that leave x free in runs\[0\]: f_x is singular"),
+        (["-a*x*v*k + 0*u", "a*x*v*k*(1 + x)"], [0.1, 1.0], 0.0, r"given rates that leave v free in runs\[0\]: f_x is singular"),
+        (["v - a*x + 0*u", "k*x - v"], [1.0, 1.0], 0.0, "leave (x, v|v, x) free"),  # kept for a = k alone
         (["a*k*u"], [1.0], 1.0, "found none"),
-        (["v", "u*k - a*v"], [1.0, 0.0], 0.0, "leave x free"),
+        (["v", "u*k - a*v"], [1.0, 0.0], 1.0, "found none"),
         (["v", "u - k*x - a*sign(v) - v"], [1.0, 0.0], 0.5, "on the jump v = 0 of .*: a whole range of states rests there, as"),
         (["v", "u - k*x - a*sign(v) - v"], [1.0, 0.2], 0.5, "on the jump v = 0"),
         (["u - k*x - a*sign(x)"], [0.3], 0.5, "on the jump x = 0"),

@@ -110,7 +110,7 @@ class VirtualRig:
         if planned.x0.shape[1] != len(self.model.states):
             raise ValueError(f"x0: expected shape (K, {len(self.model.states)}), given {planned.x0.shape}")
         if isinstance(planned, Runs):
-            x0 = checked_starts(self.model, planned, self.theta) + deviation
+            x0 = checked_starts(self.model, planned, self.theta, deviation) + deviation
             along = simulate(self.model, planned.starting(x0), self.theta, rtol=self.rtol, jumps="cross")
             completed = np.arange(planned.dt.shape[1]) < along.reached[:, None]
             there = planned.measured & completed & (along.status != Status.not_finite)[:, None]

@@ -136,7 +136,8 @@ class Config(ModelFile):
         if self.design.confidence is not None:
             raise self.error("design.confidence", "expected only for points; of runs it is runs.confidence")
         with self._names_key("runs"):
-            return RunRegion(bounds, **self.runs.options()).in_units_of(self.build_model())
+            model = self.build_model()
+            return RunRegion(bounds, **self.runs.options(model)).in_units_of(model)
 
     def _check_values(self) -> None:
         """Raise what the library refuses, of all tables together."""
@@ -264,6 +265,8 @@ def mistakes_of_valid_tables(data: Mapping[str, Any]) -> Iterable[str]:
 
 def _in_file(key: str, message: str) -> str:
     """What the library says of a value of the table `key`, by the key of the file."""
+    if key == "runs" and message.startswith("rest."):
+        return f"runs.{message}"
     found = _OF_LIBRARY.fullmatch(message)
     if found is not None:
         name, entry, said = found.groups()

@@ -15,6 +15,8 @@ from ..basics.quantity import Quantity
 from ..basics.toml_messages import fail, toml
 from ..basics.toml_tables import Abbreviated, Constant, Count, NotNegative, Number, Positive, Table
 from ..basics.units import convert, same_zero
+from ..models import Model
+from ..points.rest import Rest
 from ..points.settings import COARSEST, FINEST
 from ..prior.gaussian import MOST_RELATIVE_STD
 from ..prior.rules import DEFAULT_RULE, RULES, Rule, Sobol
@@ -126,6 +128,30 @@ class Change(Constant):
     value: Positive
 
 
+class RestTable(Table):
+    """How runs start at rest, as `Rest` has it: held inputs, and what else is given or found."""
+
+    u: dict[str, Constant] = Field(default_factory=dict)
+    states: list[str] | None = None
+    hold: list[str] = Field(default_factory=list)
+    outputs: dict[str, Constant] = Field(default_factory=dict)
+    solve: list[str] = Field(default_factory=list)
+
+    def build(self, model: Model) -> Rest:
+        """The rest, in the units of a model."""
+        u, outputs = (_in_units(of, by) for of, by in ((self.u, model.inputs), (self.outputs, model.outputs)))
+        rest = Rest(u, states=self.states, hold=self.hold, outputs=outputs, solve=self.solve)
+        rest.check(model)
+        return rest
+
+
+def _in_units(table: Mapping[str, Constant], quantities: Iterable[Quantity]) -> dict[str, float]:
+    """Values in the units of the quantities; those of other names as they are."""
+    units = {quantity.name: quantity.unit for quantity in quantities}
+    known = {name: (entry.unit or units.get(name, "1"), units.get(name, entry.unit or "1")) for name, entry in table.items()}
+    return {name: convert(entry.value, *known[name]) for name, entry in table.items()}
+
+
 class RunsTable(Table):
     """Runs of several segments in the place of points: how many, of what length, and what of them may vary."""
 
@@ -138,6 +164,7 @@ class RunsTable(Table):
     duration: Positive | None = None
     lead_in: Annotated[int, Field(ge=0)] = 0
     samples: Count | None = None
+    rest: RestTable | None = None
     n_starts: Count | None = None
     confidence: Annotated[float, Field(gt=0, lt=1)] | None = None
 
@@ -147,12 +174,13 @@ class RunsTable(Table):
             fail(f"runs.lead_in: expected fewer than all {self.segments} segments, given {self.lead_in}")
         return self
 
-    def options(self) -> dict[str, Any]:
+    def options(self, model: Model) -> dict[str, Any]:
         """Keyword arguments for `RunRegion`."""
         given = self.model_dump(include={"segments", "constant", "shared", "duration", "samples"})
         given["levels"] = {name: [*of.values, of.unit] if of.unit else of.values for name, of in self.levels.items()}
         given["slew"] = {name: (of.value, of.unit) if of.unit else of.value for name, of in self.slew.items()}
-        return given | {"measured": [n >= self.lead_in for n in range(self.segments)]}
+        rest = None if self.rest is None else self.rest.build(model)
+        return given | {"measured": [n >= self.lead_in for n in range(self.segments)], "rest": rest}
 
     def search(self) -> dict[str, Any]:
         """Keyword arguments for `design_runs`."""

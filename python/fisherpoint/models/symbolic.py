@@ -238,25 +238,35 @@ class SymbolicModel(DescribedModel):
         )
         return limited.compile() if self.compiled else limited
 
-    def rates_of(self, *names: str) -> SymbolicModel:
-        """Return the rates of these states as outputs of a model without states.
+    def rates_of(self, *names: str, outputs: Sequence[str] = (), unknown: Sequence[str] | None = None) -> SymbolicModel:
+        """Return the rates of these states, and then these outputs, as outputs of a model without states.
 
-        These states are its last parameters, and the others its last inputs.
+        Its last parameters are the states and inputs that are `unknown`, by default the states themselves; the other inputs and
+        states are its inputs, in this order.
         """
         check_known(names, names_of(self.states), "states", "names of states,")
-        given = {q.name: q for q in self.states}
-        rates = [rate for q, rate in zip(self.states, self.equations.rates, strict=True) if q.name in names]
+        rates = [(q.name, rate) for q, rate in zip(self.states, self.equations.rates, strict=True) if q.name in names]
+        given = [one for q, one in zip(self.outputs, self.equations.output, strict=True) if q.name in outputs]
         values = {symbol(name) for name in self.constants}
-        for name, rate in zip((q.name for q in self.states if q.name in names), rates, strict=True):
+        for name, rate in rates:
             if not rate.free_symbols - values:
                 raise ValueError(f"states: expected states of which the rates may vanish, given {name!r} with {to_text(rate):.60}")
-        inputs = [*self.inputs, *(q for name, q in given.items() if name not in names)]
+        free = names if unknown is None else unknown
+        inputs = [q for q in (*self.inputs, *self.states) if q.name not in free]
         # A model has an input, if need be one that nothing reads.
         taken = {q.name for of in self._quantities() for q in of}
         unread = next(name for name in ("none", *(f"none_{i}" for i in range(len(taken) + 1))) if name not in taken)
-        parameters = (*self.parameters, *(given[name] for name in given if name in names))
+        parameters = (*self.parameters, *(q for q in (*self.states, *self.inputs) if q.name in free))
+        equations = [*(rate for _, rate in rates), *given]
         return SymbolicModel(
-            [], rates, {}, inputs or {unread: "1"}, parameters, constants=self._given_constants, name=self.name, check_units=False
+            [],
+            equations,
+            {},
+            inputs or {unread: "1"},
+            parameters,
+            constants=self._given_constants,
+            name=self.name,
+            check_units=False,
         )
 
     def _limits_along(self, symbols: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:

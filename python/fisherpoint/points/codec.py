@@ -34,11 +34,14 @@ def runs_to_json(runs: Runs) -> dict[str, Any]:
 
 
 def _rest_to_json(rest: Rest | None) -> dict[str, Any] | None:
-    return None if rest is None else {"u": dict(rest.u), "states": None if rest.states is None else list(rest.states)}
+    if rest is None:
+        return None
+    lists = {"states": None if rest.states is None else list(rest.states), "hold": list(rest.hold), "solve": list(rest.solve)}
+    return {"u": dict(rest.u), **lists, "outputs": dict(rest.outputs)}
 
 
 def _rest_from_json(data: dict[str, Any] | None) -> Rest | None:
-    return None if data is None else Rest(data["u"], states=data["states"])
+    return None if data is None else Rest(**data)
 
 
 def runs_from_json(data: dict[str, Any]) -> Runs:

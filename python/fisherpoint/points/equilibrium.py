@@ -56,12 +56,15 @@ class Equilibria(NamedTuple):
         return good
 
 
-def equilibria(rates: Rates, guess: Array, scale: Array) -> Equilibria:
+def equilibria(rates: Rates, guess: Array, scale: Array, moving: bool = True) -> Equilibria:
     """Equilibria near guesses (n, r), of unknowns of natural sizes (r,).
 
     Where Newton's method does not settle, settles far off, or where the plant would not stay, the way of the plant is followed.
+    With `moving` False, a controller keeps the plant there: there is no such way, and whether it would stay does not matter.
     """
     first = _judged(rates, *_newton(rates, guess, scale), scale)
+    if not moving:
+        return first._replace(stable=first.found.copy())
     far = (np.abs(first.z - guess) > FAR * (scale + np.abs(guess))).any(axis=1)
     again = np.flatnonzero(~first.found | (~first.singular & (far | ~first.stable)))
     if not len(again):

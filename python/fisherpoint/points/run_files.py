@@ -23,6 +23,9 @@ MEASURED = Quantity("measured", "1", "whether the outputs are measured at the se
 REST, ALL = "rest", "all"
 """The column that names the states that are at rest at the start, and what stands there for all; `rest_u` has the input u."""
 
+HOLD, SOLVE = "rest_hold", "rest_solve"
+"""Columns that name the states that rest where x0 says, and the inputs that keep the plant there; `rest_y_q` has the output q."""
+
 NOTHING: Mapping[str, Array] = FrozenMapping({})
 
 
@@ -55,9 +58,10 @@ def runs_csv(runs: RunArrays, model: Model | None, outputs: Mapping[str, Array] 
     ]
     header = (RUN.name, SEGMENT.name, *names, DURATION.name, MEASURED.name)
     if rests is not None:
-        header = (*header, *rest_columns(names[n_x:]))
+        inputs, given = names[n_x:], _given_outputs(rests)
+        header = (*header, *rest_columns(inputs, given))
         for row, run, segment in zip(rows, k.tolist(), n.tolist(), strict=True):
-            row += _rest_cells(rests[run] if segment == 0 else None, names[n_x:])
+            row += _rest_cells(rests[run] if segment == 0 else None, inputs, given)
     header = (*header, *outputs)
     rows = [[*row, *further] for row, further in zip(rows, behind, strict=True)]
     if len(set(header)) != len(header):
@@ -66,15 +70,25 @@ def runs_csv(runs: RunArrays, model: Model | None, outputs: Mapping[str, Array] 
     return csv_text(header, rows)
 
 
-def rest_columns(inputs: Sequence[str]) -> tuple[str, ...]:
-    """Columns that a file of runs that start at rest has besides."""
-    return (REST, *(f"{REST}_{name}" for name in inputs))
+def rest_columns(inputs: Sequence[str], outputs: Sequence[str] | None = None) -> tuple[str, ...]:
+    """Columns that a file of runs that start at rest has besides; with given outputs, those of runs that a controller holds."""
+    controlled = () if outputs is None else (HOLD, SOLVE, *(f"{REST}_y_{name}" for name in outputs))
+    return (REST, *(f"{REST}_{name}" for name in inputs), *controlled)
 
 
-def _rest_cells(rest: Rest | None, inputs: Sequence[str]) -> list[Any]:
+def _given_outputs(rests: Rests) -> tuple[str, ...] | None:
+    """The outputs that are given at some rest; None where no input is solved for at any."""
+    controlled = [rest for rest in rests if rest is not None and rest.solve]
+    return tuple(dict.fromkeys(name for rest in controlled for name in rest.outputs)) if controlled else None
+
+
+def _rest_cells(rest: Rest | None, inputs: Sequence[str], outputs: Sequence[str] | None) -> list[Any]:
     if rest is None:
-        return ["", *[np.nan] * len(inputs)]
-    return [ALL if rest.states is None else " ".join(rest.states), *rest.held(tuple(inputs))]
+        return ["", *[np.nan] * len(inputs), *([] if outputs is None else ["", "", *[np.nan] * len(outputs)])]
+    cells = [ALL if rest.states is None else " ".join(rest.states), *rest.held(tuple(inputs))]
+    if outputs is not None:
+        cells += [" ".join(rest.hold), " ".join(rest.solve), *(rest.outputs.get(name, np.nan) for name in outputs)]
+    return cells
 
 
 def read_runs(path: str | Path, model: Model) -> tuple[Array, Array, Array, NDArray[np.bool_], list[Rest | None] | None]:
@@ -89,7 +103,9 @@ def rest_columns_of(table: CsvTable, model: Model) -> tuple[str, ...]:
     """The columns in which a table says how runs start at rest; none where it does not."""
     if REST not in table or REST in columns_of(model):
         return ()
-    further = rest_columns(names_of(model.inputs))
+    given = [name for name in names_of(model.outputs) if f"{REST}_y_{name}" in table]
+    controlled = HOLD in table or SOLVE in table or given
+    further = rest_columns(names_of(model.inputs), given if controlled else None)
     for missing in (name for name in further if name not in table):
         raise ValueError(f"{table.path}: expected the column {missing} beside {REST}, given none")
     return further
@@ -98,21 +114,39 @@ def rest_columns_of(table: CsvTable, model: Model) -> tuple[str, ...]:
 def rest_of_table(table: CsvTable, model: Model) -> list[Rest | None]:
     """How each run starts at rest, of a table that says so and of which the runs are known to be in order."""
     run, texts = table.complete(RUN), table.texts(REST)
-    held = {quantity.name: table.numbers(f"{REST}_{quantity.name}", quantity.unit) for quantity in model.inputs}
-    first, states = np.diff(run, prepend=0.0) != 0, names_of(model.states)
+    first, states, inputs = np.diff(run, prepend=0.0) != 0, names_of(model.states), names_of(model.inputs)
+    held = {q.name: table.numbers(f"{REST}_{q.name}", q.unit) for q in model.inputs}
+    given = {q.name: table.numbers(name, q.unit) for q in model.outputs if (name := f"{REST}_y_{q.name}") in table}
+    lists = {REST: (texts, (*states, ALL))}
+    lists |= {name: (table.texts(name), known) for name, known in ((HOLD, states), (SOLVE, inputs)) if name in table}
     told = np.array([bool(text) for text in texts])
     table.refuse(told & ~first, REST, "nothing behind the first row of a run")
+    solved = {name: np.array([name in text.split() for text in lists[SOLVE][0]]) if SOLVE in lists else ~told for name in inputs}
     for name, values in held.items():
-        table.refuse(told & np.isnan(values), f"{REST}_{name}", "the held input of a run that starts at rest")
-        table.refuse(~told & ~np.isnan(values), f"{REST}_{name}", "nothing where no run starts at rest")
+        table.refuse(told & ~solved[name] & np.isnan(values), f"{REST}_{name}", "the held input of a run that starts at rest")
+    numbers = {**{f"{REST}_{name}": held[name] for name in held}, **{f"{REST}_y_{name}": given[name] for name in given}}
+    for column, values in numbers.items():
+        table.refuse(~told & ~np.isnan(values), column, "nothing where no run starts at rest")
     found: list[Rest | None] = []
     for row in np.flatnonzero(first).tolist():
-        names = texts[row].split()
-        for unknown in (name for name in names if name not in states and names != [ALL]):
-            raise table.error(row, REST, f"expected {ALL!r} or names of states, {listed(states)}; given {shown(unknown)}")
-        u = {name: float(values[row]) for name, values in held.items()}
-        found.append(Rest(u, states=None if names == [ALL] else names) if names else None)
+        names = {column: of[row].split() for column, (of, _) in lists.items()}
+        for column, (_, known) in lists.items():
+            for unknown in (name for name in names[column] if name not in known or (name == ALL and len(names[column]) > 1)):
+                what = f"{ALL!r} or names of states, {listed(states)}" if column == REST else f"names among {listed(known)}"
+                raise table.error(row, column, f"expected {what}; given {shown(unknown)}")
+        found.append(_rest_of_row(table, row, names, held, given) if names[REST] else None)
     return found
+
+
+def _rest_of_row(
+    table: CsvTable, row: int, names: Mapping[str, list[str]], held: Mapping[str, Array], given: Mapping[str, Array]
+) -> Rest:
+    u, outputs = ({name: float(of[row]) for name, of in some.items() if not np.isnan(of[row])} for some in (held, given))
+    states = None if names[REST] == [ALL] else names[REST]
+    try:
+        return Rest(u, states=states, hold=names.get(HOLD, ()), outputs=outputs, solve=names.get(SOLVE, ()))
+    except ValueError as error:
+        raise table.error(row, REST, str(error)) from error
 
 
 def runs_of_table(

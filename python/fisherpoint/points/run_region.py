@@ -55,7 +55,8 @@ class RunRegion:
     measured : array_like of bool, (N,), optional
         At the ends of which segments outputs may be measured. Default: all.
     rest : Rest, optional
-        Runs start at rest; the bounds of the states that are at rest tell where to look for it.
+        Runs start at rest. The middle of the bounds of the states that are found there is the guess, and has the totals that a
+        closed system keeps; states that are held vary within theirs.
     samples : int, optional
         The design takes the best so many of these of each run. Default: all.
 
@@ -133,6 +134,8 @@ class RunRegion:
         ):
             for name in (name for name in given if name not in known):
                 raise ValueError(f"{label}: expected names among {', '.join(known) or 'none'}; given {name!r}")
+        if self.rest is not None:
+            self.rest.check(model)
         # An input on a surface is for some segments only.
         refuse_fixed_on_surface({name: self.bounds[name] for name in states}, model, crossed)
 
@@ -207,7 +210,7 @@ class RunCoordinates:
             for name in group:
                 lower, upper = region.bounds[name]
                 levels = len(region.levels.get(name, ()))
-                rests = kind == "state" and region.rest is not None and name in region.rest.names(states)
+                rests = kind == "state" and region.rest is not None and name in region.rest.found(states)
                 if lower == upper or levels == 1 or rests:
                     continue
                 count = n if kind != "state" and name not in region.constant else 1

@@ -250,7 +250,8 @@ class Runs(InNotebooks):
         """Write one row per segment: run, segment, the start in the run's first row, the inputs, dt, and measured (1 or 0).
 
         Where runs start at rest, their first rows say so: the column rest names the states ("all", or several with blanks
-        between), and rest_u, of an input u, has the held input. The states then are the guess.
+        between), and rest_u, of an input u, has the held input. The states then are the guess. Where a controller holds runs there,
+        rest_hold and rest_solve name states and inputs as `Rest` has them, and rest_y_q has the output q.
         Every digit is kept, and the file appears whole or not at all. `Runs.from_csv` reads it back.
         """
         write_whole(path, runs_csv(self, model))
