@@ -5,14 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from .interrupts import interrupts_wait
+
 EXTRAS = ("matplotlib", "pandas", "pydantic", "rich", "sympy", "typer")
 
 
 @contextmanager
 def needed_for(what: str) -> Iterator[None]:
-    """Say what to install where an import finds such a package missing."""
+    """Say what to install where an import finds such a package missing.
+
+    Ctrl-C waits until the import is complete: one that is broken off fails in pandas and matplotlib for the rest of the process.
+    """
     try:
-        yield
+        with interrupts_wait():
+            yield
     except ModuleNotFoundError as missing:
         package = (missing.name or "").partition(".")[0]
         if package not in EXTRAS:

@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from ...basics.checks import check_positive_int, check_type
+from ...basics.interrupts import interrupts_wait
 from ...basics.values import Array
 from ...engine import _core
 from ..gaussian import GaussianPrior
@@ -56,7 +57,18 @@ def _points(p: int, n: int, seed: int) -> Array:
     from scipy.stats.qmc import Sobol as Points
 
     bits = 30
-    uniform = Points(p, scramble=True, bits=bits, seed=np.random.default_rng(seed)).random_base2(n.bit_length() - 1)
+    # The first one reads SciPy's direction numbers, swallows what is raised there, and goes on without them.
+    with interrupts_wait():
+        points = Points(p, scramble=True, bits=bits, seed=np.random.default_rng(seed))
+    uniform = points.random_base2(n.bit_length() - 1)
+    if not _one_in_each_interval(uniform):
+        raise RuntimeError(f"Sobol: expected {n} different nodes from SciPy, given others; try again")
     z: Array = ndtri(uniform + 0.5 ** (bits + 1))  # the middle of the interval that the digits leave open, which is never 0
     z.flags.writeable = False
     return z
+
+
+def _one_in_each_interval(uniform: Array) -> bool:
+    """Whether each of n equal intervals has one of the n numbers, in every coordinate, as in every scrambled Sobol set."""
+    n = len(uniform)
+    return all((np.bincount((column * n).astype(np.intp), minlength=n) == 1).all() for column in uniform.T)
