@@ -193,10 +193,30 @@ def built_from(path: Path, what: str, data: dict[str, Any], build: Callable[[dic
     """Return what `build` makes of the data of a file; where it cannot, the ValueError names the file."""
     try:
         return build(data)
-    except (KeyError, TypeError, AttributeError, IndexError) as error:
-        raise ValueError(
-            f"{printable(path)}: expected a complete {what}, given one without or with a wrong {shortened(error)}"
-        ) from error
-    except (ValueError, OverflowError) as error:
-        wrong = str(error) if "expected" in str(error) else f"expected a complete {what}, given a wrong value: {error}"
-        raise ValueError(printable(f"{path}: {wrong}")) from error
+    except WRONG as error:
+        raise ValueError(f"{printable(path)}: {_complaint(error, what)}") from error
+
+
+@contextmanager
+def entry(name: str) -> Iterator[None]:
+    """Have the ValueError about what cannot be built name the entry of the file from which it is built."""
+    try:
+        yield
+    except WRONG as error:
+        raise ValueError(f"{name}: {_complaint(error, 'entry')}") from error
+
+
+WRONG = (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, RecursionError, StopIteration, MemoryError)
+"""What comes of building from data of other kinds and sizes than were written."""
+
+
+def _complaint(error: Exception, what: str) -> str:
+    """What is wrong with the data, with the word "expected"."""
+    if isinstance(error, RecursionError):
+        return f"expected a complete {what}, given one that is nested too deep"
+    text = str(error)
+    if isinstance(error, ValueError | TypeError) and "expected" in text and "argument" not in text:
+        return printable(text)
+    if isinstance(error, ValueError | ArithmeticError):
+        return f"expected a complete {what}, given a wrong value: {shortened(text, 200)}"
+    return f"expected a complete {what}, given one without or with a wrong {shortened(text)}"

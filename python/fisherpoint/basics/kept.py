@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from .checks import as_path
-from .files import built_from, parse_json, read_bytes, sealed_json, write_whole
-from .messages import shown
+from .declared import check_declared
+from .files import built_from, entry, parse_json, read_bytes, sealed_json, write_whole
+from .messages import listed, shown
 from .values import FrozenMapping
 
 Codec = Mapping[type, tuple[Callable[[Any], Any], Callable[[Any], Any]]]
@@ -52,18 +53,27 @@ class Kept:
         OSError
             Where the file cannot be read.
         ValueError
-            Where it is truncated, was changed, or is of another format.
+            Where it is truncated, was changed, is of another format, or has an entry of another kind or size than was written.
         """
         path = as_path(path, "path")
         data = parse_json(path, read_bytes(path), _format(cls), cls.FORMAT_VERSION)
-        kinds = {kind.__name__: kind for kind in (cls, *cls._INSIDE)}
-        codec = {kind.__name__: decode for kind, (_, decode) in cls._CODEC.items()}
         if cls._RENAMED and data["format_version"] == 1:
             data = _renamed(data, cls._RENAMED)
-        found = built_from(path, cls.__name__, data, lambda whole: _decoded(whole["content"], kinds, codec))
+        return built_from(path, cls.__name__, data, cls._from_content)
+
+    @classmethod
+    def _from_content(cls, data: dict[str, Any]) -> Self:
+        kinds = {kind.__name__: kind for kind in (cls, *cls._INSIDE)}
+        codec = {kind.__name__: decode for kind, (_, decode) in cls._CODEC.items()}
+        found = _Decoder(kinds, codec).decoded(data["content"], "")
         if not isinstance(found, cls):
-            raise ValueError(f"{path}: expected a {cls.__name__}, given {shown(found)}")
+            raise ValueError(f"expected a {cls.__name__}, given {shown(found)}")
+        check_declared(found)
+        found._check_content()
         return found
+
+    def _check_content(self) -> None:
+        """Raise ValueError where entries do not fit each other in a way that a declaration has no words for."""
 
 
 def _renamed(data: Any, names: Mapping[str, str]) -> Any:
@@ -103,23 +113,86 @@ def _encoded(value: Any, codec: Codec) -> Any:
     raise TypeError(f"expected something that can be saved, given {type(value).__name__}")
 
 
-def _decoded(data: Any, kinds: Mapping[str, type], codec: Mapping[str, Callable[[Any], Any]]) -> Any:
-    def inner(entry: Any) -> Any:
-        return _decoded(entry, kinds, codec)
+_ENTRIES: Mapping[str, tuple[type, type]] = {
+    "f": (float, np.float64),
+    "i": (int, np.int64),
+    "b": (bool, np.bool_),
+    "U": (str, np.str_),
+}
+"""By the kind of an array's dtype: what its entries are, and the dtype that they get. Texts have the room that they need."""
 
-    if isinstance(data, list):
-        return tuple(map(inner, data))
-    if not isinstance(data, dict):
-        return data
-    (name, content) = next(iter(data.items()))
-    if name == "float":
-        return float(content)
-    if name == "array":
-        return np.array([inner(entry) for entry in content], dtype=np.dtype(data["dtype"])).reshape(data["shape"])
-    if name == "mapping":
-        return FrozenMapping({inner(key): inner(entry) for key, entry in content})
-    if name in codec:
-        return codec[name](content)
-    kind = kinds[name]
-    gone: tuple[str, ...] = getattr(kind, "_GONE", ())
-    return kind(**{key: inner(entry) for key, entry in content.items() if key not in gone})
+
+@dataclass(frozen=True)
+class _Decoder:
+    """Gives back what `_encoded` has written, of these kinds; messages name the place of what is wrong."""
+
+    kinds: Mapping[str, type]
+    codec: Mapping[str, Callable[[Any], Any]]
+
+    def decoded(self, data: Any, place: str) -> Any:
+        if isinstance(data, list):
+            return tuple(self.decoded(one, f"{place}[{k}]") for k, one in enumerate(data))
+        if not isinstance(data, dict):
+            return data
+        if set(data) == {"array", "shape", "dtype"}:
+            with entry(place):
+                return self._array(data["array"], data["shape"], data["dtype"])
+        if len(data) != 1:
+            raise ValueError(f"{place}: expected an entry of one kind, given {shown(list(data))}")
+        ((name, content),) = data.items()
+        if name == "float":
+            return _not_finite(content, place)
+        if name == "mapping":
+            return self._mapping(content, place)
+        if name in self.codec:
+            with entry(place):
+                return self.codec[name](content)
+        return self._of_kind(name, content, place)
+
+    def _array(self, entries: Any, shape: Any, dtype: Any) -> Any:
+        kind = dtype.lstrip("<|")[:1] if isinstance(dtype, str) else ""
+        if kind not in _ENTRIES:
+            raise ValueError(f"expected an array of {', '.join(_ENTRIES)}, given {shown(dtype)}")
+        of_each, scalar = _ENTRIES[kind]
+        values = [self.decoded(one, "array") for one in entries]
+        for value in values:
+            if type(value) is not of_each:
+                raise ValueError(f"expected an array of {of_each.__name__}, given {shown(value)}")
+        return np.array(values, dtype=scalar if kind == "U" else np.dtype(scalar)).reshape(shape)
+
+    def _mapping(self, pairs: Any, place: str) -> FrozenMapping[Any]:
+        found = {}
+        for pair in pairs if isinstance(pairs, list) else [pairs]:
+            if not isinstance(pair, list) or len(pair) != 2 or not isinstance(pair[0], str):
+                raise ValueError(f"{place}: expected pairs of a name and a value, given {shown(pair)}")
+            found[pair[0]] = self.decoded(pair[1], f"{place}[{shown(pair[0])}]")
+        return FrozenMapping(found)
+
+    def _of_kind(self, name: str, content: Any, place: str) -> Any:
+        if name not in self.kinds or not isinstance(content, dict):
+            raise ValueError(f"{place}: expected one of {', '.join([*self.kinds, *self.codec])}, given {shown(name)}")
+        kind = self.kinds[name]
+        gone: tuple[str, ...] = getattr(kind, "_GONE", ())
+        inside = f"{place}." if place else ""
+        values = {key: self.decoded(one, f"{inside}{key}") for key, one in content.items() if key not in gone}
+        required, known = _names(kind)
+        for missing in (one for one in required if one not in values):
+            raise ValueError(f"{inside}{missing}: expected an entry, given none")
+        for unknown in (one for one in values if one not in known):
+            raise ValueError(f"{place or name}: expected entries {listed(known)}; given unknown {shown(unknown)}")
+        with entry(place or name):
+            return kind(**values)
+
+
+def _names(kind: type) -> tuple[list[str], list[str]]:
+    """Names of the fields that have no default, and of all."""
+    if not is_dataclass(kind):
+        return [name for name in kind._fields if name not in kind._field_defaults], list(kind._fields)  # type: ignore[attr-defined]
+    own = [one for one in fields(kind) if one.init]
+    return [one.name for one in own if one.default is MISSING and one.default_factory is MISSING], [one.name for one in own]
+
+
+def _not_finite(content: Any, place: str) -> float:
+    if content not in ("nan", "inf", "-inf"):
+        raise ValueError(f"{place}: expected 'nan', 'inf' or '-inf', given {shown(content)}")
+    return float(content)

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from ..basics.checks import as_path
+from ..basics.declared import check_declared
 from ..basics.files import built_from, parse_json, read_bytes, sealed_json, write_whole
 from ..basics.messages import printable
 from ..basics.values import FrozenMapping, finite_or_none
@@ -104,7 +105,7 @@ class CampaignFiles:
         given = read_bytes(path)
         data = parse_json(path, given, FORMAT, FORMAT_VERSION)
         state = built_from(path, "campaign", data, _state_from_json)
-        files = cls(directory, data["problem"])
+        files = built_from(path, "campaign", data, lambda whole: cls(directory, whole["problem"]))
         files._last = given
         files._check_data(state)
         return files, state
@@ -152,13 +153,15 @@ def _state_to_json(state: State, problem_json: dict[str, Any]) -> dict[str, Any]
 def _state_from_json(data: dict[str, Any]) -> State:
     problem = problem_from_json(data["problem"])
     kind = kind_of(problem)
-    return State(
+    state = State(
         problem=problem,
         settings=settings_from_json(kind.settings, data["settings"]),
         targets=FrozenMapping(data["targets"]),
         batches=tuple(_batch_from_json(batch, kind) for batch in data["batches"]),
         planned=_or_none(kind.from_json, data["planned"]),
     )
+    check_declared(state)
+    return state
 
 
 def _batch_to_json(batch: Batch, kind: Kind) -> dict[str, Any]:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
+from ..basics.declared import Extents
 from ..basics.values import FrozenMapping
 from ..data import Measurements
 from ..information.problem import DesignProblem
@@ -70,6 +72,12 @@ class State:
     targets: Mapping[str, float]
     batches: tuple[Batch, ...] = ()
     planned: Points | None = None
+
+    _EXTENTS: ClassVar[Extents] = {
+        "targets": ("any problem.estimated",),
+        "batches.estimate": ("problem.unknowns",),
+        "batches.standard_errors": ("problem.unknowns",),
+    }
 
     @property
     def kind(self) -> Kind:

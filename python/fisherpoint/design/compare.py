@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 
 from ..basics.checks import check_mapping, check_name, check_positive_int, check_type
+from ..basics.declared import Choices, Extents
 from ..basics.extras import needed_for
 from ..basics.kept import Codec, Kept
 from ..basics.values import FrozenMapping
@@ -70,6 +71,9 @@ class ComparedDesign:
     standard_errors: Mapping[str, float] | None
     feasibility: Feasibility
 
+    _CHOICES: ClassVar[Choices] = {"kind": ("point", "run")}
+    _POSITIVE = ("count", "samples")
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DesignComparison(Shown, Kept):
@@ -85,6 +89,7 @@ class DesignComparison(Shown, Kept):
     designs: Mapping[str, ComparedDesign]
 
     _INSIDE = (ComparedDesign, Feasibility)
+    _EXTENTS: ClassVar[Extents] = {"designs": ("+",), "designs.standard_errors": ("problem.estimated",)}
     _CODEC: ClassVar[Codec] = {DesignProblem: (problem_to_json, problem_from_json)}
 
     @property

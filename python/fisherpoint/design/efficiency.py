@@ -9,9 +9,9 @@ quite the prior's.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -86,6 +86,13 @@ class Efficiency:
     below_random: bool
     bound: float | None
     vs_bound: float | None
+
+    _NEEDS: ClassVar[Mapping[str, str]] = {
+        "at_least": "at_most",
+        "vs_best": "best_found",
+        "vs_random": "random_median",
+        "vs_bound": "bound",
+    }
 
 
 def d_efficiency(log_det: float | None, reference: float | None, parameters: int) -> float | None:

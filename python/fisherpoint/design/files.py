@@ -12,7 +12,7 @@ import numpy as np
 
 from ..basics.checks import as_float, by_name, check_positive_int
 from ..basics.csv_table import CsvTable
-from ..basics.messages import shown
+from ..basics.declared import check_declared
 from ..basics.quantity import names_of
 from ..basics.values import FrozenMapping
 from ..engine.versions import versions
@@ -26,7 +26,7 @@ from ..information.codec import (
 )
 from ..points.codec import points_from_json, points_to_json
 from .efficiency import Efficiency
-from .found import STOP_REASONS, FoundDesign, TraceRecord
+from .found import FoundDesign, TraceRecord
 from .scenario_values import scenario_values_from_json, scenario_values_to_json
 from .settings import ExchangeSettings, settings_from_json, settings_to_json
 
@@ -76,15 +76,13 @@ def design_from_json(data: dict[str, Any]) -> dict[str, Any]:
         check_positive_int(count, name, 0)
     if data["drawn"] != data["accepted"] + sum(rejected.values()):
         raise ValueError(f"drawn: expected the sum of accepted and rejected, given {data['drawn']}")
-    if data["stop_reason"] not in STOP_REASONS:
-        raise ValueError(f"stop_reason: expected one of {', '.join(STOP_REASONS)}; given {shown(data['stop_reason'])}")
     efficiency: Any = data["efficiency"] and {
         name: float(value) if isinstance(value, str) else value for name, value in data["efficiency"].items()
     }
     if efficiency and "noise_optimum" in efficiency:  # a file from before the bound
         found = {"best_found": efficiency.pop("noise_optimum"), "vs_best": efficiency.pop("vs_optimum")}
         efficiency = efficiency | found | {"at_most": None, "at_least": None, "n_candidates": 0}
-    return dict(
+    fields = dict(
         problem=problem_from_json(data["problem"]),
         settings=settings,
         points=points_from_json(points),
@@ -101,6 +99,10 @@ def design_from_json(data: dict[str, Any]) -> dict[str, Any]:
         ridge=as_float(data.get("ridge", 0.0), "ridge"),
         **{name: data[name] for name in PLAIN},
     )
+    design = FoundDesign(**fields)
+    check_declared(design)
+    _ = design.criterion  # which says where what is asked for does not fit
+    return fields
 
 
 def _directions(given: Any, names: tuple[str, ...]) -> Iterator[Mapping[str, float]]:

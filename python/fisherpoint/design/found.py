@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
+from ..basics.declared import Choices, Extents
 from ..basics.values import FrozenMapping
 from ..engine.levels import kernels
 from ..information.evaluation import Evaluation
@@ -98,6 +100,16 @@ class FoundDesign:
     scenarios: ScenarioValues | None = None
     not_told: tuple[Mapping[str, float], ...] = ()
     ridge: float = 0.0
+
+    _EXTENTS: ClassVar[Extents] = {
+        "points.x0": ("settings.n_experiments", "problem.model.states"),
+        "points.u": ("settings.n_experiments", "problem.model.inputs"),
+        "evaluation.parameters": ("problem.estimated",),
+        "under_noise.parameters": ("problem.estimated",),
+        "scenarios.standard_errors": ("problem.estimated",),
+        "not_told": ("*", "some problem.estimated"),
+    }
+    _CHOICES: ClassVar[Choices] = {"stop_reason": STOP_REASONS}
 
     @cached_property
     def criterion(self) -> Criterion:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..basics.checks import as_float, by_name, check_positive_int
+from ..basics.declared import Extents
 from ..basics.values import FrozenMapping
 from ..information.codec import log_det_from_json, number_to_json
 from ..information.evaluation import Evaluation
@@ -41,6 +42,12 @@ class ScenarioValues:
     weights: tuple[float, ...]
     log_dets: tuple[float, ...]
     standard_errors: Mapping[str, tuple[float, ...]]
+
+    _EXTENTS: ClassVar[Extents] = {
+        "parameters": ("weights", "standard_errors"),
+        "log_dets": ("weights",),
+        "standard_errors": ("*", "weights"),
+    }
 
     @property
     def mean(self) -> float:

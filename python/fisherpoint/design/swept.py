@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from ..basics.checks import as_positive, by_name
+from ..basics.declared import Choices, Extents
 from ..basics.messages import shown
 from ..information.evaluation import Evaluation
 from ..information.problem import DesignProblem
@@ -49,6 +51,8 @@ class SizedDesign:
     maximised: float | None = None
     level: int | None = None
     degree: int = 1
+
+    _POSITIVE = ("level", "degree")
 
     @property
     def log_det(self) -> float:
@@ -128,6 +132,15 @@ class SweptDesigns:
     settings: ExchangeSettings | None = None
     not_told: tuple[Mapping[str, float], ...] = ()
     ridge: float = 0.0
+
+    _EXTENTS: ClassVar[Extents] = {
+        "designs": ("+",),
+        "designs.points.x0": ("*", "problem.model.states"),
+        "designs.points.u": ("*", "problem.model.inputs"),
+        "designs.evaluation.parameters": ("problem.estimated",),
+        "not_told": ("*", "some problem.estimated"),
+    }
+    _CHOICES: ClassVar[Choices] = {"stop_reason": ("done", "interrupted", "interrupted_first", "time_limit")}
 
     def __getitem__(self, n_experiments: int) -> SizedDesign:
         if n_experiments not in self.sizes:

@@ -27,7 +27,7 @@ from ..show.progress import Step, check_progress, following
 from .fit import Fit
 from .known_noise import KnownNoise
 from .nuisance import Nuisance, known_beforehand, nuisance_of, own_parameters
-from .observed import Observed
+from .observed import Observed, check_outputs
 from .search import SAME_MINIMUM, Found, search_with_known_noise, search_with_unknown_noise
 from .small_samples import unbiased
 from .starts import MOST_STARTS, evaluable_starts, further_starts, start_guess
@@ -264,11 +264,7 @@ def _parts(data: Any, model: Model) -> tuple[Measurements | Record, ...]:
     for part in given:
         if not isinstance(part, Measurements | Record):
             raise TypeError(f"data: expected Measurements, a Record or a sequence of them, given {type(part).__name__}")
-        if part.samples.shape[1] != len(model.outputs):
-            axes = "K, N" if part.y.ndim == 3 else "N"
-            raise ValueError(
-                f"y: expected shape ({axes}, {len(model.outputs)}) for the outputs of {model.name}, given {part.y.shape}"
-            )
+        check_outputs(part, model)
         parts.append(part.told if isinstance(part, Measurements) else part)
     return tuple(parts)
 

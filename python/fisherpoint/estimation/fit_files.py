@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ..basics.checks import as_path
+from ..basics.checks import as_path, check_mapping
 from ..basics.csv_table import csv_text
 from ..basics.files import built_from, parse_json, read_bytes, sealed_json, write_together
+from ..basics.messages import shown
 from ..basics.quantity import names_of
 from ..data.measurements import Measurements
 from ..points.runs import Runs
@@ -94,9 +95,14 @@ def load_fit(directory: str | Path) -> dict[str, Any]:
     """The fields of a fit; see `Fit.load`."""
     path = as_path(directory, "directory") / "fit.json"
     data = parse_json(path, read_bytes(path), FORMAT, FORMAT_VERSION)
-    if "not_saved" in data.get("state", {}):
-        raise ValueError(f"{path}: expected a fit with its model, given one without: {data['state']['not_saved']}")
-    return built_from(path, "fit", data, lambda whole: fit_from_state(whole["state"]))
+    return built_from(path, "fit", data, _state_in)
+
+
+def _state_in(whole: dict[str, Any]) -> dict[str, Any]:
+    state = check_mapping(whole["state"], "state", "entries")
+    if "not_saved" in state:
+        raise ValueError(f"expected a fit with its model, given one without: {shown(state['not_saved'], 200)}")
+    return fit_from_state(dict(state))
 
 
 def _plain(given: Any) -> Any:

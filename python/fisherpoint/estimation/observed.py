@@ -22,6 +22,13 @@ from .response import Response, measurements_response, runs_response
 EPSILON = float(np.finfo(np.float64).eps)
 
 
+def check_outputs(part: Any, model: Model) -> None:
+    """Raise where measurements or a record do not have the model's outputs."""
+    if part.samples.shape[1] != len(model.outputs):
+        axes = "K, N" if part.y.ndim == 3 else "N"
+        raise ValueError(f"y: expected shape ({axes}, {len(model.outputs)}) for the outputs of {model.name}, given {part.y.shape}")
+
+
 class Observed:
     """Data of a model as N samples in a row, and the response to the unknowns that they depend on.
 

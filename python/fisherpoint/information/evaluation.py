@@ -6,11 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from ..basics.checks import check_choice
+from ..basics.declared import Choices, Extents
 from ..basics.extras import needed_for
 from ..basics.kept import Kept
 from ..basics.quantity import names_of
@@ -26,7 +27,7 @@ from .null_space import column_scaled_svd, null_directions
 from .output_covariance import Criterion, cholesky_factor, whitened
 from .point_information import PointInformation
 from .prior_information import prior_rows
-from .problem import DesignProblem
+from .problem import OUTPUT_COVARIANCES, DesignProblem
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -90,6 +91,22 @@ class Evaluation(Shown, Kept):
     """
 
     _INSIDE = (Nearby,)
+    _EXTENTS: ClassVar[Extents] = {
+        "fisher": ("parameters", "parameters"),
+        "covariance": ("parameters", "parameters"),
+        "correlation": ("parameters", "parameters"),
+        "output_covariance": ("...", "outputs", "outputs"),
+        "standard_errors": ("parameters",),
+        "rse": ("any parameters",),
+        "null_directions": ("*", "some parameters"),
+        "prior_std": ("parameters",),
+        "units": ("any parameters",),
+        "without_prior": ("parameters",),
+        "nearby.growth": ("parameters",),
+        "nearby.parameters": ("parameters",),
+    }
+    _CHOICES: ClassVar[Choices] = {"output_covariance_kind": OUTPUT_COVARIANCES}
+    _POSITIVE = ("n_points", "prior_std")
 
     parameters: tuple[str, ...]
     log_det: float

@@ -6,12 +6,13 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.checks import as_probability, check_positive_int, check_type
+from ..basics.declared import Choices, Extents
 from ..basics.extras import needed_for
 from ..basics.kept import Kept
 from ..basics.values import Array, FrozenMapping, IntArray
@@ -72,6 +73,10 @@ class Feasibility(Shown, Kept):
     failures: Mapping[str, tuple[int, ...]]
     n_points: int
     along: tuple[str, ...]
+
+    _EXTENTS: ClassVar[Extents] = {"failures": ("reasons", "n_points")}
+    _CHOICES: ClassVar[Choices] = {"kind": ("point", "run")}
+    _POSITIVE = ("draws", "n_points")
 
     @property
     def share(self) -> float:

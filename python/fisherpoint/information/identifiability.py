@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
 import numpy as np
 
 from ..basics.checks import check_positive_int, check_type, names_among, some_names_among
+from ..basics.declared import Extents
 from ..basics.extras import needed_for
 from ..basics.kept import Kept
 from ..basics.quantity import names_of
@@ -97,6 +98,12 @@ class Identifiability(Shown, Kept):
     n_points: int
     n_theta: int
     left_out: Mapping[str, int]
+
+    _EXTENTS: ClassVar[Extents] = {
+        "singular_values": ("n_theta", "parameters"),
+        "null_components": ("null_directions", "some parameters"),
+        "idle": ("any parameters",),
+    }
 
     def report(self) -> Report:
         """The verdict, and all that it rests on."""

@@ -223,8 +223,13 @@ class DesignProblem(InNotebooks):
         return 0 if self.assumed is None else len(self.assumed.nuisance)
 
     @property
+    def unknowns(self) -> tuple[str, ...]:
+        """Names of the columns of standardised sensitivities: estimated parameters, and then the nuisance ones."""
+        return self.estimated if self.assumed is None else self.estimated + self.assumed.nuisance_names
+
+    @property
     def n_unknowns(self) -> int:
-        """Columns of standardised sensitivities: estimated parameters, and then the nuisance ones."""
+        """How many there are."""
         return len(self.estimated) + self.n_nuisance
 
     @cached_property

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
+from ..basics.declared import Extents
 from ..basics.values import Array, FrozenMapping
 from ..points.experiments import Experiments
 from ..points.runs import Runs
@@ -42,6 +44,15 @@ class DesignValidation(InNotebooks):
     failures: Mapping[str, int]
     null_directions: tuple[str, ...]
     per_run: VirtualFits | None
+
+    _EXTENTS: ClassVar[Extents] = {
+        "per_run.truth": ("runs", "parameters"),
+        "per_run.estimate": ("runs", "parameters"),
+        "per_run.standard_error": ("runs", "parameters"),
+        "per_run.covered": ("runs", "parameters"),
+        "per_run.at_bound": ("runs", "parameters"),
+        "per_run.failure": ("runs",),
+    }
 
     @classmethod
     def of(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+from ..basics.declared import Choices, Extents
 from ..basics.extras import needed_for
 from ..basics.kept import Codec, Kept
 from ..basics.values import FrozenMapping
@@ -24,6 +25,7 @@ from .design_validation import DesignValidation
 from .figures import Figure, ParameterFigures
 from .fits import VirtualFits
 from .report import validation_report
+from .truths import truths_of
 from .verdict import ParameterVerdict, verdicts_of
 
 SHARES = ("coverage", "too_low", "too_high")
@@ -73,6 +75,12 @@ class Validation(Shown, Kept):
 
     FORMAT_VERSION = 3
     _RENAMED: ClassVar[Mapping[str, str]] = {"Runs": "VirtualFits"}
+    _EXTENTS: ClassVar[Extents] = {
+        "designs": ("+",),
+        "designs.parameters": ("problem.estimated",),
+        "noise_std": ("some problem.model.outputs",),
+    }
+    _CHOICES: ClassVar[Choices] = {"noise": ("known", "estimated")}
     _INSIDE = (DesignValidation, ParameterFigures, Figure, VirtualFits)
     _CODEC: ClassVar[Codec] = {
         DesignProblem: (problem_to_json, problem_from_json),
@@ -96,6 +104,9 @@ class Validation(Shown, Kept):
         """
         found = super().load(path)
         return replace(found, designs=FrozenMapping({name: design.again() for name, design in found.designs.items()}))
+
+    def _check_content(self) -> None:
+        truths_of(self.problem, self.theta, 1, 0)
 
     @property
     def interrupted(self) -> bool:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from ...basics.checks import check_choice, check_positive_int
+from ...basics.declared import Choices, Extents
 from ...basics.extras import needed_for
 from ...basics.kept import Codec, Kept
 from ...basics.values import Array
@@ -27,7 +28,7 @@ from ...show.shown import Plots, Shown
 from ..average import Average
 from ..over_prior import OverPrior, moved_problems
 from .approximate_report import approximate_report
-from .asked import criterion
+from .asked import CRITERIA, criterion
 from .averaged import Averaged, EstimableOver, joined
 from .candidate_rows import CandidateRows
 from .criteria import Criterion
@@ -127,11 +128,27 @@ class ApproximateDesign(Shown, Kept):
     prior_information: bool = False
 
     _INSIDE = (Estimable, EstimableOver)
+    _EXTENTS: ClassVar[Extents] = {
+        "points.x0": ("m", "problem.model.states"),
+        "points.u": ("m", "problem.model.inputs"),
+        "sample.x0": ("*", "problem.model.states"),
+        "sample.u": ("*", "problem.model.inputs"),
+        "weights": ("m",),
+        "information": ("...", "problem.unknowns", "problem.unknowns"),
+        "half": ("h", "*"),
+        "estimable.length": ("h",),
+        "null_directions": ("*", "some problem.estimated"),
+    }
+    _CHOICES: ClassVar[Choices] = {"criterion_name": CRITERIA}
+    _POSITIVE = ("level", "n_experiments")
     _CODEC: ClassVar[Codec] = {
         DesignProblem: (problem_to_json, problem_from_json),
         Experiments: (points_to_json, points_from_json),
         OverPrior: (OverPrior.to_json, OverPrior.from_json),
     }
+
+    def _check_content(self) -> None:
+        _ = self.criterion
 
     @cached_property
     def criterion(self) -> Criterion:

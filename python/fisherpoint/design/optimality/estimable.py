@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
+from ...basics.declared import Extents
 from ...basics.values import Array
 from ...information.null_space import column_scaled_svd
 
@@ -33,6 +35,8 @@ class Estimable:
     span: Array
     null: Array
     length: Array
+
+    _EXTENTS: ClassVar[Extents] = {"into": ("p", "r"), "span": ("p", "r"), "null": ("*", "p"), "length": ("p",)}
 
     @property
     def rank(self) -> int:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ...basics.declared import Choices, Extents
 from ...basics.extras import needed_for
 from ...basics.kept import Codec, Kept
 from ...basics.values import Array
@@ -20,7 +21,7 @@ from ...points.codec import points_from_json, points_to_json
 from ...points.experiments import Experiments
 from ...show.section import Report, Section
 from ...show.shown import Shown
-from .asked import criterion
+from .asked import CRITERIA, criterion
 from .criteria import Criterion
 from .exact_report import exact_report
 
@@ -95,6 +96,19 @@ class ExactDesign(Shown, Kept):
     left_out: Mapping[str, int]
     seconds: float
 
+    _EXTENTS: ClassVar[Extents] = {
+        "points.x0": ("*", "problem.model.states"),
+        "points.u": ("*", "problem.model.inputs"),
+        "chosen": ("m",),
+        "counts": ("m",),
+        "information": ("problem.unknowns", "problem.unknowns"),
+        "null_directions": ("*", "some problem.estimated"),
+    }
+    _CHOICES: ClassVar[Choices] = {
+        "criterion_name": CRITERIA,
+        "stop_reason": ("proven", "max_nodes", "time_limit", "interrupted", "candidates"),
+    }
+
     _CODEC: ClassVar[Codec] = {
         DesignProblem: (problem_to_json, problem_from_json),
         Experiments: (points_to_json, points_from_json),
@@ -106,6 +120,9 @@ class ExactDesign(Shown, Kept):
         options = {"of": self.of, "conditions": self.conditions, "scale": self.scale}
         asked = criterion(self.problem, self.criterion_name, **options)  # type: ignore[arg-type]
         return asked.beside_nuisance(self.problem.n_nuisance)
+
+    def _check_content(self) -> None:
+        _ = self.criterion
 
     @property
     def proven(self) -> bool:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from ...basics.declared import Choices, Extents
 from ...basics.extras import needed_for
 from ...basics.kept import Codec, Kept
 from ...basics.values import Array
@@ -23,7 +24,7 @@ from ...show.section import Report, Section
 from ...show.shown import Plots, Shown
 from ..efficiency import d_efficiency
 from .disjoint import Places
-from .piece_report import piece_report
+from .piece_report import CHOICES, ENDS, piece_report
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -95,6 +96,21 @@ class PieceDesign(Shown, Kept):
     stop_reason: str
     seconds: float
     ridge: float = field(default=0.0, kw_only=True)
+
+    _EXTENTS: ClassVar[Extents] = {
+        "runs.x0": ("n", "problem.model.states"),
+        "runs.u": ("n", "segments", "problem.model.inputs"),
+        "windows": ("n",),
+        "first": ("n",),
+        "t": ("n",),
+        "y": ("n", "segments", "problem.model.outputs"),
+        "shares": ("n",),
+        "references": ("_REFERENCES",),
+        "evaluation.parameters": ("problem.estimated",),
+    }
+    _REFERENCES = tuple(CHOICES)
+    _CHOICES: ClassVar[Choices] = {"stop_reason": tuple(ENDS)}
+    _POSITIVE = ("length", "every", "n_windows", "n_samples")
 
     _CODEC: ClassVar[Codec] = {
         DesignProblem: (problem_to_json, problem_from_json),

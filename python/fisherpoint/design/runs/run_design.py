@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from ...basics.checks import as_path, check_choice
+from ...basics.declared import Choices, Extents
 from ...basics.extras import needed_for
 from ...basics.files import write_together
 from ...basics.kept import Codec, Kept
@@ -96,6 +97,14 @@ class RunDesign(Shown, Kept):
     ridge: float = 0.0
 
     _INSIDE = (RunSettings, Feasibility)
+    _EXTENTS: ClassVar[Extents] = {
+        "runs.x0": ("n", "problem.model.states"),
+        "runs.u": ("n", "segments", "problem.model.inputs"),
+        "evaluation.parameters": ("problem.estimated",),
+        "classical_shares": ("classical",),
+        "scenarios.standard_errors": ("problem.estimated",),
+    }
+    _CHOICES: ClassVar[Choices] = {"stop_reason": ("all_starts", "time_limit", "interrupted")}
     _GONE = ("plants",)
     _CODEC: ClassVar[Codec] = {
         DesignProblem: (problem_to_json, problem_from_json),
@@ -110,6 +119,9 @@ class RunDesign(Shown, Kept):
     def criterion(self) -> Criterion:
         """What was asked for, as a function of information matrices; where F is singular, "A", "E" and "ME" ask for the rest."""
         return criterion_of_design(self.problem, self.settings, self.evaluation)
+
+    def _check_content(self) -> None:
+        _ = self.criterion
 
     @property
     def value(self) -> float:
