@@ -139,6 +139,11 @@ def _run(arguments: list[str]) -> int:
         command = typer.main.get_command(app)
         if COMPLETING in os.environ:  # a shell asks what may come next
             command.main(arguments, prog_name="fisherpoint")
+        if "" in arguments or any(given.endswith("=") for given in arguments):
+            from .usage import empty_value
+
+            if wrong := empty_value(arguments):
+                return _fail(wrong)
         if not HELP.intersection(arguments):
             with importing():
                 from pydantic import BaseModel, BeforeValidator, TypeAdapter  # noqa: F401  as typer does when a command begins

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from difflib import get_close_matches
 from typing import Any
 
@@ -14,6 +15,16 @@ def told(error: TyperException) -> str:
     context = getattr(error, "ctx", None)
     command = str(getattr(context, "command_path", None) or "fisherpoint")
     return f"{_mistake(error, context, command)}; try {command} --help"
+
+
+def empty_value(arguments: Sequence[str]) -> str | None:
+    """What is wrong where a value is empty, as of a shell variable that is not set: as a path it is the current directory."""
+    for before, given in zip(["", *arguments], arguments, strict=False):
+        name, equals, value = given.partition("=") if given.startswith("--") else ("", "=", given)
+        if equals and not value:
+            named = name or (before if before.startswith("-") else "arguments")
+            return f"{named}: expected a value, given an empty one"
+    return None
 
 
 def _mistake(error: TyperException, context: Any, command: str) -> str:

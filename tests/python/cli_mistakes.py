@@ -85,6 +85,9 @@ def points(text: str | bytes, *says: str) -> Mistake:
 
 
 MISTAKES: dict[str, Mistake] = {
+    "an empty output": Mistake("design decay.toml -o ''", ("-o: expected a value, given an empty one",)),
+    "an empty output of an equals sign": Mistake("evaluate enzyme.toml points.csv --output=", ("--output: expected a value",)),
+    "an empty file": Mistake("design '' -o out", ("arguments: expected a value, given an empty one",)),
     # --- Files that are none -----------------------------------------------------------------------------------------
     "no file": Mistake("design nowhere.toml -o out", ("nowhere.toml: expected a TOML file, found no such file",)),
     "directory for a file": Mistake("design taken -o out", ("taken: expected a TOML file, given a directory",)),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import shlex
 import sys
 from pathlib import Path
 
@@ -53,7 +54,7 @@ def test_a_mistake_is_one_clear_line(
     before = everything(place)
     capsys.readouterr()
     with pytest.raises(SystemExit) as caught:
-        cli.main(mistake.typed.split())
+        cli.main(shlex.split(mistake.typed))
     told = capsys.readouterr()
     assert (caught.value.code, told.out) == (2, "")
     assert told.err.startswith("fisherpoint: ") and told.err.endswith("\n") and told.err.count("\n") == 1, told.err
