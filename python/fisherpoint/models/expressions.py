@@ -13,6 +13,7 @@ from sympy.logic.boolalg import BooleanFalse, BooleanFunction, BooleanTrue
 
 from ..basics.formulas import ARGUMENTS
 from ..basics.messages import listed, shortened, shown
+from .tape.numbers import with_exact_numbers
 from .tape.parts import check_size, parts, rebuilt, replaced, symbols_of
 
 MAX_EXPONENT = 1000
@@ -70,9 +71,7 @@ def checked(expression: Any, symbols: Mapping[str, sympy.Symbol], place: str) ->
     for unknown in sorted(symbols_of(expression) - set(symbols.values()), key=str):
         _known(unknown.name, symbols, place)
     expression = replaced(expression, {part: _number(part, place) for part in parts(expression) if _is_number(part)})
-    # A root that is written with a decimal number is a root all the same.
-    halves = sympy.Rational(1, 2)
-    expression = rebuilt(expression, lambda _, now: now.base ** (int(2 * now.exp) * halves) if _is_decimal_root(now) else now)
+    expression = rebuilt(expression, lambda _, now: with_exact_numbers(now))
     for part in parts(expression):
         if part.is_Number:
             _number(part, place)
@@ -85,10 +84,6 @@ def checked(expression: Any, symbols: Mapping[str, sympy.Symbol], place: str) ->
 
 def _is_number(part: Any) -> bool:
     return bool(part.is_number and isinstance(part, sympy.Expr) and not isinstance(part, sympy.Integer | sympy.Rational))
-
-
-def _is_decimal_root(part: Any) -> bool:
-    return bool(part.is_Pow and part.exp.is_Float and abs(part.exp) <= MAX_EXPONENT and float(2 * part.exp).is_integer())
 
 
 def _known(name: str, symbols: Mapping[str, sympy.Symbol], place: str) -> sympy.Symbol:

@@ -15,6 +15,7 @@ from sympy.core.relational import Relational
 from ..basics.formulas import ARGUMENTS, Formula, Reader
 from .expressions import MAX_EXPONENT, checked
 from .functions import FUNCTIONS
+from .tape.numbers import exact, exact_exponent, is_number
 from .tape.parts import compared
 
 
@@ -69,7 +70,7 @@ class _Equation(Reader):
 
     def number(self, node: ast.expr, value: Any) -> Any:
         self.check_finite(node, value)
-        return sympy.Integer(value) if isinstance(value, int) and abs(value) < 2**53 else sympy.Float(float(value))
+        return exact(value)
 
     def combined(self, node: ast.expr, how: str, *values: Any) -> Any:
         if how in _LOGIC:
@@ -90,14 +91,15 @@ class _Equation(Reader):
         if exponent.is_Number:
             if abs(exponent) > MAX_EXPONENT:
                 self.formula.refuse(f"expected exponents of at most {MAX_EXPONENT}", node)
+            exponent = exact_exponent(exponent)
             factor, rest = base.as_coeff_Mul()
             if rest != 1 and factor.is_negative and not exponent.is_Integer:
                 factor, rest = -factor, -rest
-            if factor == 0 and not exponent > 0:
+            if is_number(factor, 0) and not exponent > 0:
                 self.formula.refuse("expected no division by zero", node)
             try:
                 if abs(exponent) > 8 or not (factor.is_Integer and exponent.is_Integer):
-                    factor = factor if factor == 1 else self.number(node, math.pow(float(factor), float(exponent)))
+                    factor = factor if is_number(factor, 1) else self.number(node, math.pow(float(factor), float(exponent)))
                 else:
                     factor = self._folded(node, factor**exponent)
             except (ValueError, OverflowError):

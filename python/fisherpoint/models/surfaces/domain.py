@@ -9,6 +9,7 @@ from typing import Any
 import sympy
 
 from ..tape.branch import Select
+from ..tape.numbers import exact, is_number
 from ..tape.parts import parts, reads, replaced
 from .branches import Surface
 from .printing import to_text
@@ -44,7 +45,7 @@ class Domain:
 
     def __init__(self, constants: Mapping[Any, float], surfaces: Sequence[Surface]) -> None:
         self._switching = {normal_form(surface.expression)[0]: surface.side for surface in surfaces}
-        self._constants = {symbol: sympy.Float(value) for symbol, value in constants.items()}
+        self._constants = {symbol: exact(value) for symbol, value in constants.items()}
         self._with_constants: dict[Any, Any] = {}
         self._limits: dict[tuple[Any, int | None, Guards], Limit] = {}
         self._visited: set[Any] = set()
@@ -102,7 +103,7 @@ class Domain:
             if known.is_positive or (pole and known.is_nonzero):
                 return
         smooth = sympy.Mul(*(factor for factor in sympy.Mul.make_args(expression) if not isinstance(factor, sympy.Dummy)))
-        if pole and smooth == 1:
+        if pole and is_number(smooth, 1):
             return
         if any(taken and condition == expression for condition, taken in guards):
             return  # the branch is taken where this is positive

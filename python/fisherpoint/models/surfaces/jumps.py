@@ -12,6 +12,7 @@ import numpy as np
 import sympy
 
 from ..tape.branch import Select
+from ..tape.numbers import exact, is_number
 from ..tape.parts import reads, rebuilt, replaced, symbols_of
 from .branches import Branches, Surface
 from .places import Pairs, SurfacePoints
@@ -72,7 +73,7 @@ class _Judge:
         self.states = states
         self.sides = {side: second for second, side in branches.seamless.items()}
         self.seamless = branches.seamless
-        self.numbers = {symbol: sympy.Float(value) for symbol, value in constants.items()}
+        self.numbers = {symbol: exact(value) for symbol, value in constants.items()}
         self.surfaces = {surface.side: surface.expression for surface in branches.surfaces}
         self.everything = [(expression, symbols_of(expression)) for expression in (*rates, *self.surfaces.values())]
         self.conditions = conditions
@@ -138,7 +139,7 @@ class _Judge:
         if len(read) > _OUTCOMES:
             return True
         outcomes = (dict(zip(read, signs, strict=True)) for signs in product(_SIGNS, repeat=len(read)))
-        return any(left and zero == 0 for left, zero in (_replaced(pairs, surface, outcome) for outcome in outcomes))
+        return any(left and is_number(zero, 0) for left, zero in (_replaced(pairs, surface, outcome) for outcome in outcomes))
 
     def _same_for_outcome(self, pairs: Pairs, surface: Any) -> bool:
         return all(self._vanish(undecided, factor, real=True) for factor, undecided in self._undecided(pairs, surface))
@@ -191,7 +192,7 @@ class _Judge:
             if reads(factor, self.states):
                 solution, left = self._solution(factor), pairs
                 if solution:
-                    left = [(a, b) for a, b in pairs if replaced(a - b, solution) != 0]
+                    left = [(a, b) for a, b in pairs if not is_number(replaced(a - b, solution), 0)]
                 if left:
                     found.append((factor, left))
         return found
@@ -263,7 +264,7 @@ class _Outcomes:
 
     def _outcome(self, condition: Any, at_zero: Any = sympy.S.NegativeOne) -> Any:
         """1 where the condition is positive, else -1, but `at_zero` for 0 itself, as sign(u > 0) - 1 may be."""
-        if condition == 0:
+        if is_number(condition, 0):
             return at_zero
         if condition.is_number or condition.is_positive or condition.is_negative:
             return sympy.S.One if condition.is_positive else sympy.S.NegativeOne

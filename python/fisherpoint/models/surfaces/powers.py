@@ -13,6 +13,7 @@ from typing import Any
 import sympy
 
 from ..tape.branch import Select
+from ..tape.numbers import is_number
 from ..tape.parts import rebuilt
 from .branches import Surface
 from .zeros import normal_form
@@ -36,18 +37,18 @@ class Powers:
         factors = sympy.Mul.make_args(base)
         for place, factor in enumerate(factors):
             rest = sympy.Mul(*factors[:place], *factors[place + 1 :])
-            if isinstance(factor, sympy.Max) and sympy.S.Zero in factor.args:
-                others = [argument for argument in factor.args if argument != 0]
+            if isinstance(factor, sympy.Max) and any(is_number(argument, 0) for argument in factor.args):
+                others = [argument for argument in factor.args if not is_number(argument, 0)]
                 larger = others[0] if len(others) == 1 else sympy.Max(*others, evaluate=False)
                 return Select(larger, self._power(rest, exponent) * self._power(larger, exponent), 0)
-            if isinstance(factor, Select) and any(branch == 0 for branch in factor.args[1:]):
+            if isinstance(factor, Select) and any(is_number(branch, 0) for branch in factor.args[1:]):
                 condition, a, b = factor.args
-                value, edge = (a, condition) if b == 0 else (b, -condition)
+                value, edge = (a, condition) if is_number(b, 0) else (b, -condition)
                 if self._is_positive_past(value, edge):
                     past = self._power(rest, exponent) * (sympy.Abs(value) if exponent > 1 else value) ** exponent
                 else:
                     past = self._power(rest * value, exponent)
-                return Select(condition, *((past, 0) if b == 0 else (0, past)))
+                return Select(condition, *((past, 0) if is_number(b, 0) else (0, past)))
             if exponent > 1 and self._is_positive_past(rest, factor):  # side * x is |x|
                 return sympy.Abs(rest) ** exponent
         return base**exponent

@@ -6,6 +6,8 @@ from typing import Any
 
 import sympy
 
+from ..tape.numbers import is_number
+
 
 def normal_form(expression: Any) -> tuple[Any, int]:
     """Return what is the same for all non-zero multiples of an expression, and the sign of the multiple, 1 or -1.
@@ -25,7 +27,7 @@ def reduced(expression: Any) -> tuple[Any, int]:
     """Return the expression without numerical factor and without positive factors, and the sign that was taken out."""
     factors = [factor for factor in sympy.Mul.make_args(expression) if not factor.is_positive]
     coefficient, rest = sympy.Mul(*factors).as_coeff_Mul()
-    if rest == 1:
+    if is_number(rest, 1):
         return expression, 1
     sign = -1 if coefficient < 0 else 1
     rest = rest.primitive()[1]
