@@ -27,6 +27,14 @@ _COMPARISONS: dict[type[ast.AST], str] = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">
 _BLANKS = str.maketrans("\t\n\r", "   ")  # a formula may go over several lines
 _FUNCTIONS = f"the functions {', '.join(ARGUMENTS)}"
 _EXPECTED = f"expected names, numbers, + - * / ** and {_FUNCTIONS}"
+REPEATED = (
+    "expected no %, //, floor, ceil or round, which jump again and again: write each jump as where() or heaviside(), "
+    "as heaviside(x - 1) + heaviside(x - 2) for floor(x) up to 3"
+)
+"""What is said of functions that jump at no end of places."""
+_REPEATING = ("floor", "ceil", "ceiling", "round", "mod", "fmod", "trunc", "int", "frac")
+_EQUAL = "expected <, <=, > or >=, as == holds for no length of time: write abs(a - b) < width"
+_JOINED = "expected brackets around each comparison beside &, | and ~: (a > 0) & (b > 0)"
 _TOO_DEEP = f"expected terms nested at most {MAX_DEPTH} deep"
 
 
@@ -34,7 +42,7 @@ class Formula:
     """A text such as ``"-k1*sqrt(h1) + k4*u"`` as a syntax tree.
 
     It is made of names, numbers, + - * / **, pi and `ARGUMENTS`; the condition of where() is a comparison, or several joined by
-    and, or, not. What else is in it is found where it is read.
+    and, or, not, or by &, |, ~ with brackets around each. What else is in it is found where it is read.
 
     Parameters
     ----------
@@ -137,6 +145,10 @@ class Reader(ABC):
                 return self.combined(node, "negative", value) if isinstance(sign, ast.USub) else value
             case ast.Call(ast.Name(name), arguments, []) if name in ARGUMENTS:
                 return self._call(node, name, arguments, depth + 1)
+            case ast.Call(ast.Name(name), _, _) if name in _REPEATING and name not in self.names:
+                self.formula.refuse(REPEATED, node)
+            case ast.BinOp(_, ast.Mod() | ast.FloorDiv(), _):
+                self.formula.refuse(REPEATED, node)
             case ast.Call(ast.Name(), _, _):
                 self.formula.refuse(f"expected {_FUNCTIONS}", node)
             case ast.Name(name):
@@ -148,7 +160,14 @@ class Reader(ABC):
                 return self.number(node, value)
             case ast.BinOp(_, ast.BitXor(), _):
                 self.formula.refuse("expected powers written as **", node)
-            case ast.Compare() | ast.BoolOp() | ast.UnaryOp(ast.Not(), _):
+            case ast.BinOp(_, ast.BitAnd() | ast.BitOr(), _) | ast.UnaryOp(ast.Invert(), _) if not _compares(node):
+                self.formula.refuse(_JOINED, node)
+            case (
+                ast.Compare()
+                | ast.BoolOp()
+                | ast.BinOp(_, ast.BitAnd() | ast.BitOr(), _)
+                | ast.UnaryOp(ast.Not() | ast.Invert(), _)
+            ):
                 self.formula.refuse("expected a comparison only as the condition of where()", node)
         self.formula.refuse(_EXPECTED, node)
 
@@ -178,11 +197,21 @@ class Reader(ABC):
             case ast.BoolOp(op, conditions):
                 how = "and" if isinstance(op, ast.And) else "or"
                 return self.combined(node, how, *(self._condition(one, depth + 1) for one in conditions))
-            case ast.UnaryOp(ast.Not(), operand):
+            case ast.BinOp(left, ast.BitAnd() | ast.BitOr() as op, right):
+                how = "and" if isinstance(op, ast.BitAnd) else "or"
+                return self.combined(node, how, self._condition(left, depth + 1), self._condition(right, depth + 1))
+            case ast.UnaryOp(ast.Not() | ast.Invert(), operand):
                 return self.combined(node, "not", self._condition(operand, depth + 1))
             case ast.Compare(left, ops, rights) if all(type(op) in _COMPARISONS for op in ops):
                 sides = [self._term(side, depth + 1) for side in (left, *rights)]
                 pairs = zip(ops, sides[:-1], sides[1:], strict=True)
                 comparisons = [self.combined(node, _COMPARISONS[type(op)], a, b) for op, a, b in pairs]
                 return comparisons[0] if len(comparisons) == 1 else self.combined(node, "and", *comparisons)
+            case ast.Compare(_, ops, _) if any(isinstance(op, ast.Eq | ast.NotEq) for op in ops):
+                self.formula.refuse(_EQUAL, node)
         self.formula.refuse("expected a condition such as h > 0", node)
+
+
+def _compares(node: ast.expr) -> bool:
+    """Whether comparisons stand directly in a part."""
+    return any(isinstance(inner, ast.Compare) for inner in ast.iter_child_nodes(node))

@@ -7,7 +7,7 @@ from typing import Any
 
 from .base import Model
 from .decorator import model
-from .functions import heaviside, sign, sqrt, tanh
+from .math import heaviside, sign, sqrt, tanh
 from .symbolic import SymbolicModel
 
 

@@ -12,6 +12,7 @@ from ..basics.messages import shortened, shown
 from .expressions import symbol
 from .quantities import Described, checked_name, constants_of, quantities_of
 from .symbolic import SymbolicModel
+from .terms import Term, Unwritable
 
 
 class UnknownName(AttributeError, ValueError):
@@ -22,7 +23,7 @@ class Namespace:
     """Symbols as attributes, and by place: ``x.h1``, ``x[0]``, ``h1, h2 = x``."""
 
     def __init__(self, kind: str, names: Sequence[str]) -> None:
-        self.__dict__.update({"_kind": kind, "_symbols": {name: symbol(name) for name in names}})
+        self.__dict__.update({"_kind": kind, "_symbols": {name: Term(symbol(name)) for name in names}})
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__") or name not in self._symbols:
@@ -96,7 +97,7 @@ def _returned(function: Callable[..., Any], spaces: tuple[Namespace, ...], name:
         result = function(*spaces)
     except (TypeError, AttributeError, ValueError, ZeroDivisionError) as error:
         what = shortened(" ".join(str(error).split()), 300)
-        if not isinstance(error, UnknownName):
+        if not isinstance(error, UnknownName | Unwritable):
             what = f"expected + - * / ** and functions of fisherpoint.math such as sqrt and where, given: {what}"
         raise ValueError(f"{name}{_line(error, getattr(function, '__code__', None))}: {what}") from error
     if not isinstance(result, tuple) or len(result) not in (2, 3):

@@ -15,6 +15,7 @@ import sympy
 from ..basics.values import FrozenMapping
 from .surfaces.structure import Structure
 from .tape.branch import Select
+from .tape.defined import value_of
 from .tape.parts import parts, symbols_of
 
 Names = tuple[str, ...]
@@ -71,7 +72,7 @@ class Dependence:
         self._seen = frozenset[str]().union(*behind.values())
         self.blocks: tuple[Names, ...] = blocks_of(self)
         equations = structure.equations
-        shown = {g: name for name, g in reversed(list(zip(outputs, equations.output, strict=True)))}
+        shown = {value_of(g): name for name, g in reversed(list(zip(outputs, equations.output, strict=True)))}
         self.shown_states: Mapping[str, str] = FrozenMapping(
             {name: shown[state] for name, state in zip(states, equations.states, strict=True) if state in shown}
         )

@@ -21,6 +21,7 @@ from ..basics.messages import shortened
 from ..basics.quantity import Quantity
 from ..basics.units import CELSIUS, UnitValue, dimension, unit_value
 from .surfaces.printing import to_text
+from .tape.defined import Defined
 from .tape.parts import parts
 
 SMALL = 12
@@ -140,7 +141,7 @@ class _Check:
                 given = f"{_shown(argument)} in {_text(unit)}"
                 self.findings.append(f"expected a number without unit in {part.func.__name__}(), given {given}")
             return _NONE
-        if isinstance(part, sympy.Abs):
+        if isinstance(part, sympy.Abs | Defined):
             return known[part.args[0]]
         if isinstance(part, sympy.Piecewise):
             return self._same([case.args[0] for case in part.args], "given by turns")

@@ -13,8 +13,9 @@ from sympy.logic.boolalg import BooleanFalse, BooleanFunction, BooleanTrue
 
 from ..basics.formulas import ARGUMENTS
 from ..basics.messages import listed, shortened, shown
-from .tape.numbers import with_exact_numbers
-from .tape.parts import check_size, parts, rebuilt, replaced, symbols_of
+from .tape.defined import Defined
+from .tape.numbers import is_number, with_exact_numbers
+from .tape.parts import cases, check_size, parts, rebuilt, replaced, symbols_of
 
 MAX_EXPONENT = 1000
 """The largest number as an exponent; sympy works powers of numbers out to the last digit."""
@@ -23,7 +24,7 @@ _ARITHMETIC = (sympy.Symbol, sympy.Number, sympy.Add, sympy.Mul, sympy.Pow)
 _CALLS = tuple(getattr(sympy, name) for name in ARGUMENTS if hasattr(sympy, name) and isinstance(getattr(sympy, name), type))
 _CASES = (sympy.Abs, sympy.Heaviside, sympy.Min, sympy.Max, sympy.Piecewise, sympy.functions.elementary.piecewise.ExprCondPair)
 _LOGIC = (Relational, sympy.And, sympy.Or, sympy.Not, sympy.ITE, BooleanTrue, BooleanFalse)
-_KNOWN = (*_ARITHMETIC, *_CALLS, *_CASES, *_LOGIC)
+_KNOWN = (*_ARITHMETIC, *_CALLS, *_CASES, *_LOGIC, Defined)
 
 
 def symbol(name: str) -> sympy.Symbol:
@@ -59,7 +60,7 @@ def checked(expression: Any, symbols: Mapping[str, sympy.Symbol], place: str) ->
         if isinstance(part, AppliedUndef):  # x(t), as sympy.physics.mechanics has it
             return _known(part.func.__name__, symbols, place)
         if isinstance(part, sympy.Heaviside):
-            return sympy.Heaviside(now.args[0])  # its value at zero is never asked for
+            return _step(*now.args)
         if isinstance(now, sympy.ITE):  # what SymPy makes of a comparison of its own Piecewise
             condition, yes, no = now.args
             return sympy.Or(
@@ -80,6 +81,18 @@ def checked(expression: Any, symbols: Mapping[str, sympy.Symbol], place: str) ->
         if isinstance(part, sympy.Piecewise) and part.args[-1][1] != sympy.true:
             raise ValueError(f"{place}: expected a Piecewise whose last condition is True, given {shortened(part)}")
     return expression
+
+
+def _step(of: Any, at_zero: Any) -> Any:
+    """0 below zero, 1 above, and what SymPy has at zero, half if nothing else is said."""
+    if is_number(at_zero, 0):
+        return sympy.Heaviside(of, 0)
+    if is_number(at_zero, 0.5):
+        return (1 + sympy.sign(of)) / 2
+    at_least = sympy.GreaterThan(of, 0)
+    if is_number(at_zero, 1):
+        return cases(sympy.S.One, at_least, sympy.S.Zero)
+    return cases(sympy.S.One, sympy.StrictGreaterThan(of, 0), cases(at_zero, at_least, sympy.S.Zero))
 
 
 def _is_number(part: Any) -> bool:

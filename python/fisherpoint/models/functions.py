@@ -11,34 +11,40 @@ from typing import Any
 
 import numpy as np
 import sympy
-from sympy.logic.boolalg import Boolean, BooleanAtom
+from sympy.logic.boolalg import Boolean
 
 from ..basics.checks import as_float
 from ..basics.formulas import ARGUMENTS
 from ..basics.messages import shown
-from .tape.parts import cases, check_size
-
-heaviside, sign, sqrt, tanh = sympy.Heaviside, sympy.sign, sympy.sqrt, sympy.tanh
+from .tape.parts import check_size
+from .terms import Term, applied, as_term, chosen
 
 
 def where(condition: Any, a: Any, b: Any) -> Any:
     """a where the condition, a comparison or several joined by & and |, holds, else b."""
-    a, b = _term(a, "where"), _term(b, "where")
-    if isinstance(condition, bool | BooleanAtom):
-        return a if condition else b
-    if not isinstance(condition, Boolean) or condition.is_Symbol:
+    one, other = _term(a, "where"), _term(b, "where")
+    given = as_term(condition)
+    if given is None or not isinstance(given.expression, Boolean) or given.expression.is_Symbol:
         raise TypeError(f"where: expected a condition such as x.h > 0, given {shown(condition)}")
-    value = cases(a, condition, b)
-    check_size(value, "where")
-    return value
+    value = chosen(given, one, other)
+    check_size(value.expression, "where")
+    return _as_given(value, condition, a, b)
 
 
-def _term(given: Any, name: str) -> Any:
+def _term(given: Any, name: str) -> Term:
     """An argument: a term of equations, or a number."""
-    if isinstance(given, sympy.Expr):
-        return given
-    as_float(given, name)
-    return sympy.sympify(given.item() if isinstance(given, np.ndarray | np.generic) else given)
+    if not isinstance(given, Term | sympy.Basic):
+        as_float(given, name)
+        given = given.item() if isinstance(given, np.ndarray | np.generic) else given
+    term = as_term(given)
+    if term is None or not isinstance(term.expression, sympy.Expr):
+        raise TypeError(f"{name}: expected a term, given {shown(given)}")
+    return term
+
+
+def _as_given(value: Term, *given: Any) -> Any:
+    """A term where a term was given, else an expression of SymPy."""
+    return value if any(isinstance(one, Term) for one in given) else value.expression
 
 
 def _of_terms(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
@@ -49,7 +55,7 @@ def _of_terms(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
         if not least <= len(arguments) <= most:
             expected = least if least == most else f"{least} to {most}"
             raise TypeError(f"{name}: expected {expected} arguments, given {len(arguments)}")
-        return function(*(_term(argument, name) for argument in arguments))
+        return _as_given(applied(function, *(_term(argument, name) for argument in arguments)), *arguments)
 
     of_terms.__name__, of_terms.__doc__ = name, function.__doc__
     return of_terms
@@ -73,7 +79,7 @@ _OF_TERMS: dict[str, Callable[..., Any]] = {
     **{name: getattr(sympy, name) for name in ("sqrt", "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "atan2")},
     **{name: getattr(sympy, name) for name in ("sinh", "cosh", "tanh", "sign")},
     "abs": sympy.Abs,
-    "heaviside": heaviside,
+    "heaviside": lambda x: sympy.Heaviside(x, 0),
     "min": _extreme(sympy.Min, lambda given: reduce(lambda a, b: a if a <= b else b, given)),
     "max": _extreme(sympy.Max, lambda given: reduce(lambda a, b: a if a >= b else b, given)),
 }

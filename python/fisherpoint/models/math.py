@@ -75,7 +75,7 @@ def exp(x: Any) -> Any:
 
 
 def heaviside(x: Any) -> Any:
-    """0 below 0 and 1 above; a jump at 0."""
+    """0 up to 0 itself and 1 above; a jump at 0."""
     return _FUNCTIONS["heaviside"](x)
 
 
@@ -95,7 +95,7 @@ def min(*x: Any) -> Any:
 
 
 def sign(x: Any) -> Any:
-    """-1 below 0 and 1 above; a jump at 0."""
+    """-1 below 0, 0 at 0 and 1 above; a jump at 0."""
     return _FUNCTIONS["sign"](x)
 
 
@@ -125,5 +125,5 @@ def tanh(x: Any) -> Any:
 
 
 def where(condition: Any, a: Any, b: Any) -> Any:
-    """a where the condition, a comparison or several joined by & and |, holds, else b; a jump, or a kink where a equals b."""
+    """a where the condition, a comparison or several joined by &, | and ~, holds, else b; a jump, or a kink where a equals b."""
     return _FUNCTIONS["where"](condition, a, b)

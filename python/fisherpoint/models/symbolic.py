@@ -25,9 +25,11 @@ from .quantities import Described, DescribedModel, start_offsets
 from .surfaces.domain import MOST
 from .surfaces.printing import to_text
 from .surfaces.structure import Equations, Structure
+from .tape.defined import value_of
 from .tape.parts import replaced
 from .tape.program import Program, to_core
 from .tape.programs import LIMIT
+from .terms import Term
 from .text import parse_equation, parse_limit
 from .toml_text import equations_toml
 
@@ -249,7 +251,7 @@ class SymbolicModel(DescribedModel):
         given = [one for q, one in zip(self.outputs, self.equations.output, strict=True) if q.name in outputs]
         values = {symbol(name) for name in self.constants}
         for name, rate in rates:
-            if not rate.free_symbols - values:
+            if not value_of(rate).free_symbols - values:
                 raise ValueError(f"states: expected states of which the rates may vanish, given {name!r} with {to_text(rate):.60}")
         free = names if unknown is None else unknown
         inputs = [q for q in (*self.inputs, *self.states) if q.name not in free]
@@ -312,7 +314,7 @@ class SymbolicModel(DescribedModel):
     def _check_outputs(self, output: list[Any], symbols: Mapping[str, Any]) -> None:
         constants = {symbols[name] for name in self.constants}
         for quantity, expression in zip(self.outputs, output, strict=True):
-            if not expression.free_symbols - constants:
+            if not value_of(expression).free_symbols - constants:
                 raise ValueError(
                     f"{self._place_of(quantity)}: expected an output that depends on something, given {to_text(expression):.60}"
                 )
@@ -359,7 +361,7 @@ def _listed(given: Any, place: str) -> list[Any]:
         return []
     if isinstance(given, sympy.MatrixBase):
         return list(given.flat())
-    if isinstance(given, str | sympy.Basic):
+    if isinstance(given, str | sympy.Basic | Term):
         return [given]
     if isinstance(given, Mapping) or not isinstance(given, Iterable):
         raise TypeError(f"{place}: expected a sequence of equations, given {shown(given)}")
@@ -379,6 +381,7 @@ def _equation(given: Any, symbols: Mapping[str, Any], place: str) -> Any:
 
 
 def _condition(given: Any, symbols: Mapping[str, Any], place: str) -> Any:
+    given = given.expression if isinstance(given, Term) and not given.lost else given
     if isinstance(given, sympy.StrictGreaterThan | sympy.GreaterThan):
         given = given.lhs - given.rhs
     elif isinstance(given, sympy.StrictLessThan | sympy.LessThan):

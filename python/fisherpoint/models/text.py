@@ -17,6 +17,7 @@ from .expressions import MAX_EXPONENT, checked
 from .functions import FUNCTIONS
 from .tape.numbers import exact, exact_exponent, is_number
 from .tape.parts import compared
+from .terms import Term, applied, divided
 
 
 def parse_equation(text: object, symbols: Mapping[str, sympy.Symbol], place: str) -> Any:
@@ -35,7 +36,7 @@ def parse_equation(text: object, symbols: Mapping[str, sympy.Symbol], place: str
     ValueError
         For anything else: one line that names the place, and the column.
     """
-    return checked(_Equation(Formula(text, place), symbols).term(), symbols, place)
+    return checked(_read(Formula(text, place), symbols).term(), symbols, place)
 
 
 def parse_limit(text: object, symbols: Mapping[str, sympy.Symbol], place: str) -> tuple[Any, ...]:
@@ -44,7 +45,7 @@ def parse_limit(text: object, symbols: Mapping[str, sympy.Symbol], place: str) -
     Where abs, min and max only say that several smooth things stay positive, these come one by one.
     """
     formula = Formula(text, place)
-    found = _Equation(formula, symbols).comparison()
+    found = _read(formula, symbols).comparison().expression
     comparisons = sorted(found.args, key=str) if isinstance(found, sympy.And) else [found]
     if not all(isinstance(one, Relational) for one in comparisons):
         formula.refuse("expected comparisons that may hold or not", formula.tree)
@@ -65,27 +66,40 @@ def _smooth(positive: Any) -> list[Any]:
     return [positive]
 
 
+def _read(formula: Formula, symbols: Mapping[str, sympy.Symbol]) -> _Equation:
+    return _Equation(formula, {name: Term(symbol) for name, symbol in symbols.items()})
+
+
 class _Equation(Reader):
-    """Terms as SymPy expressions, of which the numbers are taken as doubles: SymPy would work them out to the last digit."""
+    """Equations as terms, of which the numbers are taken as doubles: SymPy would work them out to the last digit."""
 
     def number(self, node: ast.expr, value: Any) -> Any:
+        return Term(self._number(node, value))
+
+    def combined(self, node: ast.expr, how: str, *values: Any) -> Any:
+        if how == "where":
+            return FUNCTIONS["where"](*values)
+        make = divided if how == "/" else applied
+        return make(partial(self._combined, node, how), *values)
+
+    def _number(self, node: ast.expr, value: Any) -> Any:
         self.check_finite(node, value)
         return exact(value)
 
-    def combined(self, node: ast.expr, how: str, *values: Any) -> Any:
+    def _combined(self, node: ast.expr, how: str, *values: Any) -> Any:
         if how in _LOGIC:
             return _LOGIC[how](*values)
         if how == "**":
             return self._power(node, *values)
-        if how in ARGUMENTS and how != "where" and all(value.is_Number for value in values):
+        if how in ARGUMENTS and all(value.is_Number for value in values):
             try:
-                return self.number(node, _NUMERIC[how](*map(float, values)))
+                return self._number(node, _NUMERIC[how](*map(float, values)))
             except (ValueError, OverflowError):
                 self.formula.refuse(f"expected {how}() of numbers for which it has a value", node)
         if how == "/" and values[1].is_zero and isinstance(node, ast.BinOp):
             self.formula.refuse("expected no division by zero", node.right)
         value = (_ARITHMETIC[how] if how in _ARITHMETIC else FUNCTIONS[how])(*values)
-        return value if how in ("negative", "where") else self._folded(node, value)
+        return value if how == "negative" else self._folded(node, value)
 
     def _power(self, node: ast.expr, base: Any, exponent: Any) -> Any:
         if exponent.is_Number:
@@ -99,7 +113,7 @@ class _Equation(Reader):
                 self.formula.refuse("expected no division by zero", node)
             try:
                 if abs(exponent) > 8 or not (factor.is_Integer and exponent.is_Integer):
-                    factor = factor if is_number(factor, 1) else self.number(node, math.pow(float(factor), float(exponent)))
+                    factor = factor if is_number(factor, 1) else self._number(node, math.pow(float(factor), float(exponent)))
                 else:
                     factor = self._folded(node, factor**exponent)
             except (ValueError, OverflowError):
@@ -112,7 +126,7 @@ class _Equation(Reader):
     def _folded(self, node: ast.expr, value: Any) -> Any:
         """A value of which the number, if it is one, a double holds; sums and products of short numbers stay exact."""
         if value.is_Number and not (value.is_Rational and max(abs(value.p), value.q) < 2**53):
-            return self.number(node, value)
+            return self._number(node, value)
         return value
 
 

@@ -11,6 +11,7 @@ from sympy.functions.elementary.piecewise import ExprCondPair
 from sympy.logic.boolalg import Boolean
 
 from ..tape.branch import Select
+from ..tape.defined import value_of
 from ..tape.parts import parts, reads, remade, replaced
 from ..tape.programs import LIMIT
 from .printing import to_text
@@ -137,6 +138,7 @@ class Branches:
         """The side, or its negative, of the surface where the condition is zero; None where the state does not enter."""
         if not self.by_side or not reads(condition, self.states):
             return None
+        condition = value_of(condition)
         form, sign = normal_form(self.merged(condition))
         if form not in self._by_form:
             if len(self.surfaces) == LIMIT:

@@ -9,9 +9,11 @@ from typing import Any
 import sympy
 
 from ..tape.branch import Select
+from ..tape.defined import value_of
 from ..tape.numbers import exact, is_number
 from ..tape.parts import parts, reads, replaced
 from .branches import Surface
+from .limits import limits_of
 from .printing import to_text
 from .zeros import normal_form, reduced
 
@@ -81,7 +83,7 @@ class Domain:
     def read(self, expression: Any, origin: Mapping[Any, Any]) -> None:
         """Add the limits of an expression; `origin` tells how its parts were written."""
         for part in parts(expression, self._limited):
-            self._limited[part] = bool(_limits_of(part, {})) or any(self._limited[argument] for argument in part.args)
+            self._limited[part] = bool(limits_of(part, {})) or any(self._limited[argument] for argument in part.args)
         stack: list[tuple[Any, Guards]] = [(expression, ())]
         while stack:
             part, guards = stack.pop()
@@ -93,11 +95,12 @@ class Domain:
                 branches = [(b, (*guards, *_guards(condition, False))), (a, (*guards, *_guards(condition, True)))]
                 stack += [*branches, (condition, guards)]
                 continue
-            for argument, written, pole in _limits_of(part, origin):
+            for argument, written, pole in limits_of(part, origin):
                 self._add(argument, written, guards, pole)
             stack += [(argument, guards) for argument in reversed(part.args)]
 
     def _add(self, expression: Any, written: Any, guards: Guards, pole: bool, name: str | None = None) -> None:
+        expression, guards = value_of(expression), tuple((value_of(condition), taken) for condition, taken in guards)
         for shown in (written, expression):
             known = replaced(shown, self._constants, self._with_constants)
             if known.is_positive or (pole and known.is_nonzero):
@@ -114,6 +117,7 @@ class Domain:
             expression, written, pole = smooth, written if smooth == expression else smooth, True
         else:
             form, sign = normal_form(expression)
+        written = value_of(written)
         shown, turned = reduced(written) if not expression.is_number else (written, 1)
         if turned < 0 and not pole:
             shown = -shown
@@ -133,30 +137,3 @@ def _guards(condition: Any, holds: bool) -> Guards:
                 rest = branches[0] if taken else branches[1]
                 return (*_guards(first, taken), *(() if rest.is_number else _guards(rest, holds)))
     return ((condition, holds),)
-
-
-def _limits_of(part: Any, origin: Mapping[Any, Any]) -> Sequence[tuple[Any, Any, bool]]:
-    """What must be positive, or other than zero, for this part to have a value: (expression, as it was written, pole)."""
-    if not part.args:
-        return ()
-    argument = part.args[0]
-    written = origin.get(argument, argument)
-    if isinstance(part, sympy.Pow):
-        if part.exp.is_Integer:
-            return [(argument, written, True)] if part.exp < 0 else ()
-        if isinstance(argument, sympy.Abs) and part.exp.is_Number and part.exp > 1:
-            return ()
-        return [(argument, written, False)]
-    if isinstance(part, sympy.log):
-        return [(argument, written, False)]
-    if isinstance(part, sympy.asin | sympy.acos):
-        return [(1 - argument, 1 - written, False), (1 + argument, 1 + written, False)]
-    if isinstance(part, sympy.tan):
-        return [(sympy.cos(argument), sympy.cos(written), True)]
-    if isinstance(part, sympy.atan2):
-        # Off the negative x axis, where it jumps, and off the origin.
-        pairs = zip(part.args, (origin.get(other, other) for other in part.args), strict=True)
-        (y, y_written), (x, x_written) = pairs
-        ahead = [x + (1 - 1e-6) * sympy.sqrt(x * x + y * y) for y, x in ((y, x), (y_written, x_written))]
-        return [(ahead[0], ahead[1], False)]
-    return ()

@@ -14,6 +14,7 @@ import numpy as np
 import sympy
 
 from ..tape.branch import Select
+from ..tape.defined import Defined
 from ..tape.parts import parts
 
 
@@ -68,6 +69,7 @@ _COMPUTE: dict[Any, Callable[..., Any]] = {
     sympy.Heaviside: lambda a, _: np.where(np.real(a) > 0, 1.0, 0.0),
     sympy.Max: _extreme(True),
     sympy.Min: _extreme(False),
+    Defined: lambda value, *_: value,
     Select: lambda condition, a, b: np.where(np.real(condition) > 0, a, b),
     sympy.StrictGreaterThan: lambda a, b: np.real(a) > np.real(b),
     sympy.GreaterThan: lambda a, b: np.real(a) >= np.real(b),

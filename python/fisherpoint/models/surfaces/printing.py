@@ -5,7 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import sympy
+from sympy.printing.precedence import PRECEDENCE
 from sympy.printing.str import StrPrinter
+
+from ..tape.defined import Defined
 
 
 class _EquationPrinter(StrPrinter):  # type: ignore[misc]
@@ -23,6 +26,12 @@ class _EquationPrinter(StrPrinter):  # type: ignore[misc]
         return self._call(call.func.__name__.lower(), call.args)
 
     _print_Max = _print_Min = _print_Abs
+
+    def _print_Defined(self, call: Any) -> str:
+        value, *others = call.args
+        return (
+            " + ".join([f"({self._print(value)}", *("0*" + self.parenthesize(other, PRECEDENCE["Mul"]) for other in others)]) + ")"
+        )
 
     def _print_Heaviside(self, call: Any) -> str:
         return self._call("heaviside", call.args[:1])
@@ -58,4 +67,5 @@ _PRINTER = _EquationPrinter()
 
 def to_text(expression: Any) -> str:
     """The expression in the language of equations."""
-    return str(_PRINTER.doprint(sympy.sympify(expression)))
+    text = str(_PRINTER.doprint(sympy.sympify(expression)))
+    return text[1:-1] if isinstance(expression, Defined) else text

@@ -11,6 +11,7 @@ import numpy as np
 import sympy
 
 from ...basics.values import Array
+from ..tape.defined import Defined, value_of
 from ..tape.parts import parts, reads
 from ..tape.programs import Programs, build_programs
 from .branches import Branches, Surface
@@ -41,21 +42,26 @@ class Structure:
     def __init__(self, equations: Equations) -> None:
         self.equations = equations
         by_side, by_value = Branches(equations.states, by_side=True), Branches(equations.states, by_side=False)
-        rates = [by_side.rewrite(expression) for expression in equations.rates]
-        known = (*equations.conditions, *(condition for _, condition in equations.along))
+        written = [by_side.rewrite(expression) for expression in equations.rates]
+        rates = [value_of(expression) for expression in written]
+        known = [value_of(condition) for condition in (*equations.conditions, *(condition for _, condition in equations.along))]
         told = classified(rates, by_side, equations.states, equations.constants, known)
         merged = [replace(surface, expression=by_side.merged(surface.expression)) for surface in told]
         powers = Powers(merged)
-        self.rates = [powers.rewrite(by_side.merged(rate)) for rate in rates]
+        whole_rates = [powers.rewrite(by_side.merged(rate)) for rate in written]
+        self.rates = [value_of(rate) for rate in whole_rates]
         self.surfaces = [replace(surface, expression=powers.rewrite(surface.expression)) for surface in merged]
-        self.output = [powers.rewrite(by_value.rewrite(expression)) for expression in equations.output]
+        whole_output = [powers.rewrite(by_value.rewrite(expression)) for expression in equations.output]
+        self.output = [value_of(expression) for expression in whole_output]
 
         domain = Domain(equations.constants, self.surfaces)
         for text, condition in equations.along:
             domain.declare(by_value.rewrite(condition), condition, text)
         for condition in equations.conditions:
             domain.declare(by_value.rewrite(condition), condition)
-        for rewritten, branches in ((self.rates, by_side), (self.output, by_value)):
+            if isinstance(condition, Defined):
+                domain.read(by_value.rewrite(condition), by_value.origin)
+        for rewritten, branches in ((whole_rates, by_side), (whole_output, by_value)):
             for expression in rewritten:
                 domain.read(expression, branches.origin)
         for surface in self.surfaces:
