@@ -29,7 +29,7 @@ def estimate(
             metavar="DATA.csv...",
             callback=from_standard_input,
             help="Measurements: the columns of a design.csv, or of a file of runs, and y_<output> for each measured output; with a "
-            "column t, a record.",
+            "column t, a record, with columns x0_<state> for known starts.",
         ),
     ],
     output: Output = None,
@@ -132,11 +132,17 @@ def _estimate(
 
 
 def _read(path: Path, model: fp.Model) -> fp.Measurements | fp.Record:
-    """Measurements of points or runs, or a record where the file has a column t that is not the model's."""
-    from fisherpoint.basics.csv_table import CsvTable
+    """Measurements of points or runs, or a record where the file has a column of times.
 
+    A column t of a model that has such a state or output is one of times where the file has no durations.
+    """
+    from fisherpoint.basics.csv_table import CsvTable
+    from fisherpoint.data.record import time_name
+
+    time = time_name(model)
     axes, names = {quantity.name for quantity in (*model.axes, *model.outputs)}, CsvTable(path).names
-    if "t" in names and "t" not in axes:
+    without_durations = bool(model.states) and "dt" not in names
+    if time in names and (without_durations or (time == "t" and time not in axes)):
         states = {quantity.name for quantity in model.states} - {"T"}
         if "T" in axes.difference(names) and ("T" in {q.name for q in model.inputs} or states | {"dt"} & set(names)):
             raise ValueError("expected the column T of the model, given t, which is the time of a record")

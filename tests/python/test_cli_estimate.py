@@ -139,3 +139,54 @@ def test_mistakes_are_one_line_and_code_2(tmp_path: Path, measured: Path, capsys
 def test_help_has_an_example(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("--help") == 0
     assert "fisherpoint estimate examples/cylinder.toml measured.csv" in " ".join(capsys.readouterr().out.split())
+
+
+CLOCK = """
+[model]
+name = "infusion"
+[model.states]
+{clock} = "s"
+c = "1"
+[model.parameters]
+r = {{ unit = "1/s", nominal = 1.2 }}
+k = {{ unit = "1/s", nominal = 0.3 }}
+[model.outputs]
+c = "1"
+[model.equations]
+{clock} = "1"
+c = "where({clock} < 0.77, r, 0) - k*c"
+[prior]
+r = {{ mean = 1.0, relative_std = 0.5 }}
+k = {{ mean = 0.4, relative_std = 0.5 }}
+[noise_std]
+c = 0.01
+"""
+
+
+def infused(t: np.ndarray, start: float) -> np.ndarray:
+    """c of the model with r = 1.2, k = 0.3."""
+    on = np.minimum(t, 0.77)
+    return (4.0 - (4.0 - start) * np.exp(-0.3 * on)) * np.exp(-0.3 * (t - on))
+
+
+@pytest.mark.parametrize("clock", ["clock", "t", "time"])
+def test_a_record_has_its_known_starts_beside_it(tmp_path: Path, clock: str) -> None:
+    """Two records, one with an unknown start of c: r and k are found, as a state called t is not taken for the time."""
+    (tmp_path / "infusion.toml").write_text(CLOCK.format(clock=clock))
+    t = 0.1 * np.arange(41)
+    for name, start, told in (("one", 0.0, "0,0"), ("two", 0.5, "0,")):
+        rows = [f"{a:.1f},{b:.8f},{told if i == 0 else ','}" for i, (a, b) in enumerate(zip(t, infused(t, start), strict=True))]
+        (tmp_path / f"{name}.csv").write_text("\n".join([f"t,y_c,x0_{clock},x0_c", *rows]) + "\n")
+    assert run(tmp_path / "infusion.toml", tmp_path / "one.csv", tmp_path / "two.csv", "-o", tmp_path / "fit", "--no-prior") == 0
+    told = json.loads((tmp_path / "fit" / "fit.json").read_text())["parameters"]
+    assert told["r"]["estimate"] == pytest.approx(1.2, rel=1e-4)
+    assert told["k"]["estimate"] == pytest.approx(0.3, rel=1e-4)
+
+
+def test_points_of_a_state_called_t_are_points(tmp_path: Path) -> None:
+    (tmp_path / "infusion.toml").write_text(CLOCK.format(clock="t"))
+    rows = [f"0,0,{a:.2f},{b:.8f}" for a in (0.3, 0.6, 1.0, 2.0) for b in (infused(np.array(a), 0.0),)]
+    (tmp_path / "points.csv").write_text("\n".join(["t,c,dt,y_c", *rows]) + "\n")
+    assert run(tmp_path / "infusion.toml", tmp_path / "points.csv", "-o", tmp_path / "fit", "--no-prior") == 0
+    told = json.loads((tmp_path / "fit" / "fit.json").read_text())["parameters"]
+    assert told["k"]["estimate"] == pytest.approx(0.3, rel=1e-4)

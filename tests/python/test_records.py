@@ -81,10 +81,44 @@ def test_a_record_of_another_model() -> None:
 def test_a_record_comes_back_from_its_file(tmp_path: Path) -> None:
     path, r = tmp_path / "record.csv", record(t=[0.1, 0.2, 0.7])
     r.to_csv(path, tanks)
-    assert path.read_text().splitlines()[0] == "t,u,y_level"
-    back = fp.Record.from_csv(path, tanks, x0={"h1": 0.4})
+    assert path.read_text().splitlines()[0] == "t,u,y_level,x0_h1"
+    back = fp.Record.from_csv(path, tanks)
     assert np.array_equal(back.t, r.t) and np.array_equal(back.u, r.u) and np.array_equal(back.y, r.y, equal_nan=True)
-    assert back.x0 == r.x0
+    assert back.x0 == r.x0 == {"h1": 0.4}
+    assert fp.Record.from_csv(path, tanks, x0={"h1": 0.5, "h2": 0.1}).x0 == {"h1": 0.5, "h2": 0.1}
+
+
+@pytest.mark.parametrize(
+    ("text", "x0"),
+    [
+        ("t,u,y_level,x0_h1,x0_h2\n0,1,2,0.4,0.6\n1,1,3,,\n", {"h1": 0.4, "h2": 0.6}),
+        ("t,u,y_level,x0_h1,x0_h2\n0,1,2,0.4,\n1,1,3,,\n", {"h1": 0.4}),
+        ("t,u,y_level,x0_h2\n0,1,2,0.6\n1,1,3,0.6\n", {"h2": 0.6}),
+        ("x0_h1 [dm],t,u,y_level\n4,0,1,2\n,1,1,3\n", {"h1": 0.4}),
+        ("x0_h1;t;u;y_level\n0,4;0;1;2\n;1;1;3\n", {"h1": 0.4}),
+        ("t,u,y_level,x0_h1\n0,1,2,nan\n1,1,3,\n", {}),
+    ],
+)
+def test_starts_that_a_file_knows(tmp_path: Path, text: str, x0: dict[str, float]) -> None:
+    path = tmp_path / "record.csv"
+    path.write_text(text)
+    assert fp.Record.from_csv(path, tanks).x0 == pytest.approx(x0)
+
+
+CALLED_T = fp.SymbolicModel(["-k*t"], ["t"], {"t": "1"}, {}, {"k": "1/s"}, {"t": "1"})
+INPUT_T = fp.SymbolicModel(["-k*x + t"], ["x"], {"x": "1"}, {"t": "1/s", "time": "1"}, {"k": "1/s"}, {"time": "1"})
+
+
+@pytest.mark.parametrize(
+    ("model", "header"), [(CALLED_T, "t,y_t,x0_t"), (INPUT_T, "time_of_sample,t,time,y_time,x0_x")], ids=["state", "input"]
+)
+def test_states_and_inputs_may_be_called_as_the_time(tmp_path: Path, model: fp.Model, header: str) -> None:
+    path = tmp_path / "record.csv"
+    r = fp.Record([0.0, 1.0, 3.0], np.ones((3, len(model.inputs))), [0.5, 0.4, 0.1], x0={model.states[0].name: 0.6})
+    r.to_csv(path, model)
+    assert path.read_text().splitlines()[0] == header
+    back = fp.Record.from_csv(path, model)
+    assert np.array_equal(back.t, r.t) and np.array_equal(back.u, r.u) and np.array_equal(back.y, r.y) and back.x0 == r.x0
 
 
 def test_outputs_may_be_called_plainly_or_be_missing(tmp_path: Path) -> None:
@@ -100,7 +134,7 @@ def test_outputs_may_be_called_plainly_or_be_missing(tmp_path: Path) -> None:
     ("text", "message"),
     [
         ("", "expected a header and at least one row"),
-        ("t,u\n0,1\n", "of outputs those measured, once; given t, u"),
+        ("t,u\n0,1\n", "of outputs those measured, once; .*given t, u$"),
         ("t,y_level\n0,1\n", "expected the columns"),
         ("t,u,y_level,h1\n0,1,2,3\n", "expected the columns"),
         ("t,u,level,y_level\n0,1,2,3\n", "expected the columns"),
@@ -109,6 +143,10 @@ def test_outputs_may_be_called_plainly_or_be_missing(tmp_path: Path) -> None:
         ("t,u,y_level\n0,1,2\n1,x,2\n", "row 2, column u: expected a number, given 'x'"),
         ("t,u,y_level\n0,,2\n", "row 1, column u: expected a number, given ''"),
         ("t,u,y_level\n0,1,inf\n", "row 1, column y_level: expected a finite number, given 'inf'"),
+        ("t,u,y_level,x0_h1\n0,1,2,\n1,1,2,0.4\n", "row 2, column x0_h1: expected the start in the first row, .* given '0.4'"),
+        ("t,u,y_level,x0_h1\n0,1,2,0.3\n1,1,2,0.4\n", "row 2, column x0_h1: expected the start in the first row, .* given '0.4'"),
+        ("t,u,y_level,x0_h1\n0,1,2,a\n1,1,2,\n", "row 1, column x0_h1: expected a number, given 'a'"),
+        ("t,u,y_level,x0_h3\n0,1,2,1\n", "x0_<state>, of h1, h2, for known starts; given t, u, y_level, x0_h3"),
         ("t,u,y_level\n0,1,2\n0,1,2\n", "row 2, column t: expected a time after that of the row before, given '0'"),
     ],
 )

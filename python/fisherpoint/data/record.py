@@ -21,7 +21,8 @@ from ..show.first_rows import InNotebooks, first_rows, numbered
 from ..show.section import Report
 from .measured_outputs import measured_outputs
 
-TIME = Quantity("t", "s", "time of a sample")
+TIMES = "t", "time", "time_of_sample"
+"""What the column of the times is called: the first that is no input of the model."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,23 +100,34 @@ class Record(InNotebooks):
         check_known(self.x0, names_of(model.states), "x0", "names of states,")
 
     def to_csv(self, path: str | Path, model: Model) -> None:
-        """Write one row per sample: t, the inputs, and the outputs as ``y_<name>``, empty where not measured. x0 is not written."""
+        """Write one row per sample: t, the inputs, and the outputs as ``y_<name>``, empty where not measured.
+
+        Known starts stand in the first row, as ``x0_<name>``. Where an input of the model is called t, the column of the times is
+        called ``time``.
+        """
         self.check(model)
-        header = ("t", *names_of(model.inputs), *(f"y_{name}" for name in names_of(model.outputs)))
-        write_whole(path, csv_text(header, np.column_stack([self.t, self.u, self.y]).tolist()))
+        outputs, starts = (f"y_{name}" for name in names_of(model.outputs)), (f"x0_{name}" for name in self.x0)
+        header = (time_name(model), *names_of(model.inputs), *outputs, *starts)
+        if len(set(header)) != len(header):
+            raise ValueError(f"model: expected inputs other than y_<output> and x0_<state>, given {listed(names_of(model.inputs))}")
+        x0 = np.full((len(self), len(self.x0)), np.nan)
+        x0[0] = list(self.x0.values())
+        write_whole(path, csv_text(header, np.column_stack([self.t, self.u, self.y, x0]).tolist()))
 
     @classmethod
     def from_csv(cls, path: str | Path, model: Model, *, x0: Mapping[str, float] | None = None) -> Record:
-        """Read a record of `model` from a file with the columns t, its inputs, and its measured outputs.
+        """Read a record of `model` from a file with the columns t, its inputs, its measured outputs, and its known starts.
 
         Parameters
         ----------
         path : str or Path
             The column of an output is called ``y_<name>``, or as the output where no state or input has that name. Outputs may
-            be left out, or single entries empty: these were not measured. Units in the header, as in ``u [mV]``, are converted.
+            be left out, or single entries empty: these were not measured. Columns ``x0_<state>`` have known starts in the first
+            row; further rows are empty or repeat it, and an empty first row says that the start is not known. Units in the
+            header, as in ``u [mV]``, are converted. Where an input of the model is called t, the time is the column ``time``.
         model : Model
         x0 : mapping of state name to float, optional
-            Start values that are known.
+            Start values that are known, SI units; they count instead of those of the file.
 
         Raises
         ------
@@ -127,17 +139,17 @@ class Record(InNotebooks):
         check_type(model, Model, "model")
         table = CsvTable(path)
         table.warn_of_cut_off()
-        columns = _columns(table, model)
-        table.read_decimal_commas(("t", *names_of(model.inputs), *columns.values()))
-        t = table.complete(TIME)
-        table.refuse(np.diff(t, prepend=-np.inf) <= 0, "t", "a time after that of the row before")
+        time, columns, starts = _columns(table, model)
+        table.read_decimal_commas((time, *names_of(model.inputs), *columns.values(), *starts.values()))
+        t = table.complete(Quantity(time, "s"))
+        table.refuse(np.diff(t, prepend=-np.inf) <= 0, time, "a time after that of the row before")
         u = np.column_stack([np.empty((len(table), 0)), *(table.complete(quantity) for quantity in model.inputs)])
         y = np.full((len(table), len(model.outputs)), np.nan)
         for i, quantity in enumerate(model.outputs):
             if quantity.name in columns:
                 y[:, i] = table.numbers(columns[quantity.name], quantity.unit)
         try:
-            record = cls(t, u, y, x0={} if x0 is None else x0)
+            record = cls(t, u, y, x0={**_starts(table, model, starts), **by_name({} if x0 is None else x0, None, "x0", as_float)})
         except ValueError as error:
             raise ValueError(f"{table.path}: {error}") from error
         record.check(model)
@@ -161,16 +173,37 @@ def held_inputs(values: ArrayLike, count: int) -> Array:
     return as_rows(as_floats(values, "u"), count, "u", "n_u")
 
 
-def _columns(table: CsvTable, model: Model) -> dict[str, str]:
-    """The column of each output that was measured, after a check of all columns."""
-    needed = ("t", *names_of(model.inputs))
-    taken = {*needed, *names_of(model.states)}
-    outputs = names_of(model.outputs)
+def time_name(model: Model) -> str:
+    """What the column of the times is called."""
+    return next(name for name in TIMES if name not in names_of(model.inputs))
+
+
+def _columns(table: CsvTable, model: Model) -> tuple[str, dict[str, str], dict[str, str]]:
+    """The columns of the times, of each output that was measured, and of starts by state, after a check of all columns."""
+    time, inputs, outputs = time_name(model), names_of(model.inputs), names_of(model.outputs)
+    starts = {name: f"x0_{name}" for name in names_of(model.states) if f"x0_{name}" in table and f"x0_{name}" not in inputs}
+    needed = (time, *inputs)
+    taken = {*needed, *names_of(model.states), *starts.values()}
     choices = {name: [column for column in (f"y_{name}", name) if column in table and column not in taken] for name in outputs}
-    read = {*needed, *(column for columns in choices.values() for column in columns)}
+    read = {*needed, *starts.values(), *(column for columns in choices.values() for column in columns)}
     if not set(needed) <= set(table.names) or set(table.names) - read or sorted(map(len, choices.values()))[-1] != 1:
         expected = listed((*needed, *(f"y_{name}" for name in outputs)))
+        further = f"; x0_<state>, of {listed(names_of(model.states))}, for known starts" if model.states else ""
         raise ValueError(
-            f"{table.path}: expected the columns {expected}, of outputs those measured, once; given {listed(table.names)}"
+            f"{table.path}: expected the columns {expected}, of outputs those measured, once{further}; given {listed(table.names)}"
         )
-    return {name: columns[0] for name, columns in choices.items() if columns}
+    return time, {name: columns[0] for name, columns in choices.items() if columns}, starts
+
+
+def _starts(table: CsvTable, model: Model, columns: Mapping[str, str]) -> dict[str, float]:
+    """Starts that the first row has; further rows say the same, or nothing."""
+    known = {}
+    for state in model.states:
+        if state.name in columns:
+            column = columns[state.name]
+            values = table.numbers(column, state.unit)
+            other = ~np.isnan(values) & (values != values[0])
+            table.refuse(other, column, "the start in the first row, and nothing else below it")
+            if not np.isnan(values[0]):
+                known[state.name] = float(values[0])
+    return known
