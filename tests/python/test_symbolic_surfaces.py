@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -260,3 +261,58 @@ def test_what_is_left_and_met_again_within_a_step_is_seen(method: str) -> None:
     rough, fine = (fp.simulate(model, points, [0.5074, -4.2], rtol=rtol, method=method) for rtol in (1e-4, 1e-10))
     assert (rough.status == fp.Status.ok).all()
     assert np.abs(rough.x - fine.x).max() < 5e-3
+
+
+@pytest.mark.parametrize(
+    ("rate", "limit"),
+    [
+        ("sqrt(sqrt(max(x, 0)) + y)", "y + sqrt(max(0, x))"),
+        ("log(where(x > 0 and y > 0, sqrt(max(x, 0)), y))", "where(x > 0 and y > 0, sqrt(max(0, x)), y)"),
+        ("1/(max(x, 0)**1.5 - y)", "max(0, x)**(3/2) - y"),
+        ("log(where(not x > 0 or y > 1, sqrt(max(y, 0)), a) - 1)", "where(x <= 0 or y > 1, sqrt(max(0, y)), a) - 1"),
+        ("sqrt(where(a > 0, sqrt(max(y, 0)), x) - 1)", "where(a > 0, sqrt(max(0, y)), x) - 1"),
+        ("sqrt(max(sqrt(max(x, 0)), y) - 1)", "max(y, sqrt(max(0, x))) - 1"),
+        ("1/(sign(x)*sqrt(max(y, 0)) - a)", "sign(x)*sqrt(max(0, y)) - a"),
+        ("sqrt(heaviside(x)*max(y, 0) - a)**3", "heaviside(x)*max(0, y) - a"),
+    ],
+)
+def test_limits_are_called_as_they_are_written(rate: str, limit: str) -> None:
+    model = fp.SymbolicModel([rate, "1"], ["x*a"], {"x": "1", "y": "1"}, {}, {"a": "1"}, check_units=False)
+    assert limit in model.domain
+
+
+def test_no_name_of_a_surface_or_limit_has_what_the_user_did_not_write() -> None:
+    """Random nests of branches, roots and logarithms."""
+    rng = np.random.default_rng(0)
+
+    def term(depth: int) -> str:
+        if depth == 0:
+            return str(rng.choice(["x", "y", "a", "1", "2"]))
+        one, two, three = (term(int(rng.integers(depth))) for _ in range(3))
+        forms = [
+            "sqrt(max({0}, 0))",
+            "log({0} + {1})",
+            "max({0}, {1})**1.5",
+            "where({0} > {1} and y > 0, {2}, {1})",
+            "abs({0})*{1}",
+        ]
+        forms += [
+            "sign({0}) - {1}",
+            "1/({0} - {1})",
+            "where(not ({0} > 1 or x < {1}), {2}, 0)",
+            "heaviside({0})*{1}",
+            "sqrt({0} + {2})",
+        ]
+        return "(" + str(rng.choice(forms)).format(one, two, three) + ")"
+
+    made = 0
+    for _ in range(60):
+        try:
+            model = fp.SymbolicModel([term(3), "1"], ["x*a"], {"x": "1", "y": "1"}, {}, {"a": "1"}, check_units=False)
+        except ValueError:  # a division by zero, a root of a negative number
+            continue
+        made += 1
+        for name in (*model.jumps, *model.kinks, *model.domain):
+            assert not re.search("Select|_side|Dummy|Piecewise|_[0-9]", name)
+            fp.SymbolicModel([name, "1"], ["x*a"], {"x": "1", "y": "1"}, {}, {"a": "1"}, check_units=False)
+    assert made > 20

@@ -10,8 +10,9 @@ from typing import Any
 from ..basics.checks import check_flag
 from ..basics.messages import shortened, shown
 from .expressions import symbol
-from .quantities import Described, checked_name, constants_of, quantities_of
+from .quantities import Described, check_counts, checked_name, constants_of, quantities_of
 from .symbolic import SymbolicModel
+from .tape.programs import LIMIT
 from .terms import Term, Unwritable
 
 
@@ -73,6 +74,7 @@ def model(
     def make(function: Callable[..., Any]) -> SymbolicModel:
         if not callable(function):
             raise TypeError(f"model: expected a function of x, u, p, given {shown(function)}")
+        check_counts(LIMIT, states=states, inputs=inputs, parameters=parameters, constants=constants)
         given = {"states": states, "inputs": inputs, "parameters": parameters}
         names = {kind: [q.name for q in quantities_of(of, kind)] for kind, of in given.items()}
         known = constants_of(constants)[0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import keyword
 import unicodedata
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Sized
 from typing import Any
 
 from ..basics.checks import as_float, as_positive, as_sequence, by_name, check_known
@@ -18,6 +18,9 @@ from .base import Model
 RESERVED = (*ARGUMENTS, "pi", "dt")
 
 Described = Mapping[Any, Any] | Iterable[Any]
+
+OTHERS = 1000
+"""The most inputs, outputs and known constants of a model of equations."""
 
 
 def quantities_of(described: Described | None, kind: str) -> tuple[Quantity, ...]:
@@ -43,6 +46,14 @@ def quantities_of(described: Described | None, kind: str) -> tuple[Quantity, ...
     quantities = tuple(_quantity(name, entry, f"{kind}.{name}") for name, entry in entries)
     check_distinct((quantity.name, kind) for quantity in quantities)
     return quantities
+
+
+def check_counts(most: int, **described: Any) -> None:
+    """Raise where states or parameters are more than `most`, or others more than `OTHERS`, before any of them is looked at."""
+    for kind, given in described.items():
+        limit = most if kind in ("states", "parameters") else OTHERS
+        if isinstance(given, Sized) and len(given) > limit:
+            raise ValueError(f"{kind}: expected at most {limit}, given {len(given)}")
 
 
 def constants_of(described: Mapping[Any, Any] | None) -> tuple[tuple[Quantity, ...], dict[str, float]]:

@@ -21,7 +21,7 @@ from .dependence import Dependence
 from .dimensions import mistakes_in_units, plain_rate_of, rate_of, stated
 from .expressions import checked, symbol
 from .model_text import latex, model_text
-from .quantities import Described, DescribedModel, start_offsets
+from .quantities import Described, DescribedModel, check_counts, start_offsets
 from .surfaces.domain import MOST
 from .surfaces.printing import to_text
 from .surfaces.structure import Equations, Structure
@@ -93,6 +93,7 @@ class SymbolicModel(DescribedModel):
         given_f, given_g, given_domain = _listed(f, "f"), _listed(g, "g"), _listed(domain, "domain")
         if outputs is None:
             outputs = {"y": "1"} if len(given_g) == 1 else {f"y_{i + 1}": "1" for i in range(len(given_g))}
+        check_counts(LIMIT, states=states, inputs=inputs, parameters=parameters, outputs=outputs, constants=constants)
         self._describe(states, inputs, parameters, outputs, constants, name, nominal)
         if not self.states and not self.inputs:
             raise ValueError("states: expected a state or an input, given neither")

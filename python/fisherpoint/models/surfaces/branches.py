@@ -20,12 +20,16 @@ from .zeros import normal_form, reduced
 
 @dataclass(frozen=True)
 class Surface:
-    """A switching surface: its name, what is zero on it, the symbol of its side, and whether f jumps there."""
+    """A switching surface: what is zero on it as it is written and rewritten, the symbol of its side, and whether f jumps there."""
 
-    name: str
+    written: Any
     expression: Any
     side: sympy.Dummy
     jump: bool = True
+
+    @property
+    def name(self) -> str:
+        return to_text(self.written)
 
 
 class Branches:
@@ -145,7 +149,7 @@ class Branches:
                 raise ValueError(f"f: expected at most {LIMIT} switching surfaces and limits, given more than {LIMIT} surfaces")
             shown, turned = reduced(written)
             side, second = (sympy.Dummy(f"side_{len(self.surfaces)}", real=True) for _ in range(2))
-            self.surfaces.append(Surface(to_text(shown), condition if turned > 0 else -condition, side))
+            self.surfaces.append(Surface(shown, condition if turned > 0 else -condition, side))
             self.seamless[second] = side
             self._by_form[form] = side, second, sign * turned
         side, second, orientation = self._by_form[form]

@@ -15,6 +15,7 @@ from ..tape.parts import parts, reads, replaced
 from .branches import Surface
 from .limits import limits_of
 from .printing import to_text
+from .words import in_words
 from .zeros import normal_form, reduced
 
 
@@ -47,6 +48,7 @@ class Domain:
 
     def __init__(self, constants: Mapping[Any, float], surfaces: Sequence[Surface]) -> None:
         self._switching = {normal_form(surface.expression)[0]: surface.side for surface in surfaces}
+        self._written = {surface.side: surface.written for surface in surfaces}
         self._constants = {symbol: exact(value) for symbol, value in constants.items()}
         self._with_constants: dict[Any, Any] = {}
         self._limits: dict[tuple[Any, int | None, Guards], Limit] = {}
@@ -117,7 +119,7 @@ class Domain:
             expression, written, pole = smooth, written if smooth == expression else smooth, True
         else:
             form, sign = normal_form(expression)
-        written = value_of(written)
+        written = in_words(value_of(written), self._written)
         shown, turned = reduced(written) if not expression.is_number else (written, 1)
         if turned < 0 and not pole:
             shown = -shown

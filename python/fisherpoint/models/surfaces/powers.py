@@ -7,7 +7,7 @@ they have both. Where the exponent is above 1, the power has its derivative on t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import sympy
@@ -28,6 +28,10 @@ class Powers:
 
     def rewrite(self, expression: Any) -> Any:
         return rebuilt(expression, self._change, self._known)
+
+    def origin_of(self, before: Mapping[Any, Any]) -> dict[Any, Any]:
+        """From parts of what was rewritten to what `before` has for them."""
+        return {self._known.get(part, part): written for part, written in before.items()}
 
     def _change(self, _: Any, now: Any) -> Any:
         fraction = isinstance(now, sympy.Pow) and now.exp.is_Number and now.exp > 0 and not now.exp.is_Integer

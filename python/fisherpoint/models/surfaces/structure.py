@@ -61,11 +61,12 @@ class Structure:
             domain.declare(by_value.rewrite(condition), condition)
             if isinstance(condition, Defined):
                 domain.read(by_value.rewrite(condition), by_value.origin)
-        for rewritten, branches in ((whole_rates, by_side), (whole_output, by_value)):
+        of_rates, of_output = (powers.origin_of(branches.origin) for branches in (by_side, by_value))
+        for rewritten, origin in ((whole_rates, of_rates), (whole_output, of_output)):
             for expression in rewritten:
-                domain.read(expression, branches.origin)
+                domain.read(expression, origin)
         for surface in self.surfaces:
-            domain.read(surface.expression, by_side.origin)
+            domain.read(surface.expression, of_rates)
         moving = {*equations.states, *equations.inputs, *(surface.side for surface in self.surfaces)}
         limits = domain.limits
         self.limits = [limit for limit in limits if reads(limit.expression, moving)]
