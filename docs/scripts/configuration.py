@@ -143,7 +143,7 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
         " numbers alone gives the bounds. `fisherpoint design` and `fisherpoint campaign` need this table.",
         '[region]\nq = { bounds = [0.03, 0.27], unit = "m" }\nx_v = [-1.0, 1.0]\nconstraints = ["p_A + p_B < 30e6"]\n',
         {
-            "bounds": "Lower and upper bound; equal bounds fix the value.",
+            "bounds": "Lower and upper bound; equal bounds, or one number, fix the value. A pair or a number may stand alone.",
             "unit": "The unit, where it is not the model's.",
             "constraints": "Relations that every point has to satisfy, in the units of the model whatever those of the bounds.",
         },

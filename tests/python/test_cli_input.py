@@ -368,3 +368,20 @@ def test_all_mistakes_of_a_file_are_told(run: Any, place: Path) -> None:
         "fisherpoint: wrong.toml: prior.V: ex",
         "fisherpoint: wrong.toml: unknown key",
     ]
+
+
+def test_a_file_for_a_model_has_what_runs_need_as_comments(run: Any, place: Path) -> None:
+    """Uncommented, it is a problem of runs; a model without states has no runs."""
+    (place / "model.toml").write_text(load_model(EXAMPLES / "cascaded_tanks.toml").to_toml())
+    assert run("init", "model.toml")[0] == 0
+    path = place / "model_problem.toml"
+    head, block = path.read_text().split("# [runs]")
+    block, tail = ("# [runs]" + block).split("\n\n", 1)
+    for lines in (block.splitlines(), [line for line in block.splitlines() if not line.startswith("# rest")]):
+        path.write_text(head + "\n".join(line.removeprefix("# ") for line in lines) + "\n\n" + tail)
+        region = load_config(path).problem().region
+        assert isinstance(region, fp.RunRegion) and region.segments == 20 and set(region.slew) == {"u"}
+        assert (region.rest is None) == (len(lines) < len(block.splitlines()))
+        assert run("design", "model_problem.toml", "--check")[0] == 0
+    (place / "static.toml").write_text(load_model(EXAMPLES / "michaelis_menten.toml").to_toml())
+    assert run("init", "static.toml")[0] == 0 and "[runs]" not in (place / "static_problem.toml").read_text()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -70,8 +71,8 @@ MISTAKES = {
     ),
     "no pair": (
         "x_v = [-1.0, 1.0]",
-        "x_v = 1.0",
-        'region.x_v: expected a pair [lower, upper] or {bounds = [lower, upper], unit = "..."}, given 1.0',
+        "x_v = true",
+        'region.x_v: expected a pair [lower, upper], a number, or {bounds = [lower, upper], unit = "..."}, given true',
     ),
     "unknown state": (
         "q   = { bounds",
@@ -422,3 +423,33 @@ def test_a_problem_is_read_without_the_command() -> None:
     assert str(fp.load_problem(path)) == str(config.load_config(path).problem())
     with pytest.raises(config.ConfigError, match=r"nowhere\.toml: "):
         fp.load_problem(path.with_name("nowhere.toml"))
+
+
+def test_a_number_in_the_region_fixes_a_value(tmp_path: Path) -> None:
+    """As a number alone, in a table with a unit, and for runs."""
+    path = tmp_path / "cylinder.toml"
+    text = RECOMMENDED.replace("x_v = [-1.0, 1.0]", "x_v = 0.0")
+    path.write_text(re.sub(r"p_A = { bounds = .*", 'p_A = { bounds = 50, unit = "bar" }', text))
+    region = config.load_config(path).problem().region
+    assert region is not None
+    assert region.bounds["x_v"] == (0.0, 0.0) and region.bounds["p_A"] == (5e6, 5e6)
+
+
+def test_runs_from_rest(tmp_path: Path) -> None:
+    path = tmp_path / "runs.toml"
+    text = (EXAMPLES / "cylinder_runs.toml").read_text()
+
+    def written(rest: str) -> Path:
+        path.write_text(text.replace("[runs]\n", f"[runs]\nrest = {rest}\n"))
+        return path
+
+    region = config.load_config(written('{ u = { u = 0.1 }, states = ["v", "p_A"] }')).problem().region
+    assert isinstance(region, fp.RunRegion) and region.rest == fp.Rest({"u": 0.1}, states=["v", "p_A"])
+    for rest, message in (
+        ("{ u = { w = 0.1 } }", "unknown key runs.rest.u.w; expected one of u"),
+        ("{ }", "runs.rest.u.u: missing; expected the input that is held"),
+        ('{ u = { u = 0.1 }, states = ["w"] }', "runs.rest.states"),
+        ("{ held = 1 }", "unknown key runs.rest.held; expected one of u, states"),
+    ):
+        with pytest.raises(config.ConfigError, match=message):
+            config.load_config(written(rest))

@@ -99,6 +99,10 @@ y = "c*x"
         (1.0, "m3/(s sqrt(bar))", "m3/(s sqrt(Pa))", 10**-2.5),
         (90.0, "deg", "rad", np.pi / 2),
         (60.0, "rpm", "rad/s", 2 * np.pi),
+        (2.0, "rad/s", "1/s", 2.0),
+        (3.0, "1/s", "rad/s", 3.0),
+        (3.0, "mrad", "1", 3e-3),
+        (4.0, "N m", "N m/rad", 4.0),
         (20.0, "degC", "K", 293.15),
         (293.15, "K", "°C", 20.0),
         (2.0, "1/degC", "1/K", 2.0),
@@ -130,6 +134,12 @@ def test_every_unit_has_a_value() -> None:
     [
         ("Pa", "m", "expected a unit of what is in 'm', given 'Pa', which measures something else"),
         ("Hz", "rad/s", "measures something else"),
+        ("kHz", "rad/s", "measures something else"),
+        ("rpm", "1/s", "measures something else"),
+        ("1/s", "rpm", "measures something else"),
+        ("deg/s", "1/s", "measures something else"),
+        ("1", "deg", "measures something else"),
+        ("rad", "s", "measures something else"),
         ("ft", "m", "measures something else"),  # a femtotonne
         ("au", "1", "measures something else"),
         ("m^0.5", "m", "measures something else"),

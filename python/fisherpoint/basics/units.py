@@ -21,7 +21,8 @@ from .quantity import LONGEST_UNIT
 from .values import Array
 
 _BASE = ("m", "kg", "s", "A", "K", "mol", "cd", "rad", "au")
-"""The angle is one here, so that Hz, rad/s and rpm are not taken for each other; au may be anything, and is only itself."""
+"""The angle is one here, so that Hz, rad/s and rpm are not taken for each other, but see `_in_radians`; au may be anything, and is
+only itself."""
 
 
 @dataclass(frozen=True)
@@ -114,6 +115,7 @@ _PREFIXES = {
 UNITS = {prefix + name: (prefix, name) for prefix in _PREFIXES for name in _PREFIXED}
 UNITS |= {name: ("", name) for name in (*_PREFIXED, *_PLAIN)}  # before one with a prefix: min is a minute, cd a candela
 CELSIUS = ("degC", "°C")
+_OTHER_ANGLES = ("Hz", "Bq", "rpm", "deg", "sr", "lm", "lx")
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<power>(?:\^|\*\*)\s*[+-]?(?:\d+\.\d+|\d+)|(?<=[A-Za-zΩ%])[+-]?\d+)|(?P<name>sqrt(?=\s*\()|[^\W\d_]+|%|°C)"
@@ -218,7 +220,7 @@ def _zero_between(given: str, wanted: str) -> float:
 def _ratio(given: str, wanted: str, place: str) -> UnitValue:
     of, to = _read(given, place), _read(wanted, place)
     ratio = of * to ** Fraction(-1)
-    if any(ratio.powers):
+    if any(ratio.powers) and not (_of_angle_alone(ratio) and _in_radians(given) and _in_radians(wanted)):
         raise ValueError(
             f"{place}: expected a unit of what is in {wanted!r}, given {shown(given)}, which measures something else: "
             f"{dimension(of.powers)}, not {dimension(to.powers)}"
@@ -226,6 +228,16 @@ def _ratio(given: str, wanted: str, place: str) -> UnitValue:
     if not (0 < ratio.times < inf and 0 < ratio.over < inf):
         raise ValueError(f"{place}: expected a unit of the size of {wanted!r}, given {shown(given)}")
     return ratio
+
+
+def _of_angle_alone(ratio: UnitValue) -> bool:
+    return not any(power for name, power in zip(_BASE, ratio.powers, strict=True) if name != "rad")
+
+
+def _in_radians(text: str) -> bool:
+    """Whether angles in a unit can only be in rad, so that it may be left out, as in 1/s and in N m/rad: not in Hz, rpm or deg."""
+    names = (match["name"] for match in _TOKEN.finditer(text) if match["name"] and match["name"] != "sqrt")
+    return not any(UNITS[name][1] in _OTHER_ANGLES for name in names)
 
 
 def _read(text: object, place: str) -> UnitValue:

@@ -36,6 +36,7 @@ from .configuration_tables import (
     DesignTable,
     PriorEntry,
     RegionTable,
+    RestTable,
     RuleTable,
     RunsTable,
     Std,
@@ -293,6 +294,8 @@ def _keys_of(place: tuple[str, ...]) -> list[str]:
     """The keys that the table at this place may have."""
     if place[:1] == ("model",):
         return keys_of(place)
+    if place[:2] == ("runs", "rest"):
+        return list(RestTable.model_fields)
     if len(place) > 1:
         entries: dict[str, type[BaseModel]] = {"prior": PriorEntry, "region": Bounds}
         return list(entries.get(place[0], Std).model_fields)

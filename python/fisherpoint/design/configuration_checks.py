@@ -59,6 +59,10 @@ def mistakes_between(tables: Mapping[str, Any], model: Model) -> Iterator[str]:
     elif "noise_std" in tables and design is not None and design.output_covariance == "noise":
         yield 'design.output_covariance: expected a table [noise_std] with "noise", given none'
     yield from _wrong_bounds(tables.get("region"), model)
+    if (runs := tables.get("runs")) is not None and runs.rest is not None:
+        yield from wrong_names("runs.rest.u", runs.rest.u, names_of(model.inputs))
+        yield from missing_entries("runs.rest.u", missing_names(runs.rest.u, names_of(model.inputs)), "the input that is held")
+        yield from wrong_names("runs.rest.states", runs.rest.states or (), names_of(model.states))
     estimated = parameters
     if design is not None and design.parameters is not None:
         estimated = design.parameters

@@ -88,12 +88,17 @@ Target = Annotated[Positive, AfterValidator(lambda given: _share(given, 1.0))]
 
 
 class Bounds(Abbreviated):
-    """Range of one state, input or of dt: a bare pair or ``{bounds, unit}``; equal bounds fix the value."""
+    """Range of one state, input or of dt: a bare pair or ``{bounds, unit}``; equal bounds, or a number, fix the value."""
 
-    bare, expected = (list,), 'a pair [lower, upper] or {bounds = [lower, upper], unit = "..."}'
+    bare, expected = (list, int, float), 'a pair [lower, upper], a number, or {bounds = [lower, upper], unit = "..."}'
 
     bounds: list[Number]
     unit: str | None = None
+
+    @field_validator("bounds", mode="before")
+    @classmethod
+    def _fixed(cls, given: Any) -> Any:
+        return [given, given] if isinstance(given, int | float) and not isinstance(given, bool) else given
 
     def pair(self, quantity: Quantity) -> tuple[float, float]:
         """Both bounds in the unit of what they are of."""

@@ -59,6 +59,7 @@ def first_file(path: Path, name: str) -> tuple[str, list[str]]:
             *(_bounds(q.name, region.bounds[q.name], q.unit) for q in model.axes),
             '# constraints = ["a + b < 1"]  # relations between states, inputs and dt that every point must satisfy',
             "",
+            *(_runs(model, region) if model.states else ()),
             "[design]",
             f"n_experiments = {2 * len(model.parameters)}            # points of the design",
             "seed = 0                     # the same seed gives the same design",
@@ -66,6 +67,25 @@ def first_file(path: Path, name: str) -> tuple[str, list[str]]:
         ]
     )
     return text, unknown
+
+
+def _runs(model: Model, region: ExperimentRegion) -> list[str]:
+    """What a design of runs needs, as comments."""
+    lines = [
+        "# [runs]                     # runs in the place of points: [region] then bounds their start, and the inputs and dt of",
+        "#                            # each segment; one number there, as dt = 0.01, fixes a value",
+        "# segments = 20              # of a run, with inputs that are held",
+        "# n_runs = 1",
+    ]
+    if model.inputs:
+        held = ", ".join(f"{_key(q.name)} = {_rounded(sum(region.bounds[q.name]) / 2)!r}" for q in model.inputs)
+        name = model.inputs[0].name
+        change = _rounded(region.bounds[name][1] - region.bounds[name][0])
+        lines += [
+            f"# slew = {{ {_key(name)} = {change!r} }}  # the most that an input may change from one segment to the next",
+            f"# rest = {{ u = {{ {held} }} }}  # runs start where the plant has settled under these inputs",
+        ]
+    return [*lines, ""]
 
 
 def _model_text(path: Path, model: Model) -> str:
