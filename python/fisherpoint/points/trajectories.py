@@ -18,6 +18,7 @@ from .runs import Runs
 from .settings import Settings, checked_arguments
 from .shown_trajectories import of_points, summary
 from .status import Status, named
+from .unstable import warn_of_unstable
 
 
 class Trajectories(NamedTuple):
@@ -192,6 +193,7 @@ def sensitivities(
     else:
         result = checked_sensitivities(model, points, theta, arguments)
     warn_of_small_states(model, "the trajectories keep", points.x0, result.x)
+    warn_of_unstable(model, theta, result.x, result.dx_dtheta)
     return result
 
 
