@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -36,6 +36,9 @@ MOST_SEGMENTS = 100_000
 """Points, or segments of runs, that the engine is given at once, so that memory stays bounded."""
 
 MOST_DRAWS = 10**7
+FEW = 50
+"""Plants that are tried at least, where there is a limit of time."""
+
 LISTED = 10
 """Points or runs that the report lists."""
 
@@ -195,6 +198,18 @@ def feasibility(
         For misuse, a point that starts on a surface which is not crossed, a run without a rest at the prior mean, and a prior of
         which next to no draw makes sense to the model.
     """
+    return feasibility_within(problem, points, draws, seed, threads, None)
+
+
+def feasibility_within(
+    problem: DesignProblem,
+    points: Experiments | Runs,
+    draws: int,
+    seed: int,
+    threads: int | None,
+    late: Callable[[], bool] | None,
+) -> Feasibility:
+    """The same of fewer plants, but a few at least, where it is `late`."""
     check_type(problem, DesignProblem, "problem")
     if not isinstance(points, Experiments | Runs):
         raise TypeError(f"points: expected Experiments or Runs, given {type(points).__name__}")
@@ -209,8 +224,11 @@ def feasibility(
     plants, left_out = drawn_plants(problem, count, np.random.default_rng([seed, 0]))
     of_starts = np.random.default_rng([seed, 1])
     tally = _Tally(problem, points, settings)
-    each = max(1, MOST_SEGMENTS // (points.dt.size or 1))
+    each = max(1, min(MOST_SEGMENTS // (points.dt.size or 1), count if late is None else FEW))
     for first in range(0, count, each):
+        if first and late is not None and late():
+            count = first
+            break
         tally.add(plants[first : first + each], of_starts)
     return Feasibility(
         kind="run" if isinstance(points, Runs) else "point",

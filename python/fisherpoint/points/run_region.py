@@ -231,6 +231,28 @@ class RunCoordinates:
         places = ((name, where) for kind, name, where in self._places if kind == "input")
         return [(name, where) for name, where in places if where.stop - where.start == self._region.segments]
 
+    @property
+    def segments(self) -> int:
+        """Of each run."""
+        return self._region.segments
+
+    @cached_property
+    def input_names(self) -> tuple[str, ...]:
+        """Inputs that may vary, from segment to segment or between runs."""
+        return tuple(name for kind, name, _ in self._places if kind == "input")
+
+    @cached_property
+    def quiet(self) -> Array:
+        """Free numbers (d,) at which inputs are those of the rest, or as near to zero as they may be; others are in the middle."""
+        z, rest = np.full(len(self), 0.5), self._region.rest
+        for kind, name, where in self._places:
+            if kind == "input":
+                value, (lower, upper) = 0.0 if rest is None else rest.u.get(name, 0.0), self._region.bounds[name]
+                levels = np.array(self._region.levels.get(name, ()))
+                nearest = (np.argmin(np.abs(levels - value)) + 0.5) / len(levels) if len(levels) else None
+                z[where] = np.clip((value - lower) / (upper - lower), 0.0, 1.0) if nearest is None else nearest
+        return z
+
     def runs(self, z: Array) -> Runs:
         """The runs with free numbers z (K, d)."""
         region, model, count = self._region, self._model, len(z)

@@ -10,10 +10,9 @@ import numpy as np
 from ...basics.checks import check_type
 from ...basics.messages import listed
 from ...basics.values import Array, FrozenMapping
-from ...engine.levels import kernels
 from ...information.combinations import combinations
 from ...information.evaluate import evaluate_design
-from ...information.feasibility import feasibility
+from ...information.feasibility import Feasibility, feasibility_within
 from ...information.point_information import PointInformation
 from ...information.previous import Previous, previous_information
 from ...information.prior_information import prior_information as information_of_prior
@@ -33,8 +32,9 @@ from ..scenario_values import scenario_values
 from ..settings import RunSettings
 from .run_design import RunDesign
 from .run_pool import RIDGE
-from .run_references import ClassicalRuns, classical_runs
-from .run_search import RunProgress, RunSearch
+from .run_references import ClassicalRuns
+from .run_search import Found, RunProgress, RunSearch
+from .run_time import Clock
 
 
 def design_runs(
@@ -70,17 +70,18 @@ def design_runs(
     n_runs : int
         L.
     n_starts : int
-        How often the search begins anew; the problem has many local maxima.
+        How often the search begins anew, from random runs or classical ones; the problem has many local maxima.
     n_candidates : int
         Random runs to begin with.
     confidence : float or None
         Share of the plants that the prior allows which must reach the ends of all runs. None asks it of the prior mean alone.
     seed : int
-        The same seed gives the same design, for any number of threads, unless a time limit ends the search.
+        The same seed gives the same design to the last bit, on any machine and with any number of threads, unless a time limit
+        ends the search.
     threads : int, optional
         Default: every core.
     time_limit : float, optional
-        Stop after about so many seconds.
+        Seconds after which the search returns what it has, a safety net. The work is set by `n_starts` and `n_candidates`.
     progress : bool or callable, optional
         True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `RunProgress` after each start.
     previous : Measurements, Experiments, Runs, a design, or a sequence of these, optional
@@ -106,13 +107,14 @@ def design_runs(
     Returns
     -------
     RunDesign
-        On Ctrl-C the best runs so far, once a first start has been followed.
+        On Ctrl-C the best runs so far, once there are some. No classical run that is shown beside the design says more and can be
+        run by as many plants.
 
     Raises
     ------
     TypeError, ValueError
-        For misuse, where hardly any run of the region reaches its end, with the reasons, where the runs cannot determine what
-        a criterion other than "D" asks, and with ``singular="error"`` where parameters are left open.
+        For misuse, where no run of the region is found that reaches its end, with the limits that end them, where the runs cannot
+        determine what a criterion other than "D" asks, and with ``singular="error"`` where parameters are left open.
     """
     check_type(problem, DesignProblem, "problem")
     if not isinstance(problem.region, RunRegion):
@@ -135,6 +137,7 @@ def design_runs(
         prior_information=prior_information,
     )
     check_progress(progress)
+    clock = Clock(settings.time_limit)
     threads = resolve_threads(threads)
     problems, average = ((problem,), Average.of_all(1)) if settings.over is None else moved_problems(problem, settings.over)
     theta = np.array([moved.theta for moved in problems])
@@ -162,7 +165,7 @@ def design_runs(
             n_candidates=settings.n_candidates,
             seed=settings.seed,
             threads=threads,
-            time_limit=settings.time_limit,
+            clock=clock,
             kept=kept,
         )
         with_prior, all_asked = settings.prior_information, settings.singular == "error" and criterion in OF_ALL
@@ -174,18 +177,11 @@ def design_runs(
                 f"n_runs: expected runs enough to determine what criterion {criterion!r} asks, given {settings.n_runs}: the search "
                 "has found none that do"
             )
-        runs, seconds = search.runs(), search.seconds
-        runs = runs if kept is None else Runs.join([kept, runs])
+        chosen, classical, tried, stop_reason = _judged(search, kept, stop_reason)
+        runs = _with_kept(kept, search.planned(chosen))
         evaluation = evaluate_design(problem, runs, threads=threads, previous=previous, prior_information=with_prior)
-        if all_asked and evaluation.null_directions and stop_reason != "interrupted":
+        if all_asked and evaluation.null_directions and stop_reason == "all_starts":
             _refuse("these runs leave open", evaluation.null_directions, "make more runs, or longer ones with more samples")
-        classical: dict[str, ClassicalRuns] = {}
-        if stop_reason != "interrupted" and not search.singular and problem.model.kernels is kernels:
-            try:
-                samples = problem.region.samples
-                classical = classical_runs(search.objective, search.guard, search.n_runs, samples, settings.seed)
-            except KeyboardInterrupt:
-                stop_reason = "interrupted"
     scenarios = None
     if settings.over is not None:
         of_each = [
@@ -194,27 +190,57 @@ def design_runs(
         of_mean = None  # of F as in (7)
         if criterion != "D":
             asked = search.objective.aims[0]
-            of_mean = search.best.value - asked.level * asked.criterion.degree * float(np.log(evaluation.n_points / 2))
+            of_mean = chosen.value - asked.level * asked.criterion.degree * float(np.log(evaluation.n_points / 2))
         scenarios = scenario_values(problems, average, of_each, of_mean)
     return RunDesign(
         problem=problem,
         settings=settings,
         runs=runs,
         evaluation=evaluation,
-        log_det=-np.inf if search.singular else search.best.value,
+        log_det=-np.inf if search.singular else chosen.value,
         scenarios=scenarios,
         ends=tuple(-np.inf if search.singular else end.value for end in search.ends),
         again=search.again,
-        feasibility=feasibility(problem, runs, draws=DRAWS, seed=settings.seed + UNSEEN, threads=threads),
+        feasibility=tried,
         stop_reason=stop_reason,
         drawn=search.pool.drawn,
         rejected=FrozenMapping(dict(search.pool.rejected)),
-        seconds=seconds,
+        seconds=clock.seconds,
         classical=FrozenMapping({name: one.log_det for name, one in classical.items()}),
         classical_shares=FrozenMapping({name: one.share for name, one in classical.items()}),
         n_kept=0 if kept is None else len(kept),
         ridge=RIDGE if search.singular else 0.0,
     )
+
+
+def _with_kept(kept: Runs | None, runs: Runs) -> Runs:
+    return runs if kept is None else Runs.join([kept, runs])
+
+
+def _judged(search: RunSearch, kept: Runs | None, reason: str) -> tuple[Found, dict[str, ClassicalRuns], Feasibility, str]:
+    """The design, the classical runs beside it, and which of the plants that the search has not seen can run it.
+
+    Where a classical one says more, and as many of these plants can run it, it is the design.
+    """
+
+    def on_unseen(found: Found) -> Feasibility:
+        runs = _with_kept(kept, search.planned(found))
+        return feasibility_within(search.problem, runs, DRAWS, search.seed + UNSEEN, search.threads, search.clock.over)
+
+    chosen = search.best
+    tried = on_unseen(chosen)
+    if search.singular:
+        return chosen, {}, tried, reason
+    classical: dict[str, ClassicalRuns] = {}
+    try:
+        for name, found in search.classical.items():
+            of_plants = tried if found is chosen else on_unseen(found)
+            classical[name] = ClassicalRuns(found.value, of_plants.share)
+            if found.value > chosen.value and of_plants.share >= tried.share:
+                chosen, tried = found, of_plants
+    except KeyboardInterrupt:
+        reason = "interrupted"
+    return chosen, classical, tried, reason
 
 
 def _refuse(what: str, directions: Sequence[Mapping[str, float]], help_: str) -> None:

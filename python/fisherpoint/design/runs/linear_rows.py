@@ -88,8 +88,10 @@ class LinearRows:
         moving = self.variable >= 0
         return value, np.asarray(np.bincount(self.variable[moving], gradient[moving], len(step)), dtype=np.float64)
 
-    def best_step(self, lower: Array, upper: Array) -> Array:
+    def best_step(self, lower: Array, upper: Array, late: Callable[[], bool] | None = None) -> Array:
         """The step (n,) between bounds, zero among them, after which the criterion is about largest, to first order.
+
+        Where it is `late`, the best so far.
 
         By a projected quasi-Newton method (limited-memory BFGS in the numbers that are free to move; Nocedal and Wright, Numerical
         Optimization, sections 7.2 and 16.7).
@@ -100,7 +102,7 @@ class LinearRows:
         pairs: deque[tuple[Array, Array]] = deque(maxlen=PAIRS)
         for _ in range(ITERATIONS):
             free = ~(((step <= lower) & (slope < 0.0)) | ((step >= upper) & (slope > 0.0)))
-            if not slope[free].any():
+            if not slope[free].any() or (late is not None and late()):
                 break
             direction = _quasi_newton(np.where(free, slope, 0.0), free, pairs)
             if not pairs:

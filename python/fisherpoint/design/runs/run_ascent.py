@@ -18,6 +18,7 @@ from ...basics.values import Array
 from .linear_rows import LinearRows
 from .run_objective import RunObjective
 from .run_slopes import linear_rows
+from .run_time import OutOfTime
 
 FIRST, LEAST, MOST = 0.1, 1e-5, 1.0
 """By how much each number may change at first, at least, and at most."""
@@ -36,10 +37,13 @@ SMALL_GAIN, MOST_SMALL = 1e-4, 4
 
 
 class Peak(NamedTuple):
-    """Free numbers (L, d) where an ascent has ended, and what the runs are worth."""
+    """Free numbers (L, d) where an ascent has ended, what the runs are worth, by how much numbers may change where it goes on, and
+    whether it found no more to gain."""
 
     z: Array
     value: float
+    reach: float = FIRST
+    done: bool = False
 
 
 def ascend(
@@ -47,25 +51,27 @@ def ascend(
     z: Array,
     selected: NDArray[np.bool_] | None,
     iterations: int,
-    late: Callable[[], bool],
     rng: np.random.Generator,
+    reach: float = FIRST,
 ) -> Peak:
-    """The best runs that an ascent from free numbers z (L, d) finds; `late` tells it to stop."""
+    """The best runs that an ascent from free numbers z (L, d) finds; in the time that there is."""
     value = float(objective.values(z[None], selected)[0])
-    reach, small = FIRST, 0
+    small, done = 0, False
     shares = SHARES[:1] if len(z) * len(objective.plants) > MANY else SHARES
     for _ in range(iterations):
-        linear = linear_rows(objective, z, selected, reach < NEAR, rng)
-        if linear is None or not np.isfinite(value):
+        try:
+            linear = linear_rows(objective, z, selected, reach < NEAR, rng)
+            if linear is None or not np.isfinite(value):
+                return Peak(z, value, reach, True)
+            moving = linear.variable >= 0
+            here = np.empty(linear.variable.max() + 1)
+            here[linear.variable[moving]] = z[moving]
+            changes = trial_changes(linear, here, reach, shares, objective.clock.late)
+            tried = np.tile(z, (len(changes), 1, 1))
+            tried[:, moving] = np.clip(here + changes, 0.0, 1.0)[:, linear.variable[moving]]
+            values = objective.values(tried, selected)
+        except OutOfTime:
             break
-        moving = linear.variable >= 0
-        n = linear.variable.max() + 1
-        here = np.empty(n)
-        here[linear.variable[moving]] = z[moving]
-        changes = trial_changes(linear, here, reach, shares)
-        tried = np.tile(z, (len(changes), 1, 1))
-        tried[:, moving] = np.clip(here + changes, 0.0, 1.0)[:, linear.variable[moving]]
-        values = objective.values(tried, selected)
         best = int(np.argmax(values))
         gain = values[best] - value
         if gain > 0:
@@ -74,20 +80,24 @@ def ascend(
         else:
             reach *= float(REACHES[-1])
         small = small + 1 if gain < SMALL_GAIN else 0
-        if small == MOST_SMALL or reach < LEAST or late():
+        done = small == MOST_SMALL or reach < LEAST
+        if done:
             break
-    return Peak(z, value)
+    return Peak(z, value, max(reach, LEAST), done)
 
 
-def trial_changes(linear: LinearRows, here: Array, reach: float | Array, shares: Array = SHARES) -> Array:
+def trial_changes(
+    linear: LinearRows, here: Array, reach: float | Array, shares: Array = SHARES, late: Callable[[], bool] | None = None
+) -> Array:
     """Changes (T, n) of variables from `here` (n,) that are worth a try: best steps within some distances, share after share.
 
-    `reach` is by how much each variable may change, one for all or (n,); the distances are `REACHES` times as much.
+    `reach` is by how much each variable may change, one for all or (n,); the distances are `REACHES` times as much. Steps are the
+    best so far where it is `late`.
     """
     steps = []
     for factor in REACHES:
         distance = np.minimum(reach * factor, MOST)
         lower, upper = np.maximum(-distance, -here), np.minimum(distance, 1.0 - here)
-        steps.append(linear.within(float(np.max(distance))).best_step(lower, upper))
+        steps.append(linear.within(float(np.max(distance))).best_step(lower, upper, late))
     changes: Array = (shares[:, None, None] * np.array(steps)).reshape(-1, len(here))
     return changes

@@ -6,15 +6,54 @@ log det F of runs has many local maxima, most of them a pulse at another place: 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ...points.run_region import RunCoordinates
+from .run_objective import RunObjective
 
 GRID = 7
 """Values that a number is set to, from bound to bound."""
 
 MOST_SINGLE, MOST_SWAPS, MOST_BLOCKS = 800, 300, 200
 """Changes of each kind; where there were more, a random choice of them."""
+
+
+AT_ONCE = 256
+"""Changes that are tried, in random order, before the best of them is taken where it gains enough."""
+
+LEAST_GAIN, ENOUGH = 1e-3, 0.05
+"""What a change must gain to be one, and to be taken without a look at the others."""
+
+
+def best_moves(
+    objective: RunObjective, z: Array, value: float, selected: NDArray[np.bool_] | None, rng: np.random.Generator
+) -> tuple[Array, float]:
+    """Free numbers (L, d) after a good single change of each run, one run after the other, and what they are worth."""
+    judged = objective.judged(objective.tried(z, selected))
+    total, paid = judged.matrices.sum(axis=0) + objective.previous, float(judged.costs.sum())
+    for k in range(len(z)):
+        moved = moved_runs(objective.coordinates, z[k], rng)
+        moved = moved[rng.permutation(len(moved))]
+        own = judged.some([k])
+        best, there = None, value + LEAST_GAIN
+        for first in range(0, len(moved), AT_ONCE):
+            part = moved[first : first + AT_ONCE]
+            rows = None if selected is None else np.repeat(selected[k : k + 1], len(part), axis=0)
+            tried = objective.judged(objective.tried(part, rows))
+            values = objective.averages(total - own.matrices[0] + tried.matrices) - (paid - own.costs[0] + tried.costs)
+            values = np.where(tried.ok, values, -np.inf)
+            m = int(np.argmax(values))
+            if values[m] > there:
+                best, there = (part[m], tried.some(m)), float(values[m])
+            if there > value + ENOUGH:
+                break
+        if best is not None:
+            z, value = z.copy(), there
+            z[k] = best[0]
+            total = total - own.matrices[0] + best[1].matrices
+            paid += float(best[1].costs - own.costs[0])
+    return z, value
 
 
 def moved_runs(coordinates: RunCoordinates, z: Array, rng: np.random.Generator) -> Array:

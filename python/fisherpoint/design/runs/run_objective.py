@@ -7,28 +7,30 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...basics.values import Array
+from ...basics.values import Array, IntArray
 from ...engine.levels import kernels
 from ...information.problem import DesignProblem
 from ...information.run_information import information_matrices
 from ...information.run_tangents import RunTangents, run_tangents
 from ...points.run_region import RunCoordinates
+from ...points.run_trajectories import checked_run_trajectories
 from ...points.runs import Runs
 from ...points.settings import Settings
 from ...points.status import Status
 from ..average import Average
 from ..optimality.aims import Aim
 from .run_margins import RunMargins, costs_of
+from .run_time import Clock
 
 LOOKS, MORE_LOOKS = 2, 4
 """Times in every segment at which the distance to limits is taken, and where that has not been enough."""
 
-ROWS = 16
+LEAST_ROWS, MOST_ROWS = 16, 64
 """Of runs and plants that one thread computes at once: enough for its lanes, and few enough for its cache."""
 
 T = TypeVar("T")
@@ -50,6 +52,19 @@ class Judged:
         return Judged(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("matrices", "ok", "costs")))
 
 
+class Lasted(NamedTuple):
+    """Of K runs: how many segments they complete (K,), one more than there are where they are ok, their statuses (K,), and on which
+    plant (K,)."""
+
+    segments: IntArray
+    status: IntArray
+    plant: NDArray[np.intp]
+
+    @property
+    def ok(self) -> NDArray[np.bool_]:
+        return np.asarray(self.status == Status.ok)
+
+
 class RunObjective:
     """An average over plants of log det F, or another criterion, F the sum over L runs, each described by its free numbers, less
     what runs cost.
@@ -68,6 +83,8 @@ class RunObjective:
         What is maximised on each plant.
     settings : Settings
         Of the trajectories.
+    clock : Clock, optional
+        Between parts of its work `OutOfTime` is raised where this says so.
 
     Attributes
     ----------
@@ -75,6 +92,8 @@ class RunObjective:
         Standard deviations that runs keep from limits of the domain, or pay for; 0 for no costs.
     looks : int
         Times in every segment at which that distance is taken.
+    work : int
+        Segments of runs on plants that were computed so far, about.
     """
 
     def __init__(
@@ -86,12 +105,17 @@ class RunObjective:
         previous: Array,
         aims: Sequence[Aim],
         settings: Settings,
+        clock: Clock | None = None,
     ) -> None:
+        self.clock = Clock(None) if clock is None else clock
         self.problem, self.coordinates, self.plants, self.previous = problem, coordinates, plants, previous
         self.average, self.aims = average, tuple(aims)
         self.kappa, self.looks, self.settings = 0.0, LOOKS, settings
-        self.margins = RunMargins(problem)
-        self._parallel = problem.model.kernels is kernels  # functions of Python need not bear several threads
+        self.margins, self.work = RunMargins(problem), 0
+        native = problem.model.kernels is kernels
+        self._threads = settings[4] if native else 1  # functions of Python need not bear several threads
+        self._rows = (LEAST_ROWS, MOST_ROWS) if native else (1, 1)
+        self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
 
     def judged(self, runs: Runs) -> Judged:
         """What runs are worth, each by itself."""
@@ -151,13 +175,43 @@ class RunObjective:
         return self.kappa > 0 and self.margins.exist
 
     def in_parts(self, function: Callable[[slice], T], count: int) -> list[T]:
-        """What a function makes of each part of `count` runs; the parts do not depend on the threads."""
-        each = -(-ROWS // len(self.plants))
-        parts = [slice(first, first + each) for first in range(0, count, each)]
-        if self.settings[4] == 1 or len(parts) == 1 or not self._parallel:
-            return [function(part) for part in parts]
-        with ThreadPoolExecutor(self.settings[4]) as pool:
-            return list(pool.map(function, parts))
+        """What a function makes of each part of `count` runs; no run's result depends on the others of its part."""
+        self.work += count * len(self.plants) * self.coordinates.segments
+        least, most = (-(-rows // len(self.plants)) for rows in self._rows)
+        each = min(max(-(-count // self._threads), least), most)
+        parts = [slice(first, min(first + each, count)) for first in range(0, count, each)]
+
+        def timed(some: slice) -> T:
+            self.clock.check()
+            return function(some)
+
+        if self._pool is None or len(parts) == 1:
+            return [timed(part) for part in parts]
+        waiting = [self._pool.submit(timed, part) for part in parts]
+        try:
+            return [one.result() for one in waiting]
+        except BaseException:
+            for one in waiting:
+                one.cancel()
+            raise
+
+    def lasted(self, z: Array) -> Lasted:
+        """How far runs with free numbers z (K, d) come on the plant on which they end first."""
+
+        def part(some: slice) -> Lasted:
+            runs = self.coordinates.runs(z[some])
+            many, theta = self.on_plants(runs)
+            assumed = self.problem.assumed
+            model = self.problem.limited if assumed is None else assumed.model
+            values = theta if assumed is None else assumed.theta(theta)
+            done = checked_run_trajectories(model, many, values, (*self.settings[:4], 1))
+            ends = np.where(done.status == Status.ok, runs.dt.shape[1] + 1, np.minimum(done.reached, runs.dt.shape[1]))
+            ends, status = (array.reshape(len(self.plants), -1) for array in (ends, done.status))
+            first, each = np.argmin(ends, axis=0), np.arange(len(runs))
+            return Lasted(ends[first, each], status[first, each], first)
+
+        parts = self.in_parts(part, len(z))
+        return Lasted(*(np.concatenate([one[k] for one in parts]) for k in range(3)))
 
     def on_plants(self, runs: Runs) -> tuple[Runs, Array]:
         """The runs on every plant, plant after plant, and the parameters of each."""

@@ -36,19 +36,20 @@ class RunPlants:
     def __len__(self) -> int:
         return len(self._theta)
 
-    def can_run(self, runs: Runs) -> NDArray[np.bool_]:
-        """Which plants (R,) reach the ends of all runs."""
-        return np.asarray(self.outputs(runs)[1].all(axis=1))
+    def can_run(self, runs: Runs, some: slice = slice(None)) -> NDArray[np.bool_]:
+        """Which of some plants (R,) reach the ends of all runs."""
+        return np.asarray(self.outputs(runs, some)[1].all(axis=1))
 
-    def outputs(self, runs: Runs) -> tuple[Array, NDArray[np.bool_]]:
-        """Outputs (R, K, N, n_y) of runs on every plant, and which runs reach their ends (R, K)."""
-        many = runs[np.tile(np.arange(len(runs)), len(self))]
-        theta = np.repeat(self._theta, len(runs), axis=0)
+    def outputs(self, runs: Runs, some: slice = slice(None)) -> tuple[Array, NDArray[np.bool_]]:
+        """Outputs (R, K, N, n_y) of runs on some plants, and which runs reach their ends (R, K)."""
+        plants = self._theta[some]
+        many = runs[np.tile(np.arange(len(runs)), len(plants))]
+        theta = np.repeat(plants, len(runs), axis=0)
         done = checked_run_trajectories(self._model, many, theta, self._settings)
         y, status = done.y, done.status
         near = np.flatnonzero(status == Status.grazes_jump)
         if len(near):
             again = checked_run_trajectories(self._model, many[near], theta[near], finer(self._settings))
             y[near], status[near] = again.y, again.status
-        shape = len(self), len(runs)
+        shape = len(plants), len(runs)
         return y.reshape(*shape, *y.shape[1:]), status.reshape(shape) == Status.ok

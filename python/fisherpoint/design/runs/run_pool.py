@@ -3,23 +3,31 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ...information.null_space import null_directions
-from ...information.run_tangents import run_tangents
+from ...points.broken_limits import statuses_in_words
 from ...points.runs import Runs
-from ...points.status import failures_of
-from .run_objective import Judged, RunObjective
+from .run_objective import Judged, Lasted, RunObjective
 from .run_profiles import Profile, draw_runs
+from .run_time import OutOfTime
+from .run_within import brought_within, first_within
 
 PART = 4
 """A start takes its runs from one in so many of the pool, at random, so that starts differ; 1 for all."""
 
-MOST_DRAWN = 20
-"""Runs that are drawn at most, for each one that is wanted."""
+MOST_DRAWN = 4
+"""Runs that are drawn at most, for each one that is wanted; then those that leave a limit are brought back within it."""
+
+FIRST, GROWTH, MOST = 4, 4, 256
+"""Runs that are computed at once: few at first, so that there are some before any limit of time."""
+
+CHEAP, TIGHTENED = 1.0, 128
+"""What runs may cost for coming near limits, for a start; and how many of the best that cost more are brought further inside."""
 
 SINGULAR = 1e-13
 """Eigenvalue of the information of all runs, scaled to unit diagonal, below which a combination of parameters is not told."""
@@ -41,6 +49,8 @@ class RunPool:
     rng : numpy.random.Generator
     profiles : sequence of functions, optional
         Of the inputs; all where none are given.
+    explain : bool
+        Whether is found out why runs do not reach their ends.
 
     Attributes
     ----------
@@ -52,35 +62,41 @@ class RunPool:
         Combinations of standardised parameters that none of the runs tells about.
     singular : bool
         Whether not even all of its runs together, and what is known beside them, determine all parameters.
+    interrupted : bool
+        Whether Ctrl-C ended it before as many were drawn as were wanted.
 
     Raises
     ------
     ValueError
-        Where hardly any run reaches its end; the message says why.
+        Where no run reaches its end, not even small ones; the message says why.
+    KeyboardInterrupt, OutOfTime
+        Before there is any run.
     """
 
     def __init__(
-        self, objective: RunObjective, wanted: int, rng: np.random.Generator, profiles: Sequence[Profile] | None = None
+        self,
+        objective: RunObjective,
+        wanted: int,
+        rng: np.random.Generator,
+        profiles: Sequence[Profile] | None = None,
+        explain: bool = True,
     ) -> None:
         self._objective, self._begun = objective, list[int]()  # with which starts have begun
-        self.drawn, self.rejected = 0, Counter[str]()
-        z: list[Array] = []
-        found: list[Judged] = []
-        while (have := sum(len(part) for part in z)) < wanted:
-            if self.drawn >= MOST_DRAWN * wanted:
-                reasons = ", ".join(f"{name} {count}" for name, count in self.rejected.most_common())
-                raise ValueError(
-                    f"region: expected runs that reach their ends, given {have} of {self.drawn} drawn ({reasons}): "
-                    "shorten them or narrow the region"
-                )
-            drawn = draw_runs(objective.coordinates, wanted, rng, profiles)
-            judged = objective.judged(objective.tried(drawn, None))
-            self.drawn += wanted
-            if not judged.ok.all():
-                self._count(objective.coordinates.runs(drawn[~judged.ok]))
-            z.append(drawn[judged.ok])
-            found.append(judged.some(judged.ok))
-        self._z, self._judged = np.concatenate(z), Judged.join(found)
+        self.drawn, self.rejected, self.interrupted = 0, Counter[str](), False
+        self._parts: list[tuple[Array, Judged]] = []
+        self._outside: list[Array] = []
+        try:
+            self._fill(wanted, rng, profiles, explain)
+        except (KeyboardInterrupt, OutOfTime) as error:
+            if not self._parts:
+                raise
+            self.interrupted = isinstance(error, KeyboardInterrupt)
+        if not self._parts:
+            raise ValueError(
+                f"region: expected runs that reach their ends, given none of {self.drawn} drawn ({_listed(self.rejected)}), and "
+                "none of held inputs: begin further inside the limits that are named, make runs shorter, or widen the limits"
+            )
+        self._z, self._judged = np.concatenate([z for z, _ in self._parts]), Judged.join([judged for _, judged in self._parts])
         everything = self._judged.matrices.sum(axis=(0, 1)) + objective.previous.sum(axis=0)
         size = np.sqrt(np.maximum(np.diag(everything), 1e-300))
         alone = np.linalg.eigvalsh(objective.previous)[:, 0].min() > 0 if objective.previous.any() else False
@@ -91,27 +107,89 @@ class RunPool:
         names = objective.problem.estimated
         self.open = null_directions(vectors[: len(names), left].T, length[: len(names)], names)
 
+    def __len__(self) -> int:
+        return sum(len(z) for z, _ in self._parts)
+
+    def _fill(self, wanted: int, rng: np.random.Generator, profiles: Sequence[Profile] | None, explain: bool) -> None:
+        objective, size = self._objective, FIRST
+        while len(self) < wanted and self.drawn < MOST_DRAWN * wanted:
+            drawn = draw_runs(objective.coordinates, wanted, rng, profiles)
+            while len(drawn) and len(self) < wanted:
+                part, drawn = drawn[:size], drawn[size:]
+                lasted = objective.lasted(part)
+                self.drawn += len(part)
+                taken = self._add(part, lasted.ok)
+                if explain:
+                    self._count(part, lasted)
+                    self.rejected["no derivative"] += int((lasted.ok & ~taken).sum())
+                self._outside.append(part[~lasted.ok])
+                size = min(GROWTH * size, MOST)
+        outside = np.concatenate(self._outside)
+        if len(self) < wanted and len(outside):
+            inside = np.concatenate([z for z, _ in self._parts]) if self._parts else first_within(objective, outside, rng)
+            if len(inside):
+                self._add(inside, np.full(len(inside), not self._parts))
+                some = outside[rng.permutation(len(outside))[: wanted - len(self)]]
+                found = brought_within(objective, some, inside, lambda z: objective.lasted(z).ok, rng)
+                self._add(found, np.ones(len(found), dtype=bool))
+
+    def _add(self, z: Array, lasts: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Take in runs that last, and have derivatives; which (K,) do."""
+        taken = lasts.copy()
+        if lasts.any():
+            judged = self._objective.judged(self._objective.tried(z[lasts], None))
+            taken[lasts] = judged.ok
+            if judged.ok.any():
+                self._parts.append((z[taken], judged.some(judged.ok)))
+        return taken
+
+    def tighten(self, rng: np.random.Generator) -> None:
+        """Judge the runs anew, now that they cost something near limits, and bring the best that cost much further inside."""
+        objective = self._objective
+        self._judged = objective.judged(objective.tried(self._z, None))
+        if not objective.costly:
+            return
+        costs, own = self._judged.costs, self._values()
+        dear = [k for k in np.argsort(-own, kind="stable").tolist() if costs[k] > CHEAP][:TIGHTENED]
+        cheap = np.flatnonzero(costs <= CHEAP)
+        if not len(cheap):
+            quiet = objective.coordinates.quiet[None]
+            if self._cheap(quiet)[0]:
+                self._join(quiet)
+                cheap = np.array([len(self._z) - 1])
+        if len(dear) and len(cheap):
+            self._join(brought_within(objective, self._z[dear], self._z[cheap], self._cheap, rng))
+
+    def _cheap(self, z: Array) -> NDArray[np.bool_]:
+        judged = self._objective.judged(self._objective.tried(z, None))
+        return np.asarray(judged.ok & (judged.costs <= CHEAP))
+
+    def _join(self, z: Array) -> None:
+        if len(z):
+            judged = self._objective.judged(self._objective.tried(z, None))
+            self._z = np.concatenate([self._z, z[judged.ok]])
+            self._judged = Judged.join([self._judged, judged.some(judged.ok)])
+
+    def _values(self) -> Array:
+        """What each run is worth by itself, without costs."""
+        return self._objective.averages(self._judged.matrices + RIDGE * np.eye(self._judged.matrices.shape[-1]))
+
     @property
     def rows(self) -> Array:
         """Whitened rows (R, K, m, p) of all of them."""
         return self._objective.rows(self._objective.tried(self._z, None))
 
-    def _count(self, runs: Runs) -> None:
-        """Why runs do not reach their ends, at the prior mean."""
-        problem = self._objective.problem
-        done = run_tangents(problem, runs, problem.theta, self._objective.settings, outputs_alone=True)
-        reasons = failures_of(done.status)
-        elsewhere = len(runs) - reasons.total()
-        self.rejected.update(reasons + Counter({"not ok on another plant": elsewhere} if elsewhere else {}))
-
-    def judge_again(self) -> None:
-        """What the runs are worth, now that the objective takes other costs."""
-        self._judged = self._objective.judged(self._objective.tried(self._z, None))
+    def _count(self, z: Array, lasted: Lasted) -> None:
+        """Why runs do not reach their ends, and which limit it was."""
+        objective = self._objective
+        rows = np.flatnonzero(~lasted.ok).tolist()
+        if rows:
+            theta, runs = objective.plants[lasted.plant], objective.coordinates.runs(z)
+            self.rejected.update(statuses_in_words(objective.problem.limited, runs, theta, objective.settings, lasted.status, rows))
 
     def best(self, count: int) -> Runs:
         """The runs that say most, each by itself."""
-        values = self._objective.averages(self._judged.matrices + RIDGE * np.eye(self._judged.matrices.shape[-1]))
-        return self._objective.coordinates.runs(self._z[np.argsort(-values, kind="stable")[:count]])
+        return self._objective.coordinates.runs(self._z[np.argsort(-self._values(), kind="stable")[:count]])
 
     def chosen(self, n_runs: int, rng: np.random.Generator, part: int = PART) -> Array:
         """Free numbers of runs of a random part, by exchange: each gives way to the best one beside the others, until none does."""
@@ -137,3 +215,13 @@ class RunPool:
         z = self._z[some[chosen]].copy()
         z[:, objective.coordinates.shared] = z[0, objective.coordinates.shared]
         return z
+
+
+def determine_all(information: Array) -> bool:
+    """Whether matrices (R, p, p) are regular, up to rounding."""
+    size = np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1), 1e-300))
+    return bool(np.linalg.eigvalsh(information / size[:, :, None] / size[:, None, :]).min() > SINGULAR)
+
+
+def _listed(rejected: Mapping[str, int]) -> str:
+    return ", ".join(f"{name} {count}" for name, count in Counter(rejected).most_common())

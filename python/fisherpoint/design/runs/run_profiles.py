@@ -1,7 +1,8 @@
 """Runs to begin a search with: profiles of inputs as they are used for identification, with random settings.
 
 A search from random numbers for every segment hardly finds what good runs look like. Profiles are held for a while, and often go
-from one bound to the other: steps, pulses, binary sequences, ramps and sines, for each input by itself.
+from one bound to the other: steps, pulses, binary sequences, ramps and sines, for each input by itself. Some return: what they do
+on one side of the input at rest they undo on the other, as a carriage on a short stroke has to.
 """
 
 from __future__ import annotations
@@ -18,6 +19,9 @@ AT_BOUND = 0.5
 
 MOST_PULSES = 4
 
+OFF_BOUND = 0.1
+"""How far the input at rest has to be from its bounds for profiles that return to it; others return to the middle."""
+
 
 Profile = Callable[[np.random.Generator, int], Array]
 """Numbers (n,) between 0 and 1 of one input, drawn by a generator."""
@@ -29,12 +33,15 @@ def draw_runs(
     """Free numbers (count, d) of random runs, with `PROFILES` or those that are given."""
     profiles = PROFILES if profiles is None else profiles
     z = _levels(rng, (count, len(coordinates)))
-    changing = coordinates.inputs
+    changing, quiet = coordinates.inputs, coordinates.quiet
     durations = [j for j, name in enumerate(coordinates.names) if name == "dt"]
     for k in range(count):
         for _, where in changing:
             profile = profiles[int(rng.integers(len(profiles)))]
-            z[k, where] = profile(rng, where.stop - where.start)
+            values = profile(rng, where.stop - where.start)
+            if profile in RETURNING and OFF_BOUND < (middle := quiet[where.start]) < 1 - OFF_BOUND:
+                values = middle + (values - 0.5) * (2 * min(middle, 1 - middle))
+            z[k, where] = values
         if len(durations) > 1 and rng.random() < 0.5:  # segments of one length
             z[k, durations] = rng.random()
         else:
@@ -94,6 +101,32 @@ def noise(rng: np.random.Generator, n: int) -> Array:
     return np.asarray(np.repeat(_levels(rng, (n // hold + 1,)), hold)[:n])
 
 
+def doublet(rng: np.random.Generator, n: int) -> Array:
+    """Pulses to both sides of the middle, of the same size and length: one after the other, or as +, -, -, +."""
+    values, turns = np.full(n, 0.5), [1, -1] if rng.random() < 0.5 else [1, -1, -1, 1]
+    length = max(1, int((n / len(turns)) ** rng.random()))
+    first, size = int(rng.integers(max(1, n - length * len(turns) + 1))), rng.choice([-0.5, 0.5]) * rng.choice([1.0, rng.random()])
+    for k, sign in enumerate(turns):
+        values[first + k * length : first + (k + 1) * length] += sign * size
+    return values
+
+
+def antisymmetric(rng: np.random.Generator, n: int) -> Array:
+    """A binary sequence, a sine or pulses, and then the same to the other side of the middle; or that turned round."""
+    half = (binary, sine, pulses)[int(rng.integers(3))](rng, (n + 1) // 2)
+    other = 1.0 - (half if rng.random() < 0.5 else half[::-1])
+    return np.concatenate([half, other])[:n]
+
+
+def balanced(rng: np.random.Generator, n: int) -> Array:
+    """A binary sequence, a sine or noise whose mean is the middle."""
+    values = (binary, sine, noise)[int(rng.integers(3))](rng, n)
+    off = values - values.mean()
+    return 0.5 + off * (0.5 / max(float(np.abs(off).max()), 0.5))
+
+
+RETURNING: tuple[Profile, ...] = (doublet, antisymmetric, balanced)
+
 PROFILES: tuple[Profile, ...] = (
     constant,
     step,
@@ -104,6 +137,7 @@ PROFILES: tuple[Profile, ...] = (
     ramp,
     sine,
     noise,
+    *RETURNING,
 )
 
 CLASSICAL: Mapping[str, Profile] = {

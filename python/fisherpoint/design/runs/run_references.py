@@ -1,4 +1,4 @@
-"""What classical runs tell, next to which a design is shown."""
+"""What classical runs tell, from which a search begins, and next to which its design is shown."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...basics.values import Array
 from .run_objective import RunObjective
-from .run_plants import RunPlants
 from .run_pool import RunPool
 from .run_profiles import CLASSICAL
-from .sample_choice import best_samples
+from .run_time import OutOfTime
 
 DRAWN = 100
 """Random runs of each profile."""
@@ -26,29 +26,26 @@ class ClassicalRuns(NamedTuple):
     share: float
 
 
-def classical_runs(
-    objective: RunObjective, plants: RunPlants, n_runs: int, samples: int | None, seed: int
-) -> dict[str, ClassicalRuns]:
-    """The best of some random runs of each classical profile, by its name.
+def classical_runs(objective: RunObjective, n_runs: int, seed: int) -> dict[str, Array]:
+    """Free numbers (L, d) of the best of some random runs of each classical profile, by its name.
 
-    Best is what tells most at the prior mean, whether other plants can run it or not. Profiles of which hardly any run reaches its
-    end are left out; and all, where no input changes from segment to segment.
+    Best is what tells most at the prior mean, whether other plants can run it or not. All are left out where no input changes from
+    segment to segment, and those that are not reached in the time.
     """
+    found: dict[str, Array] = {}
     if not objective.coordinates.inputs:
-        return {}
-    found: dict[str, ClassicalRuns] = {}
-    objective.kappa = 0.0
-    _, where = objective.coordinates.inputs[0]
-    segments = where.stop - where.start
+        return found
+    segments = objective.coordinates.segments
     wanted = max(4 * n_runs, 20, min(DRAWN, MOST_SEGMENTS // (segments * len(objective.plants))))
     for place, (name, profile) in enumerate(CLASSICAL.items()):
         rng = np.random.default_rng([seed, 2, place])
         try:
-            z = RunPool(objective, wanted, rng, [profile]).chosen(n_runs, rng, part=1)
+            pool = RunPool(objective, wanted, rng, [profile], explain=False)
+            found[name] = pool.chosen(n_runs, rng, part=1)
         except ValueError:
             continue
-        runs = objective.coordinates.runs(z)
-        selected = None if samples is None else best_samples(objective, runs, samples)
-        value = objective.of(objective.judged(objective.tried(z, selected)))
-        found[name] = ClassicalRuns(value, float(plants.can_run(runs).mean()))
+        except OutOfTime:
+            break
+        if pool.interrupted:
+            raise KeyboardInterrupt
     return found

@@ -1,14 +1,15 @@
 """The search for runs: starts from a pool of random ones, then all free numbers together, then single changes, and again.
 
-One start of it takes runs from a part of the pool (run_pool.py). An ascent leads to a local maximum of log det F, all numbers of
-all runs together (run_ascent.py); single changes of a run (run_moves.py) lead out of it, until none of them gains. All starts are
-made a little better before the first of them, the best one then, is followed to its end. How many end at the same value is what is
-known about whether there is a better one.
+One start of it takes runs from a part of the pool (run_pool.py), or is a classical one (run_references.py). An ascent leads to a
+local maximum of log det F, all numbers of all runs together (run_ascent.py); single changes of a run (run_moves.py) lead out of it,
+until none of them gains. All starts are made a little better before the first of them, the best one then, is followed to its end.
+How many end at the same value is what is known about whether there is a better one.
+
+Its work is counted in starts and iterations, so that it finds the same on every machine; a limit of time only cuts it short.
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
+from ...engine.levels import kernels
 from ...information.problem import DesignProblem
 from ...information.run_information import run_rows, run_settings
 from ...points.run_region import RunCoordinates, RunRegion
@@ -23,15 +25,19 @@ from ...points.runs import Runs
 from ..average import Average
 from ..optimality.aims import Aim
 from ..optimality.told import RUNS, told_aims
-from .run_ascent import Peak, ascend
-from .run_moves import moved_runs
-from .run_objective import MORE_LOOKS, RunObjective
+from .run_ascent import FIRST, ascend
+from .run_guard import PLANTS, Margin, RunGuard
+from .run_margins import WEIGHT
+from .run_moves import best_moves
+from .run_objective import RunObjective
 from .run_plants import RunPlants
-from .run_pool import RIDGE, RunPool
+from .run_pool import RIDGE, RunPool, determine_all
+from .run_references import classical_runs
+from .run_time import Clock, OutOfTime
 from .sample_choice import best_samples
 
-LEAST_GAIN = 1e-4
-"""What log det F must gain for the search to go on from a maximum."""
+LEAST_GAIN, STRETCH_GAIN = 1e-3, 0.05
+"""What log det F must gain for the search to go on from a maximum, and for an ascent to go on before single changes are tried."""
 
 SAME = 1e-2
 """Starts whose log det F is this near to the best one have found the same."""
@@ -42,23 +48,19 @@ FINE = 1e-6
 MOST_ROUNDS = 40
 """Of ascents and single changes, for one start."""
 
+THOROUGH, HOPELESS = 500_000, 1.0
+"""Segments, after the work of which a start that an ascent has led this far below the best one is not followed further."""
+
 MOST_SEGMENTS_OF_POOL = 400_000
 
 LOOKED_AT = 5
 """Of the pool's best runs, whether the plants can run them."""
 
-PLANTS, LEAST_PART = 1000, 0.5
-"""On which runs are tried during the search; and how many of the plants that may fail may do so there. Runs are chosen by these
-plants, so that others fail more often."""
+SHARES_OF_TIME = (0.2, 0.3, 0.6)
+"""By which the pool, the classical runs, and the first look at all starts have to end, where there is a limit of time."""
 
-KAPPA, MORE_KAPPA, MOST_KAPPA = 3.0, 0.5, 6.0
-"""Standard deviations that runs keep from limits at first, by how much more where too many plants fail, and at most."""
-
-SHARE_OF_SKETCHES = 0.4
-"""Of the time, after which no further start is begun."""
-
-SKETCH, LONGEST = 12, 60
-"""Iterations of the ascent for a start at first, and of those that are followed."""
+SKETCH, STRETCH = 12, 15
+"""Iterations of the ascent for a start at first, and of those that are followed, between two looks at the plants."""
 
 
 class RunProgress(NamedTuple):
@@ -72,9 +74,10 @@ class RunProgress(NamedTuple):
 
 
 class Found(NamedTuple):
-    """Runs that a start has ended with; replaced as a whole, so that an interrupt cannot tear it.
+    """Runs that the search has come to; replaced as a whole, so that an interrupt cannot tear it.
 
-    `share` is that of the plants on which they reach their ends, of those that the search has tried.
+    `share` is that of the plants on which they reach their ends, of those that the search has tried; `regular` says whether they
+    determine all parameters.
     """
 
     z: Array
@@ -82,6 +85,8 @@ class Found(NamedTuple):
     value: float
     share: float
     feasible: bool
+    regular: bool
+    worth: tuple[bool, bool, float]
 
 
 class RunSearch:
@@ -102,7 +107,7 @@ class RunSearch:
     confidence : float or None
         Share of the prior's plants that must be able to run the design.
     n_starts, n_candidates, seed, threads : int
-    time_limit : float or None
+    clock : Clock
     kept : Runs, optional
         Which plants have to run too; what they tell is in `previous`.
 
@@ -110,6 +115,8 @@ class RunSearch:
     ----------
     ends : list of Found
         What each start ended with.
+    classical : dict of profile to Found
+        Runs as they are chosen by hand, of which the search begins too.
     pool : RunPool
         Random runs, with which starts begin.
     singular : bool
@@ -131,127 +138,145 @@ class RunSearch:
         n_candidates: int,
         seed: int,
         threads: int,
-        time_limit: float | None,
+        clock: Clock,
         kept: Runs | None = None,
     ) -> None:
-        self._began = time.perf_counter()
-        self.problem, self.region, self.n_runs, self.n_starts, self._limit = problem, region, n_runs, n_starts, time_limit
+        self.clock, self.seed, self.threads, self._confidence = clock, seed, threads, confidence
+        self.problem, self.region, self.n_runs, self.n_starts = problem, region, n_runs, n_starts
         self.coordinates: RunCoordinates = region.coordinates(problem.model)
         self._settings = run_settings(problem, threads)
         finer = (min(self._settings[0], FINE), *self._settings[1:])
-        self.objective = RunObjective(problem, self.coordinates, plants, average, previous, aims, finer)
+        self.objective = RunObjective(problem, self.coordinates, plants, average, previous, aims, finer, clock)
         self._rng = np.random.default_rng(seed)
-        self._confidence = confidence
-        self.guard = RunPlants(problem, PLANTS, np.random.default_rng([seed, 1]), self._settings)
-        self._can_run_kept = np.ones(PLANTS, dtype=bool) if kept is None else self.guard.can_run(kept)
+        of_search = RunPlants(problem, PLANTS, np.random.default_rng([seed, 1]), self._settings)
+        self.guard = RunGuard(of_search, confidence, kept, clock)
         self.ends: list[Found] = []
-        self._sketched: list[Found] = []
+        self.classical: dict[str, Found] = {}
+        self._found: list[Found] = []
         wanted = max(4 * n_runs, 20, min(n_candidates, MOST_SEGMENTS_OF_POOL // (region.segments * len(plants))))
+        clock.share = SHARES_OF_TIME[0]
         self.pool = RunPool(self.objective, wanted, self._rng)
+        clock.share = 1.0
         self.singular = self.pool.singular and aims[0].of_all
         if self.singular:
             self.objective.previous = self.objective.previous + RIDGE * np.eye(previous.shape[-1])
         elif not aims[0].of_all:
             self.objective.aims, _ = told_aims(problem, aims, self.pool.rows, previous, n_runs, "estimable", RUNS)
-        self._kappa = 0.0 if confidence is None or self._easy() else KAPPA
-        if self._kappa:
-            self.objective.kappa = self._kappa
-            self.pool.judge_again()
-
-    def _easy(self) -> bool:
-        """Whether enough plants can run the best single runs of the pool as they are: then limits hardly matter."""
-        _, able = self.guard.outputs(self.pool.best(LOOKED_AT))
-        return all(self._enough(share) for share in able.mean(axis=0))
-
-    def _enough(self, share: float) -> bool:
-        return self._confidence is None or 1.0 - share <= LEAST_PART * (1.0 - self._confidence)
-
-    @property
-    def seconds(self) -> float:
-        return time.perf_counter() - self._began
 
     @property
     def best(self) -> Found:
         """The best runs so far: such that enough plants can run them, where there are any."""
-        return max(self.ends + self._sketched, key=_worth)
+        return max(self._found, key=lambda found: found.worth)
 
     @property
     def again(self) -> int:
         """How many starts have ended where the best one did."""
         return sum(end.value >= self.best.value - SAME and end.feasible == self.best.feasible for end in self.ends)
 
-    def runs(self) -> Runs:
-        """The best runs."""
-        return self._planned(self.best.z, self.best.selected)
+    def planned(self, found: Found) -> Runs:
+        """The runs that were found."""
+        return self._planned(found.z, found.selected)
 
     def _planned(self, z: Array, selected: NDArray[np.bool_] | None) -> Runs:
         runs = self.coordinates.runs(z)
         return runs if selected is None else runs.measuring(selected)
 
     def run(self, progress: Callable[[RunProgress], None] | None) -> str:
+        """Search to the end, or until it is late or interrupted; there are runs then in any case."""
+        reason = "all_starts"
         try:
+            if self.pool.interrupted:
+                raise KeyboardInterrupt
+            self._begin()
             for start, z in enumerate(self._sketches()):
                 self.ends.append(self._followed(z))
                 if progress is not None:
-                    progress(RunProgress(start + 1, self.n_starts, self.ends[-1].value, self.best.value, self.seconds))
-                if self._late():
-                    return "time_limit" if start + 1 < self.n_starts else "all_starts"
+                    now = self.ends[-1].value, self.best.value, self.clock.seconds
+                    progress(RunProgress(start + 1, self.n_starts, *now))
         except KeyboardInterrupt:
-            if not self.ends:
-                raise
-            return "interrupted"
-        return "all_starts"
+            reason = "interrupted"
+        except OutOfTime:
+            reason = "time_limit"
+        self.clock.share = 2.0  # what is left is for what follows
+        if not self._found:
+            z = self.pool.chosen(self.n_runs, self._rng)
+            self._tried(z, self._chosen_samples(z))
+        return reason
 
-    def _late(self) -> bool:
-        return self._limit is not None and self.seconds >= self._limit
+    def _begin(self) -> None:
+        """What classical runs tell, and how far runs keep from limits at first."""
+        objective = self.objective
+        if objective.problem.model.kernels is kernels:
+            self.clock.share = SHARES_OF_TIME[1]
+            for name, z in classical_runs(objective, self.n_runs, self.seed).items():
+                self.clock.share = 1.0
+                self.classical[name] = self._tried(z, self._chosen_samples(z))
+        self.clock.share = 1.0
+        if self._confidence is not None and not self._easy():
+            objective.kappa = self.guard.margin
+            self.pool.tighten(self._rng)
+        self.clock.check()
+
+    def _easy(self) -> bool:
+        """Whether enough plants can run the best single runs of the pool as they are: then limits hardly matter."""
+        return all(self.guard.enough(share) for share in self.guard.each(self.pool.best(LOOKED_AT)))
 
     def _sketches(self) -> list[Array]:
-        """Free numbers of all starts, the best first; each has had some iterations and a single change."""
-        sketched = []
-        for _ in range(self.n_starts):
-            z = self.pool.chosen(self.n_runs, self._rng)
-            if self.n_starts > 1:
-                selected = self._chosen_samples(z)
-                z, value = self._by_moves(*self._ascended(z, selected, SKETCH), selected)
-                sketched.append((value, z))
-                self._sketched.append(self._tried(z, selected))
-                if self._limit is not None and self.seconds > SHARE_OF_SKETCHES * self._limit:
-                    break
-            else:
-                sketched.append((0.0, z))
+        """Free numbers of the best starts, the best first; each has had some iterations."""
+        starts = [self.pool.chosen(self.n_runs, self._rng) for _ in range(self.n_starts)]
+        starts += [found.z for found in self.classical.values()]
+        worth = self.objective.values(np.stack(starts)) if self.region.samples is None else np.array(list(map(self._worth, starts)))
+        starts = [starts[k] for k in np.argsort(-worth, kind="stable")[: self.n_starts]]
+        if self.n_starts == 1:
+            return starts
+        self.clock.share = SHARES_OF_TIME[2]
+        sketched: list[tuple[float, Array]] = []
+        for z in starts:
+            if sketched and self.clock.late():
+                break
+            selected = self._chosen_samples(z)
+            peak = ascend(self.objective, z, selected, SKETCH, self._rng)
+            self._tried(peak.z, selected)
+            sketched.append((peak.value, peak.z))
+        self.clock.share = 1.0
         order = sorted(range(len(sketched)), key=lambda k: -sketched[k][0])
         return [sketched[k][1] for k in order]
+
+    def _worth(self, z: Array) -> float:
+        return float(self.objective.values(z[None], self._chosen_samples(z))[0])
 
     def _followed(self, z: Array) -> Found:
         """The best runs that a start leads to: ascents and single changes in turns, until neither gains.
 
-        Where too many plants fail, the runs go on further from the limits.
+        Runs go on further from the limits where too many plants fail, and nearer to them where fewer fail than may.
         """
         objective, selected = self.objective, self._chosen_samples(z)
-        objective.kappa = self._kappa
+        margin = Margin(objective, self.guard)
         best: Found | None = None
+        reach, before, stuck = FIRST, -np.inf, False
         for _ in range(MOST_ROUNDS):
-            z, value = self._ascended(z, selected, LONGEST)
+            self.clock.check()
+            peak = ascend(objective, z, selected, STRETCH, self._rng, reach)
+            z, value, reach = peak.z, peak.value, peak.reach
             found = self._tried(z, selected)
-            best = found if best is None else max(best, found, key=_worth)
-            if self._late():
+            best = found if best is None or found.worth > best.worth else best
+            if margin.changed(found.share):
+                before, reach = -np.inf, max(reach, FIRST / 4)
+                continue
+            if not peak.done and (stuck or value > before + STRETCH_GAIN):
+                before = value
+                continue
+            if stuck or (objective.work > THOROUGH and best.worth < (*self.best.worth[:2], self.best.value - HOPELESS)):
                 break
-            if not found.feasible:
-                if objective.kappa >= MOST_KAPPA:
-                    break
-                if objective.kappa > 0 and objective.looks < MORE_LOOKS:
-                    objective.looks = MORE_LOOKS
-                else:
-                    objective.kappa = max(KAPPA, objective.kappa + MORE_KAPPA)
-                value = objective.of(objective.judged(objective.tried(z, selected)))
-            before = value
-            z, value = self._by_moves(z, value, selected)
+            z, there = best_moves(objective, z, value, selected, self._rng)
             if self.region.samples is not None:
                 chosen = self._chosen_samples(z)
-                if (again := objective.of(objective.judged(objective.tried(z, chosen)))) > value:
-                    selected, value = chosen, again
-            if found.feasible and not value > before + LEAST_GAIN:
+                if (again := float(objective.values(z[None], chosen)[0])) > there:
+                    selected, there = chosen, again
+            stuck = not there > value + LEAST_GAIN
+            if stuck and peak.done:
                 break
+            before, reach = there, max(reach, FIRST / 4)
         assert best is not None
         return best
 
@@ -260,44 +285,26 @@ class RunSearch:
 
         At the problem's own tolerance they may touch a surface that they just miss at the search's, and have no derivative there.
         """
+        found = self._judged(z, selected)
+        self._found.append(found)
+        return found
+
+    def _judged(self, z: Array, selected: NDArray[np.bool_] | None) -> Found:
         planned = self._planned(z, selected)
         if run_rows(self.problem, planned, self.problem.theta, self._settings).status.any():
-            return Found(z, selected, -np.inf, 0.0, False)
+            return Found(z, selected, -np.inf, 0.0, False, False, (False, False, -np.inf))
         judged = self.objective.judged(self.objective.tried(z, selected))
         value = self.objective.of(judged) + float(judged.costs.sum())
-        share = float((self.guard.can_run(planned) & self._can_run_kept).mean())
-        return Found(z, selected, value, share, self._enough(share))
+        share = self.guard.share(planned)
+        enough = self.guard.enough(share)
+        regular = bool(np.isfinite(value))
+        if regular and isinstance(self.objective.aims[0], LogDet):
+            regular = determine_all(judged.matrices.sum(axis=0) + self.objective.previous)
+        # What too few plants can run is worth less the fewer can, by what the search makes it pay.
+        worth = value - WEIGHT * max(0.0, self.guard.short(share)) ** 2 * (not enough)
+        return Found(z, selected, value, share, enough, regular, (regular, enough, worth))
 
     def _chosen_samples(self, z: Array) -> NDArray[np.bool_] | None:
         if self.region.samples is None:
             return None
         return best_samples(self.objective, self.coordinates.runs(z), self.region.samples)
-
-    def _ascended(self, z: Array, selected: NDArray[np.bool_] | None, iterations: int) -> Peak:
-        return ascend(self.objective, z, selected, iterations, self._late, self._rng)
-
-    def _by_moves(self, z: Array, value: float, selected: NDArray[np.bool_] | None) -> tuple[Array, float]:
-        """The best single change of each run, one after the other."""
-        judged = self.objective.judged(self.objective.tried(z, selected))
-        total = judged.matrices.sum(axis=0) + self.objective.previous
-        paid = float(judged.costs.sum())
-        for k in range(len(z)):
-            moved = moved_runs(self.coordinates, z[k], self._rng)
-            if not len(moved):  # nothing of it is free
-                continue
-            rows = None if selected is None else np.repeat(selected[k : k + 1], len(moved), axis=0)
-            tried, own = self.objective.judged(self.objective.tried(moved, rows)), judged.some([k])
-            values = self.objective.averages(total - own.matrices[0] + tried.matrices) - (paid - own.costs[0] + tried.costs)
-            values = np.where(tried.ok, values, -np.inf)
-            m = int(np.argmax(values))
-            if values[m] > value + LEAST_GAIN:
-                z, value = z.copy(), float(values[m])
-                z[k] = moved[m]
-                total = total - own.matrices[0] + tried.matrices[m]
-                paid += float(tried.costs[m] - own.costs[0])
-        return z, value
-
-
-def _worth(found: Found) -> tuple[bool, float]:
-    """By which runs are compared: what too few plants can run is worth less than what enough can."""
-    return found.feasible, found.value if found.feasible else found.share

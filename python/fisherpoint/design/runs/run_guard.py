@@ -1,0 +1,142 @@
+"""Whether enough plants can run a design, and how far its runs keep from limits so that they can.
+
+The distance is counted in standard deviations that the prior makes of it, to first order (run_margins.py). What share of the plants
+a distance leaves is counted; so the distance changes by the difference of the quantiles of what is lost and what may be.
+"""
+
+from __future__ import annotations
+
+from statistics import NormalDist
+
+import numpy as np
+
+from ...basics.values import Array
+from ...points.runs import Runs
+from ..found import DRAWS
+from .run_objective import MORE_LOOKS, RunObjective
+from .run_plants import RunPlants
+from .run_time import Clock
+
+PLANTS, PART = 4000, 250
+"""On which runs are tried during the search, and how many of them at once."""
+
+SIGMAS = 3.0
+"""By so many standard deviations of a share that `DRAWS` unseen plants tell, a design that qualifies is on the safe side."""
+
+HOPELESS = ((250, 3.0), (1000, 1.5))
+"""After how many plants those are enough to see that too many fail, and times the most that may."""
+
+RESERVED = 1.5
+"""Times what the plants that judge a design in the end take, as it is measured, for all that follows a search."""
+
+MOST_SEGMENTS = 100_000
+"""Of all runs on a part of the plants, so that memory stays bounded."""
+
+NORMAL = NormalDist()
+"""SciPy's would make the import slow."""
+
+MOST_KAPPA, MOST_CHANGES = 8.0, 12
+"""The largest distance, and how often it is changed for one start."""
+
+FAR_ABOVE, LEAST_CHANGE, MOST_CHANGE = -0.15, 0.02, 1.0
+"""By how many standard deviations more than enough plants can run a design, for it to come nearer to limits; and by how many the
+distance changes at least and at most."""
+
+
+class RunGuard:
+    """Whether enough plants can run a design, of some that the search looks at.
+
+    Parameters
+    ----------
+    plants : RunPlants
+    confidence : float or None
+        The share that is asked for.
+    kept : Runs or None
+        Runs that every plant has to run too.
+    clock : Clock
+
+    Attributes
+    ----------
+    margin : float
+        The distance to begin with, in standard deviations.
+    most : float
+        The share of the plants that may fail. Fewer than were allowed, as runs are chosen by these plants, and as the plants that
+        judge the design in the end are others.
+    """
+
+    def __init__(self, plants: RunPlants, confidence: float | None, kept: Runs | None, clock: Clock) -> None:
+        self._plants, self._clock = plants, clock
+        self._able = np.ones(len(plants), dtype=bool) if kept is None else plants.can_run(kept)
+        may = 1.0 if confidence is None else 1.0 - confidence
+        # The largest q with q + SIGMAS sqrt(q (1 - q) / DRAWS) <= may, by which Wilson's interval ends.
+        c = SIGMAS**2 / DRAWS
+        self.most = 1.0 if confidence is None else float((may + c / 2 - np.sqrt(c * (c / 4 + may * (1 - may)))) / (1 + c))
+        self.margin = 0.0 if confidence is None else max(0.0, NORMAL.inv_cdf(confidence))
+
+    def share(self, runs: Runs) -> float:
+        """The share of the plants that can run a design; of the first of them, where too few of these can."""
+        each, began = max(1, min(PART, MOST_SEGMENTS // runs.dt.size)), self._clock.seconds
+        able = tried = 0
+        for first in range(0, len(self._plants), each):
+            some = slice(first, first + each)
+            one = self._plants.can_run(runs, some) & self._able[some]
+            able, tried = able + int(one.sum()), tried + len(one)
+            lost = 1 - able / tried
+            if any(tried >= count and lost > times * max(self.most, 1 / count) for count, times in HOPELESS) or self._clock.late():
+                break
+        self._clock.reserve = max(self._clock.reserve, RESERVED * DRAWS * (self._clock.seconds - began) / tried)
+        return able / tried
+
+    def each(self, runs: Runs) -> Array:
+        """The share of some plants that can run each of some runs by itself, (K,)."""
+        return np.asarray(self._plants.outputs(runs, slice(PART))[1].mean(axis=0))
+
+    def enough(self, share: float) -> bool:
+        """Whether a share of the plants is enough."""
+        return 1.0 - share <= self.most
+
+    def short(self, share: float) -> float:
+        """By how many standard deviations limits would have to be further away for enough plants; negative where there are more."""
+        least = 0.5 / len(self._plants)
+        lost = min(max(1.0 - share, least), 1.0 - least)
+        return NORMAL.inv_cdf(lost) - NORMAL.inv_cdf(min(max(self.most, least), 1.0 - least))
+
+
+class Margin:
+    """The distance from limits that runs of one start pay for, `objective.kappa`.
+
+    Parameters
+    ----------
+    objective : RunObjective
+    guard : RunGuard
+        Begins with the distance that an earlier start has come to.
+    """
+
+    def __init__(self, objective: RunObjective, guard: RunGuard) -> None:
+        self._objective, self._guard, self._changes, self._raised = objective, guard, 0, 0
+        self._low, self._high = 0.0, np.inf
+
+    def changed(self, share: float) -> bool:
+        """Change the distance by the share of the plants that can run what an ascent has led to; False where it stays."""
+        objective, guard = self._objective, self._guard
+        if not objective.margins.exist or guard.most == 1.0 or self._changes == MOST_CHANGES:
+            return False
+        kappa, short = objective.kappa, guard.short(share)
+        if guard.enough(share):
+            if kappa == 0.0 or short > FAR_ABOVE:
+                return False
+            self._high = kappa
+        else:
+            self._low = kappa
+            self._raised += 1
+            if self._raised > 2 and objective.looks < MORE_LOOKS:
+                objective.looks, self._raised = MORE_LOOKS, 0
+        wanted = float(np.clip(kappa + np.clip(short, -MOST_CHANGE, MOST_CHANGE), 0.0, MOST_KAPPA))
+        if not self._low < wanted < self._high:
+            wanted = 0.5 * (self._low + min(self._high, MOST_KAPPA))
+            self._low, self._high = 0.0, np.inf  # the runs have moved since
+        if abs(wanted - kappa) < LEAST_CHANGE:
+            return False
+        objective.kappa = guard.margin = wanted
+        self._changes += 1
+        return True
