@@ -23,7 +23,7 @@ from .run_time import OutOfTime
 FIRST, LEAST, MOST = 0.1, 1e-5, 1.0
 """By how much each number may change at first, at least, and at most."""
 
-NEAR = 0.03
+NEAR = 0.01
 """Where slopes are taken by central differences: the maximum is about as near."""
 
 REACHES = 4.0 ** np.array([1, 0, -1, -2])

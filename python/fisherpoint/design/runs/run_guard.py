@@ -35,12 +35,12 @@ MOST_SEGMENTS = 100_000
 NORMAL = NormalDist()
 """SciPy's would make the import slow."""
 
-MOST_KAPPA, MOST_CHANGES = 8.0, 12
+MOST_KAPPA, MOST_CHANGES = 8.0, 20
 """The largest distance, and how often it is changed for one start."""
 
-FAR_ABOVE, LEAST_CHANGE, MOST_CHANGE = -0.15, 0.02, 1.0
+FAR_ABOVE, LEAST_CHANGE, MOST_CHANGE, SMALL_CHANGE = -0.2, 0.1, 1.0, 0.3
 """By how many standard deviations more than enough plants can run a design, for it to come nearer to limits; and by how many the
-distance changes at least and at most."""
+distance changes at least and at most, and at most once enough plants could run what was found."""
 
 
 class RunGuard:
@@ -114,7 +114,7 @@ class Margin:
 
     def __init__(self, objective: RunObjective, guard: RunGuard) -> None:
         self._objective, self._guard, self._changes, self._raised = objective, guard, 0, 0
-        self._low, self._high = 0.0, np.inf
+        self._low, self._high, self._most = 0.0, np.inf, MOST_CHANGE
 
     def changed(self, share: float) -> bool:
         """Change the distance by the share of the plants that can run what an ascent has led to; False where it stays."""
@@ -123,6 +123,7 @@ class Margin:
             return False
         kappa, short = objective.kappa, guard.short(share)
         if guard.enough(share):
+            self._most = SMALL_CHANGE
             if kappa == 0.0 or short > FAR_ABOVE:
                 return False
             self._high = kappa
@@ -131,11 +132,12 @@ class Margin:
             self._raised += 1
             if self._raised > 2 and objective.looks < MORE_LOOKS:
                 objective.looks, self._raised = MORE_LOOKS, 0
-        wanted = float(np.clip(kappa + np.clip(short, -MOST_CHANGE, MOST_CHANGE), 0.0, MOST_KAPPA))
+        least = -self._most if guard.enough(share) else LEAST_CHANGE
+        wanted = float(np.clip(kappa + np.clip(short, least, self._most), 0.0, MOST_KAPPA))
         if not self._low < wanted < self._high:
             wanted = 0.5 * (self._low + min(self._high, MOST_KAPPA))
             self._low, self._high = 0.0, np.inf  # the runs have moved since
-        if abs(wanted - kappa) < LEAST_CHANGE:
+        if abs(wanted - kappa) < 0.5 * LEAST_CHANGE:
             return False
         objective.kappa = guard.margin = wanted
         self._changes += 1

@@ -22,21 +22,24 @@ MOST_SINGLE, MOST_SWAPS, MOST_BLOCKS = 800, 300, 200
 AT_ONCE = 256
 """Changes that are tried, in random order, before the best of them is taken where it gains enough."""
 
-LEAST_GAIN, ENOUGH = 1e-3, 0.05
-"""What a change must gain to be one, and to be taken without a look at the others."""
+ENOUGH = 0.05
+"""What a change must gain to be taken without a look at the others."""
 
 
 def best_moves(
-    objective: RunObjective, z: Array, value: float, selected: NDArray[np.bool_] | None, rng: np.random.Generator
+    objective: RunObjective, z: Array, value: float, selected: NDArray[np.bool_] | None, least: float, rng: np.random.Generator
 ) -> tuple[Array, float]:
-    """Free numbers (L, d) after a good single change of each run, one run after the other, and what they are worth."""
+    """Free numbers (L, d) after a good single change of each run, one run after the other, and what they are worth.
+
+    A change is one where it gains more than `least`.
+    """
     judged = objective.judged(objective.tried(z, selected))
     total, paid = judged.matrices.sum(axis=0) + objective.previous, float(judged.costs.sum())
     for k in range(len(z)):
         moved = moved_runs(objective.coordinates, z[k], rng)
         moved = moved[rng.permutation(len(moved))]
         own = judged.some([k])
-        best, there = None, value + LEAST_GAIN
+        best, there = None, value + least
         for first in range(0, len(moved), AT_ONCE):
             part = moved[first : first + AT_ONCE]
             rows = None if selected is None else np.repeat(selected[k : k + 1], len(part), axis=0)

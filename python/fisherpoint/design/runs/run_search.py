@@ -36,8 +36,9 @@ from .run_references import classical_runs
 from .run_time import Clock, OutOfTime
 from .sample_choice import best_samples
 
-LEAST_GAIN, STRETCH_GAIN = 1e-3, 0.05
-"""What log det F must gain for the search to go on from a maximum, and for an ascent to go on before single changes are tried."""
+LEAST_GAIN, ROUGH_GAIN, STRETCH_GAIN = 1e-4, 1e-2, 0.05
+"""What log det F must gain for the search to go on from a maximum, the same where the work is much, and what it must gain for an
+ascent to go on before single changes are tried."""
 
 SAME = 1e-2
 """Starts whose log det F is this near to the best one have found the same."""
@@ -48,13 +49,18 @@ FINE = 1e-6
 MOST_ROUNDS = 40
 """Of ascents and single changes, for one start."""
 
-THOROUGH, HOPELESS = 500_000, 1.0
-"""Segments, after the work of which a start that an ascent has led this far below the best one is not followed further."""
+THOROUGH, HOPELESS, AHEAD = 500_000, 0.05, 3
+"""Segments, after the work of which a start is not followed further that would end this far below the best one, log det F by
+parameter, if it went on to gain so many times what it has gained last."""
 
 MOST_SEGMENTS_OF_POOL = 400_000
 
 LOOKED_AT = 5
 """Of the pool's best runs, whether the plants can run them."""
+
+MOST_LOST, MOST_BACK = 2, 2
+"""How often in a row too few plants may be able to run what a start leads to, after enough could, before it goes back there; and
+how often it does."""
 
 SHARES_OF_TIME = (0.2, 0.3, 0.6)
 """By which the pool, the classical runs, and the first look at all starts have to end, where there is a limit of time."""
@@ -87,6 +93,25 @@ class Found(NamedTuple):
     feasible: bool
     regular: bool
     worth: tuple[bool, bool, float]
+
+
+class Back:
+    """When to go back to what enough plants could run, and the distance from limits there."""
+
+    def __init__(self) -> None:
+        self.kappa, self._lost, self._times = 0.0, 0, 0
+
+    def needed(self, best: Found, found: Found) -> bool:
+        """Whether too few plants could run what was found, time after time, since enough could."""
+        self._lost = self._lost + 1 if best.feasible and not found.feasible else 0
+        if self._lost <= MOST_LOST:
+            return False
+        self._lost, self._times = 0, self._times + 1
+        return True
+
+    @property
+    def often(self) -> bool:
+        return self._times > MOST_BACK
 
 
 class RunSearch:
@@ -212,13 +237,17 @@ class RunSearch:
                 self.clock.share = 1.0
                 self.classical[name] = self._tried(z, self._chosen_samples(z))
         self.clock.share = 1.0
-        if self._confidence is not None and not self._easy():
+        if self._easy():
+            self.guard.margin = 0.0
+        else:
             objective.kappa = self.guard.margin
             self.pool.tighten(self._rng)
         self.clock.check()
 
     def _easy(self) -> bool:
         """Whether enough plants can run the best single runs of the pool as they are: then limits hardly matter."""
+        if self._confidence is None or not self.objective.margins.exist:
+            return True
         return all(self.guard.enough(share) for share in self.guard.each(self.pool.best(LOOKED_AT)))
 
     def _sketches(self) -> list[Array]:
@@ -230,17 +259,18 @@ class RunSearch:
         if self.n_starts == 1:
             return starts
         self.clock.share = SHARES_OF_TIME[2]
-        sketched: list[tuple[float, Array]] = []
+        sketched: list[Array] = []
         for z in starts:
             if sketched and self.clock.late():
                 break
             selected = self._chosen_samples(z)
             peak = ascend(self.objective, z, selected, SKETCH, self._rng)
-            self._tried(peak.z, selected)
-            sketched.append((peak.value, peak.z))
+            found = self._tried(peak.z, selected)
+            Margin(self.objective, self.guard).changed(found.share)
+            sketched.append(peak.z)
         self.clock.share = 1.0
-        order = sorted(range(len(sketched)), key=lambda k: -sketched[k][0])
-        return [sketched[k][1] for k in order]
+        order = np.argsort([-self._worth(z) for z in sketched], kind="stable")
+        return [sketched[k] for k in order]
 
     def _worth(self, z: Array) -> float:
         return float(self.objective.values(z[None], self._chosen_samples(z))[0])
@@ -251,29 +281,39 @@ class RunSearch:
         Runs go on further from the limits where too many plants fail, and nearer to them where fewer fail than may.
         """
         objective, selected = self.objective, self._chosen_samples(z)
-        margin = Margin(objective, self.guard)
+        objective.kappa, margin = self.guard.margin, Margin(objective, self.guard)
         best: Found | None = None
-        reach, before, stuck = FIRST, -np.inf, False
+        reach, before, stuck, back = FIRST, -np.inf, False, Back()
         for _ in range(MOST_ROUNDS):
             self.clock.check()
             peak = ascend(objective, z, selected, STRETCH, self._rng, reach)
             z, value, reach = peak.z, peak.value, peak.reach
             found = self._tried(z, selected)
-            best = found if best is None or found.worth > best.worth else best
-            if margin.changed(found.share):
-                before, reach = -np.inf, max(reach, FIRST / 4)
+            if best is None or found.worth > best.worth:
+                best, back.kappa = found, objective.kappa
+            if back.needed(best, found):
+                if back.often:
+                    break
+                z, selected, objective.kappa = best.z, best.selected, back.kappa
+                value = float(objective.values(z[None], selected)[0])
+            elif margin.changed(found.share):
+                before, reach, stuck = -np.inf, max(reach, FIRST / 4), False
                 continue
-            if not peak.done and (stuck or value > before + STRETCH_GAIN):
-                before = value
-                continue
-            if stuck or (objective.work > THOROUGH and best.worth < (*self.best.worth[:2], self.best.value - HOPELESS)):
-                break
-            z, there = best_moves(objective, z, value, selected, self._rng)
+            else:
+                much, gained = objective.work > THOROUGH, value - before
+                hopeless = self.best.value - HOPELESS * len(self.problem.estimated)
+                if stuck or (much and self.best.feasible and found.value + AHEAD * gained < hopeless):
+                    break
+                if not peak.done and gained > STRETCH_GAIN:
+                    before = value
+                    continue
+            least = ROUGH_GAIN if objective.work > THOROUGH else LEAST_GAIN
+            z, there = best_moves(objective, z, value, selected, least, self._rng)
             if self.region.samples is not None:
                 chosen = self._chosen_samples(z)
                 if (again := float(objective.values(z[None], chosen)[0])) > there:
                     selected, there = chosen, again
-            stuck = not there > value + LEAST_GAIN
+            stuck = not there > value + least
             if stuck and peak.done:
                 break
             before, reach = there, max(reach, FIRST / 4)

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from ...basics.values import Array
 from .run_objective import RunObjective
 
-HALVINGS = 6
+HALVINGS = 9
 """Of the share of a run that is kept."""
 
-LEAST_SHARE = 0.02
+LEAST_SHARE = 0.002
 """Runs of which less can be kept are too much like the one that they are drawn to."""
 
 HELD, LEVELS = 128, 9
