@@ -338,7 +338,7 @@ class RunSearch:
         share = self.guard.share(planned)
         enough = self.guard.enough(share)
         regular = bool(np.isfinite(value))
-        if regular and isinstance(self.objective.aims[0], LogDet):
+        if regular and self.objective.aims[0].of_all:
             regular = determine_all(judged.matrices.sum(axis=0) + self.objective.previous)
         # What too few plants can run is worth less the fewer can, by what the search makes it pay.
         worth = value - WEIGHT * max(0.0, self.guard.short(share)) ** 2 * (not enough)
