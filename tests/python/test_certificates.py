@@ -14,7 +14,8 @@ import fisherpoint as fp
 from fisherpoint.design.optimality import continuous
 from fisherpoint.design.optimality.aims import aim_of
 from fisherpoint.design.optimality.candidate_rows import CandidateRows
-from fisherpoint.design.optimality.criteria import Determinant, SmallestEigenvalue
+from fisherpoint.design.optimality.criteria import Determinant
+from fisherpoint.design.optimality.eigenvalue_criteria import SmallestEigenvalue
 from fisherpoint.design.optimality.estimable import estimable
 from fisherpoint.design.optimality.weights import optimal_weights
 from fisherpoint.design.points.over_bound import over_bound

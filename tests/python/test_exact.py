@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 import fisherpoint as fp
 from fisherpoint.design.optimality import branch_and_bound
 from fisherpoint.design.optimality.branch_and_bound import BranchAndBound, similar_first
-from fisherpoint.design.optimality.criteria import Criterion, Determinant, SmallestEigenvalue, Variance
+from fisherpoint.design.optimality.criteria import Criterion, Determinant, Variance
+from fisherpoint.design.optimality.eigenvalue_criteria import Scaled, SmallestEigenvalue
 from fisherpoint.design.optimality.relaxation import Box, Group, Relaxation
 from fisherpoint.design.optimality.symmetries import symmetries
 from test_approximate import COMPARTMENT, GRID, MICHAELIS, QUADRATIC, algebraic, inputs
@@ -99,7 +100,7 @@ def criteria(rng: np.random.Generator, p: int) -> list[Criterion]:
         Determinant("Ds", np.eye(p)[:, :1], False),
         Variance("A", np.eye(p), True),
         Variance("c", rng.standard_normal((p, 1))),
-        SmallestEigenvalue(np.eye(p)),
+        SmallestEigenvalue(Scaled(np.eye(p))),
     ]
 
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from fisherpoint.design.optimality.candidate_rows import CandidateRows
-from fisherpoint.design.optimality.criteria import ConditionNumber, Criterion, Determinant, SmallestEigenvalue, Variance
+from fisherpoint.design.optimality.criteria import Criterion, Determinant, Variance
+from fisherpoint.design.optimality.eigenvalue_criteria import ConditionNumber, Scaled, SmallestEigenvalue
 from fisherpoint.design.optimality.estimable import estimable
 from fisherpoint.design.optimality.functions import gradient_of
 from fisherpoint.design.optimality.rounding import efficient_rounding
@@ -25,8 +26,8 @@ def criteria(rng: np.random.Generator) -> dict[str, Criterion]:
         "A": Variance("A", np.diag([1.0, 2.0, 0.5, 1.0]), True),
         "c": Variance("c", rng.standard_normal((P, 1))),
         "I": Variance("I", rng.standard_normal((P, 3))),
-        "E": SmallestEigenvalue(np.diag([1.0, 2.0, 0.5, 1.0])),
-        "ME": ConditionNumber(np.eye(P)),
+        "E": SmallestEigenvalue(Scaled(np.diag([1.0, 2.0, 0.5, 1.0]))),
+        "ME": ConditionNumber(Scaled(np.eye(P))),
     }
 
 
@@ -166,7 +167,7 @@ def test_what_no_candidate_tells_is_left_out() -> None:
     gains = [np.trace(np.linalg.solve(m, basis.T @ f @ basis)) for f in blind.matrices(np.arange(60), np.eye(P))]
     assert max(gains) <= 3 * (1 + 2e-6)
     for name in ("A", "E"):  # of what is estimable alone
-        one = {"A": Variance("A", np.eye(P), True), "E": SmallestEigenvalue(np.eye(P))}[name]
+        one = {"A": Variance("A", np.eye(P), True), "E": SmallestEigenvalue(Scaled(np.eye(P)))}[name]
         best = optimal_weights(blind, one)
         values = np.linalg.eigvalsh(blind.information(best.chosen, best.weights))[1:]
         value = (1 / values).sum() if name == "A" else values[0]

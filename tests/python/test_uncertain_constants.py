@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
+from fisherpoint.design.optimality.aims import aim_of
 from fisherpoint.information.nuisance import beside_nuisance, marginal_information, marginal_rows
 from oracle import Floats
 
@@ -178,7 +179,7 @@ def test_what_previous_data_say_of_a_constant_is_carried_on() -> None:
     np.testing.assert_allclose(list(together.values()), joint_errors(fp.Experiments.join([many, few]), {"s": 0.5}), rtol=1e-6)
 
 
-CRITERIA: list[tuple[str, Any]] = [("D", None), ("A", None), ("Ds", "k"), ("c", "b / k")]
+CRITERIA: list[tuple[str, Any]] = [("D", None), ("A", None), ("E", None), ("Ds", "k"), ("c", "b / k")]
 
 
 def dense(points: fp.Experiments) -> Floats:
@@ -270,9 +271,41 @@ def test_a_singular_design_names_parameters_alone() -> None:
     assert [set(direction) for direction in weights.null_directions] == [{"a", "b"}]
 
 
-def test_criteria_of_eigenvalues_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"^criterion: expected 'D', 'Ds', 'A', 'c' or 'I' beside uncertain constants"):
-        fp.exchange(decay(uncertain=STD), 5, criterion="E")
+@pytest.mark.parametrize("name", ["D", "A", "E", "ME", "Ds", "c"])
+def test_criteria_beside_nuisance_are_those_of_the_marginal_information(name: str) -> None:
+    """Values, slopes by differences, curvature by differences of slopes, and what a search adds; in any coordinates."""
+    rng = np.random.default_rng(2)
+    rows, more = rng.standard_normal((12, 4)), rng.standard_normal((4, 3, 50))
+    whole = rows.T @ rows
+    whole[2:, 2:] += np.eye(2)
+    given = decay(uncertain=STD)
+    of = {"Ds": "k", "c": "b / k"}.get(name)
+    own = fp.criterion(given, name, of=of)
+    beside = own.beside_nuisance(2)
+    marginal = marginal_information(whole, 2)
+    assert beside.log_phi(whole) == pytest.approx(own.log_phi(marginal), abs=1e-12)
+    assert beside.value(whole) == pytest.approx(own.value(marginal), rel=1e-12)
+    step, change = 1e-6, np.cov(rng.standard_normal((4, 9)))
+    by_difference = (beside.value(whole + step * change) - beside.value(whole - step * change)) / (2 * step)
+    assert np.vdot(beside.gradient(whole), change) == pytest.approx(by_difference, rel=1e-6)
+    if name != "ME":
+        share = 0.05 if name == "E" else 0.0
+        slope = beside.slope(whole, share)
+        matrices = np.stack([change, np.cov(rng.standard_normal((4, 9)))])
+        moved = [beside.slope(whole + side * step * change, share, size=slope.size) for side in (1, -1)]
+        scale = [np.exp(0.0) if name == "E" else 1.0] * 2
+        by_difference = (scale[0] * moved[0].along(matrices) - scale[1] * moved[1].along(matrices)) / (2 * step)
+        np.testing.assert_allclose(slope.curvature(matrices)[0], by_difference, rtol=2e-4, atol=1e-9)
+    factor = np.linalg.cholesky(whole + 0.3 * np.eye(4))
+    for aim, inside in ((aim_of(beside), lambda m: m), (aim_of(beside).within(factor), lambda m: np.linalg.solve(factor, m))):
+        here = inside(inside(whole).T)
+        added = aim.added_exactly(here, np.stack([inside(more[:, :, k]) for k in range(50)], axis=2))
+        expected = [own.level * own.log_phi(marginal_information(whole + w @ w.T, 2)) for w in more.transpose(2, 0, 1)]
+        np.testing.assert_allclose(np.diff(np.log(added)), np.diff(expected), atol=1e-9)
+        value, by_rows = aim.slope(here, inside(rows.T).T)
+        if name != "ME" and name != "E":  # which are smoothed here
+            assert value == pytest.approx(own.level * own.log_phi(marginal), abs=1e-9)
+        assert by_rows.shape == rows.shape
 
 
 @pytest.mark.parametrize("n", [1, 4, 100])

@@ -14,7 +14,8 @@ import numpy as np
 from ...basics.values import Array
 from ...engine import _core
 from .added import eigenvalues, gains, largest_at_least, smallest_at_most, variances
-from .criteria import ConditionNumber, Criterion, Determinant, SmallestEigenvalue, Variance
+from .criteria import Criterion, Determinant, Variance
+from .eigenvalue_criteria import ConditionNumber, OfEigenvalues, SmallestEigenvalue
 from .estimable import Estimable
 
 SOFTNESS = 0.02
@@ -181,29 +182,39 @@ class LogVariance(_Sloped):
 class LogEigenvalue(Aim):
     """log of the smallest eigenvalue of S F S, "E", or of its ratio to the largest, "ME"."""
 
-    bounded = True
-
-    def __init__(self, criterion: SmallestEigenvalue | ConditionNumber) -> None:
+    def __init__(self, criterion: OfEigenvalues) -> None:
         super().__init__(criterion)
-        self._k, self._relative = criterion.k, isinstance(criterion, ConditionNumber)
+        self._scaled, self._relative = criterion.scaled, isinstance(criterion, ConditionNumber)
+        self.bounded = not self._scaled.marginal
 
     def added(self, fisher: Array, columns: Array) -> Array:
-        seen = self._k.T @ fisher @ self._k, np.einsum("pq,pnk->qnk", self._k, columns)
+        if self._scaled.marginal:
+            return self.added_exactly(fisher, columns)
+        seen = self._seen(fisher, columns)
         smallest = np.maximum(smallest_at_most(*seen), 0.0)
         return smallest / largest_at_least(*seen) if self._relative else smallest
 
     def added_exactly(self, fisher: Array, columns: Array) -> Array:
-        values = eigenvalues(self._k.T @ fisher @ self._k, np.einsum("pq,pnk->qnk", self._k, columns))
+        if self._scaled.marginal:  # L^-1 K has the inverse roots of the eigenvalues as singular values
+            w = columns.transpose(2, 0, 1)
+            factor = np.linalg.cholesky(fisher + w @ w.swapaxes(1, 2))
+            values = 1 / np.square(np.linalg.svd(np.linalg.solve(factor, self._scaled.k), compute_uv=False))
+        else:
+            values = eigenvalues(*self._seen(fisher, columns))
         smallest = np.maximum(values[:, 0], 0.0)
         return smallest / values[:, -1] if self._relative else smallest
 
+    def _seen(self, fisher: Array, columns: Array) -> tuple[Array, Array]:
+        k = self._scaled.k
+        return k.T @ fisher @ k, np.einsum("pq,pnk->qnk", k, columns)
+
     def within(self, factor: Array) -> Aim:
         kind = ConditionNumber if self._relative else SmallestEigenvalue
-        return LogEigenvalue(kind(factor.T @ self._k))
+        return LogEigenvalue(kind(self._scaled.in_coordinates(factor)))
 
     def slope(self, fisher: Array, rows: Array) -> tuple[float, Array]:
         """Of (sum_j lambda_j^-q)^(-1/q), which is concave as the smallest is, and of the like for the largest; q = 1 / softness."""
-        values, vectors = np.linalg.eigh(self._k.T @ fisher @ self._k)
+        values, vectors = np.linalg.eigh(self._scaled.of(fisher))
         if not values[0] > 0:
             raise np.linalg.LinAlgError("not positive definite")
         logs = np.log(values)
@@ -211,7 +222,7 @@ class LogEigenvalue(Aim):
         if self._relative:
             largest, by_largest = _soft(logs, values, 1.0)
             value, by_value = value - largest, by_value - by_largest
-        directions = self._k @ vectors
+        directions = self._scaled.tangent(fisher) @ vectors
         return value, np.asarray((rows @ directions * by_value) @ directions.T)
 
 
@@ -235,7 +246,7 @@ def aim_of(criterion: Criterion) -> Aim:
         return LogDet(criterion) if criterion.k.shape[0] == criterion.k.shape[1] else LogDetWithin(criterion)
     if isinstance(criterion, Variance):
         return LogVariance(criterion)
-    assert isinstance(criterion, SmallestEigenvalue | ConditionNumber)
+    assert isinstance(criterion, OfEigenvalues)
     return LogEigenvalue(criterion)
 
 

@@ -15,7 +15,8 @@ from ...information.point_information import point_information
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
 from ...points.settings import resolve_threads
-from .criteria import ConditionNumber, Criterion, Determinant, SmallestEigenvalue, Variance
+from .criteria import Criterion, Determinant, Variance
+from .eigenvalue_criteria import ConditionNumber, Scaled, SmallestEigenvalue
 from .functions import gradient_of
 
 WORDS = {
@@ -86,7 +87,8 @@ def criterion(
     sizes = problem.std / np.array([given[one] for one in problem.estimated]) if given else np.ones(p)
     if name == "A":
         return Variance("A", np.diag(sizes), True)
-    return SmallestEigenvalue(np.diag(1 / sizes)) if name == "E" else ConditionNumber(np.diag(1 / sizes))
+    scaled = Scaled(np.diag(1 / sizes))
+    return SmallestEigenvalue(scaled) if name == "E" else ConditionNumber(scaled)
 
 
 class Asked(Protocol):

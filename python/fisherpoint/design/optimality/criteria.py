@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -41,6 +41,7 @@ class Slope:
     share: float  # for "E", the smoothing
     smooth: float = 0.0  # for "E", the smoothed value in units of `size`
     size: float = 1.0
+    across: Array = field(default_factory=lambda: np.zeros((0, 0)))  # for "E", what bends A beside nuisance parameters
 
     @property
     def gradient(self) -> Array:
@@ -123,7 +124,7 @@ class Criterion(InNotebooks):
         scale = np.where(scale > 0, scale, 1.0)
         scaled = matrices / (scale[:, :, None] * scale[:, None, :])
         values = np.linalg.eigvalsh(scaled)
-        regular = values[:, 0] > _SINGULAR * values.shape[1] * values[:, -1]
+        regular = values[:, 0] > SINGULAR * values.shape[1] * values[:, -1]
         result = np.full(len(matrices), -np.inf)
         if regular.any():
             rows = self.k / scale[regular][:, :, None]
@@ -152,11 +153,7 @@ class Criterion(InNotebooks):
 
     def beside_nuisance(self, nuisance: int) -> Criterion:
         """The same of the first parameters, of information about these and as many nuisance parameters behind them."""
-        if nuisance:
-            raise ValueError(
-                f"criterion: expected 'D', 'Ds', 'A', 'c' or 'I' beside uncertain constants or shared starts, given {self.name!r}"
-            )
-        return self
+        raise NotImplementedError
 
 
 class Determinant(Criterion):
@@ -177,7 +174,7 @@ class Determinant(Criterion):
         return self.level * self.slope(information).gradient
 
     def log_phi(self, information: Array) -> float:
-        solved = _half_solved(information, self.k)
+        solved = half_solved(information, self.k)
         if solved is None:
             return -np.inf
         return -2.0 * float(np.log(np.abs(np.diag(np.linalg.qr(solved, mode="r")))).sum()) / self.level
@@ -216,7 +213,7 @@ class Determinant(Criterion):
         return Determinant(self.name, self._estimable_part(span), False, True) if self.of_all else self
 
     def beside_nuisance(self, nuisance: int) -> Criterion:
-        return Determinant(self.name, _padded(self.k, nuisance), False, self.whole) if nuisance else self
+        return Determinant(self.name, padded(self.k, nuisance), False, self.whole) if nuisance else self
 
     def outside(self, estimable: Estimable) -> float:
         return 0.0 if self.of_all else estimable.outside(self.k)
@@ -245,7 +242,7 @@ class Variance(Criterion):
         return np.asarray(-np.exp(-slope.log_phi) * slope.gradient)
 
     def log_phi(self, information: Array) -> float:
-        solved = _half_solved(information, self.k)
+        solved = half_solved(information, self.k)
         return -np.inf if solved is None else -float(np.log(np.square(solved).sum()))
 
     def log_phis(self, matrices: Array) -> Array:
@@ -269,140 +266,24 @@ class Variance(Criterion):
         return Variance(self.name, span @ (span.T @ self.k)) if self.whole else self
 
     def beside_nuisance(self, nuisance: int) -> Criterion:
-        return Variance(self.name, _padded(self.k, nuisance), self.whole) if nuisance else self
+        return Variance(self.name, padded(self.k, nuisance), self.whole) if nuisance else self
 
     def outside(self, estimable: Estimable) -> float:
         return 0.0 if self.whole else estimable.outside(self.k)
 
 
-class SmallestEigenvalue(Criterion):
-    """The smallest eigenvalue of S M S, "E", with S the diagonal matrix of the scales.
-
-    It has kinks where eigenvalues meet, as they mostly do at the optimum. Smoothed it is the largest t + a log det(S M S - t I)
-    over t, of which the derivative is N = a (S M S - t I)^-1, with tr N = 1. Any such N bounds what mixtures can reach, by
-    max_i tr(N S F_i S).
-    """
-
-    kinked = True
-
-    def __init__(self, scale: Array) -> None:
-        self.name, self.k = "E", scale  # (p, r): S, in the coordinates of what is estimable
-
-    def _scaled(self, matrices: Array) -> Array:
-        return np.asarray(self.k.T @ matrices @ self.k)
-
-    def value(self, information: Array) -> float:
-        return float(np.linalg.eigvalsh(self._scaled(information))[0])
-
-    def of_log_phi(self, log_phi: float) -> float:
-        return float(np.exp(log_phi))
-
-    def gradient(self, information: Array) -> Array:
-        v = self.k @ np.linalg.eigh(self._scaled(information))[1][:, 0]
-        return np.outer(v, v)
-
-    def log_phi(self, information: Array) -> float:
-        values = np.linalg.eigvalsh(self._scaled(information))
-        return float(np.log(values[0])) if values[0] > _SINGULAR * values[-1] else -np.inf
-
-    def log_phis(self, matrices: Array) -> Array:
-        values = np.linalg.eigvalsh(self._scaled(matrices))
-        able = values[:, 0] > _SINGULAR * values[:, -1]
-        return np.asarray(np.log(values[:, 0], where=able, out=np.full(len(values), -np.inf)))
-
-    def slope(self, information: Array, share: float = 0.0, size: float | None = None) -> Slope:
-        values, vectors = np.linalg.eigh(self._scaled(information))
-        if not values[0] > 0:
-            raise np.linalg.LinAlgError("not positive definite")
-        unit = float(values[0]) if size is None else size
-        amount = max(share, 1e-12) * unit
-        low, high = values[0] - len(values) * amount, values[0] - amount  # where sum a / (lambda_j - t) passes 1
-        for _ in range(60):
-            t = (low + high) / 2
-            low, high = (t, high) if (amount / (values - t)).sum() < 1 else (low, t)
-        weights = amount / (values - low)
-        smooth = (low + amount * np.log((values - low) / amount).sum()) / unit
-        weights = weights / weights.sum()
-        half = self.k @ (vectors * np.sqrt(weights / unit))
-        return Slope(self, half, float(np.log(values[0])), weights, amount / unit, float(smooth), unit)
-
-    def _curvature(self, slope: Slope, matrices: Array) -> Array:
-        # -tr(N F_i N F_j) / a + tr(N^2 F_i) tr(N^2 F_j) / (a tr N^2), as t follows M; here in units of phi, and N = phi G.
-        inner = np.asarray(slope.half.T @ matrices @ slope.half).reshape(len(matrices), -1)
-        n = slope.factor
-        moved = inner[:, :: len(n) + 1] @ n
-        rest = np.outer(moved, moved) / np.square(n).sum()
-        return np.asarray((rest - inner @ inner.T) / slope.share)
-
-    def within(self, estimable: Estimable) -> Criterion:
-        # M = Q M_q Q^T and M' = (Q^T B)^T M_q (Q^T B); the eigenvalues of S M S that are not 0 are those of R M_q R^T, (S Q) = U R
-        r = np.asarray(np.linalg.qr(self.k.T @ estimable.span, mode="r"), dtype=np.float64)
-        return SmallestEigenvalue(np.asarray(np.linalg.solve(estimable.span.T @ estimable.into, r.T), dtype=np.float64))
-
-    def restricted(self, span: Array) -> Criterion:
-        return SmallestEigenvalue(_without_zeros(self.k, span))
-
-
-class ConditionNumber(Criterion):
-    """The largest over the smallest eigenvalue of S M S, "ME".
-
-    It does not change with the amount of information, and is not a convex or concave function of M. So there is no information
-    function, no equivalence theorem and no bound of this kind.
-    """
-
-    degree = 0
-
-    def __init__(self, scale: Array) -> None:
-        self.name, self.k = "ME", scale
-
-    def value(self, information: Array) -> float:
-        return self.of_log_phi(self.log_phi(information))
-
-    def of_log_phi(self, log_phi: float) -> float:
-        return float(np.exp(-log_phi))
-
-    def gradient(self, information: Array) -> Array:
-        values, vectors = np.linalg.eigh(self.k.T @ information @ self.k)
-        low, high = self.k @ vectors[:, 0], self.k @ vectors[:, -1]
-        return np.asarray(np.outer(high, high) / values[0] - values[-1] / values[0] ** 2 * np.outer(low, low))
-
-    def log_phi(self, information: Array) -> float:
-        values = np.linalg.eigvalsh(self.k.T @ information @ self.k)
-        return float(np.log(values[0] / values[-1])) if values[0] > _SINGULAR * values[-1] else -np.inf
-
-    def log_phis(self, matrices: Array) -> Array:
-        values = np.linalg.eigvalsh(self.k.T @ matrices @ self.k)
-        able = values[:, 0] > _SINGULAR * values[:, -1]
-        shares = np.divide(values[:, 0], values[:, -1], where=able, out=np.ones(len(values)))
-        return np.where(able, np.log(shares), -np.inf)
-
-    def restricted(self, span: Array) -> Criterion:
-        return ConditionNumber(_without_zeros(self.k, span))
-
-
-def _padded(k: Array, nuisance: int) -> Array:
-    """K with rows of zeros for the nuisance parameters."""
-    return np.concatenate([k, np.zeros((nuisance, k.shape[1]))])
-
-
-def _without_zeros(k: Array, span: Array) -> Array:
-    """K' (p, r), with which K'^T M K' has the eigenvalues of K^T M K that are not 0 for every M in the span."""
-    r = np.asarray(np.linalg.qr(k.T @ span, mode="r"), dtype=np.float64)
-    return np.asarray(span @ r.T)
-
-
-_SINGULAR = 1e-14
+SINGULAR = 1e-14
 """Share of the largest eigenvalue below which the smallest is rounding."""
 
 
-def _half_solved(information: Array, k: Array) -> Array | None:
+def half_solved(information: Array, k: Array) -> Array | None:
     """Some H with H^T H = K^T M^- K; None where K is not in the range of M."""
     scale = np.sqrt(np.maximum(np.diag(information), 0.0))
     scale = np.where(scale > 0, scale, 1.0)
     scaled = information / np.outer(scale, scale)
     rows = k / scale[:, None]
     values, vectors = np.linalg.eigh(scaled)
-    kept = values > _SINGULAR * len(values) * values[-1]
+    kept = values > SINGULAR * len(values) * values[-1]
     if kept.all():
         return np.asarray(np.linalg.solve(np.linalg.cholesky(scaled), rows))
     inside = vectors[:, kept]
@@ -417,3 +298,8 @@ def _across(slope: Slope, matrices: Array) -> Array:
     columns = np.moveaxis(matrices @ slope.half, 0, 1).reshape(p, -1)
     solved = np.linalg.solve(slope.factor, columns)
     return np.asarray(np.moveaxis(solved.reshape(p, len(matrices), q), 1, 0).reshape(len(matrices), -1))
+
+
+def padded(k: Array, nuisance: int) -> Array:
+    """K with rows of zeros for the nuisance parameters."""
+    return np.concatenate([k, np.zeros((nuisance, k.shape[1]))])

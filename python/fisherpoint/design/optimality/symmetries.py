@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
-from .criteria import Criterion, Determinant, SmallestEigenvalue, Variance
+from .criteria import Criterion, Determinant, Variance
+from .eigenvalue_criteria import SmallestEigenvalue
 
 Permutations = NDArray[np.intp]
 
@@ -46,7 +47,8 @@ def _keeps(criterion: Criterion, rows: Array, images: Array) -> bool:
     if not isinstance(criterion, Determinant | Variance | SmallestEigenvalue):
         return False
     t = np.linalg.lstsq(rows, images, rcond=None)[0]
-    moved = (t if isinstance(criterion, SmallestEigenvalue) else t.T) @ criterion.k
+    direct = isinstance(criterion, SmallestEigenvalue) and not criterion.scaled.marginal
+    moved = (t if direct else t.T) @ criterion.k
     square = criterion.k @ criterion.k.T
     return bool(np.abs(moved @ moved.T - square).max() < ALIKE * np.abs(square).max())
 

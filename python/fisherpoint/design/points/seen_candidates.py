@@ -20,7 +20,8 @@ from ..efficiency import Bound
 from ..optimality.aims import Aim, LogDet, LogDetWithin, aim_of
 from ..optimality.asked import criterion as criterion_asked
 from ..optimality.candidate_rows import CandidateRows, Places
-from ..optimality.criteria import ConditionNumber, Determinant
+from ..optimality.criteria import Determinant
+from ..optimality.eigenvalue_criteria import ConditionNumber
 from ..optimality.estimable import estimable
 from ..optimality.told import NOT_TOLD, determined
 from ..optimality.weights import Weights, optimal_weights
