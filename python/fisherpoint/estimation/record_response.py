@@ -21,6 +21,9 @@ from .response import Response
 _BLOCK = 1 << 14
 """Pieces whose sensitivities are held at a time."""
 
+_MOST = 1 << 23
+"""Numbers of S that are held at a time where records are followed in one."""
+
 
 class RecordResponse:
     """The response of a record for many sets of unknowns at once.
@@ -31,7 +34,8 @@ class RecordResponse:
 
         S_{n+1} = Phi_n S_n + Gamma_n,    dy_n = g_x S_n + g_theta,
 
-    from S_0 = 0 in the columns of parameters, and the identity's in those of unknown starts.
+    from S_0 = 0 in the columns of parameters, and the identity's in those of unknown starts. Where a piece ends next to a jump, the
+    pieces by themselves do not know which of them passes it; such a record is followed in one.
 
     Parameters
     ----------
@@ -124,6 +128,35 @@ class RecordResponse:
         dy = dy[..., self.columns].reshape(count, samples, dy.shape[1], len(self.columns))
         return dy, first_failure(status.reshape(count, samples))
 
+    def _in_one(self, theta: Array, x: Array) -> tuple[Array, IntArray]:
+        """The same by trajectories that are followed in one, some records at a time: slower, where a record is long."""
+        model, (count, samples, n_x), p = (
+            self.model.free_start(*self.starts) if self.starts else self.model,
+            x.shape,
+            theta.shape[1],
+        )
+        columns = np.concatenate([self.columns, p + np.arange(len(self.starts))])
+        dy, status = np.empty((count, samples, len(model.outputs), len(columns))), np.empty(count, dtype=np.int32)
+        given = np.column_stack([theta, np.zeros((count, len(self.starts)))])
+        each = max(1, _MOST // (samples * n_x * given.shape[1]))
+        for first in range(0, count, each):
+            rows = slice(first, min(first + each, count))
+            values, n = given[rows], rows.stop - first
+            u, dt = (np.repeat(of[None], n, axis=0) for of in (self.record.u[:-1], np.diff(self.record.t)))
+            measured = np.zeros(dt.shape, dtype=bool)
+            _, _, dx, _, status[rows], _ = model.kernels.run_sensitivities(
+                model.core, x[rows, 0], u, dt, values, *self._settings, measured=measured, s=np.empty(0)
+            )
+            s = np.concatenate([np.zeros((n, 1, n_x, dx.shape[3])), dx], axis=1)[..., columns]
+            s[..., self._free, len(self.columns) + np.arange(len(self.starts))] += 1.0
+            points = x[rows].reshape(-1, n_x), np.tile(self.record.u, (n, 1)), np.repeat(values, samples, axis=0)
+            offsets = np.column_stack([points[2][:, :p], np.zeros((len(points[2]), n_x))])
+            g = self._shifted.core.output_jacobian(*points[:2], offsets).reshape(n, samples, -1, p + n_x)
+            with np.errstate(all="ignore"):  # what overflows is given a status
+                dy[rows] = g[..., p:] @ s
+                dy[rows, ..., : len(self.columns)] += g[..., self.columns]
+        return dy, status
+
     @cached_property
     def _shifted(self) -> Model:
         """The model with offsets of all states as further parameters: by these its derivatives are those by the state."""
@@ -162,4 +195,7 @@ class RecordResponse:
                 slope = g[..., p:] @ along
             slope[..., :unknowns] += g[..., self.columns]
             dy[:, at] = slope.swapaxes(0, 1)
+        unsure = np.flatnonzero(status == Status.on_jump)
+        if len(unsure):
+            dy[unsure], status[unsure] = self._in_one(theta[unsure], x[unsure])
         return dy, status

@@ -56,9 +56,16 @@ class Integrator {
 
   // Integrates y over `duration`; a lane of duration 0 rests. On return y is the end state or, where the status is not ok, the
   // last state that was reached. Where `first_step` is 0 the integrator chooses it. The steps that are taken are added to
-  // `steps`. Lanes of `stiff` begin with implicit steps.
+  // `steps`. Lanes of `stiff` begin with implicit steps. `from` are the sides of jumps from which trajectories come, 0 of one
+  // that they slid on; where it is `unknown_side`, and without `from`, the start alone tells.
   Outcome<P> run(State& y, const P& duration, const P& first_step, Steps<Equation>* steps = nullptr,
-                 const Mask& stiff = Lanes::none());
+                 const Mask& stiff = Lanes::none(), const Side* from = nullptr);
+
+  // Of all surfaces, those where the trajectories are.
+  const Side& sides() const { return side_; }
+
+  // The sides on which such a run begins if it is on every jump that is `met`, 1 there and 0 elsewhere.
+  Side sides_from(const State& y, const P& duration, const Side& from, const Side& met, Mask& stopped);
 
  private:
   // Where it starts: start.hpp.
@@ -80,11 +87,7 @@ class Integrator {
     f_.derivative(x, slide_ ? beside<P>(f_, side, 1.0) : side, dx);
     if (slide_) slide(x, side, dx);
   }
-  [[gnu::noinline]] void slide(const State& x, const Side& side, State& dx) const {
-    const auto on = any_slides<P>(f_, side);
-    const BothSides<Equation> at(f_, x, side);
-    for_each_index(f_.states, [&](auto i) { dx[i] = select(on, at.sliding(i), dx[i]); });
-  }
+  [[gnu::noinline]] void slide(const State& x, const Side& side, State& dx) const;
 
   // Of a squared error, the factor by which a step may be longer: both methods' estimates fall faster than the step's
   // power of five and eight.
@@ -191,16 +194,18 @@ class Integrator {
         Mask there = crossed & tiny_step;
         const Mask nearly = good & tiny_step & (h.b1 < 0.875 * h.b0);
         if (any(nearly)) there = there | (nearly & drowned(m, y));  // no step is short enough to end on it
-        landed_[m] = good & !(ends_ & (h.b4 > zero)) & ((abs(h.b4) <= -landing_ * slope) | there);
-        crossed = crossed & !landed_[m];
-        unclear = (unclear | (landed_[m] & !clear)) & !(landed_[m] & tiny_step);  // it may have been there before
+        // Behind a jump, what rounding has left of the duration is too short for h to show on which side it is.
+        const Mask remains = behind_kink_ & ends_ & short_step;
+        landed_[m] = good & !remains & !(ends_ & (h.b4 > zero)) & ((abs(h.b4) <= -landing_ * slope) | there);
+        crossed = crossed & !landed_[m] & !remains;
+        unclear = (unclear | (landed_[m] & !clear)) & !(landed_[m] & tiny_step) & !remains;  // it may have been there before
         if (any(crossed | unclear)) {
           // Off a slide the trajectory rises like a parabola, from what rounding has left of zero.
           unclear = unclear & !(leaving_[m] & (min(h.b2, h.b3) > zero));
           stop((crossed | unclear) & !landed_[m] & !slides(side_[m]) & drowned(m, y), Status::grazes_jump);
           next_cap = select(crossed, min(next_cap, h.zero() * step_), next_cap);
         }
-        const Mask turns = good & !(landed_[m] | crossed | unclear | leaving_[m]) & (h.b1 <= h.b0) & (h.b3 <= h.b4);
+        const Mask turns = good & !(landed_[m] | crossed | unclear | leaving_[m] | remains) & (h.b1 <= h.b0) & (h.b3 <= h.b4);
         if (any(turns)) stop_grazing(m, turns, y);
         lands = lands | landed_[m];
         to_surface = to_surface | crossed;
@@ -306,15 +311,17 @@ class Integrator {
   // At jumps: jumps.hpp.
   bool starts_next_to_jump(const P& duration) const;
   [[gnu::noinline]] void start_on_jumps(const State& y, const P& duration);
+  [[gnu::noinline]] void come_from(const State& y);
+  [[gnu::noinline]] void go_on(const State& y, const P& duration);
+  void start_anew(const Mask& lanes, const State& y, const P& duration);
   [[gnu::noinline]] void hold(const State& middle, Surfaces& middle_value);
   P hold_rate(const State& x, const State& rates, const P& span) const;
   [[gnu::noinline]] void watch_hold(const Mask& lanes, const State& y, const P& span);
   [[gnu::noinline]] void land_on_first(const Mask& taken, const P& duration);
   [[gnu::noinline]] void pass_jump(auto m, const Mask& lanes, const State& y);
-  [[gnu::noinline]] void check_slides(const Mask& lanes, const State& y);
+  [[gnu::noinline]] void check_slides(const Mask& lanes, const State& y, Status otherwise = Status::two_jumps);
   [[gnu::noinline]] void stop_grazing(auto m, const Mask& lanes, const State& y);
-  [[gnu::noinline]] void note_end(const P& duration);
-  P natural_size(auto m, const State& y) const;
+  [[gnu::noinline]] void note_end(const P& duration, const State& y);
 
   void stop(const Mask& lanes, Status status) {
     if (!any(lanes)) return;
@@ -329,6 +336,7 @@ class Integrator {
   double landing_;  // how near to a kink a step must end to be moved onto it, as a share of the step
   Outcome<P> outcome_;
   Steps<Equation>* steps_ = nullptr;
+  const Side *from_ = nullptr, *met_ = nullptr;
 
   // Where the lanes are.
   Mask running_, rejected_;   // rejected: the last try failed its error test
@@ -365,8 +373,9 @@ class Integrator {
 // Not inline: where an explicit instantiation is declared, nothing of the integrator is compiled.
 template <class Equation, class Method>
 auto Integrator<Equation, Method>::run(State& y, const P& duration, const P& first_step, Steps<Equation>* steps,
-                                       const Mask& stiff) -> Outcome<P> {
+                                       const Mask& stiff, const Side* from) -> Outcome<P> {
   steps_ = steps;
+  from_ = from;
   begin(y, duration, first_step);
   set_stiff(tolerance_.method == MethodName::Radau ? !Lanes::none() : stiff);
   while (any(running_)) {
@@ -381,7 +390,7 @@ auto Integrator<Equation, Method>::run(State& y, const P& duration, const P& fir
   outcome_.next_step = step_size_;
   outcome_.lasted = time_ + past_;
   outcome_.stiff = stiff_;
-  if (f_.jumps_end > 0) note_end(duration);
+  if (f_.jumps_end > 0) note_end(duration, y);
   return outcome_;
 }
 

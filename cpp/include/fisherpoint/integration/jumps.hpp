@@ -8,6 +8,23 @@
 namespace fisherpoint {
 
 template <class Equation, class Method>
+void Integrator<Equation, Method>::slide(const State& x, const Side& side, State& dx) const {
+  const auto on = any_slides<P>(f_, side);
+  const BothSides<Equation> at(f_, x, side);
+  for_each_index(f_.states, [&](auto i) { dx[i] = select(on, at.sliding(i), dx[i]); });
+}
+
+template <class Equation, class Method>
+auto Integrator<Equation, Method>::sides_from(const State& y, const P& duration, const Side& from, const Side& met,
+                                              Mask& stopped) -> Side {
+  from_ = &from;
+  met_ = &met;
+  begin(y, duration, duration);
+  stopped = (duration > P(0.0)) & !running_;
+  return side_;
+}
+
+template <class Equation, class Method>
 bool Integrator<Equation, Method>::starts_next_to_jump(const P& duration) const {
   Mask next = Lanes::none();
   for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
@@ -23,7 +40,7 @@ void Integrator<Equation, Method>::start_on_jumps(const State& y, const P& durat
   Mask on = Lanes::none();
   for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
     if (!crosses(m)) return;
-    const Mask here = running_ & (abs(value_[m]) <= on_surface * natural_size(m, y));
+    const Mask here = running_ & !landed_[m] & (abs(value_[m]) <= on_surface * natural_height(f_, m, y));
     if (!any(here)) return;
     stop(here & on, Status::two_jumps);
     on = on | here;
@@ -37,14 +54,61 @@ void Integrator<Equation, Method>::start_on_jumps(const State& y, const P& durat
     stop(here & !(up | down | rests), Status::on_jump);
     outcome_.starts_on_jump = outcome_.starts_on_jump | up | down;
   });
+  start_anew(on, y, duration);
+}
+
+// What a step starts with, on the sides on which these lanes are now.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::start_anew(const Mask& lanes, const State& y, const P& duration) {
   slide_ = any(any_slides<P>(f_, side_) & running_);
   State fresh;
   fit(fresh, f_.states);
   derivative(y, fresh);
-  for_each_index(f_.states, [&](auto i) { stage_[0][i] = select(on, fresh[i], stage_[0][i]); });
+  for_each_index(f_.states, [&](auto i) { stage_[0][i] = select(lanes, fresh[i], stage_[0][i]); });
   const Surfaces rate = f_.surface_rates(y, stage_[0]);
-  for_each_index(f_.surfaces, [&](auto m) { rate_[m] = select(on, rate[m], rate_[m]); });
-  if (slide_) watch_hold(on, y, 1e-5 * duration);
+  for_each_index(f_.surfaces, [&](auto m) { rate_[m] = select(lanes, rate[m], rate_[m]); });
+  if (slide_) watch_hold(lanes, y, 1e-5 * duration);
+}
+
+// A trajectory that goes on is on the side of each jump from which it comes. Where it is next to the jump, or rounding and the
+// tolerance have put it on the other side, the sign of h does not tell: what has been met, and what is still to be met, does.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::come_from(const State& y) {
+  for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
+    const P& came = (*from_)[m];
+    const Mask known = running_ & (abs(came) < P(0.5 * (1.0 + unknown_side)));
+    if (!crosses(m)) return stop(known & !(came * value_[m] > P(0.0)), Status::met_jump);
+    if (!any(known)) return;
+    landed_[m] = known & ((abs(value_[m]) <= on_surface * natural_height(f_, m, y)) | !(came * value_[m] > P(0.0)));
+    if (met_) landed_[m] = landed_[m] | (known & ((*met_)[m] > P(0.5)));
+    side_[m] = select(landed_[m], came, side_[m]);
+  });
+  slide_ = any(any_slides<P>(f_, side_) & running_);
+}
+
+// Of those next to a jump: where f leads onto it, it is met now, as it would be behind a step that had ended there. A slide
+// goes on as long as f holds it.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::go_on(const State& y, const P& duration) {
+  Mask next_to = Lanes::none();
+  P count(0.0);
+  for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
+    const Mask comes = landed_[m] & running_ & !slides(side_[m]) & (side_[m] * rate_[m] < P(0.0));
+    next_to = next_to | landed_[m];
+    value_[m] = select(landed_[m], P(0.0), value_[m]);
+    landed_[m] = comes;
+    count += select(comes, P(1.0), P(0.0));
+  });
+  if (!any(next_to)) return;
+  stop(count > P(1.5), Status::two_jumps);
+  for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
+    const Mask comes = landed_[m] & running_;
+    if (any(comes)) pass_jump(m, comes, y);
+    landed_[m] = Lanes::none();
+  });
+  slide_ = any(any_slides<P>(f_, side_) & running_);
+  if (slide_) check_slides(next_to & running_, y, Status::on_jump);
+  start_anew(next_to, y, duration);
 }
 
 // How fast what holds a slide changes, by a central difference along the trajectory.
@@ -133,10 +197,10 @@ void Integrator<Equation, Method>::pass_jump(auto m, const Mask& lanes, const St
 
 // Behind a jump, what another slide is held by may be gone.
 template <class Equation, class Method>
-void Integrator<Equation, Method>::check_slides(const Mask& lanes, const State& y) {
+void Integrator<Equation, Method>::check_slides(const Mask& lanes, const State& y, Status otherwise) {
   const BothSides<Equation> at(f_, y, side_);
   const Mask up = (at.r_plus > P(0.0)) & (at.r_minus > P(0.0)), down = (at.r_plus < P(0.0)) & (at.r_minus < P(0.0));
-  stop(lanes & any_slides<P>(f_, side_) & !(at.holds() | up | down), Status::two_jumps);
+  stop(lanes & any_slides<P>(f_, side_) & !(at.holds() | up | down), otherwise);
   for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
     const Mask here = lanes & slides(side_[m]);
     side_[m] = select(here & up, P(1.0), select(here & down, P(-1.0), side_[m]));
@@ -144,36 +208,24 @@ void Integrator<Equation, Method>::check_slides(const Mask& lanes, const State& 
   slide_ = any(any_slides<P>(f_, side_) & running_);
 }
 
-// What changes of the states by their natural sizes make of h.
-template <class Equation, class Method>
-auto Integrator<Equation, Method>::natural_size(auto m, const State& y) const -> P {
-  State one;
-  fit(one, f_.states);
-  one.fill(P(0.0));
-  P size(0.0);
-  for_each_index(f_.states, [&](auto i) {
-    one[i] = P(1.0 / f_.inverse_scale(i));
-    size += abs(f_.surface_rates(y, one)[m]);
-    one[i] = P(0.0);
-  });
-  return size;
-}
-
 // Where a trajectory turns back so near to a jump that the tolerance cannot tell whether it has crossed it.
 template <class Equation, class Method>
 void Integrator<Equation, Method>::stop_grazing(auto m, const Mask& lanes, const State& y) {
   const Quartic<P>& h = along_[m];
   const P nearest = min(min(h.b0, h.b4), h.least_inside());
-  stop(lanes & !slides(side_[m]) & (nearest <= tolerance_.relative * natural_size(m, y)), Status::grazes_jump);
+  stop(lanes & !slides(side_[m]) & (nearest <= tolerance_.relative * natural_height(f_, m, y)), Status::grazes_jump);
 }
 
-// Next to a jump at its end a trajectory may have crossed it or not.
+// Next to a jump at its end a trajectory may have crossed it or not. A piece of a trajectory that was integrated before may
+// have ended elsewhere, as far as the tolerance allows.
 template <class Equation, class Method>
-void Integrator<Equation, Method>::note_end(const P& duration) {
+void Integrator<Equation, Method>::note_end(const P& duration, const State& y) {
   const P time = next_to_jump * tolerance_.relative * duration;
   for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
-    if (f_.dependence.switching_depends(m))
-      outcome_.ends_on_jump = outcome_.ends_on_jump | (!slides(side_[m]) & (abs(value_[m]) <= time * abs(rate_[m])));
+    if (!f_.dependence.switching_depends(m)) return;
+    P height = time * abs(rate_[m]);
+    if (tolerance_.whole_first) height = max(height, 2.0 * tolerance_.relative * natural_height(f_, m, y));
+    outcome_.ends_on_jump = outcome_.ends_on_jump | (!slides(side_[m]) & (abs(value_[m]) <= height));
   });
 }
 

@@ -31,7 +31,8 @@ struct Outcome {
   P lasted{0.0};      // until when f could be followed: to the end, or to what ended the trajectory
   int attempts = 0;   // of the slowest lane
   mask_of_lanes<P> stiff = lanes_of<P>::none();  // a continuation begins with implicit steps
-  // Where a trajectory starts off a jump, or ends next to one, to the tolerance: there may be no derivative.
+  // Where a trajectory starts off a jump without a side from which it comes, or ends next to one, to the tolerance: there may
+  // be no derivative.
   mask_of_lanes<P> starts_on_jump = lanes_of<P>::none(), ends_on_jump = lanes_of<P>::none();
 };
 

@@ -69,4 +69,32 @@ class BothSides {
   P sliding(auto i) const { return minus[i] + r_minus / (r_minus - r_plus) * (plus[i] - minus[i]); }
 };
 
+// What changes of the states by their natural sizes make of h.
+template <class Equation>
+[[gnu::noinline]] auto natural_height(const Equation& f, auto m, const typename Equation::State& x) {
+  using P = typename Equation::Number;
+  typename Equation::State one;
+  fit(one, f.states);
+  one.fill(P(0.0));
+  P size(0.0);
+  for_each_index(f.states, [&](auto i) {
+    one[i] = P(1.0 / f.inverse_scale(i));
+    size += abs(f.surface_rates(x, one)[m]);
+    one[i] = P(0.0);
+  });
+  return size;
+}
+
+// f on these sides, of lanes that slide along the slide.
+template <class Equation>
+[[gnu::noinline]] void rates_along(const Equation& f, const typename Equation::State& x, const typename Equation::Side& side,
+                                   typename Equation::State& dx) {
+  using P = typename Equation::Number;
+  f.derivative(x, beside<P>(f, side, 1.0), dx);
+  const auto on = any_slides<P>(f, side);
+  if (!any(on)) return;
+  const BothSides<Equation> at(f, x, side);
+  for_each_index(f.states, [&](auto i) { dx[i] = select(on, at.sliding(i), dx[i]); });
+}
+
 }  // namespace fisherpoint

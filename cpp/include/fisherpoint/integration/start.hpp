@@ -24,11 +24,17 @@ void Integrator<Equation, Method>::begin(const State& y, const P& duration, cons
   value_ = f_.surface_values(y);
   // A start on a kink belongs to the side that it moves to; the sign of its rate needs some side first.
   for_each_index(f_.sides, [&](auto m) { side_[m] = select(value_[m] < P(0.0), P(-1.0), P(1.0)); });
-  f_.derivative(y, side_, stage_[0]);
+  if (f_.jumps_end > 0 && from_) {
+    come_from(y);
+    derivative(y, stage_[0]);
+  } else {
+    f_.derivative(y, side_, stage_[0]);
+  }
   rate_ = f_.surface_rates(y, stage_[0]);
   Mask outside = Lanes::none(), on_jump = Lanes::none();
   const auto on_it = [&](int m) { return !((value_[m] < P(0.0)) | (value_[m] > P(0.0))); };
   if (f_.jumps_end > 0 && starts_next_to_jump(duration)) start_on_jumps(y, duration);
+  if (f_.jumps_end > 0 && from_) go_on(y, duration);
   for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
     if (!crosses(m)) on_jump = on_jump | on_it(m);
   });

@@ -50,6 +50,9 @@ P largest_relative_error(const P& squared_error, const auto& squared_errors, con
 // A start is on a jump where h is below this share of what states of their natural sizes make of it.
 inline constexpr double on_surface = 1e-13;
 
+// In the place of the side of a jump from which a trajectory comes: its start alone tells.
+inline constexpr double unknown_side = 2.0;
+
 // Next to a jump, in tolerances of the time: whether a trajectory has crossed it is not sure.
 inline constexpr double next_to_jump = 10.0;
 

@@ -91,6 +91,7 @@ class Tangents {
       if (f_.dependence.leader(j) != j) return;
       for (int k = j; k < f_.parameters; k = f_.dependence.next_alike(k)) advance_column(j, k);
     });
+    if (slide_) keep_on(slid_surface(f_, x, side), sliding_[stages - 1].pivot.within(step > P(0.0)));
   }
 
   // From one jump to the other side of it, or onto it to slide: where `before` and `after` differ. With G = h_x S + h_theta, S
@@ -105,7 +106,48 @@ class Tangents {
     return grazes;
   }
 
+  // S for the case in which a jump that the trajectory ends next to was met before the end, where it was not, or was not met,
+  // where it was: on the sides `other` in the place of `last`. Returns where that is grazed.
+  [[gnu::noinline]] mask_of_lanes<P> exchange(const Side& last, const Side& other) {
+    for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
+      const auto entered = slides(last[m]) & !slides(other[m]);  // a slide, which has forgotten from where
+      if (!any(entered) || entered_.empty()) return;
+      for (std::size_t e = 0; e < s.size(); ++e) s[e] = select(entered, entered_[e], s[e]);
+    });
+    return pass(last, other);
+  }
+
+  // By the scales of the states, entries that are alike in both S as far as `share` of their columns' sizes: those of `other`
+  // get the same bits. Returns where any are not.
+  mask_of_lanes<P> differs(Tangents& other, double share) const {
+    auto found = lanes_of<P>::none();
+    for (int j = 0; j < f_.parameters; ++j) {
+      const int start = f_.dependence.column_start[j];
+      P size(0.0);
+      for_each_row(
+          j, [&](int i, int at) { size = max(size, max(abs(s[start + at]), abs(other.s[start + at])) * f_.inverse_scale(i)); });
+      for_each_row(j, [&](int i, int at) {
+        const auto alike = abs(s[start + at] - other.s[start + at]) * f_.inverse_scale(i) <= share * size;
+        other.s[start + at] = select(alike, s[start + at], other.s[start + at]);
+        found = found | !alike;
+      });
+    }
+    return found;
+  }
+
  private:
+  // What slides: x on its surface, and S with h_x S = -h_theta.
+  [[gnu::noinline]] void keep_on(const JumpGradient<M, P>& h, const Pivot<M, P>& pivot) {
+    pivot.settle(f_, h, x);
+    for_each_index(f_.parameters, [&](auto j) {
+      P* const column = &s[f_.dependence.column_start[j]];
+      const auto rows = f_.dependence.rows(j);
+      pivot.close(
+          h.by_state, h.by_theta[j], [&](auto&& use) { for_each_variable(rows, use); },
+          [&](auto i) -> P& { return column[detail::below(rows, i)]; });
+    });
+  }
+
   mask_of_lanes<P> pass_jump(auto m, const mask_of_lanes<P>& here, const Side& before, const Side& after) {
     const auto in_time = [&](const P& time, const Side& side) { advance_briefly(select(here, time, P(0.0)), side); };
     const auto growth = [&](const JumpGradient<M, P>& h, const State& rate) {
@@ -132,12 +174,26 @@ class Tangents {
     const P fall = growth(h, rate);
     const P weight = select(here, 1.0 / select(slides_on, fall - growth(h, rate_behind), fall), P(0.0));
     const P height = select(slides_on, h.value, P(0.0));
+    if (any(slides_on)) {
+      entered_.resize(s.size(), P(0.0));
+      for (std::size_t e = 0; e < s.size(); ++e) entered_[e] = select(slides_on, s[e], entered_[e]);
+    }
     for_each_index(f_.states, [&](auto i) { x[i] += (rate_behind[i] - rate[i]) * (height * weight); });
     for (int j = 0; j < f_.parameters; ++j) {
       P* const column = &s[f_.dependence.column_start[j]];
       P shift = h.by_theta[j];
       for_each_row(j, [&](int i, int at) { shift += h.by_state[i] * column[at]; });
       for_each_row(j, [&](int i, int at) { column[at] += (rate_behind[i] - rate[i]) * (shift * weight); });
+    }
+    if (any(slides_on)) {
+      State d;
+      fit(d, f_.states);
+      for_each_index(f_.states, [&](auto i) { d[i] = rate_behind[i] - rate[i]; });
+      const auto on = f_.jump(m, x);
+      Pivot<M, P> pivot;
+      pivot.fit_to(f_);
+      pivot.choose(f_, slides_on, on.by_state, d);
+      keep_on(on, pivot);
     }
     // What the state's error makes of `fall` by the time the jump is met.
     P size(0.0);
@@ -303,11 +359,15 @@ class Tangents {
     P sum = stage.drift[k], cancelled(0.0);
     for_each_variable(rows, [&](auto i) { sum += stage.normal[i] * rate[i] + stage.turn[i] * column[i]; });
     const P share = -sum * stage.inverse;
+    P rest = stage.drift[k];
     for_each_variable(rows, [&](auto i) {
       const P change = stage.d[i] * share;
       rate[i] += change;
+      rest += stage.turn[i] * column[i];
       cancelled += square(change * f_.inverse_scale(i));
     });
+    stage.pivot.close(
+        stage.normal, rest, [&](auto&& use) { for_each_variable(rows, use); }, [&](auto i) -> P& { return rate[i]; });
     // A column that the surface holds at zero consists of rounding, which is no error.
     const double part = 1e-14 / tolerance_;
     squared_column_size_[k] = max(squared_column_size_[k], (part * part) * cancelled);
@@ -318,6 +378,7 @@ class Tangents {
   Mask beside_ = lanes_of<P>::none();        // in this step
   bool slide_ = false;                       // any lane slides in this step
   ShelfVector<SlidingStage<M, P>> sliding_;  // of every stage
+  ShelfVector<P> entered_;                   // S before the last slide
   // Squared estimates, summed over the steps, in units of the states' scales: of the error of x, and of the error and the
   // largest size of every column.
   P squared_error_{0.0};

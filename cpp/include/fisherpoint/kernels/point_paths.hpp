@@ -25,8 +25,18 @@ struct PointPath {
   };
   std::vector<double> sizes;
   std::vector<Run> runs;
+  // The sides from which the trajectory comes, and to which S belongs at its start. Where it ends as near to a jump as the
+  // tolerance can tell: the sides on which it is if the end comes on the other side of that instant, or `between` where it
+  // meets several jumps then, or one that it grazes.
+  typename ArraysOf<M, double>::Sides start, other;
+  bool ends_on_jump = false, between = false;
 
   std::size_t size() const { return sizes.size(); }
+  PointPath without_steps() const {
+    PointPath none;
+    none.start = start, none.other = other, none.ends_on_jump = ends_on_jump, none.between = between;
+    return none;
+  }
   void push_back(double size, const typename ArraysOf<M, double>::Sides& side, bool implicit) {
     if (runs.empty() || runs.back().side != side || runs.back().implicit != implicit) runs.push_back({0, side, implicit});
     sizes.push_back(size);
@@ -34,13 +44,13 @@ struct PointPath {
   }
 };
 
-// Whether it crosses a jump, or slides on one.
+// Whether it crosses a jump, slides on one, or ends next to one.
 template <class M>
 bool meets_jump(const auto& shape, const PointPath<M>& path) {
   for (const auto& run : path.runs)
     for (int m = 0; m < shape.jumps_end; ++m)
-      if (run.side[m] == 0.0 || run.side[m] != path.runs[0].side[m]) return true;
-  return false;
+      if (run.side[m] == 0.0 || run.side[m] != path.start[m]) return true;
+  return path.ends_on_jump;
 }
 
 template <class M>
@@ -68,7 +78,7 @@ inline constexpr double first_refinement = 1.4;
 // The same path in about `factor` times as many steps, whose sizes change along it as they did.
 template <class M>
 PointPath<M> refined(const PointPath<M>& path, double factor) {
-  PointPath<M> finer;
+  PointPath<M> finer = path.without_steps();
   finer.sizes.reserve(static_cast<std::size_t>(factor * path.size()) + path.runs.size());
   finer.runs.reserve(path.runs.size());
   std::size_t first = 0;
@@ -92,7 +102,7 @@ PointPath<M> refined(const PointPath<M>& path, double factor) {
 // The same path with the steps beside its kinks divided by halves towards them: f_x may rise like a root there.
 template <class M>
 PointPath<M> graded(const PointPath<M>& path) {
-  PointPath<M> finer;
+  PointPath<M> finer = path.without_steps();
   std::size_t first = 0;
   for (std::size_t r = 0; r < path.runs.size(); ++r) {
     const auto& run = path.runs[r];
@@ -106,15 +116,6 @@ PointPath<M> graded(const PointPath<M>& path) {
     first = run.end;
   }
   return finer;
-}
-
-// The sides from which a trajectory comes that starts on these: to slide on a jump, from either.
-void set_start(auto& sides, int lane, const double* start) {
-  for (auto& side : sides) {
-    using P = std::remove_cvref_t<decltype(side)>;
-    lanes_of<P>::set(side, lane, *start == 0.0 ? 1.0 : *start);
-    ++start;
-  }
 }
 
 // How the lanes take a step.
@@ -149,7 +150,7 @@ void for_each_step(const Shape<M>& shape, std::span<const std::size_t> rows, con
       if (first) {
         if (!turned) before = side;
         set_lane(side, lane, path.runs[run[lane]].side.data());
-        if (n == 0) set_start(before, lane, path.runs[0].side.data());
+        if (n == 0 && shape.jumps_end > 0) set_lane(before, lane, path.start.data());
         lanes_of<P>::set(kind.implicit, lane, path.runs[run[lane]].implicit);
         run_end[lane] = path.runs[run[lane]++].end;
         turned = true;

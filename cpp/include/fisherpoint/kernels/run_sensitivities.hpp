@@ -60,8 +60,9 @@ class RunTeam {
         step_[i] = step_of_[k - first_];
         stiff_[i] = stiff_of_[k - first_];
         measured_[i] = start.measured[k * n + segment_];
+        if (shape.jumps_end > 0) ends_[i] = &end_of_[k - first_];
       }
-      const Carried carried{s_before_.data(), step_.data(), stiff_.data(), measured_.data(), segment_ == 0};
+      const Carried carried{s_before_.data(), step_.data(), stiff_.data(), measured_.data(), ends_.data()};
       sensitivity_packs<P, Method>(model, Points{count, x0_.data(), u_.data(), dt_.data()}, Parameters{theta_.data(), true},
                                    tolerance, Workers(1), {x_.data(), y_.data(), s_after_.data(), dy_.data(), status_.data()},
                                    &carried);
@@ -78,6 +79,7 @@ class RunTeam {
         std::copy_n(s_after_.data() + i * n_x * p, n_x * p, s_.data() + (k - first_) * n_x * p);
         step_of_[k - first_] = step_[i];
         stiff_of_[k - first_] = stiff_[i];
+        if (shape.jumps_end > 0) end_of_[k - first_].u.assign(u_.data() + i * n_u, u_.data() + (i + 1) * n_u);
       }
       std::erase_if(active_, [&](auto k) { return out.status[k] != Status::ok; });
     }
@@ -99,6 +101,7 @@ class RunTeam {
     s_.assign(active_.size() * n_x * p, 0.0);
     if (start.s) std::copy_n(start.s + first_ * n_x * p, s_.size(), s_.data());
     step_of_.assign(active_.size(), 0.0);
+    end_of_.assign(active_.size(), SegmentEnd{});
     stiff_of_.assign(active_.size(), 0);
   }
 
@@ -115,6 +118,7 @@ class RunTeam {
                                         {&dy_, n_y * p}})
       numbers->resize(count * each);
     stiff_.resize(count);
+    ends_.resize(count);
     measured_.resize(count);
     status_.resize(count);
   }
@@ -124,9 +128,11 @@ class RunTeam {
   // Of all runs of the team, at the start of the segment.
   std::vector<double> s_, step_of_;
   std::vector<unsigned char> stiff_of_;
+  std::vector<SegmentEnd> end_of_;
   // Of the active ones, at its start and end.
   std::vector<double> x0_, u_, theta_, dt_, step_, s_before_, x_, y_, s_after_, dy_;
   std::vector<unsigned char> stiff_, measured_;
+  std::vector<SegmentEnd*> ends_;
   std::vector<Status> status_;
 };
 

@@ -1,9 +1,9 @@
 // States of a batch of runs: long trajectories under inputs that are held from sample to sample. The segments of a run follow
 // each other; lanes = runs. Each run has its own start and parameters; a run's sets of unknowns share their segments.
 //
-// A segment begins with the step that the last one would have tried next, by the method that it ended with, and with fresh
-// sides of all surfaces, as f changes with the input. Each lane keeps its own, so a run's states do not depend on what shares
-// its pack.
+// A segment begins with the step that the last one would have tried next, by the method that it ended with, and from the sides
+// of jumps on which it ended (segment_ends.hpp); the sides of other surfaces are fresh, as f changes with the input. Each lane
+// keeps its own, so a run's states do not depend on what shares its pack.
 #pragma once
 
 #include <algorithm>
@@ -15,6 +15,7 @@
 #include "fisherpoint/equations/state_equation.hpp"
 #include "fisherpoint/integration/integrator.hpp"
 #include "fisherpoint/kernels/points.hpp"
+#include "fisherpoint/kernels/segment_ends.hpp"
 #include "fisherpoint/kernels/workers.hpp"
 
 namespace fisherpoint {
@@ -45,6 +46,7 @@ struct RunProgress {
   std::size_t segment = 0;
   P step{0.0};
   mask_of_lanes<P> stiff = lanes_of<P>::none();
+  std::vector<SegmentEnd> ends;  // of every lane, of models with jumps
 };
 
 // Carries the runs rows[0], rows[1], ... on, until their end or for as long as a thread stays.
@@ -81,8 +83,15 @@ void advance_runs(const M& model, const Runs& runs, const Parameters& parameters
       set_lane(u, lane, runs.u_of(rows[std::min(lane, used - 1)], segment, shape.inputs));
     }
     const Equation equation(model, theta, u);
+    Integrator<Equation, Method> integrator(equation, tolerance);
+    typename Equation::Side from;
+    if (shape.jumps_end > 0) {
+      progress.ends.resize(used);
+      from = sides_of_ends<M, P>(model, equation, theta, x, u, used,
+                                 [&](int lane) -> const SegmentEnd& { return progress.ends[lane]; });
+    }
     const auto outcome =
-        Integrator<Equation, Method>(equation, tolerance).run(x, duration, progress.step, nullptr, progress.stiff);
+        integrator.run(x, duration, progress.step, nullptr, progress.stiff, shape.jumps_end > 0 ? &from : nullptr);
     progress.step = outcome.next_step;
     progress.stiff = outcome.stiff;
     bool any_running = false;
@@ -90,6 +99,7 @@ void advance_runs(const M& model, const Runs& runs, const Parameters& parameters
       const bool ran = lasts(lane);
       get_lane(x, lane, state(lane, segment + 1));
       if (!ran) continue;
+      if (shape.jumps_end > 0) progress.ends[lane].note(integrator.sides(), u, shape.jumps_end, lane);
       out.status[rows[lane]] = outcome.status[lane];
       out.reached[rows[lane]] += running(lane);
       any_running = any_running || running(lane);

@@ -21,6 +21,7 @@
 #include "fisherpoint/integration/tangents.hpp"
 #include "fisherpoint/kernels/point_paths.hpp"
 #include "fisherpoint/kernels/points.hpp"
+#include "fisherpoint/kernels/segment_ends.hpp"
 #include "fisherpoint/kernels/workers.hpp"
 
 namespace fisherpoint {
@@ -37,30 +38,107 @@ struct Carried {
   double* step;                   // (count,), the first step to try, 0 to choose one; then the one to try next
   unsigned char* stiff;           // (count,), whether it is implicit, and is so next
   const unsigned char* measured;  // (count,), whether the derivative at the end is asked for
-  bool first;                     // segment of their runs
+  SegmentEnd* const* ends;        // (count,), of models with jumps
 };
 
-// A trajectory that ends next to a jump, or starts off one that moves with theta, has no derivative. What was carried on has
-// that of the side where it ran.
+// Where S has no value on the side on which a trajectory starts off a jump: unless h stays zero there whatever theta, a part of
+// the way was on the other side.
 template <class M, class P>
-[[gnu::noinline]] void note_jumps(const M& model, const PointPack<M, P>& pack, const Outcome<P>& outcome,
-                                  std::span<const std::size_t> rows, const Carried* carried, const SensitiveTrajectories& out) {
-  auto none = outcome.ends_on_jump;
-  for (int lane = 0; carried && lane < pack.used; ++lane)
-    if (!carried->measured[rows[lane]]) lanes_of<P>::set(none, lane, false);
-  if ((!carried || carried->first) && any(outcome.starts_on_jump)) {
-    const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
-    for_each_index(Count<0>{}, equation.jumps_end, [&](auto m) {
-      const auto h = equation.jump(m, pack.x0);
-      P size(0.0), by_theta(0.0);
-      for_each_index(equation.states, [&](auto i) { size += abs(h.by_state[i]) * (1.0 / equation.inverse_scale(i)); });
-      for (const P& slope : h.by_theta) by_theta += abs(slope);
-      none = none | (outcome.starts_on_jump & (abs(h.value) <= on_surface * size) & (by_theta > P(0.0)));
-    });
+[[gnu::noinline]] mask_of_lanes<P> starts_beside(const M& model, const PointPack<M, P>& pack, const Outcome<P>& outcome,
+                                                 std::span<const std::size_t> rows, const Carried* carried) {
+  const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
+  const int n_x = equation.states, p = equation.parameters;
+  auto beside = lanes_of<P>::none();
+  for_each_index(Count<0>{}, equation.jumps_end, [&](auto m) {
+    const auto h = equation.jump(m, pack.x0);
+    P size(0.0), moves(0.0);
+    for_each_index(equation.states, [&](auto i) { size += abs(h.by_state[i]) * (1.0 / equation.inverse_scale(i)); });
+    for (int j = 0; j < p; ++j) {
+      P by_theta = h.by_theta[j], parts = abs(by_theta);
+      for (int i = 0; carried && i < n_x; ++i) {
+        P s(0.0);
+        for (int lane = 0; lane < pack.used; ++lane) lanes_of<P>::set(s, lane, carried->s[(rows[lane] * n_x + i) * p + j]);
+        by_theta += h.by_state[i] * s;
+        parts += abs(h.by_state[i] * s);
+      }
+      moves = select(abs(by_theta) > 1e-9 * parts, P(1.0), moves);
+    }
+    beside = beside | (outcome.starts_on_jump & (abs(h.value) <= on_surface * size) & (moves > P(0.0)));
+  });
+  return beside;
+}
+
+// What paths have to do with jumps at their ends, and the statuses of those that have no derivative because of them.
+template <class P, class Method, class M, class Equation>
+[[gnu::noinline]] void look_at_jumps(const M& model, const Equation& equation, const PointPack<M, P>& pack,
+                                     const typename Equation::State& x, const typename Equation::Side& from,
+                                     const Outcome<P>& outcome, const Tolerance& tolerance, std::span<const std::size_t> rows,
+                                     const Carried* carried, std::vector<PointPath<M>>& paths,
+                                     const SensitiveTrajectories& out) {
+  note_jumps_of_paths<P>(equation, x, from, pack.dt, outcome.ends_on_jump, tolerance, rows, paths);
+  auto none = lanes_of<P>::none();
+  if (!tolerance.whole_first && any(outcome.starts_on_jump)) none = starts_beside<M, P>(model, pack, outcome, rows, carried);
+  if (carried) {
+    const auto end_of = [&](int lane) -> const SegmentEnd& { return *carried->ends[rows[lane]]; };
+    none = none | hangs_on_order<P, Method>(model, pack, tolerance, from, paths, rows, carried->s, end_of);
   }
-  if (!any(none)) return;
-  for (int lane = 0; lane < pack.used; ++lane)
-    if (out.status[rows[lane]] == Status::ok && lanes_of<P>::get(none, lane)) out.status[rows[lane]] = Status::on_jump;
+  for (int lane = 0; lane < pack.used; ++lane) {
+    const std::size_t k = rows[lane];
+    if (paths[k].runs.empty()) continue;
+    // Of pieces of a trajectory, each by itself, the others do not know on which side this one ends.
+    if (!lanes_of<P>::get(none, lane) && !(tolerance.whole_first && paths[k].ends_on_jump)) continue;
+    paths[k] = PointPath<M>();
+    out.status[k] = Status::on_jump;
+  }
+}
+
+// Of trajectories that end next to a jump: where the outputs there, or also the states, would have other derivatives on the
+// other side, and what the next segment of a run has to know.
+template <class P, class Method, class M>
+[[gnu::noinline]] mask_of_lanes<P> ends_beside(const VariationalEquation<M, P>& equation,
+                                               const Tangents<M, P, Method>& tangents, const ShelfVector<P>& dy,
+                                               std::span<const std::size_t> rows, const std::vector<PointPath<M>>& paths,
+                                               const Carried* carried, bool outputs_alone) {
+  const int used = static_cast<int>(rows.size()), n_x = equation.states, p = equation.parameters;
+  typename VariationalEquation<M, P>::Side last, other;
+  fit(last, equation.sides);
+  last.fill(P(1.0));
+  other = last;
+  auto doubtful = lanes_of<P>::none(), between = doubtful;
+  for (int lane = 0; lane < used; ++lane) {
+    const auto& path = paths[rows[lane]];
+    if (!path.ends_on_jump) continue;
+    lanes_of<P>::set(doubtful, lane, true);
+    lanes_of<P>::set(between, lane, path.between);
+    set_lane(last, lane, path.runs.back().side.data());
+    set_lane(other, lane, path.between ? path.runs.back().side.data() : path.other.data());
+  }
+  auto otherwise = tangents;
+  between = between | (otherwise.exchange(last, other) & doubtful);
+  auto matters = between;
+  const auto differs = tangents.differs(otherwise, alike) & doubtful;
+  if (!outputs_alone) matters = matters | differs;
+  typename StateEquation<M, P>::Output y;
+  fit(y, equation.outputs);
+  ShelfVector<P> other_dy(dy.size());
+  equation.output(tangents.x, otherwise.s, y, other_dy);
+  for (std::size_t e = 0; e < dy.size(); ++e)
+    matters = matters | (doubtful & !(abs(dy[e] - other_dy[e]) <= alike * (abs(dy[e]) + abs(other_dy[e]))));
+  for (int lane = 0; carried && lane < used; ++lane) {
+    const std::size_t k = rows[lane];
+    if (!paths[k].ends_on_jump) continue;
+    SegmentEnd& end = *carried->ends[k];
+    end.doubtful = true;
+    end.between = lanes_of<P>::get(between, lane);
+    end.other_side.assign(paths[k].other.begin(), paths[k].other.begin() + equation.jumps_end);
+    end.other_s.assign(static_cast<std::size_t>(n_x) * p, 0.0);
+    for (int j = 0; j < p; ++j) {
+      const P* entry = &otherwise.s[equation.dependence.column_start[j]];
+      for (int i = 0; i < n_x; ++i)
+        if (equation.dependence.depends(i, j)) end.other_s[i * p + j] = lanes_of<P>::get(*entry++, lane);
+    }
+  }
+  return matters;
 }
 
 // Into the paths of points[rows[0]], points[rows[1]], ...: as many as the pack has lanes.
@@ -84,13 +162,22 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
     lanes_of<P>::set(first, lane, carried->step[rows[lane]]);
     lanes_of<P>::set(stiff, lane, carried->stiff[rows[lane]] != 0);
   }
-  const auto outcome = Integrator<Equation, Method>(equation, tolerance).run(x, pack.dt, first, &steps, stiff);
+  Integrator<Equation, Method> integrator(equation, tolerance);
+  typename Equation::Side from;
+  const bool goes_on = shape.jumps_end > 0 && carried;
+  if (goes_on) {
+    from = sides_of_ends<M, P>(model, equation, pack.theta, pack.x0, pack.u, pack.used,
+                               [&](int lane) -> const SegmentEnd& { return *carried->ends[rows[lane]]; });
+  } else if (shape.jumps_end > 0) {
+    fit(from, shape.sides);
+    from.fill(P(unknown_side));
+  }
+  const auto outcome = integrator.run(x, pack.dt, first, &steps, stiff, goes_on ? &from : nullptr);
   store_ends<P>(x, equation.output(x), outcome.status, rows, out);
   for (int lane = 0; carried && lane < pack.used; ++lane) {
     carried->step[rows[lane]] = lanes_of<P>::get(outcome.next_step, lane);
     carried->stiff[rows[lane]] = lanes_of<P>::get(outcome.stiff, lane);
   }
-  if (shape.jumps_end > 0 && !tolerance.whole_first) note_jumps<M, P>(model, pack, outcome, rows, carried, out);
   for (int lane = 0; lane < pack.used; ++lane) {
     const std::size_t k = rows[lane];
     if (out.dx_dtheta) std::fill_n(out.dx_dtheta + k * n_x * p, n_x * p, 0.0);
@@ -107,6 +194,8 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
     }
     paths[k] = refined<M>(taken, first_refinement);
   }
+  if (shape.jumps_end > 0)
+    look_at_jumps<P, Method>(model, equation, pack, x, from, outcome, tolerance, rows, carried, paths, out);
 }
 
 // Whether an estimated error is small enough, and the path done with; if not, the path is refined, or given up with a status.
@@ -168,12 +257,25 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
     });
   });
   const mask_of_lanes<P> whole = finite<P>(tangents.x) & finite<P>(y) & finite<P>(dx) & finite<P>(dy);
+  auto beside = lanes_of<P>::none();
+  if (shape.jumps_end > 0 && std::any_of(rows.begin(), rows.end(), [&](auto k) { return paths[k].ends_on_jump; }))
+    beside = ends_beside<P, Method, M>(equation, tangents, dy, rows, paths, carried, carried || !out.dx_dtheta);
   for (int lane = 0; lane < pack.used; ++lane) {
     const std::size_t k = rows[lane];
+    if (lanes_of<P>::get(beside, lane) && (!carried || carried->measured[k])) {
+      paths[k] = PointPath<M>();
+      out.status[k] = Status::on_jump;
+      continue;
+    }
     if (lanes_of<P>::get(grazes, lane)) {
       paths[k] = PointPath<M>();
       out.status[k] = Status::grazes_jump;
       continue;
+    }
+    if (carried && shape.jumps_end > 0) {
+      SegmentEnd& end = *carried->ends[k];
+      end.doubtful = paths[k].ends_on_jump;
+      end.side.assign(paths[k].runs.back().side.begin(), paths[k].runs.back().side.begin() + int{shape.jumps_end});
     }
     if (!accepted<Method, M>(lanes_of<P>::get(error, lane), Method::allowed_estimate, tolerance, paths[k], out.status[k]))
       continue;
