@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from ..basics.values import Array
 from ..information.combinations import changes_of
-from ..information.null_space import column_scaled_svd, pivots, reduced_basis
-from .tangent import NOTHING
+from ..information.null_space import column_scaled_svd, pivots, reduced_basis, without_rounding
 
 NULL, WEAK = 1e-8, 1e-4
 """Shares of the largest singular value, of columns scaled to length 1, below which a direction is null, and weak."""
@@ -18,7 +17,7 @@ NULL, WEAK = 1e-8, 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Precision:
-    """The inverse of F = J^T J for whitened residuals with the Jacobian J (M, P) in coordinates z.
+    """The inverse of F = J^T J for whitened residuals with the Jacobian J (M, P) in coordinates z, without columns of rounding.
 
     Attributes
     ----------
@@ -43,7 +42,7 @@ class Precision:
     def of(cls, jacobian: Array, held: NDArray[np.bool_] | None = None) -> Precision:
         if held is not None and held.any():
             return cls.of(jacobian[:, ~held])._among(jacobian, ~held)
-        jacobian = np.where(np.abs(jacobian).max(axis=0, initial=0.0) < NOTHING, 0.0, jacobian)
+        jacobian = without_rounding(jacobian)
         values, vectors, length = column_scaled_svd(jacobian)
         size = np.where(length > 0, length, 1.0)
         told = values > NULL * max(values.max(initial=0.0), 1e-300)
@@ -70,8 +69,9 @@ class Precision:
 def covariances(jacobian: Array, held: NDArray[np.bool_] | None = None) -> tuple[Array, NDArray[np.bool_]]:
     """`Precision.covariance` (B, P, P) and `Precision.determined` (B, P) of B problems with Jacobians (B, M, P)."""
     count, rows, p = jacobian.shape
-    blank = np.abs(jacobian).max(axis=1, initial=0.0) < NOTHING
-    jacobian = np.where((blank if held is None else blank | held)[:, None, :], 0.0, jacobian)
+    jacobian = without_rounding(jacobian)
+    if held is not None:
+        jacobian = np.where(held[:, None, :], 0.0, jacobian)
     if rows < p:  # else the null space would not be complete
         jacobian = np.concatenate([jacobian, np.zeros((count, p - rows, p))], axis=1)
     length = np.linalg.norm(jacobian, axis=1)

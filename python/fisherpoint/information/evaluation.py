@@ -23,7 +23,7 @@ from ..show.shown import Plots, Shown
 from .combinations import combination
 from .nearby import Nearby, nearby_of
 from .nuisance import marginal_rows
-from .null_space import column_scaled_svd, null_directions
+from .null_space import column_scaled_svd, null_directions, without_rounding
 from .output_covariance import Criterion, cholesky_factor, whitened
 from .point_information import PointInformation
 from .prior_information import prior_rows
@@ -238,6 +238,9 @@ def evaluate_information(
     factor = cholesky_factor(covariance_of_outputs, d.names, d.kind)
     fisher = finite_fisher(accumulator.fisher(covariance_of_outputs))
     white, known, without_prior = whitened(factor, prepared.sensitivity).reshape(-1, problem.n_unknowns), None, None
+    white = without_rounding(white)
+    told = np.abs(white).max(axis=0, initial=0.0) > 0.0
+    fisher = np.where(told[:, None] & told, fisher, 0.0)
     if prior_information:
         alone = np.concatenate([white, prior_rows(problem, False)])
         without_prior = _errors_of(marginal_rows(alone, nuisance), names, std)

@@ -18,7 +18,7 @@ from ..basics.values import Array, FrozenMapping, IntArray
 from ..points.runs import Runs
 from ..points.status import Status
 from ..show.numbers import computed
-from .null_space import column_scaled_svd
+from .null_space import column_scaled_svd, without_rounding
 from .output_covariance import Criterion
 from .point_information import PointInformation, sensitivities_at
 from .problem import DesignProblem
@@ -189,7 +189,7 @@ def _white(d: Criterion, factor: Array, information: PointInformation) -> Array:
 
 def _half(white: Array, known: Array | None) -> Array:
     """A root of the covariance of all unknowns; what is not determined has a standard error that is large, but finite."""
-    rows = _shortened(white.reshape(-1, white.shape[2]))
+    rows = without_rounding(_shortened(white.reshape(-1, white.shape[2])))
     singular_values, directions, length = column_scaled_svd(rows if known is None else np.concatenate([rows, known]))
     floor = max(singular_values[0], TINY) / (100 * UNDETERMINED)
     root: Array = directions.T / np.maximum(singular_values, floor) / np.where(length > 0, length, 1.0)[:, None]

@@ -8,8 +8,27 @@ import numpy as np
 
 from ..basics.values import Array, FrozenMapping
 
+UNTOLD = 1e-8
+"""Length of a whitened column, per prior standard deviation, up to which it is nothing but rounding.
+
+An estimate from it alone would have a standard error of 1e8 of the prior's. Rank tests, which divide columns by their own length,
+would take it for information.
+"""
+
 ROUNDING = 1e-7
 """Of components of null directions, where there are several."""
+
+
+def without_rounding(white: Array) -> Array:
+    """Whitened sensitivities (..., m, p), per prior standard deviation, with zeros in columns that are nothing but rounding."""
+    nothing = np.linalg.norm(white, axis=-2, keepdims=True) <= UNTOLD
+    return np.where(nothing, 0.0, white) if nothing.any() else white
+
+
+def information_without_rounding(information: Array) -> Array:
+    """The same of matrices F (..., p, p) in sum form, per prior standard deviation."""
+    nothing = np.diagonal(information, axis1=-2, axis2=-1) <= UNTOLD**2
+    return np.where(nothing[..., None] | nothing[..., None, :], 0.0, information) if nothing.any() else information
 
 
 def column_scaled_svd(matrix: Array, length: Array | None = None) -> tuple[Array, Array, Array]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...basics.declared import Extents
 from ...basics.values import Array
-from ...information.null_space import column_scaled_svd
+from ...information.null_space import column_scaled_svd, without_rounding
 
 RANK_TOLERANCE = 1e-9
 """Singular values of the column-scaled sensitivities below this share of the largest count as zero."""
@@ -59,8 +59,8 @@ class Estimable:
 
 
 def estimable(triangle: Array) -> Estimable:
-    """Of R (p, p), with R^T R the mean of all information matrices."""
-    values, directions, length = column_scaled_svd(triangle)
+    """Of R (p, p), with R^T R the mean of all information matrices, per prior standard deviation."""
+    values, directions, length = column_scaled_svd(without_rounding(triangle))
     rank = int((values > RANK_TOLERANCE * max(float(values.max()), 1e-300)).sum())
     size = np.where(length > 0, length, 1.0)[:, None]
     into = directions[:rank].T / values[:rank] / size

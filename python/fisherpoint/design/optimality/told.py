@@ -8,7 +8,7 @@ import numpy as np
 
 from ...basics.values import Array
 from ...information.combinations import combinations
-from ...information.null_space import null_directions
+from ...information.null_space import information_without_rounding, null_directions, without_rounding
 from ...information.problem import DesignProblem
 from .aims import Aim, aim_of, restricted
 from .asked import criterion
@@ -121,11 +121,13 @@ def not_told(problem: DesignProblem, space: Estimable) -> tuple[Mapping[str, flo
 
 def _most(rows: Array, known: Array, count: int, enough: int) -> int:
     """How many directions so many points can determine at most; no less than `enough` where they can determine these."""
+    known = information_without_rounding(known)
     size = np.sqrt(np.maximum(np.diag(known), 0.0))
     size = np.where(size > 0, size, 1.0)  # squares of what is told well and badly would differ by more than rounding
     most = int(np.linalg.matrix_rank(known / np.outer(size, size), hermitian=True))
-    length = np.sqrt(np.square(rows).sum(axis=(0, 1)))
-    scaled = rows / np.where(length > 0, length, 1.0)
+    flat = without_rounding(rows.reshape(-1, rows.shape[2]))
+    length = np.linalg.norm(flat, axis=0)
+    scaled = (flat / np.where(length > 0, length, 1.0)).reshape(rows.shape)
     each = 0
     for some in (scaled[:: max(1, len(rows) // LOOKED_AT)], scaled):  # all, where the first do not suffice
         each = int(np.linalg.matrix_rank(some).max())

@@ -12,7 +12,7 @@ from ...basics.values import Array, FrozenMapping
 from ...data.pieces import Pieces
 from ...information.combinations import combinations
 from ...information.evaluation import RANK_TOLERANCE, evaluate_information
-from ...information.null_space import column_scaled_svd, null_directions
+from ...information.null_space import column_scaled_svd, null_directions, without_rounding
 from ...information.output_covariance import criterion
 from ...information.piece_information import PieceInformation, picked_information, piece_information, piece_problem
 from ...information.problem import DesignProblem
@@ -114,7 +114,7 @@ def _refuse_more(count: int, windows: Windows) -> None:
 
 def _refuse_open_directions(problem: DesignProblem, factor: Array) -> None:
     names, q = problem.estimated, problem.n_nuisance
-    values, directions, length = column_scaled_svd(factor)
+    values, directions, length = column_scaled_svd(without_rounding(factor))
     rank = int((values > RANK_TOLERANCE * max(values.max(), 1e-300)).sum()) - q
     if rank < len(names):
         told = combinations(null_directions(directions[rank + q :, q:], length[q:], names))

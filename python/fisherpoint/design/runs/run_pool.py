@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
-from ...information.null_space import null_directions
+from ...information.null_space import information_without_rounding, null_directions
 from ...points.broken_limits import statuses_in_words
 from ...points.runs import Runs
 from .run_objective import Judged, Lasted, RunObjective
@@ -97,7 +97,7 @@ class RunPool:
                 "none of held inputs: begin further inside the limits that are named, make runs shorter, or widen the limits"
             )
         self._z, self._judged = np.concatenate([z for z, _ in self._parts]), Judged.join([judged for _, judged in self._parts])
-        everything = self._judged.matrices.sum(axis=(0, 1)) + objective.previous.sum(axis=0)
+        everything = information_without_rounding(self._judged.matrices.sum(axis=(0, 1)) + objective.previous.sum(axis=0))
         size = np.sqrt(np.maximum(np.diag(everything), 1e-300))
         alone = np.linalg.eigvalsh(objective.previous)[:, 0].min() > 0 if objective.previous.any() else False
         values, vectors = np.linalg.eigh(everything / size / size[:, None])
