@@ -32,7 +32,7 @@ names the key.
 A model's equations are written in the units of its quantities, which are SI units as a rule; a number without a `unit` is in that
 of the model. Outside `[model]` another `unit` of the same dimension may be given, as `bounds = [5, 60], unit = "min"` for a `dt` in
 s, and is converted; one of another dimension is refused. Temperatures in degC differ from those in K by 273.15, standard deviations
-do not. Limits, constraints, `[runs]` and `[cost]` are in the model's units, and so are results.
+do not. Limits along the way, constraints and `[cost]` are in the model's units whatever those of the bounds, and so are results.
 
 Tables marked *by name* have one entry for each quantity. An entry that only has a value can be written without braces: `x_v = 1e-3`
 is short for `x_v = { value = 1e-3 }`, as is `u = [-1, 1]` in `[region]` for its bounds, and `u = "V"` in `[model.inputs]` for its

@@ -57,12 +57,11 @@ def about(trajectories: float, what: str = "") -> Row:
 
 def settings_of(problem: fp.DesignProblem, given: Mapping[str, Any]) -> fp.ExchangeSettings:
     """The settings of a search for points, with its defaults for what is not given; raise as the search does."""
-    from fisherpoint.design.exchange import exchange
     from fisherpoint.design.settings import check_asked, most_iterations
 
-    defaults = {name: one.default for name, one in signature(exchange).parameters.items()}
-    asked = {one.name: given.get(one.name, defaults[one.name]) for one in fields(fp.ExchangeSettings)}
-    asked["max_iterations"] = most_iterations(asked["max_iterations"], asked["method"], problem)
+    asked = {one.name: given[one.name] for one in fields(fp.ExchangeSettings) if one.name in given}
+    method = asked.get("method", fp.ExchangeSettings.method)
+    asked["max_iterations"] = most_iterations(asked.get("max_iterations"), method, problem)
     settings = fp.ExchangeSettings(**asked)
     check_asked(settings, problem)
     return settings

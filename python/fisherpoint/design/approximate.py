@@ -278,13 +278,8 @@ def _searched(
     p, found, best = len(problem.estimated), list[Experiments](), -np.inf
     settings = ExchangeSettings(
         n_experiments=p + MORE_POINTS,
-        n_candidates=50,
         max_iterations=SEARCH,
         seed=seed,
-        patience=None,
-        time_limit=None,
-        max_redraws=0,
-        references=True,
     )
     for k in range(SEARCHES):
         search = AutoSearch(problem, replace(settings, seed=seed + k), threads, scenarios=scenarios)

@@ -75,7 +75,7 @@ def exchange(
     n_experiments, n_candidates : int
         L points, M candidates per draw; a million of each at most.
     max_iterations : int, optional
-        Default: 400, and 200 where the search is that of the paper.
+        Default: 800, and 200 where the search is that of the paper.
     seed : int
         The same seed gives the same design, for any number of threads.
     threads : int, optional

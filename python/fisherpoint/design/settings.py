@@ -33,8 +33,8 @@ METHODS = ("paper", "auto")
 SINGULAR = ("estimable", "error")
 """What is done where not all parameters can be determined: a design for those that can, or an error."""
 
-ITERATIONS, OF_AUTO = 200, 800
-"""Of a search, at most, where no other number is given; "auto" ends by itself where nothing gains any more."""
+MOST_ITERATIONS = {"paper": 200, "auto": 800}
+"""Of a search by its method, where no other number is given; "auto" ends by itself where nothing gains any more."""
 _LEAST = {"n_experiments": 1, "n_candidates": 1, "max_iterations": 0, "seed": 0, "patience": 1, "max_redraws": 0}
 MOST = {"n_experiments": 10**6, "n_candidates": 10**6, "max_iterations": 10**9, "patience": 10**9, "max_redraws": 10**6}
 MOST_OF_RUNS = {"n_runs": 1000, "n_starts": 10_000, "n_candidates": 10**6}
@@ -42,19 +42,19 @@ MOST_OF_RUNS = {"n_runs": 1000, "n_starts": 10_000, "n_candidates": 10**6}
 
 @dataclass(frozen=True, kw_only=True)
 class ExchangeSettings:
-    """The arguments of `exchange` that decide its result."""
+    """The arguments of `exchange` that decide its result, and their defaults; without `max_iterations` it is that of the method."""
 
-    n_experiments: int
-    n_candidates: int
-    max_iterations: int
-    seed: int
-    patience: int | None
-    time_limit: float | None
-    max_redraws: int
-    references: bool
-    screen: bool = False  # as in files that do not say
-    local: float = 0.0
-    method: str = "paper"
+    n_experiments: int = 12
+    n_candidates: int = 50
+    max_iterations: int = None  # type: ignore[assignment]  # a number once there is a method
+    seed: int = 0
+    patience: int | None = None
+    time_limit: float | None = None
+    max_redraws: int = 1
+    references: bool = True
+    screen: bool = True
+    local: float = 0.5
+    method: str = "auto"
     singular: str = "estimable"
     over: OverPrior | None = None
     criterion: str = "D"
@@ -66,6 +66,9 @@ class ExchangeSettings:
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
+        check_choice(self.method, METHODS, "method")
+        if self.max_iterations is None:
+            set_field(self, "max_iterations", MOST_ITERATIONS[self.method])
         for name, least in _LEAST.items():
             value = getattr(self, name)
             if value is not None or name != "patience":
@@ -77,7 +80,6 @@ class ExchangeSettings:
         set_field(self, "local", as_float(self.local, "local"))
         if not 0 <= self.local <= 1:
             raise ValueError(f"local: expected a share between 0 and 1, given {self.local:g}")
-        check_choice(self.method, METHODS, "method")
         check_choice(self.singular, SINGULAR, "singular")
         _check_kind_of_over(self.over)
         _check_what_is_asked(self)
@@ -113,7 +115,7 @@ def most_iterations(given: int | None, method: str, problem: DesignProblem) -> i
     """The largest number of iterations that is given, or that of the method."""
     if given is not None:
         return given
-    return OF_AUTO if searched_by(method, problem) == "auto" else ITERATIONS
+    return MOST_ITERATIONS[searched_by(check_choice(method, METHODS, "method"), problem)]
 
 
 def check_asked(settings: ExchangeSettings, problem: DesignProblem) -> None:

@@ -23,7 +23,7 @@ from ...show.section import Report, Section
 from ...show.shown import Shown
 from .asked import CRITERIA, criterion
 from .criteria import Criterion
-from .exact_report import exact_report
+from .exact_report import ENDS, exact_report
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -106,7 +106,7 @@ class ExactDesign(Shown, Kept):
     }
     _CHOICES: ClassVar[Choices] = {
         "criterion_name": CRITERIA,
-        "stop_reason": ("proven", "max_nodes", "time_limit", "interrupted", "candidates"),
+        "stop_reason": tuple(ENDS),
     }
 
     _CODEC: ClassVar[Codec] = {
