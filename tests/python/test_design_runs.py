@@ -57,17 +57,17 @@ def slider(region: fp.RunRegion, **options: Any) -> fp.DesignProblem:
 @pytest.mark.parametrize("seed", range(3))
 def test_the_reactor_reaches_its_best_known_value(seed: int) -> None:
     design = fp.design_runs(reactor().problem, seed=seed, n_starts=4)
-    assert own_units(design) > 14.4998
+    assert own_units(design) > 14.4998 - 1e-3  # what round numbers may cost
     assert design.again > 1 and design.stop_reason == "all_starts"
-    np.testing.assert_allclose(design.runs.u[0, :3, 0], [300, 490.36, 300], atol=0.05)
+    np.testing.assert_allclose(design.runs.u[0, :3, 0], [300, 490.36, 300], atol=1.0)
     assert design.log_det == pytest.approx(np.linalg.slogdet(design.evaluation.information)[1], abs=1e-4)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_decay_reaches_its_best_known_value(seed: int) -> None:
     design = fp.design_runs(decay().problem, seed=seed, n_starts=3)
-    assert own_units(design) > 42.8697
-    np.testing.assert_allclose(design.runs.t[0], [0.01, 0.1753, 0.6679, 2.0025, 6.2531, 26.8048], rtol=2e-3)
+    assert own_units(design) > 42.8697 - 1e-3
+    np.testing.assert_allclose(design.runs.t[0], [0.01, 0.1753, 0.6679, 2.0025, 6.2531, 26.8048], rtol=2e-2)
 
 
 def test_a_trap_is_told() -> None:
@@ -265,7 +265,13 @@ def test_a_report_of_runs_has_means_and_says_what_is_known_of_the_best() -> None
     )
     (known,) = (dict(section.rows) for section in report.sections if section.title == "D-efficiency")
     best = max(design.classical, key=lambda name: design.classical[name])
-    assert f"({best}, log det " in known["of the best classical run"] and known["bound"].startswith("none is proven")
+    (table,) = (section for section in report.sections if section.title == "Beside classical runs")
+    (efficiency,) = (row[2] for row in table.rows if row[0] == best)
+    assert known["the best classical run"].startswith(f"{efficiency} of the design ({best}, which ")
+    assert known["bound"].startswith("none is proven")
+    (criterion,) = (dict(section.rows) for section in report.sections if section.title == "Criterion")
+    (search,) = (dict(section.rows) for section in report.sections if section.title == "Search")
+    assert float(criterion["log det F"].split()[0]) == pytest.approx(float(search["log det F, sum over samples"]), abs=1e-3)
 
 
 def test_ctrl_c_keeps_the_best_runs() -> None:

@@ -15,8 +15,8 @@ from ..basics.values import FrozenMapping
 from ..data import Measurements
 from ..design.points.point_search import Progress
 from ..design.report import points_section
-from ..design.runs.run_report import segments_table
 from ..design.runs.run_search import RunProgress
+from ..design.runs.run_tables import segments_table
 from ..design.settings_section import settings_section
 from ..estimation.estimate import EstimateProgress, estimate
 from ..estimation.fit import Fit

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,7 +34,7 @@ from ..settings import RunSettings
 from .run_design import RunDesign
 from .run_pool import RIDGE
 from .run_references import ClassicalRuns
-from .run_search import Found, RunProgress, RunSearch
+from .run_search import RunProgress, RunSearch
 from .run_time import Clock
 
 
@@ -177,8 +178,8 @@ def design_runs(
                 f"n_runs: expected runs enough to determine what criterion {criterion!r} asks, given {settings.n_runs}: the search "
                 "has found none that do"
             )
-        chosen, classical, tried, stop_reason = _judged(search, kept, stop_reason)
-        runs = _with_kept(kept, search.planned(chosen))
+        end = _judged(search, kept, stop_reason)
+        runs, stop_reason = _with_kept(kept, end.runs), end.stop_reason
         evaluation = evaluate_design(problem, runs, threads=threads, previous=previous, prior_information=with_prior)
         if all_asked and evaluation.null_directions and stop_reason == "all_starts":
             _refuse("these runs leave open", evaluation.null_directions, "make more runs, or longer ones with more samples")
@@ -190,24 +191,24 @@ def design_runs(
         of_mean = None  # of F as in (7)
         if criterion != "D":
             asked = search.objective.aims[0]
-            of_mean = chosen.value - asked.level * asked.criterion.degree * float(np.log(evaluation.n_points / 2))
+            of_mean = end.value - asked.level * asked.criterion.degree * float(np.log(evaluation.n_points / 2))
         scenarios = scenario_values(problems, average, of_each, of_mean)
     return RunDesign(
         problem=problem,
         settings=settings,
         runs=runs,
         evaluation=evaluation,
-        log_det=-np.inf if search.singular else chosen.value,
+        log_det=-np.inf if search.singular else end.value,
         scenarios=scenarios,
-        ends=tuple(-np.inf if search.singular else end.value for end in search.ends),
+        ends=tuple(-np.inf if search.singular else found.value for found in search.ends),
         again=search.again,
-        feasibility=tried,
+        feasibility=end.tried,
         stop_reason=stop_reason,
         drawn=search.pool.drawn,
         rejected=FrozenMapping(dict(search.pool.rejected)),
         seconds=clock.seconds,
-        classical=FrozenMapping({name: one.log_det for name, one in classical.items()}),
-        classical_shares=FrozenMapping({name: one.share for name, one in classical.items()}),
+        classical=FrozenMapping({name: one.log_det for name, one in end.classical.items()}),
+        classical_shares=FrozenMapping({name: one.share for name, one in end.classical.items()}),
         n_kept=0 if kept is None else len(kept),
         ridge=RIDGE if search.singular else 0.0,
     )
@@ -217,30 +218,40 @@ def _with_kept(kept: Runs | None, runs: Runs) -> Runs:
     return runs if kept is None else Runs.join([kept, runs])
 
 
-def _judged(search: RunSearch, kept: Runs | None, reason: str) -> tuple[Found, dict[str, ClassicalRuns], Feasibility, str]:
-    """The design, the classical runs beside it, and which of the plants that the search has not seen can run it.
+class _End(NamedTuple):
+    """The design, what it is worth, which unseen plants can run it, the classical runs beside it, and what ended the search."""
 
-    Where a classical one says more, and as many of these plants can run it, it is the design.
+    runs: Runs
+    value: float
+    tried: Feasibility
+    classical: Mapping[str, ClassicalRuns]
+    stop_reason: str
+
+
+def _judged(search: RunSearch, kept: Runs | None, reason: str) -> _End:
+    """The best runs, on plants that the search has not seen.
+
+    Where a classical design says more, and as many of these plants can run it, it is the design.
     """
 
-    def on_unseen(found: Found) -> Feasibility:
-        runs = _with_kept(kept, search.planned(found))
-        return feasibility_within(search.problem, runs, DRAWS, search.seed + UNSEEN, search.threads, search.clock.over)
+    def on_unseen(runs: Runs) -> Feasibility:
+        seed = search.seed + UNSEEN
+        return feasibility_within(search.problem, _with_kept(kept, runs), DRAWS, seed, search.threads, search.clock.over)
 
-    chosen = search.best
-    tried = on_unseen(chosen)
-    if search.singular:
-        return chosen, {}, tried, reason
+    runs, value = search.tidy(search.best) if reason == "all_starts" else (search.planned(search.best), search.best.value)
+    tried = on_unseen(runs)
     classical: dict[str, ClassicalRuns] = {}
     try:
-        for name, found in search.classical.items():
-            of_plants = tried if found is chosen else on_unseen(found)
-            classical[name] = ClassicalRuns(found.value, of_plants.share)
-            if found.value > chosen.value and of_plants.share >= tried.share:
-                chosen, tried = found, of_plants
+        for name, found in search.classical.items() if not search.singular else ():
+            same = found is search.best
+            own = runs if same else search.planned(found)
+            of_plants = tried if same else on_unseen(own)
+            classical[name] = ClassicalRuns(value if same else found.value, of_plants.share)
+            if found.value > value and of_plants.share >= tried.share:
+                runs, value, tried = own, found.value, of_plants
     except KeyboardInterrupt:
         reason = "interrupted"
-    return chosen, classical, tried, reason
+    return _End(runs, value, tried, classical, reason)
 
 
 def _refuse(what: str, directions: Sequence[Mapping[str, float]], help_: str) -> None:

@@ -32,7 +32,8 @@ from ..scenario_values import ScenarioValues, scenario_values_from_json, scenari
 from ..settings import RunSettings
 from ..settings_section import settings_section
 from .run_plots import PICTURES, plots_of
-from .run_report import run_report, segments_table
+from .run_report import run_report
+from .run_tables import segments_table
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -35,7 +35,7 @@ MOST_SEGMENTS = 100_000
 NORMAL = NormalDist()
 """SciPy's would make the import slow."""
 
-MOST_KAPPA, MOST_CHANGES = 8.0, 20
+MOST_KAPPA, MOST_CHANGES = 20.0, 20
 """The largest distance, and how often it is changed for one start."""
 
 FAR_ABOVE, LEAST_CHANGE, MOST_CHANGE, SMALL_CHANGE = -0.2, 0.1, 1.0, 0.3
@@ -82,7 +82,8 @@ class RunGuard:
             one = self._plants.can_run(runs, some) & self._able[some]
             able, tried = able + int(one.sum()), tried + len(one)
             lost = 1 - able / tried
-            if any(tried >= count and lost > times * max(self.most, 1 / count) for count, times in HOPELESS) or self._clock.late():
+            hopeless = any(tried >= count and lost > times * max(self.most, 1 / count) for count, times in HOPELESS)
+            if hopeless or self._clock.late() or self._clock.over():
                 break
         self._clock.reserve = max(self._clock.reserve, RESERVED * DRAWS * (self._clock.seconds - began) / tried)
         return able / tried

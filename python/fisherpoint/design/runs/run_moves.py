@@ -19,57 +19,64 @@ MOST_SINGLE, MOST_SWAPS, MOST_BLOCKS = 800, 300, 200
 """Changes of each kind; where there were more, a random choice of them."""
 
 
-AT_ONCE = 256
-"""Changes that are tried, in random order, before the best of them is taken where it gains enough."""
-
-ENOUGH = 0.05
-"""What a change must gain to be taken without a look at the others."""
+AT_ONCE, MOST_PARTS = 256, 12
+"""Changes that are tried, in random order, before the best of them is made if it gains; and how often, for each run."""
 
 
 def best_moves(
-    objective: RunObjective, z: Array, value: float, selected: NDArray[np.bool_] | None, least: float, rng: np.random.Generator
+    objective: RunObjective,
+    z: Array,
+    value: float,
+    selected: NDArray[np.bool_] | None,
+    others: Array,
+    least: float,
+    rng: np.random.Generator,
 ) -> tuple[Array, float]:
-    """Free numbers (L, d) after a good single change of each run, one run after the other, and what they are worth.
+    """Free numbers (L, d) after good single changes of each run, one run after the other, and what they are worth.
 
-    A change is one where it gains more than `least`.
+    A change gains more than `least`. Parts of `others` (K, d), good runs, are among the changes.
     """
     judged = objective.judged(objective.tried(z, selected))
     total, paid = judged.matrices.sum(axis=0) + objective.previous, float(judged.costs.sum())
     for k in range(len(z)):
-        moved = moved_runs(objective.coordinates, z[k], rng)
-        moved = moved[rng.permutation(len(moved))]
         own = judged.some([k])
-        best, there = None, value + least
-        for first in range(0, len(moved), AT_ONCE):
-            part = moved[first : first + AT_ONCE]
-            rows = None if selected is None else np.repeat(selected[k : k + 1], len(part), axis=0)
-            tried = objective.judged(objective.tried(part, rows))
+        left = np.empty((0, z.shape[1]))
+        for _ in range(MOST_PARTS):
+            if not len(left):
+                left = moved_runs(objective.coordinates, z[k], rng, others)
+                left = left[rng.permutation(len(left))]
+            trial, left = left[:AT_ONCE], left[AT_ONCE:]
+            if not len(trial):
+                break
+            rows = None if selected is None else np.repeat(selected[k : k + 1], len(trial), axis=0)
+            tried = objective.judged(objective.tried(trial, rows))
             values = objective.averages(total - own.matrices[0] + tried.matrices) - (paid - own.costs[0] + tried.costs)
             values = np.where(tried.ok, values, -np.inf)
             m = int(np.argmax(values))
-            if values[m] > there:
-                best, there = (part[m], tried.some(m)), float(values[m])
-            if there > value + ENOUGH:
-                break
-        if best is not None:
-            z, value = z.copy(), there
-            z[k] = best[0]
-            total = total - own.matrices[0] + best[1].matrices
-            paid += float(best[1].costs - own.costs[0])
+            if values[m] > value + least:
+                z, value, left = z.copy(), float(values[m]), left[:0]
+                z[k] = trial[m]
+                total = total - own.matrices[0] + tried.matrices[m]
+                paid += float(tried.costs[m] - own.costs[0])
+                own = tried.some([m])
+            elif not len(left):
+                break  # all of them were tried
     return z, value
 
 
-def moved_runs(coordinates: RunCoordinates, z: Array, rng: np.random.Generator) -> Array:
+def moved_runs(coordinates: RunCoordinates, z: Array, rng: np.random.Generator, others: Array | None = None) -> Array:
     """Free numbers (M, d) of runs that differ from z (d,) by one change; what runs share stays.
 
     A number goes to another value; two segments swap theirs, or a profile is shifted or turned round; a block of segments gets one
-    value.
+    value, or is that of one of `others` (K, d).
     """
     moved = _single(coordinates, z)
     found = [_some(moved, MOST_SINGLE, rng)]
     for _, where in coordinates.inputs:
         if not coordinates.shared[where].any():
             found += [_swaps(z, where, rng), _shifts(z, where), _blocks(z, where, rng)]
+            if others is not None and len(others):
+                found.append(_parts(z, where, others, rng))
     return np.concatenate(found)
 
 
@@ -116,4 +123,15 @@ def _blocks(z: Array, where: slice, rng: np.random.Generator) -> Array:
         length = int(np.ceil((n / 2) ** rng.random()))
         first = where.start + rng.integers(n - length + 1)
         row[first : first + length] = rng.integers(0, GRID) / (GRID - 1)
+    return moved
+
+
+def _parts(z: Array, where: slice, others: Array, rng: np.random.Generator) -> Array:
+    """With a block as in another run, there or elsewhere."""
+    n = where.stop - where.start
+    moved = np.tile(z, (MOST_BLOCKS, 1))
+    for row in moved:
+        length = int(np.ceil(n ** rng.random()))
+        first, source = (where.start + rng.integers(n - length + 1) for _ in range(2))
+        row[first : first + length] = others[rng.integers(len(others)), source : source + length]
     return moved

@@ -87,6 +87,7 @@ class RunPool:
         self._outside: list[Array] = []
         try:
             self._fill(wanted, rng, profiles, explain)
+            objective.clock.paused = False
         except (KeyboardInterrupt, OutOfTime) as error:
             if not self._parts:
                 raise
@@ -111,17 +112,19 @@ class RunPool:
         return sum(len(z) for z, _ in self._parts)
 
     def _fill(self, wanted: int, rng: np.random.Generator, profiles: Sequence[Profile] | None, explain: bool) -> None:
-        objective, size = self._objective, FIRST
+        objective, size, needed = self._objective, FIRST, profiles is None
         while len(self) < wanted and self.drawn < MOST_DRAWN * wanted:
             drawn = draw_runs(objective.coordinates, wanted, rng, profiles)
             while len(drawn) and len(self) < wanted:
                 part, drawn = drawn[:size], drawn[size:]
+                objective.clock.paused = needed and not self._parts
                 lasted = objective.lasted(part)
                 self.drawn += len(part)
                 taken = self._add(part, lasted.ok)
                 if explain:
                     self._count(part, lasted)
-                    self.rejected["no derivative"] += int((lasted.ok & ~taken).sum())
+                    if lost := int((lasted.ok & ~taken).sum()):
+                        self.rejected["no derivative"] += lost
                 self._outside.append(part[~lasted.ok])
                 size = min(GROWTH * size, MOST)
         outside = np.concatenate(self._outside)
@@ -188,8 +191,12 @@ class RunPool:
             self.rejected.update(statuses_in_words(objective.problem.limited, runs, theta, objective.settings, lasted.status, rows))
 
     def best(self, count: int) -> Runs:
-        """The runs that say most, each by itself."""
+        """The runs that say most, each by itself, whatever they cost."""
         return self._objective.coordinates.runs(self._z[np.argsort(-self._values(), kind="stable")[:count]])
+
+    def best_numbers(self, count: int) -> Array:
+        """Free numbers (count, d) of the best runs, less what they cost."""
+        return self._z[np.argsort(self._judged.costs - self._values(), kind="stable")[:count]]
 
     def chosen(self, n_runs: int, rng: np.random.Generator, part: int = PART) -> Array:
         """Free numbers of runs of a random part, by exchange: each gives way to the best one beside the others, until none does."""

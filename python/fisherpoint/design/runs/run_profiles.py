@@ -122,7 +122,7 @@ def balanced(rng: np.random.Generator, n: int) -> Array:
     """A binary sequence, a sine or noise whose mean is the middle."""
     values = (binary, sine, noise)[int(rng.integers(3))](rng, n)
     off = values - values.mean()
-    return 0.5 + off * (0.5 / max(float(np.abs(off).max()), 0.5))
+    return np.asarray(0.5 + off * (0.5 / max(float(np.abs(off).max()), 0.5)))
 
 
 RETURNING: tuple[Profile, ...] = (doublet, antisymmetric, balanced)

@@ -12,7 +12,6 @@ from ...basics.quantity import names_of
 from ...information.evaluation import Evaluation
 from ...information.feasibility import Feasibility
 from ...information.problem import DesignProblem
-from ...models import Model
 from ...points.run_region import RunRegion
 from ...points.runs import Runs
 from ...show.numbers import computed, counted, number, percent
@@ -23,11 +22,16 @@ from ..optimality.asked import Asked
 from ..optimality.criteria import Criterion
 from ..over_prior import OverPrior
 from ..over_report import over_sections
-from ..report import ROWS_OF_PAGES, kept_note, plants_sections
+from ..report import plants_sections
 from ..scenario_values import ScenarioValues
 from ..singular_report import ridge_facts
+from .run_tables import divided, runs_tables
 
-_ROWS = 40  # runs shown of a longer list
+REASONS = 4
+"""Why random runs do not reach their ends: the most frequent reasons."""
+
+OF_MEAN, OF_SUM = "F as in (7)", "F summed over samples"
+"""How a log det F is scaled: in the report of an evaluation, and in this one."""
 
 
 class Settings(Asked, Protocol):
@@ -106,49 +110,10 @@ def run_report(design: Reported) -> Report:
     facts = list(facts_asked(design))
     asked = [Section("Asked for", (), facts)] if facts else []
     parameter_table, *criterion = inner.sections
-    table = _runs_table(problem, runs, design.n_kept)
-    tables = [table, _with_means(parameter_table, problem), *criterion, *asked, *_known(design)]
+    tables = [*runs_tables(problem.model, runs, design.n_kept), *divided(_with_means(parameter_table, problem))]
+    tables += [*(_summed(one, design.evaluation) for one in criterion), *asked, *_known(design)]
     sections = [*tables, *over, *plants, _search(design), *_classical(design)]
     return Report(headline, sections, [*_warnings(design), *inner.warnings])
-
-
-def _runs_table(problem: DesignProblem, runs: Runs, n_kept: int) -> Section:
-    model = problem.model
-    columns = ["run", *(f"{q.name} at the start [{q.unit}]" for q in model.states), "segments", "samples", "duration [s]"]
-    columns += [f"{q.name} [{q.unit}]" for q in model.inputs]
-    rows = []
-    for k in range(min(len(runs), _ROWS)):
-        held = runs.u[k, : runs.segments[k]]
-        told = [
-            number(low) if low == high else f"{number(low)} to {number(high)}"
-            for low, high in zip(held.min(0), held.max(0), strict=True)
-        ]
-        start = [number(value) for value in runs.x0[k]]
-        sizes = [str(runs.segments[k]), str(int(runs.measured[k].sum())), number(float(runs.dt[k].sum()))]
-        rows.append([str(k + 1), *start, *sizes, *told])
-    notes = [f"... and {len(runs) - _ROWS} more"] if len(runs) > _ROWS else []
-    notes += kept_note("Run", n_kept)
-    return Section("Runs: start, hold the inputs of each segment, sample at the ends that are measured", columns, rows, notes=notes)
-
-
-def segments_table(model: Model, runs: Runs, title: str = "Segments of the runs") -> Section:
-    """Every segment of every run, up to a number of rows."""
-    columns = ["run", "segment", "from [s]", *(f"{q.name} [{q.unit}]" for q in model.inputs), "dt [s]", "sample at the end"]
-    run, segment = np.nonzero(runs.dt)
-    starts = runs.t - runs.dt
-    rows = [
-        (
-            str(k + 1),
-            str(n + 1),
-            number(float(starts[k, n]), 6),
-            *(number(value, 6) for value in runs.u[k, n].tolist()),
-            number(float(runs.dt[k, n]), 6),
-            "yes" if runs.measured[k, n] else "no",
-        )
-        for k, n in zip(run[:ROWS_OF_PAGES].tolist(), segment[:ROWS_OF_PAGES].tolist(), strict=True)
-    ]
-    notes = [f"... and {len(run) - ROWS_OF_PAGES} more"] if len(run) > ROWS_OF_PAGES else []
-    return Section(title, columns, rows, notes=notes)
 
 
 def _with_means(table: Section, problem: DesignProblem) -> Section:
@@ -159,16 +124,28 @@ def _with_means(table: Section, problem: DesignProblem) -> Section:
     return replace(table, columns=columns, rows=rows)
 
 
+def _summed(section: Section, evaluation: Evaluation) -> Section:
+    """The criterion of an evaluation, of F as the sum over samples, which is what a search for runs maximises."""
+    rows = []
+    for name, fact in section.rows:
+        if name.startswith("log det F") and OF_MEAN in fact:
+            level = evaluation.rank if name != "log det F" else len(evaluation.parameters)
+            value = evaluation.log_det if name == "log det F" else float(evaluation.log_det_estimable or 0.0)
+            fact = f"{value + level * np.log(evaluation.n_points / 2):.4f}" + fact[fact.index(" (") :].replace(OF_MEAN, OF_SUM)
+        rows.append((name, fact))
+    return replace(section, rows=rows)
+
+
 def _known(design: Reported) -> Iterator[Section]:
     """How good the design is for all that is known, where designs of points have a certificate."""
     facts = [("bound", "none is proven: better runs may exist, and more starts may find them")]
     finite, name = {one: value for one, value in design.classical.items() if np.isfinite(value)}, design.settings.criterion
     if finite and np.isfinite(design.log_det):
         best = max(finite, key=lambda one: finite[one])
-        efficiency = d_efficiency(design.log_det, finite[best], design.criterion.level)
-        share, what = percent(design.classical_shares.get(best, np.nan)), "log det" if name == "D" else maximised(design)
-        fact = f"{percent(efficiency or 0.0)} ({best}, {what} {computed(finite[best], 5)}, which {share} of the plants can run)"
-        facts.insert(0, ("of the best classical run", fact))
+        efficiency = d_efficiency(finite[best], design.log_det, design.criterion.level)
+        share = percent(design.classical_shares.get(best, np.nan))
+        fact = f"{percent(efficiency or 0.0)} of the design ({best}, which {share} of the plants can run)"
+        facts.insert(0, ("the best classical run", fact))
     yield Section(f"{name}-efficiency", (), facts)
 
 
@@ -187,10 +164,12 @@ def _search(design: Reported) -> Section:
     ]
     others = sorted((end for end in design.ends if np.isfinite(end)), reverse=True)
     values = ", ".join(computed(end, 5) for end in others[:8]) + (" ..." if len(others) > 8 else "")
+    why = sorted(design.rejected.items(), key=lambda one: -one[1])[:REASONS]
+    notes = [f"Those that do not: {', '.join(f'{reason} {count}' for reason, count in why)}."] if why else []
     note = f"Starts ended at {maximised(design)} = {values}."
     if len(others) < len(design.ends):
         note += f" {len(design.ends) - len(others)} ended at runs that touch a surface at the problem's tolerance."
-    return Section("Search", (), facts, notes=[] if singular else [note])
+    return Section("Search", (), facts, notes=[*notes, *([] if singular or not others else [note])])
 
 
 def _classical(design: Reported) -> Iterator[Section]:

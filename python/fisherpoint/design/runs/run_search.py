@@ -33,6 +33,8 @@ from .run_objective import RunObjective
 from .run_plants import RunPlants
 from .run_pool import RIDGE, RunPool, determine_all
 from .run_references import classical_runs
+from .run_tidy import MOST_LOST as MOST_LOST_BY_ROUNDING
+from .run_tidy import tidied
 from .run_time import Clock, OutOfTime
 from .sample_choice import best_samples
 
@@ -55,6 +57,9 @@ parameter, if it went on to gain so many times what it has gained last."""
 
 MOST_SEGMENTS_OF_POOL = 400_000
 
+OTHERS = 50
+"""Of the pool's best runs, of which single changes take parts."""
+
 LOOKED_AT = 5
 """Of the pool's best runs, whether the plants can run them."""
 
@@ -65,7 +70,7 @@ how often it does."""
 SHARES_OF_TIME = (0.2, 0.3, 0.6)
 """By which the pool, the classical runs, and the first look at all starts have to end, where there is a limit of time."""
 
-SKETCH, STRETCH = 12, 15
+SKETCH, STRETCH = 8, 8
 """Iterations of the ascent for a start at first, and of those that are followed, between two looks at the plants."""
 
 
@@ -222,7 +227,7 @@ class RunSearch:
             reason = "interrupted"
         except OutOfTime:
             reason = "time_limit"
-        self.clock.share = 2.0  # what is left is for what follows
+        self.clock.paused = True
         if not self._found:
             z = self.pool.chosen(self.n_runs, self._rng)
             self._tried(z, self._chosen_samples(z))
@@ -308,7 +313,7 @@ class RunSearch:
                     before = value
                     continue
             least = ROUGH_GAIN if objective.work > THOROUGH else LEAST_GAIN
-            z, there = best_moves(objective, z, value, selected, least, self._rng)
+            z, there = best_moves(objective, z, value, selected, self.pool.best_numbers(OTHERS), least, self._rng)
             if self.region.samples is not None:
                 chosen = self._chosen_samples(z)
                 if (again := float(objective.values(z[None], chosen)[0])) > there:
@@ -343,6 +348,32 @@ class RunSearch:
         # What too few plants can run is worth less the fewer can, by what the search makes it pay.
         worth = value - WEIGHT * max(0.0, self.guard.short(share)) ** 2 * (not enough)
         return Found(z, selected, value, share, enough, regular, (regular, enough, worth))
+
+    def tidy(self, found: Found) -> tuple[Runs, float]:
+        """The runs that were found with round numbers where that changes next to nothing, and what they are worth then."""
+        runs, objective = self.planned(found), self.objective
+        if self.singular or not found.regular:
+            return runs, found.value
+        # No classical run that enough plants can run becomes better than it.
+        rivals = [one.value for one in self.classical.values() if one.value <= found.value]
+        objective.kappa = 0.0
+
+        def worth(designs: list[Runs]) -> Array:
+            judged = objective.judged(Runs.join(designs))
+            shape = len(designs), len(runs)
+            total = judged.matrices.reshape(*shape, *judged.matrices.shape[1:]).sum(axis=1) + objective.previous
+            return np.where(judged.ok.reshape(shape).all(axis=1), objective.averages(total), -np.inf)
+
+        def able(design: Runs) -> bool:
+            good = not run_rows(self.problem, design, self.problem.theta, self._settings).status.any()
+            return good and (not found.feasible or self.guard.enough(self.guard.share(design)))
+
+        least = max([found.value - MOST_LOST_BY_ROUNDING, *rivals])
+        try:
+            plan = tidied(runs, self.region, self.problem.model, worth, able, least)
+            return plan, float(worth([plan])[0]) if plan is not runs else found.value
+        except OutOfTime:
+            return runs, found.value
 
     def _chosen_samples(self, z: Array) -> NDArray[np.bool_] | None:
         if self.region.samples is None:

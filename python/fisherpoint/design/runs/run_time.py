@@ -23,22 +23,23 @@ class Clock:
         Of the limit, by which the present part of the search has to end.
     reserve : float
         Seconds that what follows the search will take.
+    paused : bool
+        Whether the present part may take what it needs: without it there is nothing to return.
     """
 
     def __init__(self, limit: float | None) -> None:
         self._began, self._limit, self.share, self.reserve = time.perf_counter(), limit, 1.0, 0.0
+        self.paused = False
 
     @property
     def seconds(self) -> float:
         return time.perf_counter() - self._began
 
-    @property
-    def limited(self) -> bool:
-        return self._limit is not None
-
     def late(self) -> bool:
         """Whether the time of the present part is up."""
-        return self._limit is not None and self.seconds >= self.share * (self._limit - min(self.reserve, 0.5 * self._limit))
+        if self._limit is None or self.paused:
+            return False
+        return self.seconds >= self.share * (self._limit - min(self.reserve, 0.5 * self._limit))
 
     def over(self) -> bool:
         """Whether the time of everything is up."""

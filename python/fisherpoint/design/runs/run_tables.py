@@ -1,0 +1,98 @@
+"""Runs as tables: what each of them is, where it starts, and which inputs it holds for how long."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from ...models import Model
+from ...points.runs import Runs
+from ...show.numbers import number
+from ...show.section import Section
+from ..report import ROWS_OF_PAGES, kept_note
+
+ROWS = 40
+"""Runs, and holds of inputs, that are shown of a longer list."""
+
+WIDTH = 78
+"""Characters of a line; tables that are wider are divided."""
+
+
+def runs_tables(model: Model, runs: Runs, n_kept: int) -> Iterator[Section]:
+    """What each run is, where it starts, and what it holds."""
+    columns = ["run", "segments", "samples", "duration [s]", *(f"{q.name} [{q.unit}]" for q in model.inputs)]
+    rows, starts = [], []
+    for k in range(min(len(runs), ROWS)):
+        held = runs.u[k, : runs.segments[k]]
+        ranges = [
+            number(low) if low == high else f"{number(low)} to {number(high)}"
+            for low, high in zip(held.min(0), held.max(0), strict=True)
+        ]
+        sizes = [str(runs.segments[k]), str(int(runs.measured[k].sum())), number(float(runs.dt[k].sum()))]
+        rows.append([str(k + 1), *sizes, *ranges])
+        starts.append([str(k + 1), *(number(value) for value in runs.x0[k])])
+    notes = [f"... and {len(runs) - ROWS} more"] if len(runs) > ROWS else []
+    notes += kept_note("Run", n_kept)
+    title = "Runs: start, hold the inputs of each segment, sample at the ends that are measured"
+    yield from divided(Section(title, columns, rows, notes=notes))
+    yield from divided(Section("Starts", ["run", *(f"{q.name} [{q.unit}]" for q in model.states)], starts))
+    if model.inputs:
+        yield from divided(_held(model, runs))
+
+
+def _held(model: Model, runs: Runs) -> Section:
+    """Which inputs are held from when to when; segments in a row with the same inputs are one hold."""
+    columns = ["run", "segments", "from [s]", "to [s]", *(f"{q.name} [{q.unit}]" for q in model.inputs), "samples"]
+    rows: list[list[str]] = []
+    ends, more = runs.t, 0
+    for k in range(len(runs)):
+        n = int(runs.segments[k])
+        changes = np.flatnonzero((np.diff(runs.u[k, :n], axis=0) != 0).any(axis=1)) + 1
+        for first, stop in zip([0, *changes.tolist()], [*changes.tolist(), n], strict=True):
+            if len(rows) == ROWS:
+                more += 1
+                continue
+            place = str(first + 1) if stop == first + 1 else f"{first + 1} to {stop}"
+            times = number(float(ends[k, first] - runs.dt[k, first]), 6), number(float(ends[k, stop - 1]), 6)
+            values = (number(value, 6) for value in runs.u[k, first].tolist())
+            rows.append([str(k + 1), place, *times, *values, str(int(runs.measured[k, first:stop].sum()))])
+    notes = [f"... and {more} more; design.csv and plan.csv have all"] if more else []
+    return Section("Inputs that are held", columns, rows, notes=notes)
+
+
+def segments_table(model: Model, runs: Runs, title: str = "Segments of the runs") -> Section:
+    """Every segment of every run, up to a number of rows."""
+    columns = ["run", "segment", "from [s]", *(f"{q.name} [{q.unit}]" for q in model.inputs), "dt [s]", "sample at the end"]
+    run, segment = np.nonzero(runs.dt)
+    starts = runs.t - runs.dt
+    rows = [
+        (
+            str(k + 1),
+            str(n + 1),
+            number(float(starts[k, n]), 6),
+            *(number(value, 6) for value in runs.u[k, n].tolist()),
+            number(float(runs.dt[k, n]), 6),
+            "yes" if runs.measured[k, n] else "no",
+        )
+        for k, n in zip(run[:ROWS_OF_PAGES].tolist(), segment[:ROWS_OF_PAGES].tolist(), strict=True)
+    ]
+    notes = [f"... and {len(run) - ROWS_OF_PAGES} more"] if len(run) > ROWS_OF_PAGES else []
+    return Section(title, columns, rows, notes=notes)
+
+
+def divided(section: Section) -> Iterator[Section]:
+    """A table as some that fit into a line, each with the first column."""
+    sizes = [max(len(row[i]) for row in (section.columns, *section.rows)) for i in range(len(section.columns))]
+    groups: list[list[int]] = [[]]
+    for place in range(1, len(sizes)):
+        if groups[-1] and sum(sizes[i] + 2 for i in (0, *groups[-1], place)) > WIDTH:
+            groups.append([])
+        groups[-1].append(place)
+    for k, group in enumerate(groups):
+        title, notes = section.title if k == 0 else f"{section.title}, continued", section.notes if k == len(groups) - 1 else ()
+        yield Section(title, _some(section.columns, group), [_some(row, group) for row in section.rows], notes=notes)
+
+
+def _some(row: Sequence[str], places: list[int]) -> list[str]:
+    return [row[i] for i in (0, *places)]
