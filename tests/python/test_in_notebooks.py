@@ -22,6 +22,17 @@ JUMPS = fp.SymbolicModel(["-k*heaviside(h - 1)*h - k"], ["h"], {"h": "m"}, {}, {
 THETA = {"k": 0.5}
 
 
+def test_a_report_shows_itself() -> None:
+    report = fp.exchange(problem(), 2, n_candidates=5, max_iterations=2).report()
+    assert str(report).startswith(report.headline) and "\n" in str(report) and "Section(" not in str(report)
+    assert repr(report) == f"<Report: {report.headline}>" and report.headline in report._repr_html_()
+
+
+def test_a_picture_shows_itself_where_a_notebook_knows_nothing_of_figures() -> None:
+    picture = fp.exchange(problem(), 2, n_candidates=5, max_iterations=2).plot("standard_errors")
+    assert picture._repr_png_().startswith(b"\x89PNG")  # type: ignore[attr-defined]
+
+
 @cache
 def points(count: int = 12) -> fp.Experiments:
     return fp.Experiments(np.linspace(0.5, 1.0, count)[:, None], np.full((count, 1), 0.1), np.full(count, 2.0), columns=("h", "u"))

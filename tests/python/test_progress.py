@@ -160,11 +160,46 @@ def test_without_rich_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> Non
         work(None)
 
 
-def test_a_notebook_without_widgets_names_them(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_notebook_without_widgets_has_a_line_of_text(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr("rich.console.Console", lambda **_: Console(force_jupyter=True))
-    monkeypatch.setitem(sys.modules, "ipywidgets", None)
-    with pytest.raises(ImportError, match="progress: expected the package ipywidgets, by which notebooks show a bar"):
-        fp.exchange(problem(), 2, **SEARCH, progress=True)
+    monkeypatch.setattr("fisherpoint.show.progress.find_spec", lambda name: None)
+    design = fp.exchange(problem(), 2, **SEARCH, progress=True)
+    assert design.points == fp.exchange(problem(), 2, **SEARCH).points
+    told = capsys.readouterr()
+    assert told.out == "" and told.err.startswith("\riteration ") and told.err.endswith(" \r")
+
+
+class Broken(StringIO):
+    """A stream that is gone."""
+
+    def write(self, _: str) -> int:
+        raise BrokenPipeError
+
+
+@pytest.mark.parametrize("name", WORKS)
+@pytest.mark.parametrize("where", ["start", "update", "stop", "stream", "no console"])
+def test_a_bar_that_fails_ends_no_work(name: str, where: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: Any, **__: Any) -> None:
+        raise RuntimeError("of the display")
+
+    terminal = {"force_terminal": True, "force_jupyter": False}
+    if where == "stream":
+        monkeypatch.setattr("rich.console.Console", lambda **_: Console(file=Broken(), **terminal))
+    elif where == "no console":
+        monkeypatch.setattr("rich.console.Console", fail)
+    else:
+        monkeypatch.setattr("rich.console.Console", lambda **_: Console(file=StringIO(), **terminal))
+        monkeypatch.setattr(f"rich.progress.Progress.{where}", fail)
+    work, _ = WORKS[name]
+    assert work(True) is not None
+
+
+def test_what_a_function_raises_is_passed_on() -> None:
+    def fail(_: Any) -> None:
+        raise ZeroDivisionError("of the user")
+
+    with pytest.raises(ZeroDivisionError, match="of the user"):
+        fp.exchange(problem(), 2, **SEARCH, progress=fail)
 
 
 @pytest.mark.parametrize("name", WORKS)

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
-from ..show.style import CRITERION, NOISE, PRIOR, STYLE
+from ..show.style import CRITERION, NOISE, PRIOR, STYLE, Picture
 
 ACROSS = 3
 
@@ -21,7 +21,7 @@ def plot_campaign(series: Sequence[Mapping[str, float]], targets: Mapping[str, f
     across = min(ACROSS, len(names))
     down = ceil(len(names) / across)
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(1.2 + 2.3 * across, 1.1 + 1.6 * down), layout="constrained")
+        figure = Picture(figsize=(1.2 + 2.3 * across, 1.1 + 1.6 * down), layout="constrained")
         panels = figure.subplots(down, across, sharex=True, sharey=True, squeeze=False)
         for axes, name in zip(panels.flat, names, strict=False):
             share = np.array([one[name] for one in series])

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..show.standard_errors import share_axis
-from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT
+from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, Picture
 
 COLOURS = (NOISE, CRITERION, "#009e73", "#cc79a7", TEXT, "#56b4e9")
 MARKERS = "osD^vP"
@@ -24,7 +24,7 @@ def plot_comparison(designs: Mapping[str, Mapping[str, float] | None], prior_std
     names, count = list(prior_std), len(designs)
     rows = np.arange(len(names))
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(7.0, 1.6 + 0.4 * len(names) + 0.2 * ((count + 2) // 3)), layout="constrained")
+        figure = Picture(figsize=(7.0, 1.6 + 0.4 * len(names) + 0.2 * ((count + 2) // 3)), layout="constrained")
         axes = figure.subplots()
         axes.axvline(1.0, color=PRIOR, linewidth=1.5, label="prior")
         for k, (name, errors) in enumerate(designs.items()):

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ..basics.checks import check_choice
 from ..show.standard_errors import standard_error_figure
-from ..show.style import CRITERION, NOISE, PRIOR, STYLE
+from ..show.style import CRITERION, NOISE, PRIOR, STYLE, Picture
 from .criterion_report import maximised
 from .evaluated import Evaluated
 from .found import FoundDesign
@@ -28,7 +28,7 @@ def plot_criterion(design: FoundDesign) -> Figure:
     exchanged = np.array([record.exchanged for record in design.trace], dtype=bool)
     log_det = np.where(np.isfinite(log_det), log_det, np.nan)
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(7.0, 4.0), layout="constrained")
+        figure = Picture(figsize=(7.0, 4.0), layout="constrained")
         axes = figure.subplots()
         kind = design.evaluation.output_covariance_kind
         color = NOISE if kind == "noise" else CRITERION

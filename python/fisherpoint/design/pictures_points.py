@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..basics.quantity import DURATION, Quantity
 from ..models import Model
 from ..show.durations import AxisScale, axis_scale, make_logarithmic, mark
-from ..show.style import PRIOR, STYLE, TEXT, scale, settle
+from ..show.style import PRIOR, STYLE, TEXT, Picture, scale, settle
 from .evaluated import Evaluated
 from .paths import FRACTIONS, paths_of
 from .pictures_responses import free_axis, plot_responses
@@ -61,7 +61,7 @@ def plot_points(design: Evaluated) -> Figure:
     with mpl.rc_context(STYLE):
         columns = min(2, len(panels))
         rows = -(-len(panels) // columns)
-        figure = Figure(figsize=(4.6 * columns + 0.8, 3.9 * rows), layout="constrained")
+        figure = Picture(figsize=(4.6 * columns + 0.8, 3.9 * rows), layout="constrained")
         grid = figure.subplots(rows, columns, squeeze=False).ravel()
         shading, limits = _scale(design, held, values), _limits(design, held, values)
         norm = LogNorm if shading.is_log else Normalize

@@ -17,7 +17,7 @@ from ..points.experiments import Experiments
 from ..points.status import Status
 from ..points.trajectories import simulate
 from ..show.durations import axis_scale, make_logarithmic
-from ..show.style import NOISE, STYLE, TEXT, labelled, scale, settle
+from ..show.style import NOISE, STYLE, TEXT, Picture, labelled, scale, settle
 from .evaluated import Evaluated
 
 Floats = NDArray[np.float64]
@@ -66,7 +66,7 @@ def plot_responses(design: Evaluated) -> Figure:
     noise_std = [(problem.noise_std or {}).get(output.name, 0.0) for output in model.outputs]
 
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(7.0, 0.6 + 2.9 * len(model.outputs)), layout="constrained")
+        figure = Picture(figsize=(7.0, 0.6 + 2.9 * len(model.outputs)), layout="constrained")
         grid = figure.subplots(len(model.outputs), 1, squeeze=False, sharex=True)[:, 0]
         for j, (axes, output) in enumerate(zip(grid, model.outputs, strict=True)):
             factor_y, unit_y = scale(output, np.append(expected[:, j], noise_std[j]))

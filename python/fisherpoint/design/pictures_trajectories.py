@@ -18,7 +18,7 @@ from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from ..show.durations import duration, make_logarithmic
 from ..show.early import begin, is_fast
-from ..show.style import NOISE, STYLE, TEXT, labelled, said, scale, telling
+from ..show.style import NOISE, STYLE, TEXT, Picture, labelled, said, scale, telling
 from .evaluated import Evaluated
 from .paths import FRACTIONS, paths_of
 
@@ -74,7 +74,7 @@ def plot_trajectories(design: Evaluated, max_points: int = 24, plants: int = 200
 
     with mpl.rc_context({**STYLE, "font.size": 8.0}):
         width = max(2.5 * len(model.outputs) + 0.6, 5.6)  # the legend needs that
-        figure = Figure(figsize=(width, (1.25 if one_unit else 1.45) * len(points) + 1.0))
+        figure = Picture(figsize=(width, (1.25 if one_unit else 1.45) * len(points) + 1.0))
         grid, titles = figure.subplots(len(points), len(model.outputs), squeeze=False), []
         for j, output in enumerate(model.outputs):
             std = (noise_std or {}).get(output.name, 0.0)

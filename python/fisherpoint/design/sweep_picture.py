@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter, PercentFormatter
 
 from ..show.standard_errors import DECADE
-from ..show.style import NOISE, PRIOR, STYLE, share_formatter
+from ..show.style import NOISE, PRIOR, STYLE, Picture, share_formatter
 from .swept import SweptDesigns
 
 _COLOURS = mpl.colormaps["tab20"].colors  # type: ignore[attr-defined]
@@ -18,7 +18,7 @@ def plot_sweep(sweep: SweptDesigns) -> Figure:
     """Standard errors of all parameters, and the D-efficiency that is proven, over the number of points; the knee as a line."""
     sizes = np.array(sweep.sizes)
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(7.5, 6.0), layout="constrained")
+        figure = Picture(figsize=(7.5, 6.0), layout="constrained")
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
         for k, name in enumerate(sweep.problem.estimated):
             errors = [(of.evaluation.standard_errors or {}).get(name, np.nan) for of in sweep.designs]

@@ -22,7 +22,7 @@ from ..points.settings import checked_arguments
 from ..show.correlation import draw_correlation
 from ..show.early import is_crowded, make_logarithmic_from_zero
 from ..show.run_time import RunTime, shares_of
-from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, labelled, said, scale, telling, telling_each
+from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, Picture, labelled, said, scale, telling, telling_each
 from .profile_curve import OPEN, ProfileCurve
 from .statistics import FitStatistics
 
@@ -70,7 +70,7 @@ def plot_residuals(fit: FitStatistics) -> Figure:
     residuals, parts = fit.standardised, np.cumsum([len(part.samples) for part in fit.data])[:-1]
     noise = "given" if fit.noise_known else "estimated"
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(7.2, 0.9 + 1.35 * len(fit.tests)), layout="constrained")
+        figure = Picture(figsize=(7.2, 0.9 + 1.35 * len(fit.tests)), layout="constrained")
         panels = figure.subplots(len(fit.tests), 1, sharex=True, squeeze=False)[:, 0]
         figure.suptitle(f"Residuals (measured - predicted) in units of the {noise} noise; the band is +-2", x=0.01, ha="left")
         for axes, (i, quantity) in zip(panels, _measured_outputs(fit), strict=True):
@@ -102,7 +102,7 @@ def plot_correlation(fit: FitStatistics) -> Figure:
     names, count = fit.parameters, len(fit.parameters)
     correlation = np.where(np.outer(fit.precision.determined, fit.precision.determined), fit.correlation, np.nan)
     with mpl.rc_context({**STYLE, "axes.grid": False}):
-        figure = Figure(figsize=(2.6 + 0.52 * count, 1.6 + 0.5 * count), layout="constrained")
+        figure = Picture(figsize=(2.6 + 0.52 * count, 1.6 + 0.5 * count), layout="constrained")
         axes = figure.subplots()
         axes.set_title("Correlation of the estimates")
         draw_correlation(axes, correlation, names)
@@ -208,7 +208,7 @@ def plot_time(fit: FitStatistics) -> Figure:
             for (_, _, run), path in zip(series, paths, strict=True)
         ]
         width = max(7.2 / len(series), 4.6, *(time.width for time in times if time))
-        figure = Figure(figsize=(width * len(series), 0.9 + 2.2 * len(outputs)), layout="constrained")
+        figure = Picture(figsize=(width * len(series), 0.9 + 2.2 * len(outputs)), layout="constrained")
         grid = figure.subplots(len(outputs), len(series), sharex="col", squeeze=False)
         of = f"; the first {len(series)} of {len(everything)}" if len(series) < len(everything) else ""
         figure.suptitle(f"Measured and simulated over time{of}", x=0.01, ha="left")
@@ -273,7 +273,7 @@ PLOTS: dict[str, Callable[[FitStatistics], Figure]] = {
 def _grid(count: int, width: float, height: float) -> tuple[Figure, list[Axes]]:
     columns = min(3, count) if count != 4 else 2
     rows = -(-count // columns)
-    figure = Figure(figsize=(max(width * columns, 4.4), height * rows + 0.3), layout="constrained")
+    figure = Picture(figsize=(max(width * columns, 4.4), height * rows + 0.3), layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in grid[count:]:
         axes.remove()
@@ -281,7 +281,7 @@ def _grid(count: int, width: float, height: float) -> tuple[Figure, list[Axes]]:
 
 
 def _nothing(text: str) -> Figure:
-    figure = Figure(figsize=(6.0, 1.2))
+    figure = Picture(figsize=(6.0, 1.2))
     figure.text(0.02, 0.5, text, va="center")
     return figure
 

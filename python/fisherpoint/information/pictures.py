@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from ..basics.values import Array
-from ..show.style import CRITERION, NOISE, PRIOR, STYLE
+from ..show.style import CRITERION, NOISE, PRIOR, STYLE, Picture
 
 _COLOURS = mpl.colormaps["tab10"].colors  # type: ignore[attr-defined]
 
@@ -18,7 +18,7 @@ _COLOURS = mpl.colormaps["tab10"].colors  # type: ignore[attr-defined]
 def plot_failures(failures: Mapping[str, Sequence[int]], draws: int, count: int, kind: str, title: str) -> Figure:
     """The share of plants that cannot run each point, or run, by its reasons."""
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(max(6.0, min(10.0, 2.5 + 0.3 * count)), 3.4), layout="constrained")
+        figure = Picture(figsize=(max(6.0, min(10.0, 2.5 + 0.3 * count)), 3.4), layout="constrained")
         axes = figure.subplots()
         numbers, below = np.arange(1, count + 1), np.zeros(count)
         for k, (reason, counts) in enumerate(sorted(failures.items(), key=lambda one: -sum(one[1]))):
@@ -40,7 +40,7 @@ def plot_singular_values(shares: Array, weak: float, rank: int, title: str) -> F
     """Singular values (n_theta, p) as shares of the largest, one line for each theta; the rank, and where directions are weak."""
     least = 1e-17
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(max(6.0, min(9.0, 2.5 + 0.35 * shares.shape[1])), 3.6), layout="constrained")
+        figure = Picture(figsize=(max(6.0, min(9.0, 2.5 + 0.35 * shares.shape[1])), 3.6), layout="constrained")
         axes = figure.subplots()
         numbers = np.arange(1, shares.shape[1] + 1)
         for k, row in enumerate(np.maximum(shares, least)):
@@ -60,7 +60,7 @@ def plot_singular_values(shares: Array, weak: float, rank: int, title: str) -> F
 def plot_rules(names: Sequence[str], seconds: Array, errors: Array, converged: float, reference: str) -> Figure:
     """Errors (n, 2), the median and the 90th percentile, of rules over the time for one point; NaN where there are none."""
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(8.0, 4.2), layout="constrained")
+        figure = Picture(figsize=(8.0, 4.2), layout="constrained")
         axes = figure.subplots()
         for k, (name, time, (median, most)) in enumerate(zip(names, seconds, errors, strict=True)):
             colour = _COLOURS[k % len(_COLOURS)]

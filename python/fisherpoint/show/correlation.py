@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..basics.values import Array
-from .style import STYLE, TEXT
+from .style import STYLE, TEXT, Picture
 
 
 def correlation_figure(correlation: Array | None, names: Sequence[str], title: str, otherwise: str) -> Figure:
@@ -18,7 +18,7 @@ def correlation_figure(correlation: Array | None, names: Sequence[str], title: s
     count = len(names)
     with mpl.rc_context({**STYLE, "axes.grid": False}):
         size = (6.0, 1.5) if correlation is None else (2.2 + 0.52 * count, 1.6 + 0.5 * count)
-        figure = Figure(figsize=size, layout="constrained")
+        figure = Picture(figsize=size, layout="constrained")
         axes = figure.subplots()
         axes.set_title(title)
         if correlation is None:

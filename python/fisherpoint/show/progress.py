@@ -1,11 +1,16 @@
-"""A bar for what takes its time, on the terminal and in notebooks."""
+"""A bar for what takes its time, on the terminal and in notebooks.
+
+It only shows: where that fails, the work goes on without it. What a function of the user's raises is passed on.
+"""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.util import find_spec
-from typing import Any, NamedTuple, TypeVar, cast
+from time import perf_counter
+from typing import Any, NamedTuple, Protocol, TypeVar, cast
 
 import numpy as np
 
@@ -32,7 +37,7 @@ def check_progress(progress: object) -> None:
     if not isinstance(progress, bool | np.bool_):
         raise TypeError(f"progress: expected True, False or a function, given {type(progress).__name__}")
     if progress:
-        _console()
+        _imported()
 
 
 @contextmanager
@@ -60,43 +65,106 @@ def following(
     if not progress:
         yield None
         return
-    console = _console()
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        ProgressColumn,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    columns: list[ProgressColumn] = [TextColumn("{task.description}"), *([MofNCompleteColumn()] if counted else [])]
-    columns += [BarColumn(bar_width=12), TextColumn("{task.fields[state]}", markup=False), TimeElapsedColumn()]
-    columns += [TimeRemainingColumn()] if counted else []
-    # Nothing stays: the result tells what there is to know.
-    bar = Progress(*columns, console=console, transient=True, disable=not (console.is_terminal or console.is_jupyter))
-    with bar:
-        task = bar.add_task(what, total=None, state=first)
-
-        def show(*told: Any) -> None:
-            now = step(*told)
-            bar.update(task, completed=now.done, total=now.total, state=now.state)
-
-        yield cast(F, show)
+    shown = _Shown(_display(what, first, counted))
+    try:
+        yield cast(F, lambda *told: shown.update(step, *told))
+    finally:
+        shown.end()
 
 
-def _console() -> Any:
+class _Display(Protocol):
+    def update(self, now: Step) -> None: ...
+    def end(self) -> None: ...
+
+
+class _Shown:
+    """A display until it fails: then nothing, as the work counts."""
+
+    def __init__(self, display: _Display | None) -> None:
+        self._display = display
+
+    def update(self, step: Callable[..., Step], *told: Any) -> None:
+        if self._display is not None:
+            try:
+                self._display.update(step(*told))
+            except Exception:  # of a stream that is closed, or of a library that draws
+                self._display = None
+
+    def end(self) -> None:
+        if self._display is not None:
+            with suppress(Exception):
+                self._display.end()
+
+
+def _display(what: str, first: str, counted: bool) -> _Display | None:
+    """A bar, or a line of text in a notebook without widgets; None where none can be begun."""
+    from rich.console import Console
+
+    try:
+        console = Console(stderr=True)
+        console.on_broken_pipe = _raise_again  # type: ignore[method-assign]  # it would end the process, with an empty output
+        if console.is_jupyter and find_spec("ipywidgets") is None:
+            return _Line(what)
+        if console.is_jupyter:
+            console.width = WIDTH
+        return _Bar(console, what, first, counted)
+    except Exception:
+        return None
+
+
+def _raise_again() -> None:
+    raise  # what the console is handling
+
+
+class _Bar:
+    """A bar of rich."""
+
+    def __init__(self, console: Any, what: str, first: str, counted: bool) -> None:
+        from rich.progress import (
+            BarColumn,
+            MofNCompleteColumn,
+            Progress,
+            ProgressColumn,
+            TextColumn,
+            TimeElapsedColumn,
+            TimeRemainingColumn,
+        )
+
+        columns: list[ProgressColumn] = [TextColumn("{task.description}"), *([MofNCompleteColumn()] if counted else [])]
+        columns += [BarColumn(bar_width=12), TextColumn("{task.fields[state]}", markup=False), TimeElapsedColumn()]
+        columns += [TimeRemainingColumn()] if counted else []
+        # Nothing stays: the result tells what there is to know.
+        self._bar = Progress(*columns, console=console, transient=True, disable=not (console.is_terminal or console.is_jupyter))
+        self._task = self._bar.add_task(what, total=None, state=first)
+        self._bar.start()
+
+    def update(self, now: Step) -> None:
+        self._bar.update(self._task, completed=now.done, total=now.total, state=now.state)
+
+    def end(self) -> None:
+        self._bar.stop()
+
+
+class _Line:
+    """A line of text that is written over, at most once a second."""
+
+    def __init__(self, what: str) -> None:
+        self._what, self._last = what, -np.inf
+
+    def update(self, now: Step) -> None:
+        if perf_counter() - self._last >= 1:
+            self._last = perf_counter()
+            far = "" if now.total is None else f" {now.done}/{now.total}"
+            self._write(f"{self._what}{far} {now.state}")
+
+    def end(self) -> None:
+        self._write("")
+
+    @staticmethod
+    def _write(text: str) -> None:
+        print(f"\r{text[:WIDTH]:<{WIDTH}}", end="\r", file=sys.stderr, flush=True)
+
+
+def _imported() -> None:
     with needed_for("progress"):
-        from rich.console import Console
-        from rich.progress import Progress  # noqa: F401  with all that it imports
-
-    console = Console(stderr=True)
-    if console.is_jupyter:
-        console.width = WIDTH
-        if find_spec("ipywidgets") is None:
-            raise ModuleNotFoundError(
-                "progress: expected the package ipywidgets, by which notebooks show a bar, given none: pip install ipywidgets",
-                name="ipywidgets",
-            )
-    return console
+        import rich.progress  # noqa: F401  with all that it imports

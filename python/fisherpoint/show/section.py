@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from .text import to_html, to_text
+
 TEXTS = ("unit",)
 """Columns that are text whatever is in them: 1/s is no number."""
 
@@ -39,9 +41,9 @@ class Section:
         return any(cell and not _is_number(cell) for cell in cells)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Report:
-    """A headline, sections, and what the user should not miss.
+    """A headline, sections, and what the user should not miss; `print` shows them.
 
     Where the headline is more than a line, a page has a short title above it, and shows it as these lines.
     """
@@ -51,6 +53,15 @@ class Report:
     warnings: Sequence[str] = ()
     title: str = ""
     lines: Sequence[str] = ()
+
+    def __repr__(self) -> str:
+        return f"<Report: {self.headline}>"
+
+    def __str__(self) -> str:
+        return to_text(self)
+
+    def _repr_html_(self) -> str:
+        return to_html(self)
 
 
 def _is_number(cell: str) -> bool:

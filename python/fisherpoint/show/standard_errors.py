@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from .numbers import computed
-from .style import NOISE, PRIOR, STYLE, share_formatter
+from .style import NOISE, PRIOR, STYLE, Picture, share_formatter
 
 DECADE = 0.08
 """Where logarithmic axes of shares of the prior std begin at the latest: a decade below 1, so that there are two labels."""
@@ -24,7 +24,7 @@ def standard_error_figure(
     names = list(prior_std)
     rows = np.arange(len(names))
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(8.0, 1.7 + 0.4 * len(names)), layout="constrained")
+        figure = Picture(figsize=(8.0, 1.7 + 0.4 * len(names)), layout="constrained")
         axes = figure.subplots()
         axes.axvline(1.0, color=PRIOR, linewidth=1.5, label="prior")
         axes.axvline(0.5, color=PRIOR, linewidth=1.0, linestyle=":", label="half the prior")

@@ -22,7 +22,7 @@ from ..basics.quantity import Quantity
 from .numbers import number
 
 PRIOR, CRITERION, NOISE, TEXT = "#8c8c8c", "#d55e00", "#0072b2", "#333333"
-DPI = 150
+DPI, NOTEBOOK_DPI = 150, 100
 STYLE: dict[Any, Any] = {
     "font.size": 9.0,
     "axes.titlesize": 10.0,
@@ -103,6 +103,13 @@ def labelled(name: str, unit: str) -> str:
 def share_formatter() -> FuncFormatter:
     """Shares along an axis as percentages, with the digits that each needs: along a logarithmic axis 0.1% stands beside 100%."""
     return FuncFormatter(lambda share, _: f"{100 * share:g}%")
+
+
+class Picture(Figure):
+    """A figure that shows itself in notebooks, also where `%matplotlib` has told them nothing of figures."""
+
+    def _repr_png_(self) -> bytes:
+        return encoded(self, "png", dpi=NOTEBOOK_DPI)
 
 
 def drawn(figure: Figure, path: str | Path | None) -> Figure:

@@ -3,13 +3,38 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from html import escape
+from typing import Protocol
 
 from ..basics.messages import printable
-from .section import Report, Section
 
 INDENT, GAP = "  ", "  "
+
+
+class Section(Protocol):
+    """A `section.Section`, which stands above this module as reports show themselves."""
+
+    @property
+    def title(self) -> str: ...
+    @property
+    def columns(self) -> Sequence[str]: ...
+    @property
+    def rows(self) -> Sequence[Sequence[str]]: ...
+    @property
+    def notes(self) -> Sequence[str]: ...
+    def is_left(self, place: int) -> bool: ...
+
+
+class Report(Protocol):
+    """A `section.Report`."""
+
+    @property
+    def headline(self) -> str: ...
+    @property
+    def sections(self) -> Sequence[Section]: ...
+    @property
+    def warnings(self) -> Sequence[str]: ...
 
 
 def to_text(report: Report, width: int | None = None) -> str:

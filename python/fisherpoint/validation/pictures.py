@@ -12,7 +12,7 @@ from matplotlib.ticker import NullFormatter, PercentFormatter
 
 from ..basics.values import Array
 from ..show.numbers import counted
-from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, share_formatter
+from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, Picture, share_formatter
 from .design_validation import DesignValidation
 from .figures import LEVEL
 from .verdict import COVERAGE_TOLERANCE
@@ -29,7 +29,7 @@ def plot_validation(designs: Mapping[str, DesignValidation]) -> Figure:
     count, rows = len(designs), max(len(design.parameters) for design in designs.values())
     limits = _limits(designs.values())
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(8.6, 1.3 + count * (0.85 + 0.27 * rows)), layout="constrained")
+        figure = Picture(figsize=(8.6, 1.3 + count * (0.85 + 0.27 * rows)), layout="constrained")
         panels = figure.subplots(count, 2, squeeze=False, sharex="col", width_ratios=(2.6, 1))
         for (name, design), (errors, coverage) in zip(designs.items(), panels, strict=True):
             _errors(errors, design, limits)

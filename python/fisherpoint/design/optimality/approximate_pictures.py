@@ -12,7 +12,7 @@ from ...basics.quantity import Quantity
 from ...basics.values import Array
 from ...points.experiments import Experiments
 from ...show.durations import axis_scale, make_logarithmic
-from ...show.style import CRITERION, NOISE, PRIOR, STYLE
+from ...show.style import CRITERION, NOISE, PRIOR, STYLE, Picture
 
 
 def sensitivity_figure(
@@ -30,7 +30,7 @@ def sensitivity_figure(
     columns = min(3, len(free))
     rows = -(-len(free) // columns)
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(3.4 * columns, 2.6 * rows), layout="constrained")
+        figure = Picture(figsize=(3.4 * columns, 2.6 * rows), layout="constrained")
         for place, k in enumerate(free):
             plot = figure.add_subplot(rows, columns, place + 1)
             along = axis_scale(axes[k], tables[0][:, k], tables[1][:, k])

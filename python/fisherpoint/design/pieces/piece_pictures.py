@@ -12,7 +12,7 @@ from matplotlib.ticker import PercentFormatter
 from ...basics.quantity import DURATION, Quantity
 from ...basics.values import Array
 from ...points.runs import Runs
-from ...show.style import CRITERION, NOISE, STYLE, scale
+from ...show.style import CRITERION, NOISE, STYLE, Picture, scale
 
 
 def plot_windows(start: Array, runs: Runs, y: Array, shares: Array, outputs: Sequence[Quantity], title: str) -> Figure:
@@ -20,7 +20,7 @@ def plot_windows(start: Array, runs: Runs, y: Array, shares: Array, outputs: Seq
     ends = start[:, None] + runs.t
     by, unit = scale(DURATION, ends)
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(9.0, 1.6 + 1.3 * (len(outputs) + 1)), layout="constrained")
+        figure = Picture(figsize=(9.0, 1.6 + 1.3 * (len(outputs) + 1)), layout="constrained")
         *panels, last = figure.subplots(len(outputs) + 1, 1, sharex=True)
         for i, (output, axes) in enumerate(zip(outputs, panels, strict=True)):
             factor, of = scale(output, y[..., i])

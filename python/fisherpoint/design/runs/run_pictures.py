@@ -18,7 +18,7 @@ from ...points.runs import Runs
 from ...points.status import Status
 from ...show.numbers import counted
 from ...show.run_time import RunTime, shares_of
-from ...show.style import NOISE, PRIOR, STYLE, TEXT, labelled, scale, telling
+from ...show.style import NOISE, PRIOR, STYLE, TEXT, Picture, labelled, scale, telling
 from .run_plants import RunPlants
 
 DRAWN = 100
@@ -46,7 +46,7 @@ def plot_runs(problem: DesignProblem, runs: Runs) -> Figure:
     ]
     width = max(4.2, *(time.width for time in times))
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(1.5 + width * columns, 0.6 + 1.5 * rows), layout="constrained")
+        figure = Picture(figsize=(1.5 + width * columns, 0.6 + 1.5 * rows), layout="constrained")
         grid = figure.subplots(rows, columns, squeeze=False, sharex="col", sharey="row")
         for k, time in enumerate(times):
             n = int(shown.segments[k])
@@ -86,7 +86,7 @@ def plot_information(problem: DesignProblem, runs: Runs) -> Figure:
     told = _told(problem, rows.sensitivity[rows.status == Status.ok], runs.measured[rows.status == Status.ok])
     share = told / np.maximum(told.sum(axis=0), 1e-300)
     with mpl.rc_context(STYLE | {"axes.grid": False}):
-        figure = Figure(figsize=(max(6.0, min(14.0, 2.0 + 0.12 * len(share))), 1.2 + 0.32 * share.shape[1]), layout="constrained")
+        figure = Picture(figsize=(max(6.0, min(14.0, 2.0 + 0.12 * len(share))), 1.2 + 0.32 * share.shape[1]), layout="constrained")
         axes: Any = figure.subplots()
         count = len(share)
         image = axes.imshow(
