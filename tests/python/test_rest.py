@@ -262,7 +262,7 @@ def of_one(f: list[str], **more: Any) -> Callable[..., fp.RunTrajectories]:
     ("f", "x0", "u", "said"),
     [
         (["a*k + x**2 + u"], [1.0], 0.0, r"rest: expected an equilibrium of x, found none from x0 of runs\[0\]"),
-        (["-a*x*v*k + 0*u", "a*x*v*k*(1 + x)"], [0.1, 1.0], 0.0, r"given rates that leave v free in runs\[0\]: f_x is singular"),
+        (["-a*x*v*k + 0*u", "a*x*v*k*(1 + x)"], [0.1, 1.0], 0.0, r"given rates that leave [xv] free in runs\[0\]: f_x is singular"),
         (["v - a*x + 0*u", "k*x - v"], [1.0, 1.0], 0.0, "leave (x, v|v, x) free"),  # kept for a = k alone
         (["a*k*u"], [1.0], 1.0, "found none"),
         (["v", "u*k - a*v"], [1.0, 0.0], 1.0, "found none"),

@@ -297,6 +297,8 @@ def _keys_of(place: tuple[str, ...]) -> list[str]:
     if place[:2] == ("runs", "rest"):
         return list(RestTable.model_fields)
     if len(place) > 1:
+        if place == ("runs", "rest"):
+            return list(RestTable.model_fields)
         entries: dict[str, type[BaseModel]] = {"prior": PriorEntry, "region": Bounds}
         return list(entries.get(place[0], Std).model_fields)
     return list((_TABLES[place[0]] if place else Config).model_fields)

@@ -91,7 +91,7 @@ def tangents_from(
     model, values = _extended(problem, theta)
     n = runs.dt.shape[1]
     first = np.minimum(runs.first_difference(base.runs, own), n - 1)
-    whole = first == 0
+    whole = (first == 0) | (runs.controlled if runs.rests is not None else False)  # how these start, base.dx may not have all of
     x, dx, dy, status = base.x[own], base.dx[own], base.dy[own], base.status[own]
     if whole.any():
         done = checked_run_sensitivities(model, runs[whole], values[whole], settings, outputs_alone=outputs_alone)

@@ -103,17 +103,23 @@ def _scaled(jacobian: Array, scale: Array) -> tuple[Array, Array]:
     return scaled / rows, rows
 
 
+def _inverses(matrices: Array) -> Array:
+    """Inverses (n, r, r), infinite where there is none; each is that of a matrix alone."""
+    try:
+        return np.asarray(np.linalg.inv(matrices))
+    except np.linalg.LinAlgError:
+        if len(matrices) == 1:
+            return np.full_like(matrices, np.inf)
+        return np.concatenate([_inverses(one[None]) for one in matrices])
+
+
 class _Factors:
     """Jacobians of rows, for steps with several right-hand sides; where they are next to singular, the shortest step."""
 
     def __init__(self, jacobian: Array, scale: Array) -> None:
         scaled, self.rows = _scaled(jacobian, scale)
-        size = np.full(len(scaled), np.inf)
-        try:
-            self.inverse = np.linalg.inv(scaled)
-            size = np.linalg.norm(self.inverse, axis=(1, 2))
-        except np.linalg.LinAlgError:
-            self.inverse = np.zeros_like(scaled)
+        self.inverse = _inverses(scaled)
+        size = np.linalg.norm(self.inverse, axis=(1, 2))
         hard = np.flatnonzero(~(size < 1e8))
         self.left_over = np.zeros_like(scaled)  # onto what of the rates no step can make vanish
         if len(hard):
@@ -205,7 +211,9 @@ def _solved_or_shortest(matrix: Array, right: Array) -> Array:
     try:
         return np.asarray(np.linalg.solve(matrix, right[:, :, None])[:, :, 0])
     except np.linalg.LinAlgError:
-        return np.array([np.linalg.lstsq(a, b, rcond=None)[0] for a, b in zip(matrix, right, strict=True)])
+        if len(matrix) == 1:
+            return np.asarray(np.linalg.lstsq(matrix[0], right[0], rcond=None)[0][None])
+        return np.concatenate([_solved_or_shortest(matrix[[k]], right[[k]]) for k in range(len(matrix))])
 
 
 def _judged(rates: Rates, z: Array, settled: Flags, scale: Array) -> Equilibria:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
 from ..models import Model
 from ..show.text import to_html
@@ -96,13 +98,48 @@ def checked_run_sensitivities(
     start = starts_of(model, runs, theta)
     rows, values = _resting(start.status, theta)
     s = start.s[rows] if start.s.size else start.s
-    options = {"measured": runs.measured[rows], "s": s, "outputs_alone": outputs_alone}
-    x, y, dx, dy, status, reached = model.kernels.run_sensitivities(
-        model.core, start.x0[rows], runs.u[rows], runs.dt[rows], values, *settings, **options
-    )
+    compute = _by_kernel if runs.rests is None or not runs.controlled.any() else _from_controlled
+    x, y, dx, dy, status, reached = compute(model, runs[rows], start.x0[rows], s, values, settings, outputs_alone)
     x, status, reached, y, dy = _whole(start, rows, runs.dt.shape[1], x, status, reached, y, dy)
     dx = dx if outputs_alone else _spread(dx, rows, len(runs))
     return RunSensitivities(x, y, dx, dy, status, reached)
+
+
+def _by_kernel(
+    model: Model, runs: Runs, x0: Array, s: Array, theta: Array, settings: Settings, outputs_alone: bool
+) -> tuple[Any, ...]:
+    """x, y, dx, dy, status and reached of runs from known starts x0, which move with theta by s."""
+    options = {"measured": runs.measured, "s": s, "outputs_alone": outputs_alone}
+    return tuple(model.kernels.run_sensitivities(model.core, x0, runs.u, runs.dt, theta, *settings, **options))
+
+
+def _from_controlled(
+    model: Model, runs: Runs, x0: Array, s: Array, theta: Array, settings: Settings, outputs_alone: bool
+) -> tuple[Any, ...]:
+    """The same where a controller makes starts depend on parameters that the states themselves never see, as a valve's on leakage.
+
+    A kernel knows which states depend on which parameters, and keeps these derivatives alone. So starts are parameters of their
+    own, and what they do is multiplied by s.
+    """
+    p, states = len(model.parameters), names_of(model.states)
+    names = tuple(dict.fromkeys(name for rest in runs.rest if rest is not None and rest.solve for name in rest.found(states)))
+    places = [states.index(name) for name in names]
+    by, left = s[:, places], s.copy()  # by is (K, m, p)
+    left[:, places] = 0.0
+    free = np.zeros((len(runs), len(names)))
+    values = np.column_stack([np.broadcast_to(theta, (len(runs), p)), free])
+    left = np.concatenate([left, np.zeros((*s.shape[:2], len(names)))], axis=2)
+    x, y, dx, dy, status, reached = _by_kernel(_freed(model, names), runs, x0, left, values, settings, outputs_alone)
+    dy = dy[..., :p] + dy[..., p:] @ by[:, None]
+    if not outputs_alone:
+        dx = dx[..., :p] + dx[..., p:] @ by[:, None]
+        dx[:, :, places] += np.where((np.arange(dx.shape[1]) < reached[:, None])[:, :, None, None], by[:, None], 0.0)
+    return x, y, dx, dy, status, reached
+
+
+@lru_cache(maxsize=64)
+def _freed(model: Model, names: tuple[str, ...]) -> Model:
+    return model.free_start(*names)
 
 
 def _resting(status: IntArray, theta: Array) -> tuple[slice | NDArray[np.intp], Array]:

@@ -167,6 +167,11 @@ class Runs(InNotebooks):
         return (None,) * len(self) if self.rests is None else tuple(self.rests)
 
     @property
+    def controlled(self) -> Flags:
+        """Whether each run starts where a controller holds the plant, (K,)."""
+        return np.array([one is not None and bool(one.solve) for one in self.rest], dtype=bool)
+
+    @property
     def segments(self) -> NDArray[np.intp]:
         """Number of segments of each run, (K,)."""
         return np.asarray(np.count_nonzero(self.dt, axis=1), dtype=np.intp)
