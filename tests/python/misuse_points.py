@@ -114,6 +114,7 @@ def point_cases() -> dict[str, Case]:
             u=([0.1, 0.2, 0.3], ARRAY),
             y=([0.1, 0.2, 0.3], ARRAY),
             x0=({"h": 1.0}, MAP, NONE),
+            begin=(0.0, NUMBER, NONE),
         ),
         "record[]": case(lambda index: record()[index], index=(slice(0, 2), SLICE)),
         "Record.check": case(record().check, model=of_model),

@@ -99,10 +99,13 @@ class Formula:
 
 
 class Reader(ABC):
-    """Makes a formula into something of the kind that its names stand for, part by part: see `number` and `combined`."""
+    """Makes a formula into something of the kind that its names stand for, part by part: see `number` and `combined`.
 
-    def __init__(self, formula: Formula, names: Mapping[str, Any]) -> None:
-        self.formula, self.names = formula, names
+    The names that are `hidden` may occur too; messages do not list them.
+    """
+
+    def __init__(self, formula: Formula, names: Mapping[str, Any], hidden: Mapping[str, Any] | None = None) -> None:
+        self.formula, self.names, self.hidden = formula, names, hidden or {}
 
     @abstractmethod
     def number(self, node: ast.expr, value: float) -> Any:
@@ -151,6 +154,8 @@ class Reader(ABC):
                 self.formula.refuse(REPEATED, node)
             case ast.Call(ast.Name(), _, _):
                 self.formula.refuse(f"expected {_FUNCTIONS}", node)
+            case ast.Name(name) if name in self.hidden and name not in self.names:
+                return self.hidden[name]
             case ast.Name(name):
                 if name not in self.names and name != "pi":
                     self.formula.refuse(f"expected the names {listed(self.names)}", node)

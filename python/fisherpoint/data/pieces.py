@@ -148,13 +148,18 @@ def pieces(
     Raises
     ------
     TypeError, ValueError
-        For a record or column that is not of the model, a state that nothing tells, a length or step that leaves no window, and a
-        record of which no window has a measured start.
+        For a record or column that is not of the model, a model with the time in its equations, a state that nothing tells, a
+        length or step that leaves no window, and a record of which no window has a measured start.
     """
     check_type(record, Record, "record")
     record.check(model)
     if not model.states:
         raise ValueError(f"model: expected one with states, given {model.name}")
+    if model.clock is not None:
+        raise ValueError(
+            f"model: expected one without the time {model.clock} in its equations, which would begin anew with each window, given"
+            f" {model.name}: write it as an input, or as a state with the rate 1"
+        )
     length = check_positive_int(length, "length", LEAST_LENGTH)
     if length > len(record):
         raise ValueError(f"length: expected at most the {len(record)} samples of the record, given {length}")

@@ -39,6 +39,9 @@ class Record(InNotebooks):
         Outputs in the model's order, SI units; NaN where an output was not measured. (N,) is taken for a single output.
     x0 : mapping of state name to float, optional
         Start values that are known, SI units. States that are not named are estimated.
+    begin : float, optional
+        The time at which t of equations is zero, s; default: that of the first sample. Samples that are taken out of a record keep
+        that of the whole.
 
     Raises
     ------
@@ -52,6 +55,7 @@ class Record(InNotebooks):
     u: Array
     y: Array
     x0: Mapping[str, float] = field(default_factory=dict, kw_only=True)
+    begin: float | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         t = checked_times(self.t)
@@ -60,6 +64,7 @@ class Record(InNotebooks):
             array.flags.writeable = False
             object.__setattr__(self, name, array)
         object.__setattr__(self, "x0", by_name(self.x0, None, "x0", as_float))
+        object.__setattr__(self, "begin", float(t[0]) if self.begin is None else as_float(self.begin, "begin"))
 
     def __len__(self) -> int:
         return len(self.t)
@@ -71,7 +76,8 @@ class Record(InNotebooks):
         first, last, step = cast(slice, as_index(samples, len(self), "samples")).indices(len(self))
         if step != 1 or not first < last:
             raise ValueError(f"samples: expected a slice of consecutive samples, at least one, given {shown(samples)}")
-        return Record(self.t[first:last], self.u[first:last], self.y[first:last], x0=self.x0 if first == 0 else {})
+        x0 = self.x0 if first == 0 else {}
+        return Record(self.t[first:last], self.u[first:last], self.y[first:last], x0=x0, begin=self.begin)
 
     def __repr__(self) -> str:
         measured = int(np.isfinite(self.y).sum())
@@ -83,6 +89,11 @@ class Record(InNotebooks):
     def _in_notebook(self) -> Report:
         columns = {"t": self.t, **numbered("u", self.u), **numbered("y", self.y)}
         return Report(repr(self), [first_rows(len(self), columns)])
+
+    @property
+    def since(self) -> Array:
+        """The times of the samples as equations read them, (N,), s."""
+        return np.asarray(self.t - (self.begin or 0.0))
 
     @property
     def samples(self) -> Array:

@@ -57,7 +57,7 @@ def simulate_record(
     model : Model
         Kinks and jumps are crossed.
     t : array_like, (N,)
-        Times of the samples, s, increasing.
+        Times of the samples, s, increasing; where equations read the time, it is that since t[0].
     u : array_like, (N, n_u)
         u[n] is held from t[n] to t[n+1]; (N,) is taken for a single input.
     theta : mapping by name, or array_like (p,)
@@ -86,7 +86,9 @@ def simulate_record(
     if inputs.shape[1] != len(model.inputs):
         raise ValueError(f"u: expected shape ({len(times)}, {len(model.inputs)}), given {inputs.shape}")
     start = in_order(x0, names, "x0") if isinstance(x0, Mapping) else as_floats_of_shape(x0, (len(names),), "x0")
-    x, y, status, reached = record_trajectories(model, theta[None], start[None], times, inputs, (rtol, True, True, "fastest", 1))
+    x, y, status, reached = record_trajectories(
+        model, theta[None], start[None], times - times[0], inputs, (rtol, True, True, "fastest", 1)
+    )
     warn_of_small_states(model, "the trajectory keeps", x[0, : reached[0] + 1])
     return RecordTrajectory(x[0], y[0], Status(int(status[0])), int(reached[0]))
 
@@ -94,7 +96,7 @@ def simulate_record(
 def record_trajectories(
     model: Model, theta: Array, x0: Array, t: Array, u: Array, settings: Settings
 ) -> tuple[Array, Array, IntArray, IntArray]:
-    """x (B, N, n_x), y (B, N, n_y), status (B,) and last sample reached (B,) for B starts and parameter sets."""
+    """x (B, N, n_x), y (B, N, n_y), status (B,) and last sample reached (B,) for B starts and parameter sets, at times t of f."""
     count, samples = len(theta), len(t)
     if not model.states:
         rows = np.repeat(theta, samples, axis=0)
@@ -103,8 +105,9 @@ def record_trajectories(
         x, failed = np.empty((count, samples, 0)), ended.reshape(count, samples)
         status, reached = first_failure(failed), np.full(count, samples - 1)
     else:
-        x, status, reached = model.kernels.simulate_runs(model.core, x0, u[:-1], np.diff(t), theta, *settings)
-        y = model.core.output(x.reshape(count * samples, -1), np.tile(u, (count, 1)), np.repeat(theta, samples, axis=0))
+        x, status, reached = model.kernels.simulate_runs(model.core, model.at(x0, t[0]), u[:-1], np.diff(t), theta, *settings)
+        states = model.at(x, t).reshape(count * samples, -1)
+        y = model.core.output(states, np.tile(u, (count, 1)), np.repeat(theta, samples, axis=0))
         failed = np.zeros((count, samples), dtype=np.int32)
     y = y.reshape(count, samples, -1)
     failed[(failed == Status.ok) & ~(np.isfinite(y).all(axis=2) & np.isfinite(x).all(axis=2))] = Status.not_finite

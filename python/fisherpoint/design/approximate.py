@@ -11,7 +11,6 @@ import numpy as np
 
 from ..basics.checks import as_positive, check_choice, check_flag, check_positive_int, check_type
 from ..basics.values import FrozenMapping
-from ..engine.levels import kernels
 from ..information.combinations import combinations
 from ..information.prior_information import prior_information as information_of_prior
 from ..information.problem import DesignProblem
@@ -166,7 +165,7 @@ def approximate(
         elsewhere = () if scenarios is None else scenarios.problems
         source = PointRows(problem, threads, elsewhere)
         rng = np.random.default_rng(seed)
-        given, fast = candidates, problem.model.kernels is kernels  # of slow models few points are tried
+        given, fast = candidates, problem.model.in_core  # of slow models few points are tried
         if given is None:
             _check_region(problem)
             given = _drawn(problem, n_candidates, rng)

@@ -9,7 +9,6 @@ from typing import ClassVar
 
 from ..basics.declared import Choices, Extents
 from ..basics.values import FrozenMapping
-from ..engine.levels import kernels
 from ..information.evaluation import Evaluation
 from ..information.feasibility import Feasibility, feasibility
 from ..information.problem import DesignProblem
@@ -130,7 +129,7 @@ class FoundDesign:
 
         None for models of Python functions, of which so many trajectories take minutes: `fp.feasibility` counts them too.
         """
-        if self.problem.model.kernels is not kernels:
+        if not self.problem.model.in_core:
             return None
         return feasibility(self.problem, self.points, draws=DRAWS, seed=self.settings.seed + UNSEEN)
 

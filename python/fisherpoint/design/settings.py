@@ -20,7 +20,6 @@ from ..basics.checks import (
     check_positive_int,
     check_type,
 )
-from ..engine.levels import kernels
 from ..information.output_covariance import needs_covariances
 from ..information.problem import DesignProblem
 from ..points.codec import points_from_json, points_to_json
@@ -107,7 +106,7 @@ def _check_kind_of_over(over: object) -> None:
 
 def searched_by(method: str, problem: DesignProblem) -> str:
     """The method of a search: "auto" is that of the paper where D needs every point's covariance, or trajectories cost much."""
-    costly = needs_covariances(str(problem.output_covariance)) or problem.model.kernels is not kernels
+    costly = needs_covariances(str(problem.output_covariance)) or not problem.model.in_core
     return "paper" if costly else method
 
 

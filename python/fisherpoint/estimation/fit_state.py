@@ -157,14 +157,14 @@ def _covariances(given: Any, name: str, n_y: int) -> Array:
 def _data_to_json(part: Any) -> dict[str, Any]:
     y = finite_or_none(part.y)
     if isinstance(part, Record):
-        return {"t": part.t.tolist(), "u": part.u.tolist(), "y": y, "x0": dict(part.x0)}
+        return {"t": part.t.tolist(), "u": part.u.tolist(), "y": y, "x0": dict(part.x0), "begin": part.begin}
     return (runs_to_json(part.points) if isinstance(part.points, Runs) else points_to_json(part.points)) | {"y": y}
 
 
 def _data_from_json(data: dict[str, Any]) -> Measurements | Record:
     y = np.array(data["y"], dtype=np.float64)  # of None it makes NaN
     if "t" in data:
-        return Record(_numbers(data["t"]), _numbers(data["u"]).reshape(len(y), -1), y, x0=data["x0"])
+        return Record(_numbers(data["t"]), _numbers(data["u"]).reshape(len(y), -1), y, x0=data["x0"], begin=data["begin"])
     return Measurements(runs_from_json(data) if "measured" in data else points_from_json(data), y)
 
 

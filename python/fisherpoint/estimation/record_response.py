@@ -101,7 +101,7 @@ class RecordResponse:
         rows = np.flatnonzero(status == Status.ok)
         if len(rows):
             x, y[rows], status[rows], _ = record_trajectories(
-                self.model, theta[rows], x0[rows], self.record.t, self.record.u, self._settings
+                self.model, theta[rows], x0[rows], self.record.since, self.record.u, self._settings
             )
             kept = status[rows] == Status.ok
             rows, x = rows[kept], x[kept]
@@ -176,7 +176,8 @@ class RecordResponse:
             at = slice(first, min(first + length, samples))
             n, pieces = at.stop - first, min(at.stop, samples - 1) - first
             # In time's order, all records of a sample together.
-            rows = x[:, at].swapaxes(0, 1).reshape(n * count, n_x), np.repeat(u[at], count, axis=0), np.tile(offsets, (n, 1))
+            states = model.at(x[:, at], self.record.since[at]).swapaxes(0, 1).reshape(n * count, -1)
+            rows = states, np.repeat(u[at], count, axis=0), np.tile(offsets, (n, 1))
             g = model.core.output_jacobian(*rows).reshape(n, count, -1, p + n_x)
             states, inputs, parameters = (of[: pieces * count] for of in rows)
             _, _, slopes, _, ended = model.kernels.sensitivities(

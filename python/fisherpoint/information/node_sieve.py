@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
-from ..engine.levels import kernels
 from ..points.experiments import Experiments
 from ..points.predictive import nodes_of
 from ..points.settings import Settings
@@ -70,7 +69,7 @@ class NodeSieve:
         self._chosen = np.empty(0, dtype=np.intp)
         self._theta: Array | None = None
         self._weights = np.empty(0)
-        if problem.model.kernels is not kernels:
+        if not problem.model.in_core:
             return
         if not isinstance(rule, Linearized) and rule.size(problem.prior) <= MOST:
             theta, weights = nodes_of(rule, problem.prior, names_of(problem.model.parameters), problem.estimated).nodes()

@@ -106,7 +106,8 @@ def tangents_from(
         lanes = rest[:, None]
         dt = np.where(there, runs.dt[lanes, source], 0.0)
         measured = there & runs.measured[lanes, source]
-        x0, s = x[rest, from_segment], base.dx[own[rest], from_segment - 1]
+        x0 = model.at(x[rest, from_segment], np.cumsum(runs.dt[rest], axis=1)[np.arange(len(rest)), from_segment - 1])
+        s = base.dx[own[rest], from_segment - 1]
         new_x, _, new_dx, new_dy, status[rest], _ = model.kernels.run_sensitivities(
             model.core, x0, runs.u[lanes, source], dt, values[rest], *settings, measured=measured, s=s, outputs_alone=outputs_alone
         )

@@ -46,6 +46,8 @@ class Model(ABC):
         By what states start off their x0, see `free_start`.
     poles : tuple of str
         The first of `domain`: divisors and the like, which may have either sign but must not change it.
+    clock : sympy.Symbol or None
+        The time since the start, where equations read it.
     """
 
     name: str
@@ -59,6 +61,7 @@ class Model(ABC):
     domain: tuple[str, ...] = ()
     poles: tuple[str, ...] = ()
     crossable: tuple[str, ...] = ()
+    clock: Any = None
     along: tuple[str, ...] = ()
     offsets: Mapping[str, str] = FrozenMapping({})
     nominal: Mapping[str, float] = FrozenMapping({})
@@ -78,9 +81,18 @@ class Model(ABC):
         """What runs `core`: the compiled kernels for this machine."""
         return kernels
 
+    @property
+    def in_core(self) -> bool:
+        """Whether the compiled kernels run it; functions of Python take thousands of times as long."""
+        return True
+
     @abstractmethod
     def _identity(self) -> Hashable:
         """What two equal models share."""
+
+    def at(self, x: Array, t: Any) -> Array:
+        """States (..., n_x) at the times t (...) as `core` and `kernels` take them: t counts where equations read it."""
+        return x
 
     @property
     def least(self) -> Mapping[str, float]:

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from ..basics.messages import printable
+from ..basics.quantity import Quantity
 from ..engine import _core
 from ..engine.levels import isa
 from .base import Model
@@ -61,7 +62,7 @@ LAST_LINES = 3
 """Of what a compiler says, beside its first error."""
 
 
-def compiled_model(model: Model, programs: Programs, tape: Any) -> Any | None:
+def compiled_model(model: Model, states: Sequence[Quantity], programs: Programs, tape: Any) -> Any | None:
     """Return `programs`, which `tape` has as the core interprets them, with kernels of their own, built where no cache has them.
 
     None, with a warning that says why, where there is no C++ compiler, or where it cannot build the model.
@@ -74,7 +75,7 @@ def compiled_model(model: Model, programs: Programs, tape: Any) -> Any | None:
         _stays_interpreted("expected the core's headers beside the package, found none")
         return None
     flags = [*_FLAGS, *([] if isa() == "generic" else [f"-march=x86-64-{isa()}"]), *_whole_moves(compiler), f"-I{include}"]
-    sources = {_MODEL: cpp_model(model, programs, _NAME)}
+    sources = {_MODEL: cpp_model(model, states, programs, _NAME)}
     sources[_EXPORTS] = "{ global: fisherpoint_kernels; local: *; };\n"
     includes = f'#include "{_MODEL}"\n#include "fisherpoint/compiled/c_kernels.hpp"\n\n'
     for name, content in _SOURCES.items():

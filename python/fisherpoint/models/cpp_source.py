@@ -26,9 +26,12 @@ _FORMS = {
 }
 
 
-def cpp_model(model: Model, programs: Programs, name: str) -> str:
-    """Return the C++ source of a model (cpp/include/fisherpoint/models/model.hpp says what that is) as a struct called `name`."""
-    n_x, n_u, p = len(model.states), len(model.inputs), len(model.parameters)
+def cpp_model(model: Model, states: Sequence[Quantity], programs: Programs, name: str) -> str:
+    """Return the C++ source of a model (cpp/include/fisherpoint/models/model.hpp says what that is) as a struct called `name`.
+
+    `states` are those that the programs have.
+    """
+    n_x, n_u, p = len(states), len(model.inputs), len(model.parameters)
     sides = len(model.jumps) + len(model.kinks)
     leaves = [f"{area}_{i}" for area, n in (("theta", p), ("u", n_u), ("x", n_x), ("side", sides)) for i in range(n)]
     rates, output, surfaces = (_Body(program, leaves, n_x) for program in (programs.rates, programs.output, programs.surfaces))
@@ -43,7 +46,7 @@ namespace fisherpoint {{
 
 struct {name} {{
   static constexpr std::string_view name = {_quoted(model.name)};
-  static constexpr std::array<Quantity, {n_x}> states = {_quantities(model.states)};
+  static constexpr std::array<Quantity, {n_x}> states = {_quantities(states)};
   static constexpr std::array<Quantity, {n_u}> inputs = {_quantities(model.inputs)};
   static constexpr std::array<Quantity, {len(model.outputs)}> outputs = {_quantities(model.outputs)};
   static constexpr std::array<Quantity, {p}> parameters = {_quantities(model.parameters)};

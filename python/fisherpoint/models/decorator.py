@@ -9,6 +9,7 @@ from typing import Any
 
 from ..basics.checks import check_flag
 from ..basics.messages import shortened, shown
+from .clock import clock_names
 from .expressions import symbol
 from .quantities import Described, check_counts, checked_name, constants_of, quantities_of
 from .symbolic import SymbolicModel
@@ -21,12 +22,15 @@ class UnknownName(AttributeError, ValueError):
 
 
 class Namespace:
-    """Symbols as attributes, and by place: ``x.h1``, ``x[0]``, ``h1, h2 = x``."""
+    """Symbols as attributes, and by place: ``x.h1``, ``x[0]``, ``h1, h2 = x``; those that are hidden only as attributes."""
 
-    def __init__(self, kind: str, names: Sequence[str]) -> None:
-        self.__dict__.update({"_kind": kind, "_symbols": {name: Term(symbol(name)) for name in names}})
+    def __init__(self, kind: str, names: Sequence[str], hidden: Mapping[str, Term] | None = None) -> None:
+        symbols = {name: Term(symbol(name)) for name in names}
+        self.__dict__.update({"_kind": kind, "_symbols": symbols, "_hidden": dict(hidden or {})})
 
     def __getattr__(self, name: str) -> Any:
+        if name in self._hidden:
+            return self._hidden[name]
         if name.startswith("__") or name not in self._symbols:
             known = ", ".join(self._symbols) or "none"
             raise UnknownName(f"{self._kind}: expected one of {known}; given unknown {name!r}")
@@ -79,8 +83,9 @@ def model(
         names = {kind: [q.name for q in quantities_of(of, kind)] for kind, of in given.items()}
         known = constants_of(constants)[0]
         own_name = checked_name(name if name is not None else getattr(function, "__name__", "model"))
+        times = clock_names({*(name for of in names.values() for name in of), *(q.name for q in known)}) if names["states"] else []
         spaces = (
-            Namespace("x", names["states"]),
+            Namespace("x", names["states"], {time: Term(symbol(times[0])) for time in times}),
             Namespace("u", names["inputs"]),
             Namespace("p", [*names["parameters"], *(q.name for q in known)]),
         )

@@ -32,8 +32,12 @@ def symbol(name: str) -> sympy.Symbol:
     return sympy.Symbol(name, real=True)
 
 
-def checked(expression: Any, symbols: Mapping[str, sympy.Symbol], place: str) -> Any:
+def checked(
+    expression: Any, symbols: Mapping[str, sympy.Symbol], place: str, hidden: Mapping[str, sympy.Symbol] | None = None
+) -> Any:
     """Return an equation in our symbols, found by name, and with numbers that a double holds.
+
+    Messages do not list the names that are `hidden`.
 
     Raises
     ------
@@ -56,6 +60,8 @@ def checked(expression: Any, symbols: Mapping[str, sympy.Symbol], place: str) ->
             if part not in (sympy.I, sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
                 raise ValueError(f"{place}: expected the functions {', '.join(ARGUMENTS)}; given {shortened(what)}")
 
+    known = {**(hidden or {}), **symbols}
+
     def ours(part: Any, now: Any) -> Any:
         if isinstance(part, AppliedUndef):  # x(t), as sympy.physics.mechanics has it
             return _known(part.func.__name__, symbols, place)
@@ -66,10 +72,10 @@ def checked(expression: Any, symbols: Mapping[str, sympy.Symbol], place: str) ->
             return sympy.Or(
                 sympy.And(condition, yes, evaluate=False), sympy.And(sympy.Not(condition), no, evaluate=False), evaluate=False
             )
-        return symbols.get(part.name, part) if part.is_Symbol else now
+        return known.get(part.name, part) if part.is_Symbol else now
 
     expression = rebuilt(expression, ours)
-    for unknown in sorted(symbols_of(expression) - set(symbols.values()), key=str):
+    for unknown in sorted(symbols_of(expression) - set(known.values()), key=str):
         _known(unknown.name, symbols, place)
     expression = replaced(expression, {part: _number(part, place) for part in parts(expression) if _is_number(part)})
     expression = rebuilt(expression, lambda _, now: with_exact_numbers(now))

@@ -16,6 +16,8 @@ from ..basics.messages import listed, shown
 from ..basics.quantity import Quantity, names_of
 from ..basics.values import Array, FrozenMapping
 from ..engine import _core
+from ..engine.levels import Kernels
+from .clock import ClockedCore, ClockedKernels, clock_names, clock_quantity, with_time
 from .compiled import compiled_model
 from .dependence import Dependence
 from .dimensions import mistakes_in_units, plain_rate_of, rate_of, stated
@@ -24,9 +26,9 @@ from .model_text import latex, model_text
 from .quantities import Described, DescribedModel, check_counts, start_offsets
 from .surfaces.domain import MOST
 from .surfaces.printing import to_text
-from .surfaces.structure import Equations, Structure
+from .surfaces.structure import Equations, Structure, with_clock
 from .tape.defined import value_of
-from .tape.parts import replaced
+from .tape.parts import replaced, symbols_of
 from .tape.program import Program, to_core
 from .tape.programs import LIMIT
 from .terms import Term
@@ -107,9 +109,13 @@ class SymbolicModel(DescribedModel):
             if len(many) > MOST:
                 raise ValueError(f"{place}: expected at most {MOST} conditions, given {len(many)}")
         symbols = {quantity.name: symbol(quantity.name) for quantities in self._quantities() for quantity in quantities}
-        rates = [_equation(e, symbols, f"equations.{q.name}") for e, q in zip(given_f, self.states, strict=True)]
-        output = [_equation(e, symbols, self._place_of(q)) for e, q in zip(given_g, self.outputs, strict=True)]
-        conditions = [_condition(e, symbols, f"domain[{i}]") for i, e in enumerate(given_domain)]
+        times = clock_names(symbols) if self.states else []
+        clocks = {name: symbol(times[0]) for name in times}
+        rates = [_equation(e, symbols, f"equations.{q.name}", clocks) for e, q in zip(given_f, self.states, strict=True)]
+        output = [_equation(e, symbols, self._place_of(q), clocks) for e, q in zip(given_g, self.outputs, strict=True)]
+        conditions = [_condition(e, symbols, f"domain[{i}]", clocks) for i, e in enumerate(given_domain)]
+        read = set().union(*map(symbols_of, (*rates, *output, *conditions)))
+        self.clock = next((clock for clock in clocks.values() if clock in read), None)
         limits_along = self._limits_along(symbols)
         self._check_outputs(output, symbols)
         of = {kind: tuple(symbols[q.name] for q in getattr(self, kind)) for kind in ("states", "inputs", "parameters")}
@@ -119,7 +125,7 @@ class SymbolicModel(DescribedModel):
             tuple(e if isinstance(e, str) else to_text(new) for e, new in zip(given, news, strict=True))
             for given, news in ((given_f, rates), (given_g, output), (given_domain, conditions))
         )
-        self.structure = Structure(self.equations)
+        self.structure = Structure(self.equations if self.clock is None else with_clock(self.equations, self.clock))
         surfaces, limits = self.structure.surfaces, self.structure.limits
         self.jumps = tuple(surface.name for surface in surfaces if surface.jump)
         self.kinks = tuple(surface.name for surface in surfaces if not surface.jump)
@@ -144,7 +150,8 @@ class SymbolicModel(DescribedModel):
         ]
         conditions = [*((f"domain[{i}]", one) for i, one in enumerate(equations.conditions)), *equations.along]
         rates = {f"equations.{q.name}": plain_rate_of(q) for q in states}
-        return tuple(mistakes_in_units(both, conditions, rates, (q for of in self._quantities() for q in of)))
+        clock = [] if self.clock is None else [clock_quantity(self.clock.name)]
+        return tuple(mistakes_in_units(both, conditions, rates, (*(q for of in self._quantities() for q in of), *clock)))
 
     def warn_of_units(self, stacklevel: int = 2) -> None:
         """Warn of `mistakes_in_units`, where there are any."""
@@ -156,7 +163,22 @@ class SymbolicModel(DescribedModel):
     @cached_property
     def core(self) -> Any:
         """The model's programs, as the compiled kernels interpret them, or with kernels of its own."""
-        return self._tape if self._own_core is None else self._own_core
+        core = self._tape if self._own_core is None else self._own_core
+        return core if self.clock is None else ClockedCore(core, len(self.states))
+
+    @property
+    def kernels(self) -> Kernels:
+        """What runs `core`."""
+        return super().kernels if self.clock is None else ClockedKernels(super().kernels)
+
+    def at(self, x: Array, t: Any) -> Array:
+        """States (..., n_x) at the times t (...) as `core` and `kernels` take them; where they are not told, it is at the start."""
+        return x if self.clock is None else with_time(x, t)
+
+    @property
+    def _followed(self) -> tuple[Quantity, ...]:
+        """The states that the core follows."""
+        return self.states if self.clock is None else (*self.states, clock_quantity(self.clock.name))
 
     def compile(self) -> SymbolicModel:
         """Return the model with kernels compiled for it, which are two to three times as fast as interpreted ones.
@@ -167,7 +189,8 @@ class SymbolicModel(DescribedModel):
         too, and the kernels last as long as the process. Results differ by rounding; a pickled copy is interpreted again.
         """
         compiled = copy.copy(self)
-        compiled._own_core = compiled_model(compiled, self.structure.programs, compiled._tape)
+        compiled.__dict__.pop("core", None)
+        compiled._own_core = compiled_model(compiled, self._followed, self.structure.programs, compiled._tape)
         return compiled
 
     @property
@@ -175,13 +198,19 @@ class SymbolicModel(DescribedModel):
         """Whether the model has kernels of its own."""
         return self._own_core is not None
 
+    @property
+    def shown_states(self) -> Mapping[str, str]:
+        """For each state that is an output as it is, by its equation, the first such output."""
+        shown = super().shown_states
+        return shown if self.clock is None else FrozenMapping({name: y for name, y in shown.items() if name != self.clock.name})
+
     @cached_property
     def _tape(self) -> Any:
         programs = self.structure.programs
         # By the names that the core has for them too.
         parts: dict[str, Any] = {name: to_core(of) if isinstance(of, Program) else of for name, of in vars(programs).items()}
         return _core.TapeModel(
-            scales=[quantity.scale or 1.0 for quantity in self.states],
+            scales=[quantity.scale or 1.0 for quantity in self._followed],
             inputs=len(self.inputs),
             outputs=len(self.outputs),
             parameters=len(self.parameters),
@@ -242,14 +271,16 @@ class SymbolicModel(DescribedModel):
         return limited.compile() if self.compiled else limited
 
     def rates_of(self, *names: str, outputs: Sequence[str] = (), unknown: Sequence[str] | None = None) -> SymbolicModel:
-        """Return the rates of these states, and then these outputs, as outputs of a model without states.
+        """Return the rates of these states at the start, and then these outputs, as outputs of a model without states.
 
         Its last parameters are the states and inputs that are `unknown`, by default the states themselves; the other inputs and
         states are its inputs, in this order.
         """
         check_known(names, names_of(self.states), "states", "names of states,")
-        rates = [(q.name, rate) for q, rate in zip(self.states, self.equations.rates, strict=True) if q.name in names]
-        given = [one for q, one in zip(self.outputs, self.equations.output, strict=True) if q.name in outputs]
+        start = {} if self.clock is None else {self.clock: sympy.S.Zero}
+        equations = self.equations
+        rates = [(q.name, replaced(rate, start)) for q, rate in zip(self.states, equations.rates, strict=True) if q.name in names]
+        given = [replaced(one, start) for q, one in zip(self.outputs, equations.output, strict=True) if q.name in outputs]
         values = {symbol(name) for name in self.constants}
         for name, rate in rates:
             if not value_of(rate).free_symbols - values:
@@ -322,7 +353,7 @@ class SymbolicModel(DescribedModel):
 
     @cached_property
     def _dependence(self) -> Dependence:
-        return Dependence(self.structure, *map(names_of, (self.states, self.inputs, self.parameters, self.outputs)))
+        return Dependence(self.structure, *map(names_of, (self._followed, self.inputs, self.parameters, self.outputs)))
 
     def to_toml(self) -> str:
         """The model as the table [model] of a TOML file; `load_model` reads it back."""
@@ -377,14 +408,15 @@ def _check_count(given: list[Any], place: str, quantities: tuple[Quantity, ...])
         raise ValueError(f"{place}: expected {len(quantities)} equations{one_for_each}; given {len(given)}")
 
 
-def _equation(given: Any, symbols: Mapping[str, Any], place: str) -> Any:
-    return parse_equation(given, symbols, place) if isinstance(given, str) else checked(given, symbols, place)
+def _equation(given: Any, symbols: Mapping[str, Any], place: str, clocks: Mapping[str, Any]) -> Any:
+    read = parse_equation if isinstance(given, str) else checked
+    return read(given, symbols, place, clocks)
 
 
-def _condition(given: Any, symbols: Mapping[str, Any], place: str) -> Any:
+def _condition(given: Any, symbols: Mapping[str, Any], place: str, clocks: Mapping[str, Any]) -> Any:
     given = given.expression if isinstance(given, Term) and not given.lost else given
     if isinstance(given, sympy.StrictGreaterThan | sympy.GreaterThan):
         given = given.lhs - given.rhs
     elif isinstance(given, sympy.StrictLessThan | sympy.LessThan):
         given = given.rhs - given.lhs
-    return _equation(given, symbols, place)
+    return _equation(given, symbols, place, clocks)

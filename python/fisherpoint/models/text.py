@@ -20,7 +20,9 @@ from .tape.parts import compared
 from .terms import Term, applied, divided
 
 
-def parse_equation(text: object, symbols: Mapping[str, sympy.Symbol], place: str) -> Any:
+def parse_equation(
+    text: object, symbols: Mapping[str, sympy.Symbol], place: str, hidden: Mapping[str, sympy.Symbol] | None = None
+) -> Any:
     """Turn a text such as ``"-k1*sqrt(h1) + k4*u"``, see `Formula`, into a SymPy expression.
 
     Parameters
@@ -30,13 +32,15 @@ def parse_equation(text: object, symbols: Mapping[str, sympy.Symbol], place: str
         The names that may occur.
     place : str
         Of the equation, for messages.
+    hidden : mapping of str to sympy.Symbol, optional
+        Further names, which messages do not list.
 
     Raises
     ------
     ValueError
         For anything else: one line that names the place, and the column.
     """
-    return checked(_read(Formula(text, place), symbols).term(), symbols, place)
+    return checked(_read(Formula(text, place), symbols, hidden).term(), symbols, place, hidden)
 
 
 def parse_limit(text: object, symbols: Mapping[str, sympy.Symbol], place: str) -> tuple[Any, ...]:
@@ -66,8 +70,9 @@ def _smooth(positive: Any) -> list[Any]:
     return [positive]
 
 
-def _read(formula: Formula, symbols: Mapping[str, sympy.Symbol]) -> _Equation:
-    return _Equation(formula, {name: Term(symbol) for name, symbol in symbols.items()})
+def _read(formula: Formula, symbols: Mapping[str, sympy.Symbol], hidden: Mapping[str, sympy.Symbol] | None = None) -> _Equation:
+    names, others = ({name: Term(symbol) for name, symbol in of.items()} for of in (symbols, hidden or {}))
+    return _Equation(formula, names, others)
 
 
 class _Equation(Reader):

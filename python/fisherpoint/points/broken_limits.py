@@ -60,14 +60,16 @@ def checked_broken_limits(
         rows = np.flatnonzero(done.status == Status.left_domain)
         n = np.minimum(done.reached[rows], points.dt.shape[1] - 1)
         given, first, status = (done.x[rows, n], points.u[rows, n], points.dt[rows, n]), n == 0, done.status
+        since = np.cumsum(points.dt, axis=1)[rows, n] - points.dt[rows, n]
     else:
         status = model.kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *settings)[2]
         rows = np.flatnonzero(status == Status.left_domain)
         given, first = (points.x0[rows], points.u[rows], points.dt[rows]), np.ones(len(rows), dtype=bool)
+        since = np.zeros(len(rows))
     told: list[str | None] = [None] * len(status)
     if len(rows):
         of_rows = np.array(np.broadcast_to(theta, (len(status), theta.shape[-1]))[rows])
-        places, outside = _first_limits(model, *given, of_rows, settings)
+        places, outside = _first_limits(model, *given, since, of_rows, settings)
         for row, place, at_start in zip(rows.tolist(), places.tolist(), (outside & first).tolist(), strict=True):
             told[row] = (named or model).limit_text(place) + " at the start" * at_start
     return tuple(told)
@@ -91,26 +93,26 @@ def statuses_in_words(
 
 
 def _first_limits(
-    model: Model, x: Array, u: Array, dt: Array, theta: Array, settings: Settings
+    model: Model, x: Array, u: Array, dt: Array, since: Array, theta: Array, settings: Settings
 ) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """Places (n,) of the limits that trajectories reach first, and whether they start outside."""
-    values, poles = _values(model, x, u, theta), len(model.poles)
+    """Places (n,) of the limits that trajectories reach first, and whether they start outside; `since` (n,) is the time of x."""
+    values, poles = _values(model, model.at(x, since), u, theta), len(model.poles)
     side = np.where(np.arange(values.shape[1]) < poles, np.sign(values), 1.0)
     broken = ~(side * values > 0)
     outside = broken.any(axis=1)
     low, high, inside = np.zeros_like(dt), dt.copy(), x.copy()
     for _ in range(HALVINGS):
         middle = (low + high) / 2
-        end, _, status, _ = model.kernels.simulate(model.core, x, u, middle, theta, *settings)
+        end, _, status, _ = model.kernels.simulate(model.core, model.at(x, since), u, middle, theta, *settings)
         ok = status == Status.ok
         low, high = np.where(ok, middle, low), np.where(ok, high, middle)
         inside[ok] = np.asarray(end)[ok]
     # The time in which each limit is reached from there, straight on.
     with np.errstate(all="ignore"):
-        rates = np.asarray(model.core.rhs(inside, u, theta)).reshape(inside.shape)
-        here = side * _values(model, inside, u, theta)
+        rates = np.asarray(model.core.rhs(model.at(inside, since + low), u, theta)).reshape(inside.shape)
+        here = side * _values(model, model.at(inside, since + low), u, theta)
         step = 1e-6 * dt[:, None]
-        before = side * _values(model, inside - step * rates, u, theta)
+        before = side * _values(model, model.at(inside - step * rates, since + low - step[:, 0]), u, theta)
         time = np.where(before > here, here * step / (before - here), np.inf)
     time[~np.isfinite(time)] = np.inf
     nearest = np.where(

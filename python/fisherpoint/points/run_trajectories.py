@@ -81,7 +81,8 @@ def checked_run_trajectories(model: Model, runs: Runs, theta: Array, settings: S
     y = np.zeros((count, segments, len(model.outputs)))
     k, n = np.nonzero(np.arange(segments) < reached[:, None])
     of_ends = theta[k] if theta.ndim == 2 else np.broadcast_to(theta, (len(k), len(theta)))
-    y[k, n] = np.asarray(model.core.output(x[k, n + 1], runs.u[k, n], np.ascontiguousarray(of_ends))).reshape(len(k), y.shape[2])
+    ends = model.at(x[k, n + 1], np.cumsum(runs.dt, axis=1)[k, n])
+    y[k, n] = np.asarray(model.core.output(ends, runs.u[k, n], np.ascontiguousarray(of_ends))).reshape(len(k), y.shape[2])
     return RunTrajectories(x, y, only_finite(status, x, y), reached)
 
 

@@ -33,7 +33,7 @@ class RunMargins:
     def __init__(self, problem: DesignProblem) -> None:
         assumed = problem.assumed
         model = problem.limited if assumed is None else assumed.model
-        self._core, self._poles, self.exist = model.core, len(model.poles), bool(model.domain)
+        self._model, self._poles, self.exist = model, len(model.poles), bool(model.domain)
         names = [quantity.name for quantity in problem.model.parameters]
         chosen = problem.prior.marginal(problem.estimated)
         factor = np.linalg.cholesky(chosen.covariance)
@@ -61,11 +61,12 @@ class RunMargins:
         k, n = np.nonzero(there)
         moves = tangents.dx[some][k, n] @ self._parts.T  # (S, n_x, q)
         q = len(self._parts)
-        states = np.concatenate([x[k, n][None], x[k, n] + moves.transpose(2, 0, 1)]).reshape(-1, x.shape[2])
+        states = np.concatenate([x[k, n][None], x[k, n] + moves.transpose(2, 0, 1)])
+        states = self._model.at(states, np.cumsum(runs.dt, axis=1)[k, n]).reshape((1 + q) * len(k), -1)
         inputs = np.tile(runs.u[k, n], (1 + q, 1))
         parameters = np.concatenate([theta[k][None], theta[k] + self._parts[:, None]]).reshape(-1, theta.shape[1])
         with np.errstate(all="ignore"):  # outside the domain there may be no number
-            h = np.asarray(self._core.limits(states, inputs, parameters)).reshape(1 + q, len(k), -1)
+            h = np.asarray(self._model.core.limits(states, inputs, parameters)).reshape(1 + q, len(k), -1)
             h[:, :, : self._poles] *= np.sign(h[:1, :, : self._poles])
             spread = np.linalg.norm(h[1:] - h[0], axis=0)
             spread = np.maximum(spread, LEAST_SPREAD * np.abs(h[0]).max(axis=0, initial=0.0)) + 1e-300

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array, IntArray
-from ...engine.levels import kernels
 from ...information.problem import DesignProblem
 from ...information.run_information import information_matrices
 from ...information.run_tangents import RunTangents, run_tangents
@@ -112,7 +111,7 @@ class RunObjective:
         self.average, self.aims = average, tuple(aims)
         self.kappa, self.looks, self.settings = 0.0, LOOKS, settings
         self.margins, self.work = RunMargins(problem), 0
-        native = problem.model.kernels is kernels
+        native = problem.model.in_core
         self._threads = settings[4] if native else 1  # functions of Python need not bear several threads
         self._rows = (LEAST_ROWS, MOST_ROWS) if native else (1, 1)
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
-from ...engine.levels import kernels
 from ...information.problem import DesignProblem
 from ...information.run_information import run_rows, run_settings
 from ...points.run_region import RunCoordinates, RunRegion
@@ -236,7 +235,7 @@ class RunSearch:
     def _begin(self) -> None:
         """What classical runs tell, and how far runs keep from limits at first."""
         objective = self.objective
-        if objective.problem.model.kernels is kernels:
+        if objective.problem.model.in_core:
             self.clock.share = SHARES_OF_TIME[1]
             for name, z in classical_runs(objective, self.n_runs, self.seed).items():
                 self.clock.share = 1.0

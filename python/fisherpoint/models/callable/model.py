@@ -87,6 +87,11 @@ class CallableModel(DescribedModel):
         """Integration by `solve_ivp`."""
         return kernels
 
+    @property
+    def in_core(self) -> bool:
+        """That Python runs it."""
+        return False
+
     def free_start(self, *names: str) -> CallableModel:
         """Return the model in which these states start off their x0 by a further parameter each: they come last, nominally 0."""
         offsets = start_offsets(self, names)

@@ -36,6 +36,11 @@ class Equations:
     along: tuple[tuple[str, Any], ...] = ()
 
 
+def with_clock(equations: Equations, clock: Any) -> Equations:
+    """The equations with a clock as their last state."""
+    return replace(equations, rates=(*equations.rates, sympy.S.One), states=(*equations.states, clock))
+
+
 class Structure:
     """Attributes: rates and output without branches on what is not known, surfaces (jumps first), limits (poles first)."""
 
