@@ -32,6 +32,9 @@ RESERVED = 1.5
 MOST_SEGMENTS = 100_000
 """Of all runs on a part of the plants, so that memory stays bounded."""
 
+LEAST_GAIN = 0.01
+"""What log det F must gain by a smaller distance, for an even smaller one to be tried."""
+
 NORMAL = NormalDist()
 """SciPy's would make the import slow."""
 
@@ -116,17 +119,22 @@ class Margin:
     def __init__(self, objective: RunObjective, guard: RunGuard) -> None:
         self._objective, self._guard, self._changes, self._raised = objective, guard, 0, 0
         self._low, self._high, self._most = 0.0, np.inf, MOST_CHANGE
+        self._before = -np.inf
 
-    def changed(self, share: float) -> bool:
-        """Change the distance by the share of the plants that can run what an ascent has led to; False where it stays."""
+    def changed(self, share: float, value: float) -> bool:
+        """Change the distance by the share of the plants that can run what an ascent has led to; False where it stays.
+
+        It stays, too, where the ascent's `value` gained nothing when the distance was last made smaller.
+        """
         objective, guard = self._objective, self._guard
         if not objective.margins.exist or guard.most == 1.0 or self._changes == MOST_CHANGES:
             return False
         kappa, short = objective.kappa, guard.short(share)
         if guard.enough(share):
             self._most = SMALL_CHANGE
-            if kappa == 0.0 or short > FAR_ABOVE:
+            if kappa == 0.0 or short > FAR_ABOVE or value < self._before + LEAST_GAIN:
                 return False
+            self._before = value
             self._high = kappa
         else:
             self._low = kappa

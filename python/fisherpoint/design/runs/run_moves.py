@@ -22,6 +22,9 @@ MOST_SINGLE, MOST_SWAPS, MOST_BLOCKS = 800, 300, 200
 AT_ONCE, MOST_PARTS = 256, 12
 """Changes that are tried, in random order, before the best of them is made if it gains; and how often, for each run."""
 
+FEW, CHANGES = 48, 2
+"""Changes of which a hop takes the best, whether it gains or not; and how many it makes of each run."""
+
 
 def best_moves(
     objective: RunObjective,
@@ -62,6 +65,19 @@ def best_moves(
             elif not len(left):
                 break  # all of them were tried
     return z, value
+
+
+def hopped(objective: RunObjective, z: Array, selected: NDArray[np.bool_] | None, others: Array, rng: np.random.Generator) -> Array:
+    """Free numbers (L, d) after some changes of each run, each of them the best of a few."""
+    z = z.copy()
+    for _ in range(CHANGES):
+        for k in range(len(z)):
+            moved = moved_runs(objective.coordinates, z[k], rng, others)
+            designs = np.tile(z, (min(FEW, len(moved)), 1, 1))
+            designs[:, k] = moved[rng.permutation(len(moved))[: len(designs)]]
+            if len(designs):
+                z = designs[int(np.argmax(objective.values(designs, selected)))]
+    return z
 
 
 def moved_runs(coordinates: RunCoordinates, z: Array, rng: np.random.Generator, others: Array | None = None) -> Array:

@@ -27,7 +27,7 @@ from ..optimality.told import RUNS, told_aims
 from .run_ascent import FIRST, ascend
 from .run_guard import PLANTS, Margin, RunGuard
 from .run_margins import WEIGHT
-from .run_moves import best_moves
+from .run_moves import best_moves, hopped
 from .run_objective import RunObjective
 from .run_plants import RunPlants
 from .run_pool import RIDGE, RunPool, determine_all
@@ -47,7 +47,7 @@ SAME = 1e-2
 FINE = 1e-6
 """Tolerance of the trajectories that differences are taken of, or the problem's where that is finer."""
 
-MOST_ROUNDS = 40
+MOST_ROUNDS = 60
 """Of ascents and single changes, for one start."""
 
 THOROUGH, HOPELESS, AHEAD = 500_000, 0.05, 3
@@ -62,9 +62,9 @@ OTHERS = 50
 LOOKED_AT = 5
 """Of the pool's best runs, whether the plants can run them."""
 
-MOST_LOST, MOST_BACK = 2, 2
-"""How often in a row too few plants may be able to run what a start leads to, after enough could, before it goes back there; and
-how often it does."""
+MOST_LOST, MOST_HOPS = 2, 2
+"""How often in a row too few plants may be able to run what a start leads to, after enough could; and how often the best start goes
+on, in vain, from its best runs by a change that does not gain at first."""
 
 SHARES_OF_TIME = (0.2, 0.3, 0.6)
 """By which the pool, the classical runs, and the first look at all starts have to end, where there is a limit of time."""
@@ -99,23 +99,27 @@ class Found(NamedTuple):
     worth: tuple[bool, bool, float]
 
 
-class Back:
-    """When to go back to what enough plants could run, and the distance from limits there."""
+class Way:
+    """What a start has gone through: the distance from limits at its best runs, and how often it went on from these in vain."""
 
     def __init__(self) -> None:
-        self.kappa, self._lost, self._times = 0.0, 0, 0
+        self.kappa, self._lost, self._hops = 0.0, 0, 0
 
-    def needed(self, best: Found, found: Found) -> bool:
+    def keep(self, kappa: float, better: bool) -> None:
+        """Note the distance at which the best runs were found; where they are `better`, hops count anew."""
+        self.kappa = kappa
+        if better:
+            self._hops = 0
+
+    def is_lost(self, best: Found, found: Found) -> bool:
         """Whether too few plants could run what was found, time after time, since enough could."""
         self._lost = self._lost + 1 if best.feasible and not found.feasible else 0
-        if self._lost <= MOST_LOST:
-            return False
-        self._lost, self._times = 0, self._times + 1
-        return True
+        return self._lost > MOST_LOST
 
-    @property
-    def often(self) -> bool:
-        return self._times > MOST_BACK
+    def ends(self) -> bool:
+        """Whether another hop is one too many."""
+        self._lost, self._hops = 0, self._hops + 1
+        return self._hops > MOST_HOPS
 
 
 class RunSearch:
@@ -270,7 +274,7 @@ class RunSearch:
             selected = self._chosen_samples(z)
             peak = ascend(self.objective, z, selected, SKETCH, self._rng)
             found = self._tried(peak.z, selected)
-            Margin(self.objective, self.guard).changed(found.share)
+            Margin(self.objective, self.guard).changed(found.share, peak.value)
             sketched.append(peak.z)
         self.clock.share = 1.0
         order = np.argsort([-self._worth(z) for z in sketched], kind="stable")
@@ -280,49 +284,54 @@ class RunSearch:
         return float(self.objective.values(z[None], self._chosen_samples(z))[0])
 
     def _followed(self, z: Array) -> Found:
-        """The best runs that a start leads to: ascents and single changes in turns, until neither gains.
+        """The best runs that a start leads to: ascents and single changes in turns, until neither gains, nor, from the best of all,
+        changes that do not gain at once.
 
         Runs go on further from the limits where too many plants fail, and nearer to them where fewer fail than may.
         """
         objective, selected = self.objective, self._chosen_samples(z)
         objective.kappa, margin = self.guard.margin, Margin(objective, self.guard)
         best: Found | None = None
-        reach, before, stuck, back = FIRST, -np.inf, False, Back()
+        reach, before, stuck, way = FIRST, -np.inf, False, Way()
         for _ in range(MOST_ROUNDS):
             self.clock.check()
             peak = ascend(objective, z, selected, STRETCH, self._rng, reach)
             z, value, reach = peak.z, peak.value, peak.reach
             found = self._tried(z, selected)
+            much, gained = objective.work > THOROUGH, value - before
+            least = ROUGH_GAIN if much else LEAST_GAIN
             if best is None or found.worth > best.worth:
-                best, back.kappa = found, objective.kappa
-            if back.needed(best, found):
-                if back.often:
-                    break
-                z, selected, objective.kappa = best.z, best.selected, back.kappa
-                value = float(objective.values(z[None], selected)[0])
-            elif margin.changed(found.share):
+                better = best is None or found.worth > (*best.worth[:2], best.worth[2] + least)
+                best = found
+                way.keep(objective.kappa, better)
+            lost = way.is_lost(best, found)
+            if not lost and margin.changed(found.share, value):
                 before, reach, stuck = -np.inf, max(reach, FIRST / 4), False
                 continue
-            else:
-                much, gained = objective.work > THOROUGH, value - before
-                hopeless = self.best.value - HOPELESS * len(self.problem.estimated)
-                if stuck or (much and self.best.feasible and found.value + AHEAD * gained < hopeless):
+            if not lost and not peak.done and gained > (0.2 if stuck else 1.0) * STRETCH_GAIN:
+                before = value
+                continue
+            poor = self.best.value - HOPELESS * len(self.problem.estimated)
+            if lost or stuck or (much and self.best.feasible and found.value + AHEAD * gained < poor):
+                if best is not self.best or way.ends():
                     break
-                if not peak.done and gained > STRETCH_GAIN:
-                    before = value
-                    continue
-            least = ROUGH_GAIN if objective.work > THOROUGH else LEAST_GAIN
-            z, there = best_moves(objective, z, value, selected, self.pool.best_numbers(OTHERS), least, self._rng)
+                objective.kappa = self.guard.margin = way.kappa
+                z, selected = hopped(objective, best.z, best.selected, self._others, self._rng), best.selected
+                before, reach, stuck = -np.inf, FIRST, False
+                continue
+            z, there = best_moves(objective, z, value, selected, self._others, least, self._rng)
             if self.region.samples is not None:
                 chosen = self._chosen_samples(z)
                 if (again := float(objective.values(z[None], chosen)[0])) > there:
                     selected, there = chosen, again
             stuck = not there > value + least
-            if stuck and peak.done:
-                break
             before, reach = there, max(reach, FIRST / 4)
         assert best is not None
         return best
+
+    @property
+    def _others(self) -> Array:
+        return self.pool.best_numbers(OTHERS)
 
     def _tried(self, z: Array, selected: NDArray[np.bool_] | None) -> Found:
         """What runs are worth without costs, and how many plants can run them.
