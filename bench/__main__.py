@@ -6,6 +6,7 @@
 ``python -m bench campaign`` compares experiments that are designed in batches with as many that are designed at once;
 ``python -m bench stiff`` compares stiff models with CVODES;
 ``python -m bench runs`` compares designs of runs with published ones, and ``python -m bench.windows`` one with windows;
+``python -m bench strokes`` looks for runs within limits from five seeds, and exits with 1 where one is not good;
 ``python -m bench pieces`` picks the best windows of a log of a million samples;
 ``python -m bench approximate`` finds optimal weights of a million candidates;
 ``python -m bench exact`` finds the best designs of given candidates with their proofs;
@@ -43,6 +44,7 @@ from . import (
     screening,
     sensitivities,
     stiff,
+    strokes,
     tables,
     validation,
 )
@@ -82,6 +84,11 @@ def main() -> int:
         tables.show_runs(of_runs)
         _save(options, {"machine": found, "quick": options.quick, "runs": [asdict(figures) for figures in of_runs]})
         return 0
+    if options.task == "strokes":
+        of_strokes = strokes.measure(options.quick, tables.console.print)
+        tables.show_strokes(of_strokes)
+        _save(options, {"machine": found, "quick": options.quick, "strokes": [asdict(figures) for figures in of_strokes]})
+        return 0 if all(figures.good for figures in of_strokes) else 1
     if options.task == "exact":
         of_counts = exact.measure(options.quick)
         print(exact.show(of_counts))
@@ -193,6 +200,7 @@ def _options() -> argparse.Namespace:
             "campaign",
             "stiff",
             "runs",
+            "strokes",
             "pieces",
             "approximate",
             "exact",
@@ -201,7 +209,7 @@ def _options() -> argparse.Namespace:
             "table",
         ),
         help="other programs; how the cost grows; models written in Python; many fits; design in batches; stiff"
-        " models; designs of runs; windows of a log; weights and counts of candidates; kinds of vectors;"
+        " models; designs of runs; the same within limits; windows of a log; weights and counts of candidates; kinds of vectors;"
         " instructions per trajectory next to the recorded ones; a report as Markdown; nothing for all of fisherpoint next to"
         " SciPy",
     )

@@ -25,6 +25,7 @@ from .scaling import Series
 from .screening import ScreeningFigures
 from .sensitivities import SensitivityFigures
 from .stiff import StiffFigures
+from .strokes import StrokeFigures
 from .validation import SAME, ValidationFigures
 
 console = Console(highlight=False, width=max(Console().width, 120))  # narrower, the tables break their rows
@@ -189,6 +190,25 @@ def show_runs(figures: Sequence[RunFigures]) -> None:
         for f in figures
     ]
     _show("Designs of runs: log det F from several seeds", header, rows)
+
+
+def show_strokes(figures: Sequence[StrokeFigures]) -> None:
+    """Print a row per problem and seed."""
+    header = ("", "seed", "log det F", "plants that can", "best classical run of as many", "s", "limit, s", "good")
+    rows = [
+        (
+            f.name,
+            str(f.seed),
+            f"{f.log_det:.3f}",
+            f"{f.share:.1%}",
+            f"{f.classical:.3f}",
+            f"{f.seconds:.0f}",
+            "-" if f.time_limit is None else f"{f.time_limit:.0f}",
+            "yes" if f.good else "no",
+        )
+        for f in figures
+    ]
+    _show("Designs of runs within limits", header, rows)
 
 
 def show_pieces(figures: Sequence[PieceFigures]) -> None:

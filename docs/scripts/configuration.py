@@ -166,7 +166,7 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "lead_in": "Segments at the beginning that are not measured.",
             "samples": "How many samples are chosen of each run; all where it is not given.",
             "rest": "How runs start [at rest](../how_to/runs_at_rest.md), as a table `[runs.rest]`.",
-            "n_starts": "How often the search begins anew.",
+            "n_starts": "How often the search begins anew, from random runs or classical ones. Sets its work; 8 where not given.",
             "confidence": "Share of the plants that the prior allows which must be able to run the design.",
         },
     ),
@@ -207,7 +207,7 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "max_iterations": "Largest number of iterations.",
             "seed": "Seed of the search; the same seed gives the same design, whatever the number of threads.",
             "patience": "Stop after this many iterations without an exchange.",
-            "time_limit": "Stop after this many seconds. Not allowed in a campaign.",
+            "time_limit": "Stop after this many seconds, a safety net: designs may depend on the machine. Not allowed in a campaign.",
             "local": "Number of candidates close to points of the design, as a share of the random ones; 0 for none.",
             "method": 'The [search](../explanation/search.md): `"auto"`, or the faster `"paper"`, which is Algorithm 1 with moves'
             " of points and gets less close to the best design.",

@@ -150,6 +150,8 @@ def test_a_search_without_a_limit_looks_at_no_clock(monkeypatch: pytest.MonkeyPa
 def test_no_example_needs_a_limit_of_time() -> None:
     for path in sorted(Path(EXAMPLES).glob("*.toml")):
         config = load_config(path)
+        if config.design is None:
+            continue
         settings = config.exchange_settings() if config.runs is None else config.run_settings()
         assert settings.get("time_limit") is None, path.name
 

@@ -60,8 +60,8 @@ class RunGuard:
 
     Attributes
     ----------
-    margin : float
-        The distance to begin with, in standard deviations.
+    first, margin : float
+        The distance to begin with, in standard deviations, and what an earlier start has come to.
     most : float
         The share of the plants that may fail. Fewer than were allowed, as runs are chosen by these plants, and as the plants that
         judge the design in the end are others.
@@ -74,7 +74,8 @@ class RunGuard:
         # The largest q with q + SIGMAS sqrt(q (1 - q) / DRAWS) <= may, by which Wilson's interval ends.
         c = SIGMAS**2 / DRAWS
         self.most = 1.0 if confidence is None else float((may + c / 2 - np.sqrt(c * (c / 4 + may * (1 - may)))) / (1 + c))
-        self.margin = 0.0 if confidence is None else max(0.0, NORMAL.inv_cdf(confidence))
+        self.first = 0.0 if confidence is None else max(0.0, NORMAL.inv_cdf(confidence))
+        self.margin = self.first
 
     def share(self, runs: Runs) -> float:
         """The share of the plants that can run a design; of the first of them, where too few of these can."""
@@ -113,7 +114,7 @@ class Margin:
     ----------
     objective : RunObjective
     guard : RunGuard
-        Begins with the distance that an earlier start has come to.
+        Its `margin` is set to each new distance.
     """
 
     def __init__(self, objective: RunObjective, guard: RunGuard) -> None:

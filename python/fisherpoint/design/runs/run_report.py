@@ -194,7 +194,7 @@ def _warnings(design: Reported) -> Iterator[str]:
         asked = percent(design.settings.confidence or 0.0)
         yield (
             f"Only {percent(design.feasibility.share)} of the plants that the prior allows can run this design, where {asked} was"
-            " asked for: shorten the runs, narrow the region, or give the search more time."
+            " asked for: shorten the runs, narrow the region, or give the search more starts."
         )
     if design.stop_reason != "all_starts":
         yield f"The search was ended early ({design.stop_reason}): a better design may be found in more time."

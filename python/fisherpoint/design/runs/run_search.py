@@ -25,6 +25,7 @@ from ..average import Average
 from ..optimality.aims import Aim
 from ..optimality.told import RUNS, told_aims
 from .run_ascent import FIRST, ascend
+from .run_found import Found, Way
 from .run_guard import PLANTS, Margin, RunGuard
 from .run_margins import WEIGHT
 from .run_moves import best_moves, hopped
@@ -47,8 +48,8 @@ SAME = 1e-2
 FINE = 1e-6
 """Tolerance of the trajectories that differences are taken of, or the problem's where that is finer."""
 
-MOST_ROUNDS = 60
-"""Of ascents and single changes, for one start."""
+EXPLORED, MOST_ROUNDS = 4, 60
+"""Of ascents and single changes, for one start: near the limits at first, and then at most as far away as enough plants need."""
 
 THOROUGH, HOPELESS, AHEAD = 500_000, 0.05, 3
 """Segments, after the work of which a start is not followed further that would end this far below the best one, log det F by
@@ -62,14 +63,10 @@ OTHERS = 50
 LOOKED_AT = 5
 """Of the pool's best runs, whether the plants can run them."""
 
-MOST_LOST, MOST_HOPS = 2, 2
-"""How often in a row too few plants may be able to run what a start leads to, after enough could; and how often the best start goes
-on, in vain, from its best runs by a change that does not gain at first."""
-
 SHARES_OF_TIME = (0.2, 0.3, 0.6)
 """By which the pool, the classical runs, and the first look at all starts have to end, where there is a limit of time."""
 
-SKETCH, STRETCH = 8, 8
+SKETCH, STRETCH = 12, 8
 """Iterations of the ascent for a start at first, and of those that are followed, between two looks at the plants."""
 
 
@@ -81,45 +78,6 @@ class RunProgress(NamedTuple):
     log_det: float
     best: float
     seconds: float
-
-
-class Found(NamedTuple):
-    """Runs that the search has come to; replaced as a whole, so that an interrupt cannot tear it.
-
-    `share` is that of the plants on which they reach their ends, of those that the search has tried; `regular` says whether they
-    determine all parameters.
-    """
-
-    z: Array
-    selected: NDArray[np.bool_] | None
-    value: float
-    share: float
-    feasible: bool
-    regular: bool
-    worth: tuple[bool, bool, float]
-
-
-class Way:
-    """What a start has gone through: the distance from limits at its best runs, and how often it went on from these in vain."""
-
-    def __init__(self) -> None:
-        self.kappa, self._lost, self._hops = 0.0, 0, 0
-
-    def keep(self, kappa: float, better: bool) -> None:
-        """Note the distance at which the best runs were found; where they are `better`, hops count anew."""
-        self.kappa = kappa
-        if better:
-            self._hops = 0
-
-    def is_lost(self, best: Found, found: Found) -> bool:
-        """Whether too few plants could run what was found, time after time, since enough could."""
-        self._lost = self._lost + 1 if best.feasible and not found.feasible else 0
-        return self._lost > MOST_LOST
-
-    def ends(self) -> bool:
-        """Whether another hop is one too many."""
-        self._lost, self._hops = 0, self._hops + 1
-        return self._hops > MOST_HOPS
 
 
 class RunSearch:
@@ -246,9 +204,9 @@ class RunSearch:
                 self.classical[name] = self._tried(z, self._chosen_samples(z))
         self.clock.share = 1.0
         if self._easy():
-            self.guard.margin = 0.0
+            self.guard.first = self.guard.margin = 0.0
         else:
-            objective.kappa = self.guard.margin
+            objective.kappa = self.guard.first
             self.pool.tighten(self._rng)
         self.clock.check()
 
@@ -267,18 +225,17 @@ class RunSearch:
         if self.n_starts == 1:
             return starts
         self.clock.share = SHARES_OF_TIME[2]
-        sketched: list[Array] = []
+        sketched: list[tuple[float, Array]] = []
         for z in starts:
             if sketched and self.clock.late():
                 break
             selected = self._chosen_samples(z)
             peak = ascend(self.objective, z, selected, SKETCH, self._rng)
-            found = self._tried(peak.z, selected)
-            Margin(self.objective, self.guard).changed(found.share, peak.value)
-            sketched.append(peak.z)
+            self._tried(peak.z, selected)
+            sketched.append((peak.value, peak.z))
         self.clock.share = 1.0
-        order = np.argsort([-self._worth(z) for z in sketched], kind="stable")
-        return [sketched[k] for k in order]
+        order = sorted(range(len(sketched)), key=lambda k: -sketched[k][0])
+        return [sketched[k][1] for k in order]
 
     def _worth(self, z: Array) -> float:
         return float(self.objective.values(z[None], self._chosen_samples(z))[0])
@@ -290,6 +247,9 @@ class RunSearch:
         Runs go on further from the limits where too many plants fail, and nearer to them where fewer fail than may.
         """
         objective, selected = self.objective, self._chosen_samples(z)
+        z, value = self._explored(z, selected)
+        if objective.work > THOROUGH and value < self._poor:
+            return self._tried(z, selected)
         objective.kappa, margin = self.guard.margin, Margin(objective, self.guard)
         best: Found | None = None
         reach, before, stuck, way = FIRST, -np.inf, False, Way()
@@ -311,8 +271,7 @@ class RunSearch:
             if not lost and not peak.done and gained > (0.2 if stuck else 1.0) * STRETCH_GAIN:
                 before = value
                 continue
-            poor = self.best.value - HOPELESS * len(self.problem.estimated)
-            if lost or stuck or (much and self.best.feasible and found.value + AHEAD * gained < poor):
+            if lost or stuck or (much and found.value + AHEAD * gained < self._poor):
                 if best is not self.best or way.ends():
                     break
                 objective.kappa = self.guard.margin = way.kappa
@@ -328,6 +287,29 @@ class RunSearch:
             before, reach = there, max(reach, FIRST / 4)
         assert best is not None
         return best
+
+    def _explored(self, z: Array, selected: NDArray[np.bool_] | None) -> tuple[Array, float]:
+        """Where a start leads to near the limits, whether enough plants can run it or not, and what that is worth.
+
+        From there it is not far to the best that enough can run. Infinite where nothing is paid near limits.
+        """
+        objective, value = self.objective, -np.inf
+        objective.kappa = self.guard.first
+        if not objective.costly:
+            return z, np.inf
+        for _ in range(EXPLORED):
+            peak = ascend(objective, z, selected, STRETCH, self._rng)
+            z, there = best_moves(objective, peak.z, peak.value, selected, self._others, STRETCH_GAIN, self._rng)
+            if not there > value + STRETCH_GAIN:
+                return z, there
+            value = there
+        return z, value
+
+    @property
+    def _poor(self) -> float:
+        """What is far below the best runs so far, -inf where there are none that enough plants can run."""
+        best = self.best
+        return best.value - HOPELESS * len(self.problem.estimated) if best.feasible else -np.inf
 
     @property
     def _others(self) -> Array:
