@@ -1,7 +1,11 @@
 #include <doctest/doctest.h>
 
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <array>
 #include <cmath>
 
+#include "fisherpoint/numbers/eigenvalues.hpp"
 #include "fisherpoint/numbers/elimination.hpp"
 #include "fisherpoint/numbers/lanes.hpp"
 
@@ -75,4 +79,46 @@ TEST_CASE("what is singular gives no finite solution") {
   system.factorise();
   system.solve(b.data());
   CHECK_FALSE(std::isfinite(b[0] + b[1]));
+}
+
+TEST_CASE("signs of pivots are those of determinants, in lanes whose rows change places and in others") {
+  const auto turned = [](int lane, int i, int k) { return lane == 0 && i == 0 ? -entry(lane, i, k) : entry(lane, i, k); };
+  Elimination<P> system(n);
+  for (int lane = 0; lane < P::width; ++lane)
+    for (int i = 0; i < n; ++i)
+      for (int k = 0; k < n; ++k) lanes_of<P>::set(system(i, k), lane, turned(lane, i, k));
+  system.factorise();
+  ShelfVector<P> signs(n);
+  system.signs(signs.data());
+  int negative = 0;
+  for (int lane = 0; lane < P::width; ++lane) {
+    Eigen::MatrixXd matrix(n, n);
+    for (int i = 0; i < n; ++i)
+      for (int k = 0; k < n; ++k) matrix(i, k) = turned(lane, i, k);
+    CHECK(signs[n - 1][lane] == (matrix.determinant() < 0 ? -1.0 : 1.0));
+    negative += matrix.determinant() < 0;
+  }
+  CHECK(negative > 0);
+  CHECK(negative < P::width);
+}
+
+TEST_CASE("eigenvalues on the left of the axis are counted, however far from each other they are") {
+  ShelfVector<P> packed(n * n);
+  std::array<int, P::width> expected{};
+  for (int lane = 0; lane < P::width; ++lane) {
+    Eigen::MatrixXd matrix(n, n);
+    for (int i = 0; i < n; ++i)
+      for (int k = 0; k < n; ++k) matrix(i, k) = entry(lane, i, k) * std::pow(10.0, (lane % 3) * (i - 2));
+    for (int j = 0; j < n * n; ++j) lanes_of<P>::set(packed[j], lane, matrix(j / n, j % n));
+    for (const auto& value : matrix.eigenvalues()) expected[lane] += value.real() < 0;
+  }
+  const P counted = eigenvalues_on_left(packed, n);
+  for (int lane = 0; lane < P::width; ++lane) CHECK(counted[lane] == doctest::Approx(expected[lane]).epsilon(1e-6));
+}
+
+TEST_CASE("two eigenvalues on the left are counted where the determinant is positive") {
+  ShelfVector<double> both{-1.0, 0.0, 0.0, -1e8}, rotating{-3.0, 5.0, -5.0, -3.0}, none{1e-6, 1.0, 0.0, 1e8};
+  CHECK(eigenvalues_on_left(both, 2) == doctest::Approx(2.0));
+  CHECK(eigenvalues_on_left(rotating, 2) == doctest::Approx(2.0));
+  CHECK(eigenvalues_on_left(none, 2) == doctest::Approx(0.0));
 }

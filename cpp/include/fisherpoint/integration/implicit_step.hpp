@@ -1,12 +1,18 @@
 // One step of Radau IIA (radau.hpp) in every lane that asks for one: the stages by the simplified Newton iteration, each lane
 // for as long as it needs, with f_x at the step's start.
 //
+// The method damps modes that grow where the step is long for them, and so would carry a trajectory along what has lost its
+// stability, as where an amount is used up: so f_x at both ends of a step has no eigenvalue past `real` / step. As the step
+// goes to zero all pivots of real - step f_x are positive; where signs differ from that, the eigenvalues are counted.
+//
 // States count in units of their scales here, so that rows of the equations can be compared.
 #pragma once
 
 #include <array>
+#include <limits>
 
 #include "fisherpoint/integration/radau.hpp"
+#include "fisherpoint/numbers/eigenvalues.hpp"
 #include "fisherpoint/numbers/elimination.hpp"
 #include "fisherpoint/numbers/lanes.hpp"
 #include "fisherpoint/numbers/shelves.hpp"
@@ -25,26 +31,35 @@ class ImplicitStep {
   static constexpr int most_iterations = 10;
   // What is left of the iteration's error, as a share of the tolerance.
   static constexpr double most_left = 0.01;
+  // By how far the step's end may be off, as a squared share of the tolerance.
+  static constexpr double most_off = 0.1;
   // The last step's cubic tells little further ahead than this, in units of that step.
   static constexpr double farthest = 4.0;
 
  public:
   explicit ImplicitStep(const Equation& f)
-      : f_(f), n_(f.states), real_(n_), complex_(n_), jacobian_(n_ * n_), right_(n_), right_complex_(n_) {
+      : f_(f), n_(f.states), real_(n_), complex_(n_), right_(n_), right_complex_(n_), signs_(2 * n_), known_(2 * n_, P(1.0)) {
     for (auto* increments : {&z_, &w_, &f_z_, &cubic_})
       for (auto& values : *increments) values.assign(n_, P(0.0));
     fit(at_, f.states);
     fit(rate_, f.states);
+    for (Linearised* place : {&start_, &end_}) {
+      fit(place->x, f.states);
+      fit(place->side, f.sides);
+      place->x.fill(P(std::numeric_limits<double>::quiet_NaN()));
+      place->side.fill(P(0.0));
+      place->f_x.assign(n_ * n_, P(0.0));
+    }
   }
 
   // Solves for the stages of a step from y, whose rate is `rate`; `weight` is that of squares in step control. Returns the
   // lanes in which that has succeeded.
   Mask solve(const Mask& lanes, const State& y, const State& rate, const P& step, const Side& side, double weight) {
     step_ = select(lanes, step, P(0.0));
-    f_.jacobian(y, side, jacobian_.data());
+    linearise_start(lanes, y, side);
     for (int i = 0; i < n_; ++i)
       for (int k = 0; k < n_; ++k) {
-        const P entry = -(step_ * jacobian_[i * n_ + k] * (f_.inverse_scale(i) * scale(k)));
+        const P entry = coupling(start_, i, k);
         const P diagonal(i == k ? 1.0 : 0.0);
         real_(i, k) = Radau::real * diagonal + entry;
         complex_(i, k) = {Radau::part_re * diagonal + entry, Radau::part_im * diagonal};
@@ -73,6 +88,27 @@ class ImplicitStep {
     for (int i = 0; i < n_; ++i) right_[i] = step_ * f_.inverse_scale(i) * rate_[i] + of_stages(Radau::error, i);
     real_.solve(right_.data());
     return select(again, squared(right_), sum);
+  }
+
+  // Of these lanes those with a mode that grows too fast for the step at its start, from where the rates are `rate`; directly
+  // behind `solve`.
+  Mask outgrown(const Mask& lanes, const State& rate) {
+    return outgrown(lanes, start_, [&](int i) { return rate[i]; });
+  }
+  // Of these lanes those with such a mode at the step's end, y; and those where y is not what the stages are to be there, which
+  // an iteration with f_x from the start does not see of a mode that has become much faster. It drops what solve_real needs.
+  Mask lost(const Mask& lanes, const State& y, const Side& side, double weight) {
+    end_.x = y;
+    end_.side = side;
+    f_.jacobian(y, side, end_.f_x.data());
+    for (int i = 0; i < n_; ++i)
+      for (int k = 0; k < n_; ++k) real_(i, k) = P(i == k ? Radau::real : 0.0) + coupling(end_, i, k);
+    real_.factorise();
+    f_.derivative(y, side, rate_);
+    for (int i = 0; i < n_; ++i) right_[i] = f_.inverse_scale(i) * (step_ * (rate_[i] - slope(i, 1.0)));
+    real_.solve(right_.data());
+    return (lanes & !(weight * squared(right_) <= P(most_off))) |
+           outgrown(lanes, end_, [&](int i) { return abs(z_[0][i]) + abs(z_[1][i]) + abs(z_[2][i]); });
   }
 
   // Of the cubic through the stages: what it adds to y at a share of the step, and its slope there.
@@ -117,6 +153,66 @@ class ImplicitStep {
   P of_stages(const std::array<double, 3>& weights, int i) const {
     return weights[0] * z_[0][i] + weights[1] * z_[1][i] + weights[2] * z_[2][i];
   }
+
+  // f_x somewhere.
+  struct Linearised {
+    State x;
+    Side side;
+    ShelfVector<P> f_x;
+  };
+  // -h f_x, in units of the scales.
+  P coupling(const Linearised& at, int i, int k) const {
+    return -(step_ * at.f_x[i * n_ + k] * (f_.inverse_scale(i) * scale(k)));
+  }
+  Mask is_at(const Linearised& place, const State& x, const Side& side) const {
+    Mask same = !Lanes::none();
+    for (int i = 0; i < n_; ++i) same = same & (x[i] <= place.x[i]) & (x[i] >= place.x[i]);
+    for (int m = 0; m < f_.sides; ++m) same = same & !(abs(side[m] - place.side[m]) > P(0.0));
+    return same;
+  }
+  // A step that is tried again begins where it did, and another where the last one has ended.
+  void linearise_start(const Mask& lanes, const State& y, const Side& side) {
+    const Mask again = is_at(start_, y, side), goes_on = is_at(end_, y, side);
+    if (any(lanes & !again & !goes_on)) {
+      f_.jacobian(y, side, start_.f_x.data());
+    } else if (any(lanes & !again)) {
+      for (int j = 0; j < n_ * n_; ++j) start_.f_x[j] = select(again, start_.f_x[j], end_.f_x[j]);
+    }
+    start_.x = y;
+    start_.side = side;
+  }
+
+  // Where signs are not those of steps without such modes. A state that does not move, and has a rate by itself alone, rests
+  // where it is, whatever becomes of others beside it.
+  Mask outgrown(const Mask& lanes, const Linearised& at, auto&& moved) {
+    real_.signs(signs_.data());
+    Mask unlike = Lanes::none();
+    for (int i = 0; i < n_; ++i) {
+      signs_[n_ + i] = select(Radau::real + coupling(at, i, i) < P(0.0), P(-1.0), P(1.0));
+      unlike = unlike | (signs_[i] * known_[i] < P(0.0)) | (signs_[n_ + i] * known_[n_ + i] < P(0.0));
+    }
+    unlike = unlike & lanes;
+    return any(unlike) ? counted(unlike, at, moved) : unlike;
+  }
+  [[gnu::noinline]] Mask counted(const Mask& lanes, const Linearised& at, auto&& moved) {
+    ShelfVector<P> matrix(n_ * n_);
+    Mask any_rests = Lanes::none();
+    for (int i = 0; i < n_; ++i) {
+      Mask rests = !(abs(moved(i)) > P(0.0));
+      for (int k = 0; k < n_; ++k)
+        if (k != i) rests = rests & !(abs(at.f_x[i * n_ + k]) > P(0.0));
+      any_rests = any_rests | rests;
+      for (int k = 0; k < n_; ++k) {
+        const P diagonal(i == k ? Radau::real : 0.0);
+        matrix[i * n_ + k] = select(rests, diagonal, diagonal + coupling(at, i, k));
+      }
+    }
+    const Mask outgrown = lanes & (eigenvalues_on_left(matrix, n_) > P(0.5));
+    const Mask harmless = lanes & !outgrown & !any_rests;
+    for (int j = 0; j < 2 * n_; ++j) known_[j] = select(harmless, signs_[j], known_[j]);
+    return outgrown;
+  }
+
   static P squared(const ShelfVector<P>& values) {
     P sum(0.0);
     for (const P& value : values) sum += value * value;
@@ -189,8 +285,11 @@ class ImplicitStep {
   Mask solved_ = Lanes::none(), unknown_ = Lanes::none();
   Elimination<P> real_;
   Elimination<Complex<P>> complex_;
-  ShelfVector<P> jacobian_, right_;
+  Linearised start_, end_;  // of the step
+  ShelfVector<P> right_;
   ShelfVector<Complex<P>> right_complex_;
+  // Of real - h f_x, the signs of its pivots and of its diagonal: here, and where eigenvalues are known to be harmless.
+  ShelfVector<P> signs_, known_;
   Increments z_, w_, f_z_, cubic_;  // stages, their transforms, h f at the stages, and the last step's cubic
   State at_, rate_;
 };

@@ -93,7 +93,8 @@ inline constexpr int stiff_signs = 15, most_others = 6;
 inline constexpr int slowness_watched_from = 400;
 inline constexpr double slow = 0.02;
 
-// The squared error that is told where the stages of an implicit step are not found: it makes the next try about half as long.
+// The squared error that is told where the stages of an implicit step are not found, or the step is too long for a mode that
+// grows: it makes the next try about half as long.
 inline constexpr double unsolved_error = 110.0;
 
 // By how much implicit steps may grow over what the last one's error asked for.

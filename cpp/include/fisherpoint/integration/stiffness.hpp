@@ -25,9 +25,8 @@ template <class Equation, class Method>
 void Integrator<Equation, Method>::attempt_implicit(const State& y, State& middle) {
   ImplicitStep<Equation>& step = *implicit_step_;
   const Mask solved = step.solve(implicit_, y, stage_[0], step_, side_, weight_);
+  Mask fails = step.outgrown(implicit_, stage_[0]) | (implicit_ & !solved);
   const P error = squared_weight() * step.squared_error(rejected_ | (time_ <= P(0.0)), y, side_, weight_);
-  const P unsolved = select(step.unknown(), P(infinity), P(unsolved_error));
-  squared_error_ = select(implicit_, select(solved, error, unsolved), squared_error_);
   State start;
   fit(start, f_.states);
   for_each_index(f_.states, [&](auto i) {
@@ -36,6 +35,10 @@ void Integrator<Equation, Method>::attempt_implicit(const State& y, State& middl
     stage_[last][i] = select(implicit_, step.slope(i, 1.0), stage_[last][i]);
     start[i] = step.slope(i, 0.0);
   });
+  const Mask ends = implicit_ & !fails & (error <= P(1.0));
+  if (any(ends)) fails = fails | step.lost(ends, end_, side_, weight_);
+  const P unsolved = select(step.unknown(), P(infinity), P(unsolved_error));
+  squared_error_ = select(implicit_, select(fails, unsolved, error), squared_error_);
   const Surfaces rate = f_.surface_rates(y, start);
   for_each_index(f_.surfaces, [&](auto m) { rate_[m] = select(implicit_, rate[m], rate_[m]); });
 }

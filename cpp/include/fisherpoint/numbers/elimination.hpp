@@ -86,6 +86,17 @@ class Elimination {
     }
   }
 
+  // Of a real matrix that is factorised, the sign of its first k + 1 pivots' product, turned where rows were exchanged; for the
+  // last k that of the determinant.
+  void signs(P* out) const {
+    P sign(1.0);
+    for (int k = 0; k < n_; ++k) {
+      sign = select(a_[k * n_ + k] < P(0.0), -sign, sign);
+      if (place_[k].moved) sign = select(place_[k].row > P(k), -sign, sign);
+      out[k] = sign;
+    }
+  }
+
   // b becomes x.
   [[gnu::noinline]] void solve(T* b) const {
     for (int k = 0; k < n_; ++k)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from .core import CallableCore
+from .implicit import radau_in_sight
 from .tangents import sizes
 
 OK, MET_JUMP, LEFT_DOMAIN, STEP_LIMIT, NOT_FINITE, MET_KINK = range(6)
@@ -88,7 +89,7 @@ def integrate(
     size = np.concatenate([model.scale, FLOOR * np.repeat(model.scale, len(z0) // n_x - 1)])
     calls, shortest, most, power = 0, dt / LOOKS, np.inf, 1.0
     long_steps: list[_Step] = []
-    chosen = _keeping_steps(method, shortest, long_steps)
+    chosen = _keeping_steps(model, u[0], theta[0], method, shortest, long_steps)
 
     def counted(_: float, z: Array) -> Array:
         nonlocal calls
@@ -155,11 +156,11 @@ def _at_start(model: CallableCore, x: Array, u: Array, theta: Array) -> tuple[in
     return OK, np.where(side == 0, 1.0, side)
 
 
-def _keeping_steps(method: str, shortest: float, steps: list[_Step]) -> Any:
+def _keeping_steps(model: CallableCore, u: Array, theta: Array, method: str, shortest: float, steps: list[_Step]) -> Any:
     """A method of SciPy's that puts down its steps that are longer than `shortest`."""
     import scipy.integrate
 
-    base: Any = getattr(scipy.integrate, method)
+    base: Any = radau_in_sight(model, u, theta) if method == "Radau" else getattr(scipy.integrate, method)
 
     class Keeping(base):  # type: ignore[misc]
         def step(self) -> str | None:
