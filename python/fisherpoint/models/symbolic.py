@@ -278,9 +278,9 @@ class SymbolicModel(DescribedModel):
         """
         check_known(names, names_of(self.states), "states", "names of states,")
         start = {} if self.clock is None else {self.clock: sympy.S.Zero}
-        equations = self.equations
-        rates = [(q.name, replaced(rate, start)) for q, rate in zip(self.states, equations.rates, strict=True) if q.name in names]
-        given = [replaced(one, start) for q, one in zip(self.outputs, equations.output, strict=True) if q.name in outputs]
+        by_name = zip(names_of(self.states), self.equations.rates, strict=True)
+        rates = [(name, replaced(rate, start)) for name, rate in by_name if name in names]
+        given = [replaced(one, start) for q, one in zip(self.outputs, self.equations.output, strict=True) if q.name in outputs]
         values = {symbol(name) for name in self.constants}
         for name, rate in rates:
             if not value_of(rate).free_symbols - values:

@@ -124,7 +124,9 @@ class Averaged(Criterion):
         half = joined([np.sqrt(factor * one) * part.half for one, part in zip(q, parts, strict=True)])
         capped = tuple((q >= self.average.most * (1 - 1e-9)).tolist())
         own = tuple((factor * q).tolist())
-        return AveragedSlope(self, half, exact, np.zeros(0), softness, factor, float(np.exp(unit)), parts, own, capped)
+        return AveragedSlope(
+            self, half, exact, np.zeros(0), softness, factor, float(np.exp(unit)), parts=parts, counted=own, capped=capped
+        )
 
     def _curvature(self, slope: Slope, matrices: Array) -> Array:
         assert isinstance(slope, AveragedSlope)

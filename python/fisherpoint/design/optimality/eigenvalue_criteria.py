@@ -77,7 +77,8 @@ class Scaled:
 
     def beside_nuisance(self, nuisance: int) -> Scaled:
         """The same of information about as many nuisance parameters behind the others."""
-        return Scaled(padded(np.linalg.inv(self.k), nuisance), True)
+        inverse = np.asarray(np.linalg.inv(self.k), dtype=np.float64)  # of the diagonal matrix S
+        return Scaled(padded(inverse, nuisance), True)
 
 
 class OfEigenvalues(Criterion):
