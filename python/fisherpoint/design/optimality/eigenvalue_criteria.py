@@ -52,7 +52,11 @@ class Scaled:
 
     def in_coordinates(self, factor: Array) -> Scaled:
         """The same of matrices L^-1 M L^-T."""
-        return Scaled(np.linalg.solve(factor, self.k), True) if self.marginal else Scaled(factor.T @ self.k)
+        return (
+            Scaled(np.asarray(np.linalg.solve(factor, self.k), dtype=np.float64), True)
+            if self.marginal
+            else Scaled(factor.T @ self.k)
+        )
 
     def within(self, estimable: Estimable) -> Scaled:
         """The same of matrices B^T M B in the coordinates of what is estimable."""
@@ -72,8 +76,8 @@ class Scaled:
         basis, of_basis = np.linalg.qr(self.k)
         u, s, _ = np.linalg.svd(span @ (span.T @ basis), full_matrices=False)
         q = u[:, s > 0.5]
-        r = np.linalg.qr(np.linalg.solve(of_basis, basis.T @ q), mode="r")
-        return Scaled(np.asarray(np.linalg.solve(r.T, q.T).T), True)
+        triangle = np.linalg.qr(np.linalg.solve(of_basis, basis.T @ q), mode="r")
+        return Scaled(np.asarray(np.linalg.solve(triangle.T, q.T).T, dtype=np.float64), True)
 
     def beside_nuisance(self, nuisance: int) -> Scaled:
         """The same of information about as many nuisance parameters behind the others."""
