@@ -76,7 +76,7 @@ class Scaled:
         basis, of_basis = np.linalg.qr(self.k)
         u, s, _ = np.linalg.svd(span @ (span.T @ basis), full_matrices=False)
         q = u[:, s > 0.5]
-        triangle = np.linalg.qr(np.linalg.solve(of_basis, basis.T @ q), mode="r")
+        triangle = np.asarray(np.linalg.qr(np.linalg.solve(of_basis, basis.T @ q), mode="r"), dtype=np.float64)
         return Scaled(np.asarray(np.linalg.solve(triangle.T, q.T).T, dtype=np.float64), True)
 
     def beside_nuisance(self, nuisance: int) -> Scaled:
