@@ -97,7 +97,7 @@ def setting(case: Case, noise: float) -> fp.DesignProblem:
     """The problem that the fits solve."""
     asked = problem(noise)
     if case.t_1 == "stated":
-        return asked.replace(uncertain={"T_1": T_1_STD})
+        return asked.replace(varies={"T_1": T_1_STD})
     if case.t_1 == "estimated":
         prior = fp.GaussianPrior({**PRIOR.mean, "T_1": T_1}, {**PRIOR.std, "T_1": T_1_STD})
         return asked.replace(model=MODEL.estimate("T_1"), prior=prior, parameters=None)
