@@ -179,7 +179,7 @@ def of_wrong_constant(found: Found) -> Figure:
         axes.plot(wrong, rows, "o", color=CRITERION, markersize=6, label="T_1 off by 10 %")
         for case, marker, label in (
             ("estimated, T_1 off", "s", "off, but estimated"),
-            ("stated, T_1 off", "^", "off, its uncertainty stated"),
+            ("stated, T_1 off", "^", "off, said to vary"),
         ):
             if f"noise|1|{case}" in found:
                 place = ([summary(found[f"noise|1|{case}"]).rmse], [names.index("noise")])
