@@ -148,3 +148,13 @@ def test_branches_over_a_prior_are_the_interpreted_ones():
     one, other = (fp.predictive_covariance(m, points, prior, fp.Sobol(64)).covariance[0] for m in (growth, model))
     np.testing.assert_allclose(other, one, rtol=1e-12)
     assert np.diag(one).min() > 0.1
+
+
+def test_time_in_equations_is_that_of_the_interpreted_model():
+    model = fp.SymbolicModel(["where(t < b, r, 0)*u - k*c"], ["c + t"], {"c": "1"}, {"u": "1"}, {"r": "1/s", "k": "1/s", "b": "s"})
+    compiled = model.compile()
+    assert compiled.compiled and [q.name for q in compiled.states] == ["c"]
+    runs = fp.Runs([[0.0]], np.ones((1, 4, 1)), [[0.3, 0.5, 0.13, 1.1]])
+    one, other = (fp.sensitivities(m, runs, [1.2, 0.3, 0.77]) for m in (model, compiled))
+    assert one.statuses == other.statuses == (fp.Status.ok,) and one.x.shape == other.x.shape == (1, 5, 1)
+    np.testing.assert_allclose(other.dy_dtheta, one.dy_dtheta, rtol=1e-12)
