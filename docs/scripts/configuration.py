@@ -175,7 +175,7 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
         "The plant has settled before a run: rates vanish at its start, under a held input, or where a controller keeps states or"
         " outputs. Of states that are found, the middle of their bounds in `[region]` is the guess."
         " [Starts at rest](../how_to/runs_at_rest.md).",
-        '[runs.rest]\nu = { u = 2.0 }\nstates = ["v", "p_A", "p_B", "x_v"]\n',
+        '[runs]\nsegments = 48\n\n[runs.rest]\nu = { u = 0.0 }\nstates = ["v", "p_A", "p_B", "x_v"]\n',
         {
             "u": "The held input, by name; of an input to be solved for, the guess.",
             "states": "The states of which the rates vanish; the others start within their bounds.",

@@ -95,6 +95,14 @@ def test_whether_the_plant_would_stay_does_not_matter() -> None:
         fp.simulate(model, fp.Runs(runs.x0, runs.u, 0.1, rest=fp.Rest({"u": 0.0})), [9.81])
 
 
+def test_dry_friction_leaves_the_input_open() -> None:
+    """A whole range of valve positions holds a piston that sticks."""
+    model = fp.HydraulicCylinder()
+    runs = fp.Runs([[0.15, 0.0, 8e6, 10e6, 0.0]], [[0.5, -0.5]], 5e-3, rest=fp.Rest(hold=["q"], solve=["u"]))
+    with pytest.raises(ValueError, match=r"given one on the jump v = 0 of runs\[0\]: a whole range of states rests there"):
+        fp.simulate(model, runs, model.nominal)
+
+
 def problem(region: fp.RunRegion | None = None, **more: Any) -> fp.DesignProblem:
     prior = fp.GaussianPrior(dict(zip(("k", "d", "R"), THETA, strict=True)), std={"k": 0.2, "d": 0.1, "R": 0.2})
     return fp.DesignProblem(LIFT, prior, region, noise_std={"y": 1e-3, "c": 0.02, "F": 0.1}, output_covariance="noise", **more)

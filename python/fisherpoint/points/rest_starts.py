@@ -270,10 +270,13 @@ class _Resting:
         expected = f"rest: expected an equilibrium of {listed(self.names)}"
         jumps, kinks = self.model.jumps, self.model.kinks
         on = self.on_surface(found.z, len(jumps) + len(kinks))
+        from_there = self.on_surface(self.guess, len(jumps))
         for row, k in enumerate(runs.tolist()):
             where = f"from x0 of runs[{k}]"
             jump = next((name for name, there in zip(jumps, on[row], strict=False) if there), None)
-            jump = jump if found.found[row] else self._jump_ahead(found.z[[row]], np.array([row]))
+            if not found.found[row]:
+                at_first = next((name for name, there in zip(jumps, from_there[row], strict=True) if there), None)
+                jump = self._jump_ahead(found.z[[row]], np.array([row])) or jump or at_first
             if jump is not None:
                 raise ValueError(
                     f"{expected} off jumps, given one on the jump {jump} = 0 of runs[{k}]: a whole range of states rests there,"
