@@ -89,7 +89,7 @@ def estimate(
     with drawers(None if no_plots else "fisherpoint.estimation.pictures") as drawing:
         fit = _estimate(problem, parts, no_prior, known, noise_std, threads, progress=not quiet)
         with alive("computing profiles") if profiles else nullcontext():
-            found = [fit.profile(name) for name in fit.parameters] if profiles else []
+            found = [fit.profile(name, threads=threads) for name in fit.parameters] if profiles else []
         report = fit.report(profiles=found)
         make_directory(output, old)
         written = [path.name for path in fit.save(output)]

@@ -94,7 +94,8 @@ def estimate_cases() -> dict[str, Case]:
         ),
         "Fit.intervals": case(lambda level: fit().intervals(level), level=(0.9, NUMBER)),
         "Fit.profile": case(
-            lambda name, level, progress: fit().profile(name, level=level, progress=progress),
+            lambda name, level, threads, progress: fit().profile(name, level=level, threads=threads, progress=progress),
+            threads=threads,
             name=("k", TEXT),
             level=(0.9, NUMBER),
             progress=(None, NONE, FLAG, FUNCTION),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -39,6 +41,27 @@ def test_results_of_searches_are_taken() -> None:
     found = fp.compare(PROBLEM, {"found": design, "given": RUNS}, draws=20)
     assert found.designs["found"].log_det == pytest.approx(design.log_det, abs=1e-4)
     assert set(fp.validate(PROBLEM, {"found": design}, runs=20).designs) == {"found"}
+
+
+def test_a_design_that_leaves_a_limit_stands_beside_the_others(tmp_path: Path) -> None:
+    over = fp.Experiments([[1.4], [0.5]], [[9.0], [1.0]], [2.0, 1.0])
+    run = fp.Runs([[1.4]], np.full((1, 2, 1), 9.0), np.ones((1, 2)))
+    found = fp.compare(PROBLEM, {"points": POINTS, "over": over, "run": run}, draws=50)
+    assert found.designs["points"].log_det == fp.compare(PROBLEM, {"points": POINTS}, draws=50).designs["points"].log_det
+    for name, samples in (("over", 2), ("run", 2)):
+        one = found.designs[name]
+        assert (one.log_det, one.standard_errors, one.samples) == (-np.inf, None, samples) and one.feasibility.share < 0.5
+        assert (
+            f"Warning: No information of {name}: {name if name == 'run' else 'point'}s: expected trajectories that are ok"
+            in str(found)
+        )
+    assert (
+        found.efficiency == {"points": 1.0, "over": 0.0, "run": 0.0}
+        and np.isnan(found.to_pandas().loc["over"].standard_error).all()
+    )
+    found.plot()
+    found.save(tmp_path / "found.json")
+    assert str(fp.DesignComparison.load(tmp_path / "found.json")) == str(found)
 
 
 def test_misuse_is_told() -> None:

@@ -202,7 +202,8 @@ def test_seeds_threads_and_files(tmp_path: Path) -> None:
     assert str(pickle.loads(pickle.dumps(one))) == str(one)
     assert fp.Runs.from_csv(tmp_path / "design.csv", problem.model) == one.runs
     plan = (tmp_path / "plan.csv").read_text().splitlines()
-    assert plan[0] == "run,t,u,measure" and len(plan) == 1 + 2 * 9 and plan[1].endswith("no") and plan[9].endswith("yes")
+    assert plan[0] == "run,t [s],u,measure" and all(len(entry) <= 17 for line in plan[1:] for entry in line.split(","))
+    assert len(plan) == 1 + 2 * 9 and plan[1].endswith("no") and plan[9].endswith("yes")
     again = fp.design_runs(problem, 1, n_starts=2, n_candidates=60, previous=one)
     assert again.evaluation.n_points == 24 and again.log_det > one.log_det
 

@@ -149,6 +149,16 @@ def test_of_a_linear_model_it_is_the_linear_interval() -> None:
                 assert profile.signed_root == pytest.approx(slope * (profile.values - profile.estimate), rel=1e-5, abs=1e-5)
 
 
+def test_threads_do_not_change_it() -> None:
+    model, data = straight_line()
+    fit = fp.estimate(model, data, start={"a": 0.0, "b": 1.0}, noise_std={"y": 0.3, "z": 0.9})
+    one, two, given = (fit.profile("a", threads=threads) for threads in (1, 2, None))
+    assert one.interval == two.interval == given.interval and np.array_equal(one.unknowns, two.unknowns)
+    assert fit.weighted.observed.with_threads(3)._given[-1] == 3
+    with pytest.raises(ValueError, match="threads: expected a whole number of at least 1, given 0"):
+        fit.profile("a", threads=0)
+
+
 def test_of_two_outputs_with_unknown_noise_it_is_close_to_the_interval_by_student() -> None:
     model, data = straight_line(n=40)
     fit = fp.estimate(model, data, start={"a": 0.0, "b": 1.0})

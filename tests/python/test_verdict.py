@@ -269,6 +269,20 @@ def test_results_so_far_survive_an_interrupt() -> None:
         fp.validate(line(), points, runs=10, progress=3)  # type: ignore[arg-type]
 
 
+def test_ctrl_c_finds_something_however_long_a_fit_takes() -> None:
+    """The first part is one virtual experiment; it was 25, of which nothing was kept before all were done."""
+    told = []
+
+    def interrupt(now: fp.ValidationProgress) -> None:
+        told.append(now)
+        raise KeyboardInterrupt
+
+    points = at([-1.0, 0.4, 2.0])
+    found = fp.validate(line(), points, runs=500, progress=interrupt)
+    assert found.interrupted and found.runs == told[0].runs == 1
+    assert str(found).startswith("Interrupted after 1 of 500 virtual experiments; ")
+
+
 def test_an_interrupt_before_anything_is_done_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupt(*_: Any) -> None:
         raise KeyboardInterrupt

@@ -23,6 +23,7 @@ from ..information.problem_report import problem_sections
 from ..points.experiments import Experiments
 from ..points.runs import Runs
 from ..points.settings import resolve_threads
+from ..points.status import NoTrajectory
 from ..show.numbers import computed, counted, number, percent
 from ..show.progress import Step, check_progress, following
 from ..show.section import Report, Section
@@ -61,6 +62,8 @@ class ComparedDesign:
         SI units; None where F is singular.
     feasibility : Feasibility
         Which plants of the prior can run it.
+    without : str
+        Why there is no information: the points or runs that do not reach their ends at the prior mean. Empty where all do.
     """
 
     kind: str
@@ -70,6 +73,7 @@ class ComparedDesign:
     log_det: float
     standard_errors: Mapping[str, float] | None
     feasibility: Feasibility
+    without: str = ""
 
     _CHOICES: ClassVar[Choices] = {"kind": ("point", "run")}
     _POSITIVE = ("count", "samples")
@@ -150,7 +154,8 @@ class DesignComparison(Shown, Kept):
         whole, each = self.efficiency, self.efficiency_per_sample
         rows = []
         for name, of in self.designs.items():
-            value = computed(of.log_det, 5) if np.isfinite(of.log_det) else "-inf: singular"
+            singular = "none" if of.without else "-inf: singular"
+            value = computed(of.log_det, 5) if np.isfinite(of.log_det) else singular
             sizes = counted(of.count, of.kind), str(of.samples), number(of.duration)
             rows.append((name, *sizes, value, percent(whole[name]), percent(each[name]), percent(of.feasibility.share)))
         columns = ("design", "size", "samples", "duration [s]", "log det F, sum", "D-efficiency", "per sample", "plants that can")
@@ -167,7 +172,8 @@ class DesignComparison(Shown, Kept):
             errors.append((parameter, *("-" if share is None else percent(share) for share in told)))
         second = Section("Standard errors, of the prior std", ("parameter", *self.designs), errors)
         title = f"{counted(len(self.designs), 'design')} for {self.problem.model.name} beside each other"
-        return Report(title, [first, second])
+        warnings = [f"No information of {name}: {of.without}" for name, of in self.designs.items() if of.without]
+        return Report(title, [first, second], warnings)
 
 
 def compare(
@@ -201,7 +207,8 @@ def compare(
     Raises
     ------
     TypeError, ValueError
-        For misuse, and as `evaluate_design`; the message names the design.
+        For misuse, and as `evaluate_design`; the message names the design. A design that does not reach its end at the prior mean
+        stands beside the others without information.
     """
     check_type(problem, DesignProblem, "problem")
     check_progress(progress)
@@ -226,21 +233,25 @@ def compare(
 
 
 def _compared(problem: DesignProblem, name: str, points: Experiments | Runs, draws: int, seed: int, threads: int) -> ComparedDesign:
+    evaluation, without = None, ""
     try:
-        evaluation = evaluate_under_noise(problem, points, threads=threads)
+        try:
+            evaluation = evaluate_under_noise(problem, points, threads=threads)
+        except NoTrajectory as error:
+            without = str(error)
         able = feasibility(problem, points, draws=draws, seed=seed, threads=threads)
     except ValueError as error:
         raise ValueError(f"designs[{name!r}]: {error}") from error
-    assert evaluation is not None
-    p, samples = len(problem.estimated), evaluation.n_points
+    p, samples = len(problem.estimated), int(points.measured.sum()) if isinstance(points, Runs) else len(points)
     return ComparedDesign(
         kind="run" if isinstance(points, Runs) else "point",
         count=len(points),
         samples=samples,
         duration=float(points.dt.sum()),
-        log_det=float(evaluation.log_det + p * np.log(samples / 2)),
-        standard_errors=evaluation.standard_errors,
+        log_det=-np.inf if evaluation is None else float(evaluation.log_det + p * np.log(samples / 2)),
+        standard_errors=None if evaluation is None else evaluation.standard_errors,
         feasibility=able,
+        without=without,
     )
 
 

@@ -31,7 +31,12 @@ class Fit(FitStatistics, Shown):
     """What `estimate` found; see `FitStatistics` for its attributes."""
 
     def profile(
-        self, name: str, *, level: float = 0.95, progress: bool | Callable[[ProfileProgress], None] | None = None
+        self,
+        name: str,
+        *,
+        level: float = 0.95,
+        threads: int | None = None,
+        progress: bool | Callable[[ProfileProgress], None] | None = None,
     ) -> Profile:
         """The profile likelihood of one unknown, and the confidence interval by it; it is right where `intervals` are too linear.
 
@@ -45,6 +50,8 @@ class Fit(FitStatistics, Shown):
             One of `parameters`.
         level : float
             Probability of the interval.
+        threads : int, optional
+            Default: those of the estimate. They do not change the result.
         progress : bool or callable, optional
             True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `ProfileProgress` after each
             value.
@@ -52,9 +59,9 @@ class Fit(FitStatistics, Shown):
         Raises
         ------
         ValueError
-            For an unknown name or a level outside 0 to 1.
+            For an unknown name, a level outside 0 to 1, or a number of threads that is none.
         """
-        return profile_of(self, name, level, progress)
+        return profile_of(self, name, level, progress, threads)
 
     def posterior(self) -> GaussianPrior:
         """The estimate and its covariance as the prior of what comes next, of all parameters of the model.

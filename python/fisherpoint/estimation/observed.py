@@ -91,6 +91,10 @@ class Observed:
         self.names = tuple(names)
         self.heard: Callable[[int], None] | None = None  # is told of how many sets of unknowns there is a response
 
+    def with_threads(self, threads: int) -> Observed:
+        """The same, computed by so many threads."""
+        return Observed(*self._given[:-1], threads)
+
     def __reduce__(self) -> tuple[Any, ...]:
         return Observed, self._given
 

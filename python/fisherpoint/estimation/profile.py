@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from ..basics.checks import as_probability, check_known
 from ..basics.extras import needed_for
 from ..basics.values import Array
+from ..points.settings import resolve_threads
 from ..show.first_rows import InNotebooks
 from ..show.numbers import counted, number
 from ..show.progress import Step, check_progress, following
@@ -120,9 +121,13 @@ def profile_of(
     name: str,
     level: float = 0.95,
     progress: bool | Callable[[ProfileProgress], None] | None = None,
+    threads: int | None = None,
 ) -> Profile:
     """See `Fit.profile`."""
     check_progress(progress)
+    if threads is not None:
+        observed = fit.weighted.observed.with_threads(resolve_threads(threads))
+        fit = replace(fit, weighted=replace(fit.weighted, observed=observed))
     check_known([name], fit.parameters, "name", "one of")
     level = as_probability(level, "level")
     j, unknowns = fit.parameters.index(name), fit.weighted.unknowns

@@ -16,7 +16,7 @@ from ..points.experiments import Experiments
 from ..points.predictive import PredictiveCovariance, covariance_over_nodes, linearized, nodes_of
 from ..points.runs import Runs
 from ..points.settings import Settings, check_jumps, check_kinks, checked_arguments, resolve_threads
-from ..points.status import Status, only_finite
+from ..points.status import NoTrajectory, Status, only_finite
 from ..points.trajectories import checked_sensitivities
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import Linearized, Rule
@@ -210,7 +210,7 @@ def point_information(problem: DesignProblem, points: Experiments, grid: bool, t
         first, told = Status(status[bad[0]]), bad[:5].tolist()
         words = statuses_in_words(problem.limited, points, problem.theta, _settings(problem, threads), status, told)
         listed = ", ".join(f"points[{k}] ({word})" for k, word in zip(told, words, strict=True))
-        raise ValueError(
+        raise NoTrajectory(
             f"points: expected trajectories that are ok, given {listed}{' ...' if len(bad) > 5 else ''}. {first.advice}"
         )
     return information

@@ -11,7 +11,7 @@ from ..basics.values import Array, IntArray
 from ..points.broken_limits import statuses_in_words
 from ..points.runs import Runs
 from ..points.settings import Settings, check_jumps, check_kinks, checked_arguments, resolve_threads
-from ..points.status import Status
+from ..points.status import NoTrajectory, Status
 from .point_information import PointInformation
 from .problem import DesignProblem
 from .run_tangents import RunRows, run_tangents
@@ -58,7 +58,7 @@ def run_information(problem: DesignProblem, runs: Runs, threads: int | None) -> 
         words = statuses_in_words(problem.limited, runs, problem.theta, settings, rows.status, told)
         listed = ", ".join(f"runs[{k}] ({word})" for k, word in zip(told, words, strict=True))
         more = " ..." if len(bad) > 5 else ""
-        raise ValueError(f"runs: expected trajectories that are ok, given {listed}{more}. {Status(rows.status[bad[0]]).advice}")
+        raise NoTrajectory(f"runs: expected trajectories that are ok, given {listed}{more}. {Status(rows.status[bad[0]]).advice}")
     sensitivity, _ = rows.samples(runs)
     n_y = sensitivity.shape[1]
     return PointInformation(runs, sensitivity, np.zeros((len(sensitivity), n_y, n_y)))

@@ -12,8 +12,9 @@ import subprocess
 import tempfile
 import threading
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -169,14 +170,12 @@ def _build(compiler: str, flags: list[str], sources: dict[str, str]) -> bytes:
 
 
 def _run(commands: Sequence[Sequence[str]], directory: str) -> None:
-    """Run commands side by side; where one fails, or Ctrl-C comes, the others end too."""
-    started: list[subprocess.Popen[bytes]] = []
+    """Run commands side by side; where one fails, or this process is interrupted or ended, the others end too."""
     stop = threading.Event()
 
     def run(command: Sequence[str]) -> None:
         if stop.is_set():
             return
-        # A group of its own, so that what a compiler starts can be ended with it.
         process = subprocess.Popen(
             command,
             cwd=directory,
@@ -184,29 +183,43 @@ def _run(commands: Sequence[Sequence[str]], directory: str) -> None:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
-            process_group=0,
+            process_group=group,
         )
-        started.append(process)
         if stop.is_set():
-            _end(process)
+            _end(group)
         complaints = process.communicate()[1].decode(errors="replace")
         if process.returncode != 0:
             raise RuntimeError(_shortened(complaints) or f"exit status {process.returncode}")
 
-    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+    with _group() as group, ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
         try:
             for done in as_completed([pool.submit(run, command) for command in commands]):
                 done.result()
         finally:
             stop.set()
-            for process in started:
-                _end(process)
+            _end(group)
 
 
-def _end(process: subprocess.Popen[bytes]) -> None:
-    if process.poll() is None:
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)
+@contextmanager
+def _group() -> Iterator[int]:
+    """A group of processes that ends where this process does, however it is ended, as the other end of a pipe is closed then."""
+    watch = subprocess.Popen(
+        ["/bin/sh", "-c", "read _; kill -s KILL 0"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        process_group=0,
+    )
+    try:
+        yield watch.pid
+    finally:
+        _end(watch.pid)
+        watch.communicate()
+
+
+def _end(group: int) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(group, signal.SIGKILL)
 
 
 def _shortened(complaints: str) -> str:

@@ -184,9 +184,11 @@ def runs_of_table(
 def plan_csv(runs: RunArrays, model: Model) -> str:
     """The text of a time table: at which time of which run which inputs are set, and whether a sample is taken just before.
 
-    A run's last row is its end, at which the inputs stay as they are.
+    A run's last row is its end, at which the inputs stay as they are. The head has units, and numbers ten digits, without the
+    rounding of sums: the table is for people and sequencers, and nothing reads it back.
     """
-    header = (RUN.name, "t", *names_of(model.inputs), "measure")
+    timed = (Quantity("t", "s"), *model.inputs)
+    header = (RUN.name, *(q.name if q.unit in ("", "1") else f"{q.name} [{q.unit}]" for q in timed), "measure")
     rows: list[list[Any]] = []
     for k, dt in enumerate(runs.dt):
         n = int(np.count_nonzero(dt))
@@ -194,7 +196,7 @@ def plan_csv(runs: RunArrays, model: Model) -> str:
         held = np.concatenate([runs.u[k, :n], runs.u[k, n - 1 : n]])
         flags = np.concatenate([[False], runs.measured[k, :n]])
         rows += [
-            [str(k + 1), time, *values, "yes" if flag else "no"]
+            [str(k + 1), *(f"{value:.10g}" for value in (time, *values)), "yes" if flag else "no"]
             for time, values, flag in zip(t.tolist(), held.tolist(), flags.tolist(), strict=True)
         ]
     return csv_text(header, rows)

@@ -10,6 +10,10 @@ import numpy as np
 from ..basics.values import Array, IntArray
 
 
+class NoTrajectory(ValueError):
+    """Points or runs of which a trajectory at the prior mean is not ok; the message says which, and why."""
+
+
 class Status(IntEnum):
     """How a trajectory ended."""
 

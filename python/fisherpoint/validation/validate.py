@@ -22,11 +22,10 @@ from .fits import Estimator, VirtualExperiments, VirtualFits, together
 from .result import Validation
 from .truths import Rig, Streams, truths_of
 
-FIRST_PART, LEAST_PART = 25, 10
-"""Runs of the first part, and of the smallest one: together, fits take less."""
-
 SECONDS = 5.0
-"""That a part should take. The next one is twice as large where it took less than half of that, half as large where twice that."""
+"""That a part should take: the next one is as much larger or smaller, by no more than `GROWTH`. Together, fits take less."""
+
+GROWTH = 8.0
 
 MOST_RUNS = 10**6
 """Virtual experiments with each design, past which they count as a slip."""
@@ -186,7 +185,7 @@ def _parts(
     less, and what is told is told now and then. Which runs are made together does not change them.
     """
     done: dict[str, list[VirtualFits]] = {name: [] for name in experiments}
-    made, size, failed = 0, FIRST_PART, 0
+    made, size, failed = 0, 1, 0  # Ctrl-C is to find something, however long a fit takes
     most = min((one.estimator.at_once for one in experiments.values()), default=1)
     try:
         while experiments and made < len(thetas):
@@ -199,7 +198,7 @@ def _parts(
             if progress is not None:
                 progress(ValidationProgress(made, len(thetas), failed, perf_counter() - begin))
             seconds = perf_counter() - start
-            size = 2 * size if seconds < SECONDS / 2 else size if seconds < 2 * SECONDS else max(LEAST_PART, size // 2)
+            size = max(1, int(size * min(GROWTH, max(1 / GROWTH, SECONDS / max(seconds, 1e-9)))))
     except KeyboardInterrupt:
         least = min(map(len, done.values()))
         if not least:
