@@ -354,5 +354,5 @@ def cases(draw: Draw) -> Case:
         correlation=draw(st.sampled_from((0.0, 0.0, 0.3, -0.4))) if n_p > 1 else 0.0,
         rule=draw(st.sampled_from(RULES)),
         seed=draw(st.integers(0, 9999)),
-        also=draw(st.sampled_from(("", "bits", "record", "levels", "callable"))),
+        also=draw(st.sampled_from(("", "bits", "record", "levels", "callable", "floats", "nice", "nice", "shared"))),
     )

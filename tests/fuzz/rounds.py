@@ -18,8 +18,11 @@ from hypothesis.errors import Flaky
 from check_bits import Levels, check_bits, check_compiled
 from check_callables import check_callable
 from check_covariances import check_covariance
+from check_floats import check_floats
+from check_nice import check_nice
 from check_records import check_record
 from check_sensitivities import check_sensitivities
+from check_shared import check_shared
 from check_states import check_states
 from checks import Bench, check_functions, check_static
 from figures import Figures, Finding
@@ -159,6 +162,9 @@ def checked(case: Case, figures: Figures, levels: Levels | None, only: str) -> l
     }
     also: dict[str, Callable[[], None]] = {
         "bits": lambda: check_bits(bench),
+        "floats": lambda: check_floats(bench),
+        "nice": lambda: check_nice(bench),
+        "shared": lambda: check_shared(bench),
         "record": lambda: check_record(bench, by_scipy=True),
         "callable": lambda: check_callable(bench),
         "levels": lambda: levels.check(bench) if levels is not None else None,

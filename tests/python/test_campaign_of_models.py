@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,10 @@ import pytest
 import fisherpoint as fp
 from check_bits import Levels, compare_numbers
 from check_covariances import check_covariance
+from check_floats import check_floats, in_floats
+from check_nice import Depot, check_nice, compare
 from check_sensitivities import check_sensitivities, largest_column
+from check_shared import brute_force, check_shared
 from check_states import judge
 from checks import Bench, check_functions
 from figures import Figures
@@ -246,6 +250,68 @@ def test_what_is_wrong_is_found() -> None:
     case = Liar(("-p1*x1",), ("x1",), (1.0,), (), (1.0,))
     kinds = {finding.kind for finding in examined(case, Figures())}
     assert {"right-hand side differs", "wrong ok: states", "wrong ok: sensitivities"} <= kinds
+
+
+# --- nice numbers ----------------------------------------------------------------------------------------------------------
+
+
+def bench_of(seed: int, **more: Any) -> Bench:
+    return Bench(replace(Case(("-p1*x1",), ("x1",), (1.0,), (), (1.0,), seed=seed), **more), Figures())
+
+
+def test_whole_numbers_are_written_as_floats() -> None:
+    assert in_floats("2*x1**2 + max(0.5*u1/1e+06, 0) + c12") == "2.0*x1**2.0 + max(0.5*u1/1e+06, 0.0) + c12"
+
+
+@pytest.mark.parametrize("rate", ["-p1*where(max(x1, 0) > 0, x1, 0)", "sqrt(max(x1 - 1, 0)) - p1", "max(x1, 1)**2 - 2*p1"])
+def test_whole_numbers_and_floats_are_the_same_model(rate: str) -> None:
+    bench = bench_of(1, rates=(rate,))
+    check_floats(bench)
+    assert not found(bench) and bench.figures.counts["floats: trajectories"]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_closed_forms_at_nice_numbers(seed: int) -> None:
+    bench = bench_of(seed)
+    check_nice(bench)
+    assert not found(bench) and bench.figures.counts["nice: records compared"]
+
+
+def test_a_wrong_closed_form_is_found() -> None:
+    """The edge is met at the end of the first of two segments, and the closed form has it elsewhere."""
+    states: dict[str, Any] = {"states": {"a": "1", "b": "1"}, "inputs": {"u": "1"}, "g": ["a", "b"]}
+    rates = {"f": ["-u*where(a > e, k, m)", "u*where(a > e, k, m)"], "parameters": {"k": "1", "m": "1"}}
+    for off, known in ((0.0, set()), (0.1, {"runs", "records", "points", "derivatives of runs", "derivatives of points"})):
+
+        class Elsewhere(Depot):
+            def state(self, tau: float, theta: Any, off: float = off) -> Any:
+                return super().state(tau, theta * (1 + off))
+
+        bench = bench_of(0)
+        exact = Elsewhere(states | rates | {"constants": {"e": (0.5, "1")}}, [1.0, 0.0], [1.0, 0.3], [0.5])
+        compare(bench, exact, np.array([1.0, 1.0]), np.array([0.4, 1.0]))
+        assert {finding.kind.removeprefix("wrong ok: nice ") for finding in bench.findings} == known
+
+
+def test_what_is_shared_is_counted_once() -> None:
+    """Of one run it is the same whether a constant is drawn for it or for the plant; of many it is not."""
+    for count in (1, 50):
+        u = np.tile([[[1.0]], [[2.0]]], (1, 4, 1))[:1].repeat(count, axis=0)
+        runs = fp.Runs(np.zeros((count, 2)), u, np.full((count, 4), 0.5))
+        shared = brute_force(runs, {"uncertain": {"c": 0.1}, "varies": {}})
+        anew = brute_force(runs, {"uncertain": {}, "varies": {"c": 0.1}})
+        assert shared is not None and anew is not None
+        if count == 1:
+            np.testing.assert_allclose(shared, anew, rtol=1e-6)
+        else:
+            assert not np.allclose(shared, anew, rtol=1e-5, atol=0)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_shared_constants_by_brute_force(seed: int) -> None:
+    bench = bench_of(seed)
+    check_shared(bench)
+    assert not found(bench)
 
 
 # --- the campaign ----------------------------------------------------------------------------------------------------------

@@ -20,9 +20,11 @@ def radau_in_sight(model: CallableCore, u: Array, theta: Array) -> Any:
     The method damps a mode that grows where a step is long for it. It would follow what has lost its stability, as an amount that
     is used up. And its iteration, with an f_x from before, does not see an error in a mode that has become much faster.
     """
-    from scipy.integrate import Radau
+    import scipy.integrate
 
-    class RadauInSight(Radau):  # type: ignore[misc]
+    base: Any = scipy.integrate.Radau
+
+    class RadauInSight(base):  # type: ignore[misc]
         growth = -np.inf  # per second, of the fastest mode that grows at the step's start
 
         def step(self) -> str | None:
