@@ -58,7 +58,7 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "constants": "Known constants, by name. Of a built-in model: those that differ from their default.",
             "outputs": "The outputs, by name. An output with the name of a state and no equation is that state.",
             "equations": "By name: the rate of each state, and each output that is not simply a state. `t` is the time, where"
-            " nothing else has the name; conditions are joined by `and`, `or`, `not`, or by `&`, `|`, `~` with brackets around each.",
+            " nothing else has the name; conditions are joined by `and`, `or`, `not`, or by `&`, `|`, `~` with brackets.",
             "domain": "Expressions that have to stay positive.",
             "check_units": "Whether a warning names places of the equations where"
             " [units do not fit](../how_to/models.md#units-that-do-not-fit).",

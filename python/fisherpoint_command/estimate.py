@@ -137,9 +137,10 @@ def _read(path: Path, model: fp.Model) -> fp.Measurements | fp.Record:
     A column t of a model that has such a state or output is one of times where the file has no durations.
     """
     from fisherpoint.basics.csv_table import CsvTable
-    from fisherpoint.data.record import time_name
+    from fisherpoint.basics.quantity import names_of
+    from fisherpoint.points.run_files import time_name
 
-    time = time_name(model)
+    time = time_name(names_of(model.inputs))
     axes, names = {quantity.name for quantity in (*model.axes, *model.outputs)}, CsvTable(path).names
     without_durations = bool(model.states) and "dt" not in names
     if time in names and (without_durations or (time == "t" and time not in axes)):

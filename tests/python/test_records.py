@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
+from fisherpoint.points.run_files import plan_csv
 from record_cases import T, U, motor, piecewise, tanks, valve
 
 TANKS = [0.5, 0.4, 0.3, 0.2, 0.6]
@@ -128,6 +129,11 @@ def test_outputs_may_be_called_plainly_or_be_missing(tmp_path: Path) -> None:
     path.write_text("t,u,y_omega\n0,1,2\n1,1,3\n")  # omega is a state too, and the current was not measured
     y = fp.Record.from_csv(path, motor).y
     assert np.array_equal(y[:, 1], [2, 3]) and np.isnan(y[:, 0]).all()
+
+
+def test_the_plan_of_runs_calls_its_time_otherwise_than_an_input() -> None:
+    head = plan_csv(fp.Runs([[0.0]], [[[1.0, 0.0], [2.0, 0.0]]], 0.5), INPUT_T).splitlines()[0].split(",")
+    assert [name.split(" ")[0] for name in head] == ["run", "time_of_sample", "t", "time", "measure"]
 
 
 @pytest.mark.parametrize(

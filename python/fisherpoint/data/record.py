@@ -17,12 +17,10 @@ from ..basics.messages import listed, shown
 from ..basics.quantity import Quantity, names_of
 from ..basics.values import Array
 from ..models import Model
+from ..points.run_files import time_name
 from ..show.first_rows import InNotebooks, first_rows, numbered
 from ..show.section import Report
 from .measured_outputs import measured_outputs
-
-TIMES = "t", "time", "time_of_sample"
-"""What the column of the times is called: the first that is no input of the model."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +116,7 @@ class Record(InNotebooks):
         """
         self.check(model)
         outputs, starts = (f"y_{name}" for name in names_of(model.outputs)), (f"x0_{name}" for name in self.x0)
-        header = (time_name(model), *names_of(model.inputs), *outputs, *starts)
+        header = (time_name(names_of(model.inputs)), *names_of(model.inputs), *outputs, *starts)
         if len(set(header)) != len(header):
             raise ValueError(f"model: expected inputs other than y_<output> and x0_<state>, given {listed(names_of(model.inputs))}")
         x0 = np.full((len(self), len(self.x0)), np.nan)
@@ -184,14 +182,9 @@ def held_inputs(values: ArrayLike, count: int) -> Array:
     return as_rows(as_floats(values, "u"), count, "u", "n_u")
 
 
-def time_name(model: Model) -> str:
-    """What the column of the times is called."""
-    return next(name for name in TIMES if name not in names_of(model.inputs))
-
-
 def _columns(table: CsvTable, model: Model) -> tuple[str, dict[str, str], dict[str, str]]:
     """The columns of the times, of each output that was measured, and of starts by state, after a check of all columns."""
-    time, inputs, outputs = time_name(model), names_of(model.inputs), names_of(model.outputs)
+    time, inputs, outputs = time_name(names_of(model.inputs)), names_of(model.inputs), names_of(model.outputs)
     starts = {name: f"x0_{name}" for name in names_of(model.states) if f"x0_{name}" in table and f"x0_{name}" not in inputs}
     needed = (time, *inputs)
     taken = {*needed, *names_of(model.states), *starts.values()}

@@ -22,6 +22,8 @@ RUN, SEGMENT = Quantity("run", "1", "number of a run, from 1"), Quantity("segmen
 MEASURED = Quantity("measured", "1", "whether the outputs are measured at the segment's end")
 REST, ALL = "rest", "all"
 """The column that names the states that are at rest at the start, and what stands there for all; `rest_u` has the input u."""
+TIMES = "t", "time", "time_of_sample"
+"""What a column of times is called: the first that is no input of the model."""
 
 HOLD, SOLVE = "rest_hold", "rest_solve"
 """Columns that name the states that rest where x0 says, and the inputs that keep the plant there; `rest_y_q` has the output q."""
@@ -181,13 +183,18 @@ def runs_of_table(
     return np.column_stack(starts), u, dt, measured
 
 
+def time_name(inputs: Sequence[str]) -> str:
+    """What a column of times is called beside inputs of these names."""
+    return next(name for name in TIMES if name not in inputs)
+
+
 def plan_csv(runs: RunArrays, model: Model) -> str:
     """The text of a time table: at which time of which run which inputs are set, and whether a sample is taken just before.
 
     A run's last row is its end, at which the inputs stay as they are. The head has units, and numbers ten digits, without the
     rounding of sums: the table is for people and sequencers, and nothing reads it back.
     """
-    timed = (Quantity("t", "s"), *model.inputs)
+    timed = (Quantity(time_name(names_of(model.inputs)), "s"), *model.inputs)
     header = (RUN.name, *(q.name if q.unit in ("", "1") else f"{q.name} [{q.unit}]" for q in timed), "measure")
     rows: list[list[Any]] = []
     for k, dt in enumerate(runs.dt):
