@@ -122,3 +122,10 @@ def test_sympy_functions_of_the_terms_of_a_function() -> None:
     """A function may use SymPy's functions, numbers and matrices on what it is given."""
     model = of_function(lambda x, u, k: sympy.pi * sympy.tanh(x) + (sympy.Matrix([[1.0, 2.0]]) * sympy.Matrix([x, u]))[0] - k)
     assert model.rhs([0.5], [2.0], [0.3]) == pytest.approx(np.pi * np.tanh(0.5) + 0.5 + 4.0 - 0.3)
+
+
+def test_formulas_show_what_is_left() -> None:
+    model = of_text("-sqrt(x)*sqrt(x) + u")
+    assert "Defined" not in model._repr_latex_() and "Defined" not in str(model) and "sqrt(x)*sqrt(x)" in str(model)
+    assert model.blocks == (("k",),) and model.shown_states == {}
+    assert of_text("-k*x", "sqrt(x)**2").shown_states == {"x": "y"}

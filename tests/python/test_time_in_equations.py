@@ -204,3 +204,19 @@ def test_from_the_command_line(tmp_path: Path) -> None:
         main(list(map(str, arguments)))
     assert not stopped.value.code
     assert fp.Fit.load(tmp_path / "fit").estimate["k"] == pytest.approx(0.3, rel=1e-4)
+
+
+def test_a_surface_that_moves_is_slid_along() -> None:
+    """x is drawn to a sin(t) from both sides: it comes to it and stays there, and dx/da is sin(t)."""
+    model = fp.SymbolicModel(["where(x > a*sin(t), -2, 2)"], ["x"], {"x": "1"}, {}, {"a": "1"}, check_units=False)
+    found = fp.sensitivities(model, fp.Runs([[-0.5]], np.zeros((1, 6, 0)), 0.5), [1.0])
+    expected = np.sin(0.5 * np.arange(1, 7))
+    assert found.statuses == (fp.Status.ok,)
+    np.testing.assert_allclose(found.y[0, :, 0], expected, atol=1e-9)
+    np.testing.assert_allclose(found.dy_dtheta[0, :, 0, 0], expected, atol=1e-7)
+
+
+def test_f_itself_is_that_of_the_start() -> None:
+    model = fp.SymbolicModel(["exp(t)*u - k*c"], ["c + t"], {"c": "1"}, {"u": "1/s"}, {"k": "1/s"}, {"y": "1"}, check_units=False)
+    np.testing.assert_array_equal(model.rhs([[1.0], [2.0]], [[3.0], [3.0]], [0.5]), [[2.5], [2.0]])
+    np.testing.assert_array_equal(model.output([1.0], [3.0], [0.5]), [1.0])

@@ -105,7 +105,7 @@ class Model(ABC):
         return (*self.states, *self.inputs, *((DURATION,) if self.states else ()))
 
     def rhs(self, x: ArrayLike, u: ArrayLike, theta: Mapping[str, float] | ArrayLike) -> Array:
-        """Right-hand side f(x, u, theta).
+        """Right-hand side f(x, u, theta), at the start where equations read the time.
 
         Parameters
         ----------
