@@ -116,7 +116,7 @@ def test_limits_are_those_of_the_states_of_every_form_of_a_model(monkeypatch: py
     assert fp.broken_limits(off, point, [0.8, 0.2]) == ("x < 1 at the start",)
     more = swing(constants={"w": (0.8, "1")}, along=["x < w"]).estimate("w")
     assert fp.broken_limits(more, point, [0.8, 0.8]) == ("x < w at the start",) and more.along == ("x < w",)
-    monkeypatch.setattr(symbolic, "compiled_model", lambda model, programs, tape: tape)
+    monkeypatch.setattr(symbolic, "compiled_model", lambda model, states, programs, tape: tape)
     assert swing().compile().within("x < 1").compiled and not swing().within("x < 1").compiled
     cylinder = fp.HydraulicCylinder().within("p_A < 19e6", "abs(v) < 0.4")
     assert cylinder.along == ("p_A < 19e6", "abs(v) < 0.4") and cylinder.crossable == ("v",)
