@@ -5,6 +5,7 @@
 
 #include "fisherpoint/integration/integrator.hpp"
 #include "fisherpoint/integration/tangents.hpp"
+#include "fisherpoint/kernels/run_sensitivities.hpp"
 #include "fisherpoint/kernels/sensitivities.hpp"
 #include "fisherpoint/kernels/simulate.hpp"
 #include "fisherpoint/numbers/pack.hpp"
@@ -142,4 +143,43 @@ TEST_CASE("results at jumps do not depend on the neighbours and the threads") {
     CHECK(one.status[0] == all.status[i]);
     for (int e = 0; e < 4; ++e) CHECK(one.dx[e] == all.dx[4 * i + e]);
   }
+}
+
+TEST_CASE("a jump at the end of a segment is passed once, and what friction holds has no sensitivities") {
+  // x = t meets b at the end of the third of five segments, but for rounding: dz/db = -1 behind it.
+  const std::size_t count = 5, segments = 5;
+  std::vector<double> theta;
+  for (const double ulps : {-2.0, -1.0, 0.0, 1.0, 2.0}) theta.push_back(0.1 + 0.1 + 0.1 + ulps * 5.6e-17);
+  const auto along = [&]<class M>(const M& model, std::size_t runs, const std::vector<double>& x0, const std::vector<double>& u,
+                                  const Parameters& parameters, const std::vector<unsigned char>& measured) {
+    const std::size_t p = M::parameters.size();
+    Result r{std::vector<double>(runs * (segments + 1) * 2), std::vector<double>(runs * segments),
+             std::vector<double>(runs * segments * 2 * p), std::vector<double>(runs * segments * p), std::vector<Status>(runs)};
+    std::vector<std::int64_t> reached(runs);
+    const std::vector<double> dt(runs * segments, 0.1);
+    run_sensitivity_packs<P, DormandPrince853>(
+        model, Runs{runs, segments, x0.data(), u.data(), dt.data(), false}, RunStart{nullptr, measured.data()}, parameters,
+        {.cross_jumps = true}, Workers(1), {r.x.data(), r.y.data(), r.dx.data(), r.dy.data(), r.status.data(), reached.data()});
+    return r;
+  };
+  std::vector<unsigned char> last;
+  for (std::size_t k = 0; k < count; ++k) last.insert(last.end(), {0, 0, 0, 0, 1});
+  const auto done = along(Counter{}, count, std::vector<double>(2 * count), {}, {theta.data(), true}, last);
+  for (std::size_t k = 0; k < count; ++k) {
+    REQUIRE(done.status[k] == Status::ok);
+    CHECK(done.x[(k * 6 + 5) * 2 + 1] == doctest::Approx(0.5 - theta[k]).epsilon(1e-9));
+    CHECK(done.dx[(k * 5 + 4) * 2 + 1] == doctest::Approx(-1.0).epsilon(1e-9));
+  }
+  // Sampled there it has none.
+  const std::vector<unsigned char> all(count * segments, 1);
+  for (const Status status : along(Counter{}, count, std::vector<double>(2 * count), {}, {theta.data(), true}, all).status)
+    CHECK(status == Status::on_jump);
+
+  // A cart that comes to rest at that instant: it is stuck behind it, or pushed on, by which the order matters.
+  const std::vector<double> of_cart = {1.0, 2.0}, stays = {0, 0, 0, 0.5, -0.5}, goes = {0, 0, 0, 4.0, 4.0};
+  const auto stuck = along(Cart{}, 1, {0.0, 2.0 * 0.3}, stays, {of_cart.data(), false}, all);
+  REQUIRE(stuck.status[0] == Status::ok);
+  for (int e = 2; e < 4; ++e) CHECK(stuck.dx[4 * 4 + e] == 0.0);
+  CHECK(stuck.dx[4 * 4 + 1] == doctest::Approx(-0.045).epsilon(1e-9));  // of v0^2 / (2 c)
+  CHECK(along(Cart{}, 1, {0.0, 2.0 * 0.3}, goes, {of_cart.data(), false}, all).status[0] == Status::on_jump);
 }

@@ -1,9 +1,10 @@
 """Permutations of candidates under which the criterion of sum_i n_i F_i does not change, found where every F_i has rank one.
 
-With rows j_i and M = sum_i F_i = J^T J, J = Q R, a linear map that takes each j_i to plus or minus another one maps M to itself, so
-that in the coordinates R^-T j_i, the rows of Q, it is orthogonal: it keeps the table of products, but for signs. Every permutation
-that is returned has been checked for that; that there are no others is not claimed. det F is the same under all of them. With
-j_s(i) = +-T^T j_i and M' = T^T M T, a criterion of K^T M^-1 K is where T^T K K^T T = K K^T, and one of the eigenvalues of K^T M K where T K K^T T^T is.
+With rows j_i and M = sum_i F_i = J^T J, J = Q R, a linear map that takes each j_i to plus or minus another one maps M to itself,
+so that in the coordinates R^-T j_i, the rows of Q, it is orthogonal: it keeps the table of products, but for signs. Every
+permutation that is returned has been checked for that; that there are no others is not claimed. det F is the same under all of
+them. With j_s(i) = +-T^T j_i and M' = T^T M T, a criterion of K^T M^-1 K is where T^T K K^T T = K K^T, and one of the eigenvalues
+of K^T M K where T K K^T T^T is.
 """
 
 from __future__ import annotations
