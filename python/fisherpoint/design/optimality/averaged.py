@@ -86,7 +86,7 @@ class Averaged(Criterion):
 
     def __init__(self, criteria: Sequence[Criterion], average: Average, sizes: Sequence[int], offsets: Array | None = None) -> None:
         self.criteria, self.average = tuple(criteria), average
-        self._offsets = np.zeros(len(criteria)) if offsets is None else offsets
+        self.offsets = np.zeros(len(criteria)) if offsets is None else offsets
         self.name, self.level, self.degree = criteria[0].name, criteria[0].level, criteria[0].degree
         self.kinked = not average.is_mean
         ends = np.cumsum(sizes)
@@ -99,7 +99,7 @@ class Averaged(Criterion):
     def log_phis_there(self, information: Array) -> Array:
         """log phi (S,) in each scenario."""
         blocks = self.blocks(information)
-        return self._offsets + [criterion.log_phi(block) for criterion, block in zip(self.criteria, blocks, strict=True)]
+        return self.offsets + [criterion.log_phi(block) for criterion, block in zip(self.criteria, blocks, strict=True)]
 
     def value(self, information: Array) -> float:
         """What searches maximise: the average of log phi times its level, which is log det for "D"."""
@@ -116,7 +116,7 @@ class Averaged(Criterion):
 
     def slope(self, information: Array, share: float = 0.0, size: float | None = None) -> AveragedSlope:
         parts = tuple(criterion.slope(block) for criterion, block in zip(self.criteria, self.blocks(information), strict=True))
-        values, softness = self._offsets + [part.log_phi for part in parts], max(share, LEAST_SOFTNESS)
+        values, softness = self.offsets + [part.log_phi for part in parts], max(share, LEAST_SOFTNESS)
         exact = float(self.average.value(values))
         smooth, counts = self.average.softened(values, softness)
         q, unit = counts / len(values), exact if size is None else float(np.log(size))
@@ -143,7 +143,7 @@ class Averaged(Criterion):
     def within(self, estimable: Estimable) -> Averaged:
         assert isinstance(estimable, EstimableOver)
         inner = [criterion.within(part) for criterion, part in zip(self.criteria, estimable.parts, strict=True)]
-        offsets = self._offsets.copy()
+        offsets = self.offsets.copy()
         for s, (criterion, part) in enumerate(zip(self.criteria, estimable.parts, strict=True)):
             if isinstance(criterion, Determinant) and criterion.whole:
                 offsets[s] -= 2 * float(np.linalg.slogdet(part.span.T @ part.into)[1]) / part.rank

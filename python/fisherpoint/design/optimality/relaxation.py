@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from .criteria import Criterion, Slope
-from .interior import mean_of
+from .inner import mean_of
 
 Counts = NDArray[np.int64]
 

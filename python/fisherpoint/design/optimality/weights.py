@@ -18,7 +18,8 @@ from ...basics.values import Array
 from .candidate_rows import CandidateRows, Places
 from .criteria import Criterion, Determinant, Slope
 from .estimable import Estimable, estimable
-from .interior import best_weights, mean_of
+from .inner import mean_of
+from .interior import best_weights
 
 FIRST, ADDED = 96, 48
 """Candidates of the first working set, and most that each round adds."""
@@ -55,8 +56,11 @@ REGULAR = 1e-6
 MOST_ROUNDS, MOST_IDLE = 300, 12
 """Rounds, and rounds in a row in which the gap does not fall by a tenth, after which double precision has no more."""
 
+SEARCHED, DROPPED = 0.8, 0.1
+"""Shares of the tolerance: how far the weights are searched, and what may be lost where those that hardly count are dropped."""
+
 LEAST_WEIGHTS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-11)
-"""Weights below which a candidate is dropped in the end, where that costs less than a tenth of the tolerance."""
+"""Weights below which a candidate is dropped in the end, where that costs no more than so."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +117,7 @@ def optimal_weights(
     criterion : Criterion
         With an information function; what it asks must be estimable from the candidates.
     tolerance : float
-        What the sensitivity function may exceed its level by, as a share.
+        What the efficiency may lack of 1.
     seed : int
         Of the first candidates that are looked at.
     space : Estimable, optional
@@ -161,7 +165,7 @@ class _Search:
         gap = smallest = of_all = since = np.inf
         idle = 0
         near: _Near | None = None
-        while self.rounds < MOST_ROUNDS and idle < MOST_IDLE and smallest > self.tolerance:
+        while self.rounds < MOST_ROUNDS and idle < MOST_IDLE and smallest > SEARCHED * self.tolerance:
             before = working
             self.rounds += 1
             matrices = self.candidates.matrices(working, self.space.into)
@@ -183,7 +187,8 @@ class _Search:
             elif gap <= max(0.5 * self.tolerance, MUCH_CLOSER * of_all):
                 near = None
             kept = (slope.along(matrices) > 1.0 - max(10 * gap, 1e-3)) | (weights > 1e-4)
-            if len(working) > LARGE and np.linalg.eigvalsh(matrices[kept].mean(axis=0))[0] > REGULAR:
+            missed = float(slope.along(matrices).max()) - 1.0 > precision
+            if (len(working) > LARGE or missed) and np.linalg.eigvalsh(matrices[kept].mean(axis=0))[0] > REGULAR:
                 working = working[kept]
             working = np.union1d(working, added)
             if np.array_equal(working, before):
@@ -290,13 +295,13 @@ class _Search:
         half = self.space.into @ raw.slope.half
         largest = self._largest(half)
         log_bound = raw.slope.log_phi + float(np.log(largest))
-        try:
-            own = self.criterion.slope(information, raw.slope.share)
+        try:  # where there are kinks, of many derivatives only that of the saddle point bounds well
+            own = None if self.criterion.kinked else self.criterion.slope(information)
         except np.linalg.LinAlgError:  # the optimum does not determine all that could be determined
             own = None
         if own is not None:
             of_own = self._largest(self.space.into @ own.half)
-            if own.log_phi + np.log(of_own) <= log_bound + 0.5 * self.tolerance:
+            if own.log_phi + np.log(of_own) <= max(log_bound, log_phi + self.tolerance):
                 half, largest = self.space.into @ own.half, of_own
                 log_bound = own.log_phi + float(np.log(of_own))
         efficiency = float(np.exp(min(log_phi - log_bound, 0.0)))
@@ -306,7 +311,7 @@ class _Search:
         """The candidates of the best weights without those that hardly count, and their information matrix."""
         raw = self.best
         matrices = self.candidates.matrices(raw.working, self.space.into)
-        least = raw.slope.log_phi - 0.1 * self.tolerance
+        least = raw.slope.log_phi - DROPPED * self.tolerance
         for smallest in LEAST_WEIGHTS:
             some = raw.weights > smallest
             if not some.any():
@@ -315,7 +320,7 @@ class _Search:
             information = mean_of(matrices[some], weights)
             if self.criterion.log_phi(information) < least:
                 try:
-                    weights, _ = best_weights(matrices[some], self.criterion, 0.1 * self.tolerance)
+                    weights, _ = best_weights(matrices[some], self.criterion, DROPPED * self.tolerance)
                 except np.linalg.LinAlgError:
                     continue
                 information = mean_of(matrices[some], weights)

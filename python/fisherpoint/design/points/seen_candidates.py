@@ -32,9 +32,8 @@ from .point_ascent import scenario_rows, whitened_rows
 MOST_NUMBERS = 20_000_000
 """Numbers of sensitivities that are kept, of 8 bytes each, of all scenarios; candidates after these are not."""
 
-TOLERANCE, OF_KINKS = 5e-4, 2e-3
-"""By which share the sensitivity function may exceed its level over the candidates; and for a criterion with kinks, where less
-takes long."""
+TOLERANCE = 5e-4
+"""By which share the sensitivity function may exceed its level over the candidates."""
 
 
 LOOKS = 60
@@ -193,7 +192,7 @@ class SeenCandidates:
         found = optimal_weights(
             candidates,
             aim.criterion,
-            tolerance=OF_KINKS if aim.criterion.kinked else TOLERANCE,
+            tolerance=TOLERANCE,
             space=space,
             first=np.arange(count),
             allowed=runs_everywhere,
