@@ -61,9 +61,7 @@ class Integrator {
   Outcome<P> run(State& y, const P& duration, const P& first_step, Steps<Equation>* steps = nullptr,
                  const Mask& stiff = Lanes::none(), const Side* from = nullptr);
 
-  // Of all surfaces, those where the trajectories are.
   const Side& sides() const { return side_; }
-
   // The sides on which such a run begins if it is on every jump that is `met`, 1 there and 0 elsewhere.
   Side sides_from(const State& y, const P& duration, const Side& from, const Side& met, Mask& stopped);
 
@@ -194,7 +192,7 @@ class Integrator {
         Mask there = crossed & tiny_step;
         const Mask nearly = good & tiny_step & (h.b1 < 0.875 * h.b0);
         if (any(nearly)) there = there | (nearly & drowned(m, y));  // no step is short enough to end on it
-        // Behind a jump, what rounding has left of the duration is too short for h to show on which side it is.
+        // Behind a jump, what is left of the duration may be too short for h to show the side.
         const Mask remains = behind_kink_ & ends_ & short_step;
         landed_[m] = good & !remains & !(ends_ & (h.b4 > zero)) & ((abs(h.b4) <= -landing_ * slope) | there);
         crossed = crossed & !landed_[m] & !remains;
