@@ -54,9 +54,9 @@ class Integrator {
     fit(beside_, f_.surfaces);
   }
 
-  // Integrates y over `duration`, a lane of duration 0 rests; y becomes the last state that was reached. Where `first_step` is 0
-  // the integrator chooses it. The steps that are taken are added to `steps`; lanes of `stiff` begin with implicit ones. `from`:
-  // the sides of jumps from which trajectories come, 0 of a slide; without it, and at `unknown_side`, the start tells.
+  // Integrates y over `duration`, a lane of duration 0 rests; y becomes the last state that was reached. Where `first_step` is
+  // 0 the integrator chooses it. The steps that are taken are added to `steps`; lanes of `stiff` begin with implicit ones.
+  // `from`: the sides of jumps from which trajectories come, 0 of a slide; without it, and at `unknown_side`, the start tells.
   Outcome<P> run(State& y, const P& duration, const P& first_step, Steps<Equation>* steps = nullptr,
                  const Mask& stiff = Lanes::none(), const Side* from = nullptr);
 
