@@ -56,6 +56,14 @@ class Emptied(Exact):
         return np.array([self.x0[0] - fallen, self.x0[1] + theta[1] * fallen])
 
 
+class Pulse(Exact):
+    """a is a clock; b rises by r from e on, which is a parameter or a constant."""
+
+    def state(self, tau: float, theta: Floats) -> Floats:
+        edge = theta[1] if len(theta) > 1 else float(self.arguments["constants"]["e"][0])
+        return np.array([self.x0[0] + tau, theta[0] * max(self.x0[0] + tau - max(edge, self.x0[0]), 0.0)])
+
+
 class Reagents(Exact):
     """a is used up by what is fed, F; two of them where there are two feeds. The rate is k, of up to 1e10."""
 
@@ -73,7 +81,7 @@ def nice(rng: np.random.Generator, *numbers: float) -> float:
 
 def drawn(rng: np.random.Generator) -> Exact:
     """A model of one of the kinds above; a constant is an integer or a float."""
-    kind, zero = rng.integers(3), str(rng.choice(ZEROS))
+    kind, zero = rng.integers(4), str(rng.choice(ZEROS))
     one = {"inputs": {"u": "1"}, "states": {"a": ("1", 1.0), "b": ("1", 1.0)}, "g": ["a", "b"]}
     if kind == 0:
         k, m, start, edge = nice(rng), nice(rng), nice(rng, 1.0, 1.2, 2.0), nice(rng, 0.0, 0.5, 0.7, 1.0, -0.3)
@@ -87,6 +95,14 @@ def drawn(rng: np.random.Generator) -> Exact:
         rates = [f"-u*{fall}", f"u*s*{fall}"]
         more = {"f": rates, "parameters": {"k": "1", "s": "1"}}
         return Emptied(one | more, [start, 0.0], [k, share], [start / k])
+    if kind == 2:
+        r, edge, start = nice(rng), nice(rng), nice(rng, 0.0, 0.1, 0.5)
+        rise = (f"where(a > e, r, {zero})", "r*heaviside(a - e)", f"where(a <= e, {zero}, r)")[rng.integers(3)]
+        more = {"f": ["u", f"u*{rise}"], "parameters": {"r": "1", "e": "1"}}
+        theta = [r, edge]
+        if rng.integers(2):
+            more, theta = more | {"parameters": {"r": "1"}, "constants": {"e": (edge, "1")}}, [r]
+        return Pulse(one | more, [start, 0.0], theta, [edge - start])
     count, power = int(rng.integers(1, 3)), float(rng.integers(5, 11))
     feeds = [nice(rng) for _ in range(count)]
     names, rates, start = [], [], []
