@@ -342,3 +342,25 @@ def test_units_stand_in_the_report_and_are_kept(tmp_path: Path) -> None:
     del data["content"]["Evaluation"]["units"]  # as files were before
     (tmp_path / "evaluation.json").write_text(sealed_json(data))
     assert fp.Evaluation.load(tmp_path / "evaluation.json").report().sections[0].rows[0][1] == "-"
+
+
+def test_of_a_parameter_at_zero_the_relative_error_is_infinite_everywhere(tmp_path: Path) -> None:
+    model = fp.SymbolicModel(["-k*h + b*u"], ["h"], {"h": "m"}, {"u": "1"}, {"k": "1/s", "b": "m/s"}, {"y": "m"})
+    region = fp.ExperimentRegion({"h": (0.5, 2.0), "u": (0.0, 2.0), "dt": (0.1, 2.0)})
+    prior = fp.GaussianPrior({"k": 1.0, "b": 0.0}, {"k": 0.2, "b": 0.3})
+    problem = fp.DesignProblem(model, prior, region, noise_std={"y": 0.01})
+    design = fp.exchange(problem, 3, n_candidates=5, max_iterations=1)
+    assert design.evaluation.rse is not None and design.under_noise is not None
+    assert design.evaluation.rse["b"] == np.inf > design.evaluation.rse["k"]
+    design.save(tmp_path)
+    assert str(fp.Design.load(tmp_path)) == str(design)
+    design.evaluation.save(tmp_path / "evaluation.json")
+    assert fp.Evaluation.load(tmp_path / "evaluation.json").rse == design.evaluation.rse
+    campaign = fp.Campaign(problem, batch=3, n_candidates=5, max_iterations=1)
+    assert campaign.rse["b"] == np.inf
+    for shown in (design, design.evaluation, campaign):
+        (row,) = (line.split() for line in str(shown).splitlines() if line.split()[:2] == ["b", "m/s"])
+        assert "inf" in row
+    exact = fp.Measurements(design.points, fp.simulate(model, design.points, {"k": 1.0, "b": 0.0}).y)
+    fit = fp.estimate(model, exact, prior, noise_std={"y": 0.01})
+    assert set(fit.rse) == {"k", "b"} and fit.to_pandas().rse.notna().all()

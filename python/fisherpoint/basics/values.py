@@ -35,6 +35,11 @@ class FrozenMapping(Mapping[str, Value]):
         return repr(self._values)
 
 
+def relative_errors(errors: Mapping[str, float], values: Mapping[str, float]) -> FrozenMapping[float]:
+    """Standard errors as shares of the absolute values of the same names; inf of a value that is zero."""
+    return FrozenMapping({name: error / abs(values[name]) if values[name] else np.inf for name, error in errors.items()})
+
+
 def finite_or_none(values: Array) -> list[Any]:
     """The numbers of an array as nested lists, None for what is not finite, which JSON does not have."""
     return [finite_or_none(row) if row.ndim else float(row) if np.isfinite(row) else None for row in np.asarray(values)]

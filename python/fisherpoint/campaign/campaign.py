@@ -11,7 +11,7 @@ import numpy as np
 
 from ..basics.checks import check_type
 from ..basics.extras import needed_for
-from ..basics.values import FrozenMapping
+from ..basics.values import FrozenMapping, relative_errors
 from ..data import Measurements
 from ..design.points.point_search import Progress
 from ..design.report import points_section
@@ -33,7 +33,7 @@ from .files import CampaignFiles
 from .repeated import check_new
 from .report import campaign_report
 from .settings import batch_seed, batch_settings, checked_targets
-from .state import Batch, State, relative
+from .state import Batch, State
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -167,7 +167,7 @@ class Campaign(Shown):
     @property
     def rse(self) -> Mapping[str, float]:
         """The relative standard errors so far."""
-        return relative(self.standard_errors, self.estimate)
+        return relative_errors(self.standard_errors, self.estimate)
 
     @property
     def met(self) -> Mapping[str, bool]:

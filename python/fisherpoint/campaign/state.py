@@ -6,10 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from ..basics.declared import Extents
-from ..basics.values import FrozenMapping
+from ..basics.values import FrozenMapping, relative_errors
 from ..data import Measurements
 from ..information.problem import DesignProblem
 from .batches import Kind, Points, Settings, kind_of
@@ -43,12 +41,7 @@ class Batch:
     @property
     def rse(self) -> Mapping[str, float]:
         """Relative standard errors, shares of |estimate|; of an estimate that is zero, inf."""
-        return relative(self.standard_errors, self.estimate)
-
-
-def relative(errors: Mapping[str, float], values: Mapping[str, float]) -> Mapping[str, float]:
-    """Standard errors as shares of the absolute values of the same names."""
-    return FrozenMapping({name: error / abs(values[name]) if values[name] else np.inf for name, error in errors.items()})
+        return relative_errors(self.standard_errors, self.estimate)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,5 +94,5 @@ class State:
     def rse(self) -> tuple[Mapping[str, float], ...]:
         """Relative standard errors before any data, and after each batch."""
         prior = self.problem.prior
-        before = relative({name: prior.std[name] for name in self.problem.estimated}, prior.mean)
+        before = relative_errors({name: prior.std[name] for name in self.problem.estimated}, prior.mean)
         return (before, *(batch.rse for batch in self.batches))

@@ -132,7 +132,7 @@ class Fit(FitStatistics, Shown):
             import pandas as pd
 
         rows = [
-            (self.units[name], value, self.standard_errors[name], self.rse.get(name, float("nan")), *self.intervals()[name])
+            (self.units[name], value, self.standard_errors[name], self.rse[name], *self.intervals()[name])
             for name, value in self.estimate.items()
         ]
         columns = ["unit", "estimate", "standard_error", "rse", "lower_95", "upper_95"]

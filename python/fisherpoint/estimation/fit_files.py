@@ -121,7 +121,7 @@ def _estimate_csv(fit: FitStatistics) -> str:
     rows: list[list[float | str]] = []
     for name, value in fit.estimate.items():
         prior = fit.prior if fit.prior is not None and name in fit.prior.names else None
-        numbers = [value, fit.standard_errors[name], fit.rse.get(name, np.nan), *fit.intervals()[name]]
+        numbers = [value, fit.standard_errors[name], fit.rse[name], *fit.intervals()[name]]
         numbers += [np.nan, np.nan] if prior is None else [prior.mean[name], prior.std[name]]
         rows.append([name, fit.units[name], *numbers])
     return csv_text(header, rows, "\n")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..basics.checks import as_probability
 from ..basics.quantity import names_of
-from ..basics.values import Array, FrozenMapping
+from ..basics.values import Array, FrozenMapping, relative_errors
 from ..models import Model
 from ..prior.gaussian import GaussianPrior
 from .apriori import apriori_covariance
@@ -142,8 +142,8 @@ class FitStatistics:
 
     @property
     def rse(self) -> Mapping[str, float]:
-        """Relative standard errors, shares of |estimate|, of the unknowns that are not zero."""
-        return FrozenMapping({name: self.standard_errors[name] / abs(v) for name, v in self.estimate.items() if v})
+        """Relative standard errors, shares of |estimate|; of an estimate that is zero, inf."""
+        return relative_errors(self.standard_errors, self.estimate)
 
     @property
     def correlation(self) -> Array:

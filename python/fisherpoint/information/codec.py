@@ -74,7 +74,7 @@ def evaluation_to_json(evaluation: Evaluation | None) -> dict[str, Any] | None:
         value = getattr(evaluation, field.name)
         if isinstance(value, np.ndarray):
             value = value.tolist()
-        elif field.name == "without_prior" and value is not None:
+        elif field.name in ("without_prior", "rse") and value is not None:
             value = {name: number_to_json(error) for name, error in value.items()}
         elif isinstance(value, Mapping):
             value = dict(value)
@@ -97,11 +97,12 @@ def evaluation_from_json(data: dict[str, Any] | None, n_points: int) -> Evaluati
         values[name] = tuple(values[name])
     for name in ("fisher", "output_covariance", "covariance", "correlation"):
         values[name] = None if values[name] is None else np.array(values[name], dtype=np.float64)
-    for name in ("standard_errors", "rse", "prior_std"):
+    for name in ("standard_errors", "prior_std"):
         values[name] = None if values[name] is None else FrozenMapping(dict(values[name]))
-    if values["without_prior"] is not None:
-        errors = {name: np.inf if error is None else error for name, error in values["without_prior"].items()}
-        values["without_prior"] = by_name(errors, values["parameters"], "without_prior", _error, complete=True)
+    for name in ("without_prior", "rse"):
+        if values[name] is not None:
+            errors = {one: np.inf if error is None else error for one, error in values[name].items()}
+            values[name] = by_name(errors, values["parameters"], name, _error, complete=True)
     values["units"] = FrozenMapping({name: Quantity(name, unit).unit for name, unit in dict(values["units"]).items()})
     values["null_directions"] = tuple(FrozenMapping(dict(direction)) for direction in values["null_directions"])
     values["log_det"] = log_det_from_json(values["log_det"])

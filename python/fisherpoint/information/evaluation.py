@@ -15,7 +15,7 @@ from ..basics.declared import Choices, Extents
 from ..basics.extras import needed_for
 from ..basics.kept import Kept
 from ..basics.quantity import names_of
-from ..basics.values import Array, FrozenMapping
+from ..basics.values import Array, FrozenMapping, relative_errors
 from ..engine import _core
 from ..show.numbers import computed, counted, number, percent
 from ..show.section import Report, Section
@@ -67,8 +67,8 @@ class Evaluation(Shown, Kept):
     covariance : ndarray, (p, p), or None
         Cramer-Rao bound (sum_k S_k^T D^-1 S_k)^-1 in SI units; None where F is singular.
     standard_errors, rse : mapping of parameter name to float, or None
-        Square roots of its diagonal, SI units, and their shares of the |prior mean|. Only where D is R are they those of an
-        estimate: see `evaluate_under_noise`.
+        Square roots of its diagonal, SI units, and their shares of the |prior mean|, inf where that is zero. Only where D is R are
+        they those of an estimate: see `evaluate_under_noise`.
     correlation : ndarray, (p, p), or None
     rank : int
     null_directions : tuple of mappings of parameter name to float
@@ -97,7 +97,7 @@ class Evaluation(Shown, Kept):
         "correlation": ("parameters", "parameters"),
         "output_covariance": ("...", "outputs", "outputs"),
         "standard_errors": ("parameters",),
-        "rse": ("any parameters",),
+        "rse": ("parameters",),
         "null_directions": ("*", "some parameters"),
         "prior_std": ("parameters",),
         "units": ("any parameters",),
@@ -282,9 +282,7 @@ def evaluate_information(
                 "check noise_std"
             )
         standard_errors = FrozenMapping(dict(zip(names, (errors * std).tolist(), strict=True)))
-        rse = FrozenMapping(
-            {name: standard_errors[name] / abs(problem.prior.mean[name]) for name in names if problem.prior.mean[name]}
-        )
+        rse = relative_errors(standard_errors, problem.prior.mean)
         if d.kind == "noise":
             nearby = nearby_of(problem, information, d, factor, half, threads, known)
     else:
