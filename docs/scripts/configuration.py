@@ -208,7 +208,7 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "max_iterations": "Largest number of iterations.",
             "seed": "Seed of the search; the same seed gives the same design, whatever the number of threads.",
             "patience": "Stop after this many iterations without an exchange.",
-            "time_limit": "Stop after this many seconds, a safety net: designs may depend on the machine. Not allowed in a campaign.",
+            "time_limit": "Stop after this many seconds: a safety net, that makes designs differ. Not allowed in a campaign.",
             "local": "Number of candidates close to points of the design, as a share of the random ones; 0 for none.",
             "method": 'The [search](../explanation/search.md): `"auto"`, or the faster `"paper"`, which is Algorithm 1 with moves'
             " of points and gets less close to the best design.",
