@@ -50,6 +50,9 @@ def point_cases() -> dict[str, Case]:
             fp.Rest,
             u=({"u": 0.1}, MAP, NONE),
             states=(["h"], NONE, NAMES),
+            hold=(["h"], NAMES),
+            outputs=({"h": 0.5}, MAP),
+            solve=(["u", "w"], NAMES),
         ),
         "Runs": case(
             lambda **given: fp.simulate(model(), fp.Runs(**given), THETA, threads=1),

@@ -74,9 +74,10 @@ class Rest:
     def __post_init__(self) -> None:
         object.__setattr__(self, "u", by_name(self.u, None, "rest.u", as_float))
         object.__setattr__(self, "outputs", by_name(self.outputs, None, "rest.outputs", as_float))
-        for name, of, least in (("states", "states", 1), ("hold", "states", 0), ("solve", "inputs", 0)):
-            if getattr(self, name) is not None:
-                object.__setattr__(self, name, _names(getattr(self, name), f"rest.{name}", of, least))
+        if self.states is not None:
+            object.__setattr__(self, "states", _names(self.states, "rest.states", "states", 1))
+        object.__setattr__(self, "hold", _names(() if self.hold is None else self.hold, "rest.hold", "states", 0))
+        object.__setattr__(self, "solve", _names(() if self.solve is None else self.solve, "rest.solve", "inputs", 0))
         given = len(self.hold) + len(self.outputs)
         if len(self.solve) != given:
             raise ValueError(
