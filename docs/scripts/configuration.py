@@ -129,8 +129,8 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
         {"value": "The standard deviation.", "unit": "The unit, where it is not the model's."},
     ),
     "varies": (
-        "Standard deviations of constants, and of parameters that are not estimated, by name: of what is drawn anew in each point or"
-        " run, such as a load or the temperature of the day.",
+        "Standard deviations of constants, and of parameters that are not estimated, by name: of what is drawn anew in each point"
+        " or run, such as a load or the temperature of the day.",
         '[varies]\np_s = { value = 1, unit = "bar" }\n',
         {"value": "The standard deviation.", "unit": "The unit, where it is not the model's."},
     ),
