@@ -7,6 +7,7 @@ Near a minimum the cost is flat to within its rounding and the integrator's; ste
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -30,11 +31,15 @@ ENDS = {
 TOLERANCE = 1e-8
 """Length of the residuals' part in the tangent space, in standard errors, from which on a problem is solved."""
 
-TOLERABLE = 1e-2
-"""The same, where the residuals' own rounding keeps it from becoming less."""
+TOLERABLE, TOLERABLE_SPACING = 1e-2, 0.1
+"""The same, where the residuals' own rounding keeps it from becoming less; and where the unknowns' does: the estimate then is the
+best that there is in doubles."""
 
 FLAT = 1e-13
 """Expected decrease, as a share of the cost, that rounding hides in any case."""
+
+AS_EXPECTED = 0.75
+"""Share of itself by which a decrease may differ from what was expected, and is not taken for rounding."""
 
 FIRST_DAMPING = 1e-2
 """In units of the squared lengths of the columns. From 0.01 to 1, NIST's problems do not tell a difference."""
@@ -75,23 +80,31 @@ class Residuals(Protocol):
         """Residuals (b, M) and their Jacobian (b, M, P) of the problems `rows` (b,) at z (b, P), and which can be evaluated."""
 
 
+def _doubles(z: Array) -> Array:
+    return np.asarray(np.spacing(z))
+
+
 class Accuracy(NamedTuple):
-    """Of residuals: the length (B,), or (1,), of their numerical error, and the share of a number to which they are computed."""
+    """Of residuals: the length (B,), or (1,), of their numerical error, and the share of a number to which they are computed; of z
+    (B, P): how far apart neighbouring values are, (B, P)."""
 
     rounding: Array | float
     precision: float
+    spacing: Callable[[Array], Array] = _doubles
 
 
 EXACT = Accuracy(0.0, 0.0)
 
 
 class Minima(NamedTuple):
-    """z (B, P), cost (B,) = half the sum of squares, how each search ended (B,), and the evaluations that each took (B,)."""
+    """z (B, P), cost (B,) = half the sum of squares, how each search ended (B,), the evaluations that each took (B,), and the
+    length (B,) of what the rounding of z makes of the residuals."""
 
     z: Array
     cost: Array
     end: IntArray
     evaluations: IntArray
+    spacing: Array
 
 
 def minimise(
@@ -132,7 +145,7 @@ def minimise(
         search.iterate(iteration >= CURVED_FROM)
         search.active = search.active[search.evaluations[search.active] < max_evaluations]
         iteration += 1
-    return Minima(search.z, search.cost, search.end, search.evaluations)
+    return Minima(search.z, search.cost, search.end, search.evaluations, search.spacing)
 
 
 class _Search:
@@ -158,7 +171,8 @@ class _Search:
         self.free, self.length = self._free(self.z, self.tangent), np.full(count, np.inf)
         self.length[ok] = self.tangent.some(ok).length(self.free[ok], self.negligible)
         self.last = np.full(count, np.inf)  # length before the latest undamped step
-        self.rounding = np.broadcast_to(accuracy.rounding, count)
+        self.rounding, self.spaced = np.broadcast_to(accuracy.rounding, count), accuracy.spacing
+        self.spacing = self._spacing(self.z, self.tangent)
         self.damping, self.growth = np.full(count, FIRST_DAMPING), np.full(count, 2.0)
         self.stride = np.full(count, FIRST_STRIDE)
         self.refused, self.failed = np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.int32)
@@ -181,6 +195,10 @@ class _Search:
         gradient = tangent.gradient
         return ~(((z <= self.lower) & (gradient > 0)) | ((z >= self.upper) & (gradient < 0)))
 
+    def _spacing(self, z: Array, tangent: Tangent) -> Array:
+        """Length (B,) of what the residuals change by where every coordinate goes to the next double."""
+        return np.asarray((np.where(tangent.blank, 0.0, tangent.size) * np.abs(self.spaced(z))).sum(axis=1))
+
     def iterate(self, bent: bool) -> None:
         """Take, or refuse, a step of each."""
         self._end_what_is_solved()
@@ -188,7 +206,7 @@ class _Search:
         if not len(some):
             return
         z, tangent, length = self.z[some], self.tangent.some(some), self.length[some]
-        rounding, size = self.rounding[some], np.sqrt(2 * self.cost[some])
+        rounding, size = self.rounding[some] + self.spacing[some], np.sqrt(2 * self.cost[some])
         flat = 0.5 * length**2 <= 10 * rounding * (size + rounding) + FLAT * self.cost[some]
         plain = flat & (self.refused[some] == 0)
         damping = np.where(plain, self.negligible**2, self.damping[some])
@@ -213,13 +231,15 @@ class _Search:
         effect = (self.jacobian[some] @ taken[:, :, None])[:, :, 0]
         expected = -(tangent.gradient * taken).sum(axis=1) - 0.5 * np.square(effect).sum(axis=1)
         gain = np.divide(self.cost[some] - cost, expected, out=np.full(len(some), -1.0), where=expected > 0)
-        better = ok & np.where(flat, new_length < length, (gain > 1e-4) & ~strong)
+        foreseen = np.abs(gain - 1) < AS_EXPECTED
+        better = ok & np.where(flat, (new_length < length) | foreseen, (gain > 1e-4) & ~strong)
 
         rows = some[better]
         self.z[rows], self.r[rows], self.jacobian[rows], self.cost[rows] = trial[better], r[better], jacobian[better], cost[better]
         self.last[rows] = np.where(plain, length, np.inf)[better]
         self.tangent.put(rows, new.some(better))
         self.free[rows], self.length[rows] = free[better], new_length[better]
+        self.spacing[rows] = self._spacing(trial[better], new.some(better))
         self.units[rows] = np.maximum(self.units[rows], np.where(new.blank, 0.0, new.size)[better])
         least = np.where(self.refused[some] > 0, 0.5, 0.1)  # what was just too little will be so again
         shrink = np.maximum(least, 1 - (2 * np.clip(gain, 0.0, 1.0) - 1) ** 3)  # Nielsen's rule
@@ -248,9 +268,13 @@ class _Search:
 
     def _near(self, some: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Where rounding may keep the gradient from zero: it is as small as that, or the residuals themselves are."""
-        rounding = self.rounding[some]
-        gradient = self.length[some] <= np.minimum(rounding, TOLERABLE * self._noise(some))
-        return np.asarray(gradient | (np.sqrt(2 * self.cost[some]) <= rounding))
+        rounding, spacing, noise = self.rounding[some], self.spacing[some], self._noise(some)
+        least = np.maximum(np.minimum(rounding, TOLERABLE * noise), np.minimum(spacing, TOLERABLE_SPACING * noise))
+        allowed = (
+            TOLERABLE * self.unit * np.sqrt(self.r.shape[1]) if self.unit > 0 else np.inf
+        )  # of residuals that are next to no noise
+        nothing = np.sqrt(2 * self.cost[some]) <= np.minimum(rounding + spacing, allowed)
+        return np.asarray((self.length[some] <= least) | nothing)
 
     def _bend(
         self, some: NDArray[np.intp], taken: Array, damped: Damped, wanted: NDArray[np.bool_]

@@ -25,7 +25,7 @@ from ..show.first_rows import InNotebooks
 from ..show.numbers import counted, number
 from ..show.progress import Step, check_progress, following
 from ..show.section import Report, Section
-from .least_squares import CONVERGED, NOT_EVALUABLE, Residuals, minimise
+from .least_squares import CONVERGED, NOT_EVALUABLE, Accuracy, Residuals, minimise
 from .precision import Precision
 from .profile_curve import BOUND, FAILED, FOUND, OPEN, ProfileCurve
 from .statistics import FitStatistics
@@ -38,7 +38,7 @@ from .unknown_noise import (
     relative_change,
     residual_covariance,
 )
-from .unknowns import FARTHEST
+from .unknowns import AT, FARTHEST, NEXT_TO
 from .weighting import WeightedResiduals
 
 if TYPE_CHECKING:
@@ -53,6 +53,9 @@ FAR = 1e4
 
 PRECISE = 1e-7
 """Error of the root of the deviance at an end, as a share of the threshold's."""
+
+FINEST = 1e-10
+"""Width of what is left around an end, in half linear intervals, from which on no more is told."""
 
 EVALUATIONS = 5
 """Of least squares with the same weights, which then are taken anew."""
@@ -138,7 +141,8 @@ def profile_of(
     tangent = covariance[:, j] / covariance[j, j] if determined else np.eye(len(z))[j]
     limits = (float(unknowns.lower[j]), float(unknowns.upper[j]))
     reach = spread * float(np.sqrt(threshold))
-    sides = [_Side(z, tangent, j, sign, reach, limit) for sign, limit in zip((-1, 1), limits, strict=True)]
+    finest = max(FINEST * reach, AT * float(unknowns.spacing(z)[j]))
+    sides = [_Side(z, tangent, j, sign, reach, limit, finest) for sign, limit in zip((-1, 1), limits, strict=True)]
     started = perf_counter()
 
     def step(now: ProfileProgress) -> Step:
@@ -153,7 +157,7 @@ def profile_of(
     at = np.array([point.z for point in points])
     values = unknowns.values(at)
     for side in sides:
-        if side.how == BOUND and unknowns.log[j] and abs(side.limit) * unknowns.scale[j] >= FARTHEST - 1e-9:
+        if side.how == BOUND and unknowns.log[j] and abs(side.limit) * unknowns.scale[j] >= FARTHEST - NEXT_TO:
             side.how = OPEN  # that limit is ours, not the user's
     beyond = [0.0 if unknowns.log[j] else -np.inf, np.inf]
     ends = [beyond[i] if side.how == OPEN else float(unknowns.values(side.end[None])[0, j]) for i, side in enumerate(sides)]
@@ -206,6 +210,14 @@ class _Held(NamedTuple):
         r, jacobian, ok = self.residuals(np.insert(z, self.j, self.at[rows], axis=1), rows)
         return r, np.delete(jacobian, self.j, axis=2), ok
 
+    def accuracy(self, problem: WeightedResiduals) -> Accuracy:
+        """Of the residuals, in the coordinates that are left."""
+
+        def spacing(z: Array) -> Array:
+            return np.delete(problem.unknowns.spacing(np.insert(z, self.j, 0.0, axis=1)), self.j, axis=1)
+
+        return problem.accuracy._replace(spacing=spacing)
+
 
 def _minimum(
     problem: WeightedResiduals, j: int, z: Array, unit: float = 1.0, evaluations: int = 200
@@ -218,7 +230,7 @@ def _minimum(
     lower, upper = problem.unknowns.lower[others], problem.unknowns.upper[others]
     start = np.clip(z[:, others], lower, upper)
     held = _Held(problem, j, z[:, j])
-    found = minimise(held, start, lower, upper, evaluations, unit=unit, accuracy=problem.accuracy)
+    found = minimise(held, start, lower, upper, evaluations, unit=unit, accuracy=held.accuracy(problem))
     cost = np.where(found.end == NOT_EVALUABLE, np.inf, found.cost)
     return np.insert(found.z, j, z[:, j], axis=1), cost, found.end == CONVERGED
 
@@ -306,10 +318,11 @@ class _Point(NamedTuple):
 class _Side:
     """The values on one side of the estimate, outward, and where that side ends."""
 
-    def __init__(self, z: Array, tangent: Array, j: int, sign: int, reach: float, limit: float) -> None:
+    def __init__(self, z: Array, tangent: Array, j: int, sign: int, reach: float, limit: float, finest: float) -> None:
         self.points, self.how = [_Point(z, 0.0, True)], ""
         self.tangent, self.j, self.limit = tangent, j, limit
         self.step, self.least, self.farthest = sign * reach / STEPS, 1e-6 * reach, FAR * reach
+        self.finest = finest
         self.end = z
 
     @property
@@ -377,7 +390,7 @@ def _refine(sides: list[_Side], held: _Minimum, threshold: float, most: int = 60
             point = _Point(at, float(value), bool(converged))
             miss = np.sqrt(max(point.deviance, 0.0)) - root if np.isfinite(value) else np.inf
             near, far = inner[side], outer[side]
-            if abs(miss) <= PRECISE * root or abs(far[0].z[side.j] - near[0].z[side.j]) <= 1e-12 * max(1.0, abs(at[side.j])):
+            if abs(miss) <= PRECISE * root or abs(far[0].z[side.j] - near[0].z[side.j]) <= side.finest:
                 side.end = at
                 side.points.insert(-1, point)
                 open_.remove(side)

@@ -118,6 +118,7 @@ def minimise_log_det(
             return minima, covariance
         # Where rounding moves the weights, they are settled when they come no closer.
         rounding = 10 * residuals.observed.precision / EPSILON * np.sqrt(least / np.einsum("bii->bi", update)).max(axis=1)
+        rounding += 10 * minima.spacing[going] / np.sqrt(residuals.measured.sum())
         moving = (change > settled) & ((change > rounding) | (change < 0.5 * before[going]))
         before[going] = change
         going = going[moving & (minima.end[going] != LIMIT)]
@@ -126,5 +127,6 @@ def minimise_log_det(
         latest = minimised(minima.z[going], y[going], covariance[going])
         minima.z[going], minima.cost[going], minima.end[going] = latest.z, latest.cost, latest.end
         minima.evaluations[going] += latest.evaluations
+        minima.spacing[going] = latest.spacing
     minima.end[going[minima.end[going] == CONVERGED]] = UNSETTLED  # with weights that still change they are no minima
     return minima, covariance

@@ -15,11 +15,14 @@ from ..models import Model
 from ..prior.gaussian import GaussianPrior
 from .least_squares import CONVERGED, RAN_OFF, Minima
 
-FARTHEST = 30.0
-"""How far the logarithm of an unknown may go from its center: a factor of 1e13, past which trajectories mean nothing."""
+EPSILON = float(np.finfo(np.float64).eps)
 
-AT = 1e-12
-"""Share of a bound by which rounding may keep an unknown off it."""
+FARTHEST, NEXT_TO = 30.0, 1e-9
+"""How far the logarithm of an unknown may go from its center: a factor of 1e13, past which trajectories mean nothing; and how near
+to that it counts as there."""
+
+AT = 4.0
+"""How many doubles a coordinate may be off a bound by rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +59,12 @@ class Unknowns:
         """d values / dz, (B, P), at the unknowns (B, P)."""
         return np.where(self.log, values, 1.0) * self.scale
 
+    def spacing(self, z: Array) -> Array:
+        """How far apart neighbouring values of the unknowns are in coordinates, (..., P), at z (..., P)."""
+        linear = np.abs(self.center + self.scale * z)
+        size = np.where(self.log, np.maximum(linear, 1.0), linear)  # of a logarithm: what its exponential is rounded to, too
+        return np.asarray(np.maximum(EPSILON * size / self.scale, np.spacing(np.abs(z))))
+
     def coordinates(self, values: Array) -> Array:
         """z (B, P) of unknowns (B, P)."""
         linear = np.where(self.log, np.log(np.where(self.log, values, 1.0)), values)
@@ -73,11 +82,12 @@ class Unknowns:
     def held(self, z: Array) -> NDArray[np.bool_]:
         """Which of the coordinates (..., P) are at a bound, to within rounding."""
         lower, upper = (np.where(np.isfinite(bound), bound, np.nan) for bound in (self.lower, self.upper))
-        return np.asarray((z <= lower + AT * np.abs(lower)) | (z >= upper - AT * np.abs(upper)))
+        room = AT * self.spacing(z)
+        return np.asarray((z <= lower + room) | (z >= upper - room))
 
     def ended(self, minima: Minima) -> IntArray:
         """How searches ended (B,): not at a minimum where a logarithm went as far as it may, which is no bound that anyone gave."""
-        off = (self.log & (np.abs(minima.z) * self.scale >= FARTHEST * (1 - AT))).any(axis=1)
+        off = (self.log & (np.abs(minima.z) * self.scale >= FARTHEST - NEXT_TO)).any(axis=1)
         return np.where(off & (minima.end == CONVERGED), RAN_OFF, minima.end).astype(np.int32)
 
 

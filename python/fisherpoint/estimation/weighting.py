@@ -102,9 +102,12 @@ class WeightedResiduals:
 
     @property
     def accuracy(self) -> Accuracy:
-        """Of the residuals in units of the noise: rounding, or the trajectories' tolerance, is a share of what was measured."""
+        """Of the residuals in units of the noise: rounding, or the trajectories' tolerance, is a share of what was measured.
+
+        Beside it, that of the unknowns: one that is many standard errors from zero has few digits for these.
+        """
         share = self.observed.precision * np.nan_to_num(self.y) / np.sqrt(np.einsum("...ii->...i", self.covariance))
-        return Accuracy(np.asarray(np.sqrt(np.square(share).sum(axis=(1, 2)))), self.observed.precision)
+        return Accuracy(np.asarray(np.sqrt(np.square(share).sum(axis=(1, 2)))), self.observed.precision, self.unknowns.spacing)
 
     def prior_square(self, z: Array) -> Array:
         """Sum of squares of the prior's residuals at z (B, P), zero without a prior."""

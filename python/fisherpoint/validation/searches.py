@@ -44,10 +44,10 @@ class Searched:
         """Take where other searches ended for these experiments."""
         mine, new = self.minima, other.minima
         mine.z[rows], mine.cost[rows], mine.end[rows], self.noise[rows] = new.z, new.cost, new.end, other.noise
+        mine.spacing[rows] = new.spacing
 
     def some(self, chosen: NDArray[Any]) -> Searched:
-        z, cost, end, evaluations = self.minima
-        return Searched(Minima(z[chosen], cost[chosen], end[chosen], evaluations[chosen]), self.noise[chosen], self.wrong[chosen])
+        return Searched(Minima(*(of[chosen] for of in self.minima)), self.noise[chosen], self.wrong[chosen])
 
 
 @dataclass(frozen=True, eq=False)
