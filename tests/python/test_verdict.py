@@ -14,16 +14,19 @@ import numpy as np
 import pytest
 from rich.console import Console
 from scipy.optimize import least_squares
+from scipy.stats import binom, chi2
 
 import fisherpoint as fp
 from defaults import valid_points
 from fisherpoint.basics.files import sealed_json
 from fisherpoint.basics.values import Array
 from fisherpoint.validation import fits
-from fisherpoint.validation.figures import OneParameter, ParameterFigures, parameter_figures
-from fisherpoint.validation.fits import WRONG, Estimator
+from fisherpoint.validation.design_validation import DesignValidation
+from fisherpoint.validation.figures import Figure, OneParameter, ParameterFigures, parameter_figures
+from fisherpoint.validation.fits import WRONG, Estimator, VirtualFits
+from fisherpoint.validation.needed_runs import needed_runs
 from fisherpoint.validation.truths import Rig, Streams, truths_of
-from fisherpoint.validation.verdict import verdicts_of
+from fisherpoint.validation.verdict import level_of_each, ratio_bounds, share_bounds, verdicts_of
 from fisherpoint_command.cli import main
 
 mpl.use("Agg")
@@ -210,6 +213,62 @@ def test_what_is_said_was_shown() -> None:
     # Of many parameters whose promises hold, hardly a set has one that is called broken, whatever the number of runs.
     alarms = [sum("broken" in judged(*(figures(1.0, n, rng) for _ in range(6))) for _ in range(60)) for n in (60, 400)]
     assert max(alarms) <= 6  # of 60; 3 are expected if the tolerance were zero
+
+
+def lines_of(p: int, runs: int, seed: int, factor: float = 1.0) -> DesignValidation:
+    """Least squares of a linear model, of which all that is promised holds but for what the first parameter is multiplied by."""
+    x = np.random.default_rng(p).standard_normal((2 * p + 2, p))
+    covariance, rng = np.linalg.inv(x.T @ x), np.random.default_rng([seed, runs, p])
+    std = np.sqrt(np.diag(covariance))
+    errors = rng.standard_normal((runs, 2 * p + 2)) @ x @ covariance
+    errors[:, 0] *= factor
+    no = np.zeros((runs, p), dtype=bool)
+    fits = VirtualFits(no * 0.0, errors, np.tile(std, (runs, 1)), np.abs(errors) < 1.959964 * std, no, np.full(runs, ""))
+    names = [f"p{k}" for k in range(p)]
+    promised = dict(zip(names, std.tolist(), strict=True))
+    return DesignValidation.of(at([1.0]), promised, dict.fromkeys(names, 10.0), (), fits)
+
+
+def outcomes(design: DesignValidation) -> set[str]:
+    return {verdict.outcome for verdict in verdicts_of({"d": design})["d"].values()}
+
+
+@pytest.mark.parametrize("runs", [56, 74, 80, 100, 300])
+@pytest.mark.parametrize("p", [1, 3, 9, 20])
+def test_what_holds_is_not_called_broken(p: int, runs: int) -> None:
+    """More often than in 5 %: of 60 seeds, 8 would be less likely than 1 %."""
+    assert sum("broken" in outcomes(lines_of(p, runs, seed)) for seed in range(60)) < 8
+
+
+@pytest.mark.parametrize(("factor", "runs"), [(1.5, 300), (0.6, 300), (1.25, 2000), (0.8, 2000)])
+def test_what_is_broken_is_found(factor: float, runs: int) -> None:
+    assert sum("broken" in outcomes(lines_of(9, runs, seed, factor)) for seed in range(20)) >= 18
+
+
+@pytest.mark.parametrize("p", [1, 9, 20])
+def test_as_many_runs_as_are_named_tell(p: int) -> None:
+    told = []
+    for seed in range(20):
+        few = {"d": lines_of(p, 80, seed)}
+        needed = needed_runs(verdicts_of(few)["d"], 80, level_of_each(few))
+        assert 300 < needed < 5000
+        told.append("open" not in outcomes(lines_of(p, needed, 100 + seed)))
+    assert sum(told) >= 16
+
+
+def test_bounds_of_shares_are_exact() -> None:
+    """Clopper and Pearson's: the tail at the bound is the level."""
+    for hits, n in ((70, 74), (74, 74), (0, 20), (5, 1000)):
+        of, level = Figure(hits / n, 0.0, n), 0.01
+        low, high = share_bounds(of, level)
+        assert low == 0 if not hits else binom.sf(hits - 1, n, low) == pytest.approx(level)
+        assert high == 1 if hits == n else binom.cdf(hits, n, high) == pytest.approx(level)
+
+
+def test_bounds_of_ratios_are_those_of_chi_square_or_wider() -> None:
+    low, high = ratio_bounds(Figure(1.0, 1e-6, 50), 0.01)
+    assert chi2.sf(49 / low**2, 49) == pytest.approx(0.01) and chi2.cdf(49 / high**2, 49) == pytest.approx(0.01)
+    assert ratio_bounds(Figure(1.0, 1.0, 50), 0.01).low < 0
 
 
 def test_a_few_fits_that_run_off_do_not_hide_what_the_others_show() -> None:

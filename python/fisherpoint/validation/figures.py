@@ -25,13 +25,14 @@ NORMAL_MEDIAN = 0.6744897501960817
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of a Monte Carlo study, and its standard error; NaN where there is none."""
+    """A figure of a Monte Carlo study, its standard error, and of how many values it is; NaN and zero where there is none."""
 
     value: float
     error: float
+    n: int = 0
 
     def over(self, size: float) -> Figure:
-        return Figure(self.value / size, self.error / abs(size))
+        return Figure(self.value / size, self.error / abs(size), self.n)
 
 
 NOTHING = Figure(np.nan, np.nan)
@@ -151,7 +152,7 @@ def parameter_figures(parameter: str, prior_std: float, promised: float, fits: O
 def mean(values: Array) -> Figure:
     if len(values) < FEWEST:
         return NOTHING
-    return Figure(float(values.mean()), float(values.std(ddof=1) / np.sqrt(len(values))))
+    return Figure(float(values.mean()), float(values.std(ddof=1) / np.sqrt(len(values))), len(values))
 
 
 def standard_deviation(deviations: Array, taken: int) -> Figure:
@@ -160,7 +161,7 @@ def standard_deviation(deviations: Array, taken: int) -> Figure:
     n = len(squares)
     value = float(np.sqrt(squares.sum() / (n - taken)))
     error = float(squares.std(ddof=1) / np.sqrt(n) / (2 * value)) if value else 0.0
-    return Figure(value, error)
+    return Figure(value, error, n)
 
 
 def typical_size(errors: Array) -> Figure:
@@ -168,7 +169,7 @@ def typical_size(errors: Array) -> Figure:
     sizes, n = np.sort(np.abs(errors)) / NORMAL_MEDIAN, len(errors)
     reach = np.sqrt(n) / 2
     low, high = int(np.floor(n / 2 - reach)), int(np.ceil(n / 2 + reach))
-    return Figure(float(np.median(sizes)), float(sizes[min(high, n - 1)] - sizes[max(low, 0)]) / 2)
+    return Figure(float(np.median(sizes)), float(sizes[min(high, n - 1)] - sizes[max(low, 0)]) / 2, n)
 
 
 def share(hits: NDArray[np.bool_]) -> Figure:
@@ -176,4 +177,4 @@ def share(hits: NDArray[np.bool_]) -> Figure:
     if len(hits) < FEWEST:
         return NOTHING
     n, value = len(hits), float(hits.mean())
-    return Figure(value, float(np.sqrt(value * (1 - value) / n + 1 / (4 * n**2)) / (1 + 1 / n)))
+    return Figure(value, float(np.sqrt(value * (1 - value) / n + 1 / (4 * n**2)) / (1 + 1 / n)), n)

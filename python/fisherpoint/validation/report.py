@@ -12,7 +12,18 @@ from ..show.numbers import computed, counted, with_error
 from ..show.section import Report, Section
 from .design_validation import DesignValidation
 from .figures import FEWEST
-from .verdict import BROKEN, COVERAGE_TOLERANCE, HOLDS, OPEN, RATIO_TOLERANCE, ParameterVerdict, in_words, needed_runs, verdicts_of
+from .needed_runs import needed_runs
+from .verdict import (
+    BROKEN,
+    COVERAGE_TOLERANCE,
+    HOLDS,
+    OPEN,
+    RATIO_TOLERANCE,
+    ParameterVerdict,
+    in_words,
+    level_of_each,
+    verdicts_of,
+)
 
 TOLERANCES = f"{100 * RATIO_TOLERANCE:.0f} % of standard errors and {100 * COVERAGE_TOLERANCE:.0f} points of coverage"
 
@@ -108,7 +119,7 @@ def _verdict(validation: Validated, design: DesignValidation, verdicts: Mapping[
     if some[OPEN]:
         rest = f"the promise holds for {_names(some[HOLDS])}; " if some[HOLDS] else ""
         whether = "it does" if some[HOLDS] else "the promise holds"
-        needed = needed_runs(verdicts, validation.runs)
+        needed = needed_runs(verdicts, validation.runs, level_of_each(validation.designs))
         more = f", about {needed} would tell" if needed > validation.runs else ""
         few = f"{counted(validation.runs, 'virtual experiment')} do not tell whether {whether} for {_names(some[OPEN])}"
         return f"{rest}{few} (to {TOLERANCES}){more}{beside}"

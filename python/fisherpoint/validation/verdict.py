@@ -1,14 +1,18 @@
 """Whether a promise holds: in words, with the Monte Carlo error and the number of parameters taken into account.
 
 A promise of a parameter is broken where its ratio or its coverage lies outside a tolerance beyond chance: at a level of 5 % over
-all parameters and directions of all designs together (Bonferroni). It holds where both lie inside beyond chance, each at 5 %: no
+all tests of all parameters and designs together (Bonferroni). It holds where both lie inside beyond chance, each at 5 %: no
 correction is needed there, as all parts have to be shown. Between the two the runs are too few to tell, and nothing is claimed.
+
+Shares have exact binomial bounds (Clopper and Pearson 1934). Ratios have those of chi-square, which are exact where errors are
+normal, or those of the errors' own fourth moment where these are wider, as heavy tails make them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +28,9 @@ COVERAGE_TOLERANCE = 0.03
 
 CHANCE = 0.05
 """Level of what is said."""
+
+TESTS = 5
+"""Of each parameter: ratio, limited ratio and coverage too high, ratio and coverage too low."""
 
 HOLDS, BROKEN, OPEN = "holds", "broken", "open"
 
@@ -50,55 +57,74 @@ class ParameterVerdict:
 
 def verdicts_of(designs: Mapping[str, DesignValidation]) -> dict[str, dict[str, ParameterVerdict]]:
     """The verdict on every parameter that a design promises something of."""
-    tests = 4 * sum(not np.isnan(of.promised) for design in designs.values() for of in design.parameters.values())
+    level = level_of_each(designs)
     return {
-        name: {
-            parameter: _verdict(of, _quantile(CHANCE / max(tests, 1)), _quantile(CHANCE))
-            for parameter, of in design.parameters.items()
-            if not np.isnan(of.promised)
-        }
+        name: {parameter: _verdict(of, level) for parameter, of in design.parameters.items() if not np.isnan(of.promised)}
         for name, design in designs.items()
     }
 
 
-def _quantile(level: float) -> float:
-    from scipy.special import ndtri  # late: `import fisherpoint` does without
+def level_of_each(designs: Mapping[str, DesignValidation]) -> float:
+    """Level of each of the tests for what is broken."""
+    promised = sum(not np.isnan(of.promised) for design in designs.values() for of in design.parameters.values())
+    return CHANCE / max(TESTS * promised, 1)
+
+
+class Bounds(NamedTuple):
+    """One-sided bounds of a figure, each at a level."""
+
+    low: float
+    high: float
+
+    def beyond(self, expected: float, tolerance: float) -> str:
+        """The direction in which the figure lies outside a tolerance: "low", "high", or "" where that is not shown."""
+        if self.low > expected + tolerance:
+            return "high"
+        return "low" if self.high < expected - tolerance else ""
+
+    def within(self, expected: float, tolerance: float) -> bool:
+        """Whether it is shown that the figure lies inside."""
+        return bool(expected - tolerance < self.low and self.high < expected + tolerance)
+
+
+def ratio_bounds(ratio: Figure, level: float) -> Bounds:
+    """Of a standard deviation over what it should be; none where there is no figure."""
+    from scipy.special import chdtri  # late: `import fisherpoint` does without
+
+    if not np.isfinite(ratio.value):
+        return Bounds(-np.inf, np.inf)
+    freedom, reach = ratio.n - 1, normal_quantile(level) * ratio.error
+    of_normal = [float(ratio.value * np.sqrt(freedom / chdtri(freedom, one))) for one in (level, 1 - level)]
+    return Bounds(min(of_normal[0], ratio.value - reach), max(of_normal[1], ratio.value + reach))
+
+
+def share_bounds(share: Figure, level: float) -> Bounds:
+    """Of a probability, from the share of hits: exact; none where there is no figure."""
+    from scipy.special import betaincinv
+
+    if not np.isfinite(share.value):
+        return Bounds(-np.inf, np.inf)
+    n, hits = share.n, round(share.value * share.n)
+    low = float(betaincinv(hits, n - hits + 1, level)) if hits else 0.0
+    return Bounds(low, float(betaincinv(hits + 1, n - hits, 1 - level)) if hits < n else 1.0)
+
+
+def normal_quantile(level: float) -> float:
+    """Standard errors that a normal variable exceeds with a probability of `level`."""
+    from scipy.special import ndtri
 
     return float(-ndtri(level))
 
 
-def _verdict(of: ParameterFigures, far: float, near: float) -> ParameterVerdict:
-    ratio = _outside(of.ratio, 1.0, RATIO_TOLERANCE, far)
-    if not ratio and _outside(of.limited_ratio, 1.0, RATIO_TOLERANCE, far) == "high":
+def _verdict(of: ParameterFigures, level: float) -> ParameterVerdict:
+    ratio = ratio_bounds(of.ratio, level).beyond(1.0, RATIO_TOLERANCE)
+    if not ratio and ratio_bounds(of.limited_ratio, level).beyond(1.0, RATIO_TOLERANCE) == "high":
         ratio = "high"
-    coverage = _outside(of.coverage, LEVEL, COVERAGE_TOLERANCE, far)
-    inside = _inside(of.ratio, 1.0, RATIO_TOLERANCE, near) and _inside(of.coverage, LEVEL, COVERAGE_TOLERANCE, near)
+    coverage = share_bounds(of.coverage, level).beyond(LEVEL, COVERAGE_TOLERANCE)
+    inside = ratio_bounds(of.ratio, CHANCE).within(1.0, RATIO_TOLERANCE)
+    inside = inside and share_bounds(of.coverage, CHANCE).within(LEVEL, COVERAGE_TOLERANCE)
     outcome = BROKEN if ratio or coverage else HOLDS if inside else OPEN
     return ParameterVerdict(of.parameter, outcome, ratio, coverage, of)
-
-
-def _outside(figure: Figure, expected: float, tolerance: float, quantile: float) -> str:
-    if not np.isfinite(figure.value):
-        return ""
-    if figure.value - quantile * figure.error > expected + tolerance:
-        return "high"
-    return "low" if figure.value + quantile * figure.error < expected - tolerance else ""
-
-
-def _inside(figure: Figure, expected: float, tolerance: float, quantile: float) -> bool:
-    return bool(abs(figure.value - expected) + quantile * figure.error < tolerance)
-
-
-def needed_runs(verdicts: Mapping[str, ParameterVerdict], runs: int) -> int:
-    """About how many runs tell what is open, if the ratios and coverages are as they seem or as promised, whichever is nearer."""
-    quantile, most = _quantile(CHANCE), float(runs)
-    for of in (verdict.figures for verdict in verdicts.values() if verdict.outcome == OPEN):
-        for figure, expected, tolerance in ((of.ratio, 1.0, RATIO_TOLERANCE), (of.coverage, LEVEL, COVERAGE_TOLERANCE)):
-            if np.isfinite(figure.value):
-                room = max(abs(tolerance - abs(figure.value - expected)), tolerance / 4)
-                most = max(most, runs * (quantile * figure.error / room) ** 2)
-    digits = 10 ** int(np.floor(np.log10(most)))
-    return int(np.ceil(most / digits) * digits)
 
 
 def in_words(broken: Sequence[ParameterVerdict]) -> str:
