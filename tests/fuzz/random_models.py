@@ -52,6 +52,7 @@ class Case:
     correlation: float = 0.0  # of neighbouring parameters
     rule: str = RULES[0]
     seed: int = 0
+    grid: bool = False  # states, inputs and times are multiples of a tenth of their sizes, parameters those of the prior's mean
     also: str = ""  # what else is checked: see `campaign.examined`
 
     @property
@@ -94,6 +95,9 @@ class Case:
         x0, u = rng.uniform(self.low, 2.0, shape), rng.uniform(self.low, 2.0, (count, len(self.inputs)))
         dt = self.time * np.exp(rng.uniform(*np.log(self.duration), count))
         theta = self.mean * (1 + np.array(self.relative_std) * rng.uniform(-1, 1, (count, len(self.parameters))))
+        if self.grid:
+            x0, u, theta = np.round(x0, 1), np.round(u, 1), np.tile(self.mean, (count, 1))
+            dt = self.time * np.maximum(np.round(dt / self.time, 1), 0.1)
         return fp.Experiments(_round(x0) * self.sizes, _round(u) * self.input_sizes, _round(dt)), _round(theta)
 
     @property
@@ -354,5 +358,6 @@ def cases(draw: Draw) -> Case:
         correlation=draw(st.sampled_from((0.0, 0.0, 0.3, -0.4))) if n_p > 1 else 0.0,
         rule=draw(st.sampled_from(RULES)),
         seed=draw(st.integers(0, 9999)),
+        grid=not draw(st.integers(0, 3)),
         also=draw(st.sampled_from(("", "bits", "record", "levels", "callable", "floats", "nice", "nice", "shared"))),
     )
