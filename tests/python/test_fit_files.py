@@ -90,7 +90,7 @@ def test_a_file_that_is_no_fit_is_told(tmp_path: Path) -> None:
         (text.replace('"reached": 1', '"reached": 2'), "expected the file as it was written"),
         (json.dumps(short), "expected the file as it was written"),
         (sealed_json(short), "values: expected 2 unknowns, c_0, k"),
-        (sealed_json(without), "expected a complete fit, given one without or with a wrong 'data'"),
+        (sealed_json(without), "fit.json: data: expected a complete entry, given one without or with a wrong 'data'"),
     ):
         path.write_text(broken)
         with pytest.raises(ValueError, match=re.escape(message)):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
@@ -73,7 +73,7 @@ class ComparedDesign:
     log_det: float
     standard_errors: Mapping[str, float] | None
     feasibility: Feasibility
-    without: str = ""
+    without: str = field(default="", kw_only=True)
 
     _CHOICES: ClassVar[Choices] = {"kind": ("point", "run")}
     _POSITIVE = ("count", "samples")

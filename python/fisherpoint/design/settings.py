@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, fields
 from typing import Any, TypeVar
 
 from ..basics.checks import (
@@ -186,8 +186,10 @@ def settings_to_json(settings: ExchangeSettings | RunSettings) -> dict[str, Any]
 
 
 def settings_from_json(kind: type[Kind], data: Mapping[str, Any]) -> Kind:
-    """What `settings_to_json` wrote; older files do not have all of it."""
+    """What `settings_to_json` wrote, with every entry: a default would stand for what was lost."""
     read = dict(data)
+    for missing in (one.name for one in fields(kind) if one.name not in read):  # type: ignore[arg-type]
+        raise ValueError(f"settings: expected an entry {missing!r}, given none")
     if read.get("over") is not None:
         read["over"] = OverPrior.from_json(read["over"])
     if read.get("conditions") is not None:

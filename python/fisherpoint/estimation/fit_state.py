@@ -88,7 +88,9 @@ def fit_from_state(data: dict[str, Any]) -> dict[str, Any]:
     joint = nuisance.of(model)
     unknown, full = (*estimated, *joint.nuisance_names), joint.theta(theta)
     observed = Observed(joint.model, parts, unknown, full, as_positive(data["rtol"], "rtol"), resolve_threads(None))
-    values = as_floats_of_shape(data["values"], (len(observed.names),), f"values: of {listed(observed.names)}")
+    values = as_floats(data["values"], "values")
+    if values.shape != (len(observed.names),):
+        raise ValueError(f"values: expected {len(observed.names)} unknowns, {listed(observed.names)}; given shape {values.shape}")
     unknowns = _unknowns_from_json(data["unknowns"], observed.names)
     with_prior = check_flag(data["prior_takes_part"], "prior_takes_part")
     factor = prior_factor(known_beforehand(prior if with_prior else None, joint, full), unknowns)
