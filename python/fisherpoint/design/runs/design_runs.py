@@ -238,7 +238,11 @@ def _judged(search: RunSearch, kept: Runs | None, reason: str) -> _End:
         seed = search.seed + UNSEEN
         return feasibility_within(search.problem, _with_kept(kept, runs), DRAWS, seed, search.threads, search.clock.over)
 
-    runs, value = search.tidy(search.best) if reason == "all_starts" else (search.planned(search.best), search.best.value)
+    runs, value = search.planned(search.best), search.best.value
+    try:
+        runs, value = search.tidy(search.best) if reason == "all_starts" else (runs, value)
+    except KeyboardInterrupt:
+        reason = "interrupted"
     tried = on_unseen(runs)
     classical: dict[str, ClassicalRuns] = {}
     try:

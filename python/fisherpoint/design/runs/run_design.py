@@ -56,7 +56,7 @@ class RunDesign(Shown, Kept):
         criterion over the prior. -inf where no runs of the region determine all parameters. With another criterion than "D" log phi
         times its `level` in the place of log det F, such as the negative logarithm of the trace of F^-1.
     ends : tuple of float
-        The same that each start of the search came to, in the order in which they were followed.
+        The same that each start of the search came to, in the order in which they were followed; some are given up on the way.
     again : int
         How many of them are as good as the best one.
     feasibility : Feasibility
@@ -64,12 +64,13 @@ class RunDesign(Shown, Kept):
     stop_reason : {"all_starts", "time_limit", "interrupted"}
     drawn : int
     rejected : mapping of reason to int
-        Runs drawn at random for the search, and those of them that do not reach their ends.
+        Runs drawn at random for the search, and those of them that do not reach their ends, by status, and of "left_domain" the
+        limit.
     seconds : float
     classical : mapping of profile to float
         The same of the best of a hundred random runs of each classical profile, steps for one, whether plants can run them or not.
     classical_shares : mapping of profile to float
-        The share of the plants that can run these.
+        The share that can run these, of the plants of `feasibility`.
     n_kept : int
         The first so many runs were given, and stay.
     scenarios : ScenarioValues or None

@@ -26,8 +26,8 @@ SIGMAS = 3.0
 HOPELESS = ((250, 3.0), (1000, 1.5))
 """After how many plants those are enough to see that too many fail, and times the most that may."""
 
-RESERVED = 1.5
-"""Times what the plants that judge a design in the end take, as it is measured, for all that follows a search."""
+RESERVED = 8.0
+"""Times what the plants that judge a design in the end take, as it is measured: the classical runs beside it are judged too."""
 
 MOST_SEGMENTS = 100_000
 """Of all runs on a part of the plants, so that memory stays bounded."""

@@ -192,6 +192,7 @@ class RunSearch:
         if not self._found:
             z = self.pool.chosen(self.n_runs, self._rng)
             self._tried(z, self._chosen_samples(z))
+        self.clock.paused = False
         return reason
 
     def _begin(self) -> None:
