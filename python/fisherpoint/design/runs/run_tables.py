@@ -12,7 +12,7 @@ from ...show.numbers import number
 from ...show.section import Section
 from ..report import ROWS_OF_PAGES, kept_note
 
-ROWS = 40
+ROWS, HOLDS = 40, 100
 """Runs, and holds of inputs, that are shown of a longer list."""
 
 WIDTH = 78
@@ -50,7 +50,7 @@ def _held(model: Model, runs: Runs) -> Section:
         n = int(runs.segments[k])
         changes = np.flatnonzero((np.diff(runs.u[k, :n], axis=0) != 0).any(axis=1)) + 1
         for first, stop in zip([0, *changes.tolist()], [*changes.tolist(), n], strict=True):
-            if len(rows) == ROWS:
+            if len(rows) == HOLDS:
                 more += 1
                 continue
             place = str(first + 1) if stop == first + 1 else f"{first + 1} to {stop}"
