@@ -79,6 +79,13 @@ CASES = {
         lambda _, h, i, w: [h + i],
         {"u": 0.3},
     ),
+    "a sink, and a state that stays": Case(
+        ["-(k0 + k1)*a/V", "u*0.1", "k0*a - k2*c", "k1*a + k2*c"],
+        {"a": 0.3, "b": 0.3, "c": 1.0, "d": 0.0},
+        {"k0": 1.5, "k1": 4.0, "k2": 0.26, "V": 1.7},
+        lambda theta, a, b, c, d: [theta[3] * a + c + d, b],
+        {"u": 0.0},
+    ),
     "an integrator without input": Case(
         ["v", "u - k*v"], {"x": 0.3, "v": 0.2}, {"k": 2.0}, lambda theta, x, v: [theta[0] * x + v], {"u": 0.0}
     ),

@@ -32,6 +32,9 @@ RANK = 1e-11
 ROUNDING = 1e-10
 """Share of its terms that a sum leaves by rounding, where it is zero."""
 
+NOTHING = 1e-13
+"""Entry of a direction of length 1 that is rounding."""
+
 BROKEN = 1e-6
 """Share of the derivative by a parameter above which the total is kept at one value of the parameter only."""
 
@@ -150,7 +153,7 @@ def _directions(r: int) -> Array:
 def _left_out(columns: Array) -> Array:
     """Orthonormal directions (r, c) that have no share in any column (r, m)."""
     totals = _null(columns)
-    totals[np.linalg.norm(totals, axis=1) < ROUNDING] = 0.0
+    totals[np.abs(totals) < NOTHING] = 0.0  # next to such an entry no sum would be zero but for rounding
     if totals.shape[1] == 1:  # again where all of its entries count alike, so that small ones are as exact as large ones
         part = np.flatnonzero(totals[:, 0])
         finer = _null(totals[part] * columns[part])
