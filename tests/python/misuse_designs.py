@@ -144,7 +144,7 @@ def design_cases() -> dict[str, Case]:
             kinks=kinks,
             jumps=kinks,
             rtol=rtol,
-            varies=({"d": 0.1}, MAP, NONE),
+            varies=(None, MAP, NONE),
             uncertain=({"d": 0.1}, MAP, NONE),
             initial_state_std=({"h": 0.1}, MAP, NONE),
             assumed_covariance=("tangents",),

@@ -288,7 +288,7 @@ def test_the_directory_has_tables_for_people(tmp_path: Path) -> None:
     assert fp.Runs.from_csv(tmp_path / "batch_2.csv", MODEL) == campaign.planned
     assert fp.Measurements.from_csv(tmp_path / "data_1.csv", MODEL) == campaign.history[0].data
     plan = (tmp_path / "plan_2.csv").read_text().splitlines()
-    assert plan[0] == "run,t,u,measure" and len(plan) == 1 + 2 * (3 + 1)
+    assert plan[0] == "run,t [s],u [V],measure" and len(plan) == 1 + 2 * (3 + 1)
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     (tmp_path / "batch_2.csv").write_text("filled in\n")
     (tmp_path / "plan_2.csv").unlink()

@@ -207,7 +207,7 @@ MISTAKES = {
     "table": (
         "[design]",
         "[desing]",
-        "unknown key desing; expected one of model, prior, prior_correlation, noise_std, uncertain, initial_state_std, "
+        "unknown key desing; expected one of model, prior, prior_correlation, noise_std, uncertain, varies, initial_state_std, "
         "region, runs, rule, design, cost, campaign "
         '(did you mean "design"?)',
     ),

@@ -62,7 +62,8 @@ def worded(call: Callable[[], Any]) -> Any:
     try:
         return call()
     except ValueError as error:  # which numpy's LinAlgError is too
-        assert type(error) is ValueError and re.search("expected .*given ", str(error)), repr(error)
+        own = not isinstance(error, np.linalg.LinAlgError)
+        assert own and re.search("expected .*given ", str(error)), repr(error)
         return None
 
 
@@ -149,8 +150,8 @@ def test_an_information_that_overflows_is_told() -> None:
     line = fp.SymbolicModel([], ["p*u"], {}, {"u": "1"}, {"p": "1"})
     prior = fp.GaussianPrior({"p": 1.0}, std={"p": 1e100})
     flat, steep = (fp.Experiments(np.empty((1, 0)), [[u]]) for u in (1e-60, 1e70))
-    with pytest.raises(ValueError, match=r"covariance: expected standard errors .* given one of 'p' that overflows"):
-        fp.evaluate_design(fp.DesignProblem(line, prior, None, noise_std={"y": 1e100}), flat)
+    # What is so far below the noise is none.
+    assert fp.evaluate_design(fp.DesignProblem(line, prior, None, noise_std={"y": 1e100}), flat).rank == 0
     with pytest.raises(ValueError, match=r"points: expected trajectories that are ok, given points\[0\] \(not_finite\)"):
         fp.evaluate_design(fp.DesignProblem(line, prior, None, noise_std={"y": 1e-100}), steep)
 

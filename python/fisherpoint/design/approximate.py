@@ -236,7 +236,7 @@ def _scenarios(problem: DesignProblem, over: OverPrior, criterion: str) -> Scena
     problems, average = moved_problems(problem, over)
     size, most = len(problems) * problem.n_unknowns, MOST_OF_ALL // problem.n_unknowns
     if size > MOST_OF_ALL:
-        raise ValueError(f"over: expected at most {most} scenarios of {problem.n_unknowns} unknowns, given {len(problems)}")
+        raise ValueError(f"over: expected at most {most} scenarios of {problem.n_unknowns} parameters, given {len(problems)}")
     return Scenarios(problems, average, (None,) * len(problems))
 
 

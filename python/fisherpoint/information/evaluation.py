@@ -238,7 +238,7 @@ def evaluate_information(
     factor = cholesky_factor(covariance_of_outputs, d.names, d.kind)
     fisher = finite_fisher(accumulator.fisher(covariance_of_outputs))
     white, known, without_prior = whitened(factor, prepared.sensitivity).reshape(-1, problem.n_unknowns), None, None
-    white = without_rounding(white)
+    white = without_rounding(white) if d.kind == "noise" else white
     told = np.abs(white).max(axis=0, initial=0.0) > 0.0
     fisher = np.where(told[:, None] & told, fisher, 0.0)
     if prior_information:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import keyword
 import unicodedata
-from collections.abc import Iterable, Mapping, Sequence, Sized
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ..basics.checks import as_float, as_positive, as_sequence, by_name, check_known
@@ -52,7 +52,7 @@ def check_counts(most: int, **described: Any) -> None:
     """Raise where states or parameters are more than `most`, or others more than `OTHERS`, before any of them is looked at."""
     for kind, given in described.items():
         limit = most if kind in ("states", "parameters") else OTHERS
-        if isinstance(given, Sized) and len(given) > limit:
+        if isinstance(given, Mapping | list | tuple) and len(given) > limit:
             raise ValueError(f"{kind}: expected at most {limit}, given {len(given)}")
 
 

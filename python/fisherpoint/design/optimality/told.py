@@ -64,6 +64,9 @@ def told_aims(
     """
     size, kind = named
     result: list[Aim] = []
+    if problem.output_covariance != "noise":  # only in units of the noise does the size say what is rounding
+        unit = float(np.sqrt(np.square(rows).mean())) or 1.0
+        rows, known = rows / unit, known / unit**2
     if spaces is None:
         spaces = [estimable(CandidateRows(own, there / count).triangle()) for own, there in zip(rows, known, strict=True)]
     for aim, own, there, space in zip(aims, rows, known, spaces, strict=True):
