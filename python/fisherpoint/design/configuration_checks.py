@@ -63,7 +63,6 @@ def mistakes_between(tables: Mapping[str, Any], model: Model) -> Iterator[str]:
         yield from wrong_names("runs.rest.u", runs.rest.u, names_of(model.inputs))
         if not (runs.rest.hold or runs.rest.outputs or runs.rest.solve):  # of a rest under control, `Rest` says what is missing
             yield from missing_entries("runs.rest.u", missing_names(runs.rest.u, names_of(model.inputs)), "the input that is held")
-        yield from wrong_names("runs.rest.states", runs.rest.states or (), names_of(model.states))
     estimated = parameters
     if design is not None and design.parameters is not None:
         estimated = design.parameters
