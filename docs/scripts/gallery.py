@@ -28,9 +28,6 @@ MADE_OF = IMAGES / "made_of.json"
 DPI = 80
 """Of the pictures: a page of a site needs no more."""
 
-FEW_STARTS = 2
-"""Of a search that has a time limit in its file: so many starts take its place, so that pictures do not depend on the machine."""
-
 
 class Example(NamedTuple):
     """An example: pictures of its design and, where there are measurements, of the fit; and the page that tells more.
@@ -115,10 +112,7 @@ def make(example: Example) -> None:
     if config.runs is None:
         found = fp.exchange(problem, **config.exchange_settings())
     else:
-        settings = config.run_settings()
-        if settings.pop("time_limit", None) is not None:
-            settings["n_starts"] = FEW_STARTS
-        found = fp.design_runs(problem, **settings)
+        found = fp.design_runs(problem, **config.run_settings())
     fit = None
     if example.of_fit:
         data = fp.Measurements.from_csv(EXAMPLES / f"{example.name}.csv", problem.model)

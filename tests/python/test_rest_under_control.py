@@ -237,7 +237,7 @@ def test_a_file_says_how_runs_rest(tmp_path: Path) -> None:
     for text, said in (
         ("hold = ['x']", "runs.rest.solve: expected as many inputs"),
         ("u = { u = 1 }\nstates = ['z']", "runs.rest.states: expected names of states"),
-        ("", "runs.rest.u: expected a value for 'u', given none"),
+        ("", "runs.rest.u.u: missing"),
         ("held = ['x']", "unknown key runs.rest.held; expected .*hold"),
         ("u = { u = { value = 1, unit = 'm' } }", "runs"),
     ):
