@@ -101,8 +101,8 @@ def _encoded(value: Any, codec: Codec) -> Any:
             return {kind.__name__: encode(value)}
     if isinstance(value, np.ndarray):
         entries = [_encoded(entry, codec) for entry in value.ravel().tolist()]
-        kind = "U" if value.dtype.kind == "U" else value.dtype.str  # texts have the room that they need when they are read
-        return {"array": entries, "shape": value.shape, "dtype": kind}
+        dtype = "U" if value.dtype.kind == "U" else value.dtype.str  # texts have the room that they need when they are read
+        return {"array": entries, "shape": value.shape, "dtype": dtype}
     if isinstance(value, Mapping):
         return {"mapping": [[_encoded(entry, codec) for entry in pair] for pair in value.items()]}
     if isinstance(value, tuple) and hasattr(value, "_fields"):
