@@ -10,7 +10,7 @@ import pytest
 
 import fisherpoint as fp
 from fisherpoint.design.optimality.aims import aim_of
-from fisherpoint.information.nuisance import beside_nuisance, marginal_information, marginal_rows
+from fisherpoint.information.nuisance import beside_nuisance, marginal_rows
 from oracle import Floats
 
 GAIN = fp.SymbolicModel(
@@ -179,6 +179,11 @@ def test_what_previous_data_say_of_a_constant_is_carried_on() -> None:
     np.testing.assert_allclose(list(together.values()), joint_errors(fp.Experiments.join([many, few]), {"s": 0.5}), rtol=1e-6)
 
 
+def marginal(whole: Floats, p: int = 2) -> Floats:
+    """The information about the first p unknowns alone: the inverse of their block of the inverse."""
+    return np.linalg.inv(np.linalg.inv(whole)[:p, :p])
+
+
 CRITERIA: list[tuple[str, Any]] = [("D", None), ("A", None), ("E", None), ("Ds", "k"), ("c", "b / k")]
 
 
@@ -282,9 +287,9 @@ def test_criteria_beside_nuisance_are_those_of_the_marginal_information(name: st
     of = {"Ds": "k", "c": "b / k"}.get(name)
     own = fp.criterion(given, name, of=of)
     beside = own.beside_nuisance(2)
-    marginal = marginal_information(whole, 2)
-    assert beside.log_phi(whole) == pytest.approx(own.log_phi(marginal), abs=1e-12)
-    assert beside.value(whole) == pytest.approx(own.value(marginal), rel=1e-12)
+    own_information = marginal(whole)
+    assert beside.log_phi(whole) == pytest.approx(own.log_phi(own_information), abs=1e-12)
+    assert beside.value(whole) == pytest.approx(own.value(own_information), rel=1e-12)
     step, change = 1e-6, np.cov(rng.standard_normal((4, 9)))
     by_difference = (beside.value(whole + step * change) - beside.value(whole - step * change)) / (2 * step)
     assert np.vdot(beside.gradient(whole), change) == pytest.approx(by_difference, rel=1e-6)
@@ -300,11 +305,11 @@ def test_criteria_beside_nuisance_are_those_of_the_marginal_information(name: st
     for aim, inside in ((aim_of(beside), lambda m: m), (aim_of(beside).within(factor), lambda m: np.linalg.solve(factor, m))):
         here = inside(inside(whole).T)
         added = aim.added_exactly(here, np.stack([inside(more[:, :, k]) for k in range(50)], axis=2))
-        expected = [own.level * own.log_phi(marginal_information(whole + w @ w.T, 2)) for w in more.transpose(2, 0, 1)]
+        expected = [own.level * own.log_phi(marginal(whole + w @ w.T)) for w in more.transpose(2, 0, 1)]
         np.testing.assert_allclose(np.diff(np.log(added)), np.diff(expected), atol=1e-9)
         value, by_rows = aim.slope(here, inside(rows.T).T)
         if name != "ME" and name != "E":  # which are smoothed here
-            assert value == pytest.approx(own.level * own.log_phi(marginal), abs=1e-9)
+            assert value == pytest.approx(own.level * own.log_phi(own_information), abs=1e-9)
         assert by_rows.shape == rows.shape
 
 
@@ -339,12 +344,10 @@ def test_a_campaign_does_not_average_a_constant_out() -> None:
     assert fit.standard_errors["k"] > 0.8 * 0.1 * 0.8  # k c is what the data tell
 
 
-def test_marginal_information_has_two_forms() -> None:
+def test_marginal_rows_are_those_of_the_marginal_information() -> None:
     rows = np.random.default_rng(0).standard_normal((20, 5))
-    whole = rows.T @ rows
-    expected = np.linalg.inv(np.linalg.inv(whole)[:3, :3])
-    np.testing.assert_allclose(marginal_information(whole, 2), expected, rtol=1e-12)
-    marginal = marginal_rows(rows, 2)
-    np.testing.assert_allclose(marginal.T @ marginal, expected, rtol=1e-12)
-    assert marginal_rows(rows, 0) is rows and marginal_information(whole, 0) is whole
-    np.testing.assert_allclose(marginal_information(beside_nuisance(expected, 2), 2), expected)
+    expected = marginal(rows.T @ rows, 3)
+    found = marginal_rows(rows, 2)
+    np.testing.assert_allclose(found.T @ found, expected, rtol=1e-12)
+    assert marginal_rows(rows, 0) is rows
+    np.testing.assert_allclose(marginal(beside_nuisance(expected, 2), 3), expected)

@@ -19,17 +19,6 @@ def marginal_rows(rows: Array, nuisance: int) -> Array:
     return np.asarray(np.linalg.qr(ordered, mode="r"), dtype=np.float64)[nuisance:, nuisance:]
 
 
-def marginal_information(information: Array, nuisance: int) -> Array:
-    """F (..., p, p) of M (..., p + nuisance, p + nuisance), of which the block of c is regular."""
-    if not nuisance:
-        return information
-    p = information.shape[-1] - nuisance
-    factor = np.linalg.cholesky(information[..., p:, p:])
-    across = np.linalg.solve(factor, information[..., p:, :p])
-    marginal: Array = information[..., :p, :p] - across.swapaxes(-1, -2) @ across
-    return (marginal + marginal.swapaxes(-1, -2)) / 2
-
-
 def beside_nuisance(information: Array, nuisance: int) -> Array:
     """M (p + nuisance, p + nuisance) of which the marginal information is F (p, p), with c known apart from theta."""
     if not nuisance:

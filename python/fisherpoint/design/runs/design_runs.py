@@ -31,11 +31,11 @@ from ..optimality.asked import OF_ALL, criterion_of
 from ..over_prior import OverPrior, moved_problems
 from ..scenario_values import scenario_values
 from ..settings import RunSettings
+from .run_clock import Clock
 from .run_design import RunDesign
 from .run_pool import RIDGE
 from .run_references import ClassicalRuns
 from .run_search import RunProgress, RunSearch
-from .run_time import Clock
 
 
 def design_runs(

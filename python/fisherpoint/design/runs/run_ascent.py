@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from .linear_rows import LinearRows
+from .run_clock import OutOfTime
 from .run_objective import RunObjective
 from .run_slopes import linear_rows
-from .run_time import OutOfTime
 
 FIRST, LEAST, MOST = 0.1, 1e-5, 1.0
 """By how much each number may change at first, at least, and at most."""

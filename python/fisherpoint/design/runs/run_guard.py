@@ -13,9 +13,9 @@ import numpy as np
 from ...basics.values import Array
 from ...points.runs import Runs
 from ..found import DRAWS
+from .run_clock import Clock
 from .run_objective import MORE_LOOKS, RunObjective
 from .run_plants import RunPlants
-from .run_time import Clock
 
 PLANTS, PART = 4000, 250
 """On which runs are tried during the search, and how many of them at once."""

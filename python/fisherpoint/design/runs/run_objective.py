@@ -23,8 +23,8 @@ from ...points.settings import Settings
 from ...points.status import Status
 from ..average import Average
 from ..optimality.aims import Aim
+from .run_clock import Clock
 from .run_margins import RunMargins, costs_of
-from .run_time import Clock
 
 LOOKS, MORE_LOOKS = 2, 4
 """Times in every segment at which the distance to limits is taken, and where that has not been enough."""

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ...basics.values import Array
+from .run_clock import OutOfTime
 from .run_objective import RunObjective
 from .run_pool import RunPool
 from .run_profiles import CLASSICAL
-from .run_time import OutOfTime
 
 DRAWN = 100
 """Random runs of each profile."""

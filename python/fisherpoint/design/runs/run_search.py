@@ -25,6 +25,7 @@ from ..average import Average
 from ..optimality.aims import Aim
 from ..optimality.told import RUNS, told_aims
 from .run_ascent import FIRST, ascend
+from .run_clock import Clock, OutOfTime
 from .run_found import Found, Way
 from .run_guard import PLANTS, Margin, RunGuard
 from .run_margins import WEIGHT
@@ -35,7 +36,6 @@ from .run_pool import RIDGE, RunPool, determine_all
 from .run_references import classical_runs
 from .run_tidy import MOST_LOST as MOST_LOST_BY_ROUNDING
 from .run_tidy import tidied
-from .run_time import Clock, OutOfTime
 from .sample_choice import best_samples
 
 LEAST_GAIN, ROUGH_GAIN, STRETCH_GAIN = 1e-4, 1e-2, 0.05
