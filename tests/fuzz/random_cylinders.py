@@ -81,5 +81,5 @@ def cylinders(draw: Callable[[Any], Any]) -> CylinderCase:
         log=(False,) * 9,
         rule=draw(st.sampled_from(rules)),
         seed=draw(st.integers(0, 9999)),
-        also=draw(st.sampled_from(("bits", "record", "levels"))),
+        also=draw(st.sampled_from(("bits", "record", "levels", "runs"))),
     )

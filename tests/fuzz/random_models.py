@@ -31,6 +31,7 @@ RULES = (
     "Sobol(1024, seed=3)",
     "GaussHermite(5)",
 )
+ALSO = ("", "bits", "record", "levels", "callable", "floats", "nice", "nice", "shared", "runs", "runs", "runs")
 POWERS = (0, 0, 0, 0, -3, 6, -6, 3, 9, -9, 12, -12)  # of ten, of states, inputs and parameters
 
 
@@ -53,7 +54,7 @@ class Case:
     rule: str = RULES[0]
     seed: int = 0
     grid: bool = False  # states, inputs and times are multiples of a tenth of their sizes, parameters those of the prior's mean
-    also: str = ""  # what else is checked: see `campaign.examined`
+    also: str = ""  # what else is checked: see `rounds.checked`
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -359,5 +360,5 @@ def cases(draw: Draw) -> Case:
         rule=draw(st.sampled_from(RULES)),
         seed=draw(st.integers(0, 9999)),
         grid=not draw(st.integers(0, 3)),
-        also=draw(st.sampled_from(("", "bits", "record", "levels", "callable", "floats", "nice", "nice", "shared"))),
+        also=draw(st.sampled_from(ALSO)),
     )

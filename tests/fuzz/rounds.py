@@ -21,6 +21,7 @@ from check_covariances import check_covariance
 from check_floats import check_floats
 from check_nice import check_nice
 from check_records import check_record
+from check_runs import check_runs
 from check_sensitivities import check_sensitivities
 from check_shared import check_shared
 from check_states import check_states
@@ -164,6 +165,7 @@ def checked(case: Case, figures: Figures, levels: Levels | None, only: str) -> l
         "bits": lambda: check_bits(bench),
         "floats": lambda: check_floats(bench),
         "nice": lambda: check_nice(bench),
+        "runs": lambda: check_runs(bench),
         "shared": lambda: check_shared(bench),
         "record": lambda: check_record(bench, by_scipy=True),
         "callable": lambda: check_callable(bench),

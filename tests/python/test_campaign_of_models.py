@@ -15,6 +15,8 @@ from check_bits import Levels, compare_numbers
 from check_covariances import check_covariance
 from check_floats import check_floats, in_floats
 from check_nice import Depot, check_nice, compare
+from check_runs import Run, by_points, check_runs, event
+from check_runs import compare as compare_run
 from check_sensitivities import check_sensitivities, largest_column
 from check_shared import brute_force, check_shared
 from check_states import judge
@@ -270,7 +272,7 @@ def test_whole_numbers_and_floats_are_the_same_model(rate: str) -> None:
     assert not found(bench) and bench.figures.counts["floats: trajectories"]
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2, 3, 5])
+@pytest.mark.parametrize("seed", range(6))
 def test_closed_forms_at_nice_numbers(seed: int) -> None:
     bench = bench_of(seed)
     check_nice(bench)
@@ -291,6 +293,58 @@ def test_a_wrong_closed_form_is_found() -> None:
         exact = Elsewhere(states | rates | {"constants": {"e": (0.5, "1")}}, [1.0, 0.0], [1.0, 0.3], [0.5])
         compare(bench, exact, np.array([1.0, 1.0]), np.array([0.4, 1.0]))
         assert {finding.kind.removeprefix("wrong ok: nice ") for finding in bench.findings} == known
+
+
+SMALL = pytest.mark.filterwarnings("ignore:.* expected its natural size")
+COUNTER = {"rates": ("-p1", "where(x1 > 0, 0, p2*u1)"), "outputs": ("x2",), "state_sizes": (1.0, 1.0), "input_sizes": (1.0,)}
+COUNTER |= {"parameter_sizes": (1.5, 1.0), "relative_std": (0.1, 0.1), "log": (False, False)}
+
+
+@SMALL
+@pytest.mark.parametrize("seed", range(4))
+def test_runs_of_several_segments_by_other_routes(seed: int) -> None:
+    figures = Figures()
+    for rates in (COUNTER["rates"], ("-p1*x1", "max(x1 - 0.5, 0)*u1 - p2*x2"), ("x2", "u1 - p2*sign(x2) - p1*x1")):
+        bench = bench_of(seed, **COUNTER | {"rates": rates})
+        check_runs(bench)
+        assert not found(bench)
+        figures.add(bench.figures)
+    for what in ("runs: ends of segments on surfaces", *(f"runs compared with {route}" for route in ("points", "SciPy"))):
+        assert figures.counts[what]
+
+
+def counted(lost: float) -> Run:
+    """It counts from 0.6 / p1 on, which is the end of its first segment, and loses a share of dx/dtheta."""
+
+    class Loses(Run):
+        def sensitivities(self, rtol: float) -> fp.RunSensitivities:
+            done = super().sensitivities(rtol)
+            return done._replace(dx_dtheta=done.dx_dtheta * (1 - lost))
+
+    bench = bench_of(0, **COUNTER)
+    theta = np.array([1.5, 1.0])
+    run = Loses(bench, fp.Runs([[0.6, 0.0]], [[[1.0], [1.0], [1.0]]], [[0.5, 1.0, 0.5]], [[False, True, True]]), theta)
+    assert event(run, 0) == pytest.approx(0.4, rel=1e-12)
+    return Loses(bench, fp.Runs([[0.6, 0.0]], run.runs.u, [[event(run, 0), 1.0, 0.5]], run.runs.measured), theta)
+
+
+@SMALL
+def test_a_wrong_derivative_of_a_run_is_found() -> None:
+    for lost, known in ((0.0, set()), (0.01, {"wrong ok: run derivatives", "wrong ok: run derivatives, as a point"})):
+        one = counted(lost)
+        compare_run(one, by_scipy=True)
+        assert {finding.kind for finding in one.bench.findings} == known
+        assert one.bench.figures.counts["run columns compared"] == 2
+
+
+@SMALL
+def test_a_run_that_is_another_than_its_points_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if its second segment began elsewhere."""
+    one = counted(0.0)
+    elsewhere = by_points(one) + np.array([[0.0, 0.0]] * 2 + [[0.0, 1e-3]] * 2)
+    monkeypatch.setattr("check_runs.by_points", lambda run: elsewhere)
+    compare_run(one, by_scipy=False)
+    assert {finding.kind for finding in one.bench.findings} == {"wrong ok: run against points"}
 
 
 def test_what_is_shared_is_counted_once() -> None:
