@@ -323,7 +323,9 @@ def differences(one: Run, middle: Floats, rows: Any, j: int) -> Differences | No
     sides = [(4 * (2 * of[2] - of[1]) - (2 * of[1] - of[0])) / 3 for of in (above, below)]  # up to the third order in the step
     noise = (10 * TIGHT * one.sizes + 1e-14 * np.abs(middle)) / step
     best = (16 * once[1] - once[0]) / 15
-    trust = np.abs(best - once[1]) + 0.05 * np.abs(central[2] - central[1]) + 8 * noise
+    first, second = (np.abs(b - a) for a, b in itertools.pairwise(central))
+    slow = np.where(second > 0.3 * first, second, 0.05 * second)  # an event at an end leaves an error in proportion to the step
+    trust = np.abs(best - once[1]) + slow + 8 * noise
     return Differences(best, sides[1], sides[0], trust)
 
 
