@@ -140,7 +140,7 @@ def estimator(candidate: Candidate, case: Case, noise: float) -> Estimator:
         Observed(model, [one], names, asked.theta, RECORD_RTOL, threads),
         unknowns,
         one.y[None],
-        noise_covariance(model, std, one.y),
+        noise_covariance(model, std),
         prior_factor(PRIOR, unknowns) if case.use_prior else None,
     )
     starts = spread_starts(unknowns, mean, None, 1)

@@ -117,8 +117,8 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
         {},
     ),
     "noise_std": (
-        "Standard deviation of the sensor noise, by name of the output. With this table every output needs an entry; without the"
-        " table no standard errors are computed.",
+        "Standard deviation of the sensor noise, by name of the output. With this table only the outputs that it names are"
+        " measured; without it all are, and no standard errors are computed.",
         '[noise_std]\nq = { value = 5e-6, unit = "m" }\np_A = 2e4\np_B = 2e4\nx_v = 1e-3\n',
         {"value": "The standard deviation.", "unit": "The unit, where it is not the model's."},
     ),

@@ -37,6 +37,8 @@ def problem_rows(problem: fp.DesignProblem) -> list[Row]:
         ("estimated", listed(problem.estimated)),
         ("noise", _values(model.outputs, {name: number(std) for name, std in noise.items()}) or "not given"),
     ]
+    if noise and len(noise) < len(model.outputs):
+        rows.append(("not measured", listed(q.name for q in model.outputs if q.name not in noise)))
     if region is not None:
         bounds = {
             name: f"{number(low)} to {number(high)}" if low < high else number(low) for name, (low, high) in region.bounds.items()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated, Any
@@ -77,7 +77,7 @@ def estimate(
     for path in (path for k, path in enumerate(data) if path.resolve() in [other.resolve() for other in data[:k]]):
         raise ConfigError(f"DATA.csv: expected each file once, given {path} twice")
     parts = [read_data(path, "measurements", _read, problem.model) for path in data]
-    noise_std = _measured_noise(problem, parts) if known else None
+    noise_std = problem.noise_std if known else None
     old = free_directory(output, force)
     if check:
         rows = [(str(path), repr(part)) for path, part in zip(data, parts, strict=True)]
@@ -149,12 +149,3 @@ def _read(path: Path, model: fp.Model) -> fp.Measurements | fp.Record:
             raise ValueError("expected the column T of the model, given t, which is the time of a record")
         return fp.Record.from_csv(path, model)
     return fp.Measurements.from_csv(path, model)
-
-
-def _measured_noise(problem: fp.DesignProblem, parts: Sequence[Any]) -> Mapping[str, float]:
-    """The noise of the outputs that were measured."""
-    import numpy as np
-
-    measured = np.any([np.isfinite(part.samples).any(axis=0) for part in parts], axis=0)
-    names = [quantity.name for quantity in problem.model.outputs]
-    return {name: (problem.noise_std or {})[name] for name, told in zip(names, measured, strict=True) if told}

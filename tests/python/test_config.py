@@ -115,7 +115,6 @@ MISTAKES = {
         "relativ_std = 0.30",
         'unknown key prior.a_tau.relativ_std; expected one of mean, std, relative_std, unit, log (did you mean "relative_std"?)',
     ),
-    "missing noise": ("x_v = 1e-3", "", "noise_std.x_v: missing; expected a number > 0"),
     "no noise": ("x_v = 1e-3", "x_v = 0", "noise_std.x_v.value: expected a number > 0, given 0"),
     "unknown constant": (
         "A_A   =",

@@ -106,14 +106,13 @@ class Config(ModelFile):
         model, prior, region = self.build_model(), self.build_prior(), self._region()
         rule = self._build_rule()
         known = (*model.constant_quantities, *model.parameters)
-        noise_std = stds(self.noise_std or {}, model.outputs)
         uncertain, varies = stds(self.uncertain, known), stds(self.varies, known)
         with self._names_key("design"):
             return DesignProblem(
                 model,
                 prior,
                 region,
-                noise_std=noise_std or None,
+                noise_std=None if self.noise_std is None else stds(self.noise_std, model.outputs),
                 rule=rule,
                 uncertain=uncertain,
                 varies=varies,

@@ -7,6 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
+from ..basics.messages import listed
 from ..basics.quantity import names_of
 from ..basics.toml_messages import choices, toml
 from ..basics.toml_tables import missing_entries, missing_names, wrong_entries, wrong_names
@@ -55,7 +56,9 @@ def mistakes_between(tables: Mapping[str, Any], model: Model) -> Iterator[str]:
         yield from wrong_entries("prior", prior, model.parameters, missing="{mean = ..., std = ... or relative_std = ...}")
     yield from _wrong_pairs(tables.get("prior_correlation") or {}, parameters)
     if (noise := tables.get("noise_std")) is not None:
-        yield from wrong_entries("noise_std", noise, model.outputs, missing="a number > 0")
+        yield from wrong_entries("noise_std", noise, model.outputs)
+        if not noise:
+            yield f"noise_std: expected at least one of {listed(names_of(model.outputs))}, given none"
     elif "noise_std" in tables and design is not None and design.output_covariance == "noise":
         yield 'design.output_covariance: expected a table [noise_std] with "noise", given none'
     yield from _wrong_bounds(tables.get("region"), model)

@@ -71,7 +71,7 @@ def plot_responses(design: Evaluated) -> Figure:
         for j, (axes, output) in enumerate(zip(grid, model.outputs, strict=True)):
             factor_y, unit_y = scale(output, np.append(expected[:, j], noise_std[j]))
             axes.plot(factor * along, factor_y * expected[:, j], color=NOISE, linewidth=1.3)
-            noise = None if problem.noise_std is None else factor_y * problem.noise_std[output.name]
+            noise = factor_y * noise_std[j] or None
             axes.errorbar(
                 factor * sampled, factor_y * at_points[:, j], noise, fmt="o", color=NOISE, ecolor=TEXT, markersize=6,
                 markeredgecolor=TEXT, markeredgewidth=0.7, capsize=2, linewidth=1, zorder=3,
@@ -87,7 +87,7 @@ def plot_responses(design: Evaluated) -> Figure:
         settle(figure)  # the layout decides where labels have room
         for j, (axes, output) in enumerate(zip(grid, model.outputs, strict=True)):
             factor_y = scale(output, np.append(expected[:, j], noise_std[j]))[0]
-            noise = 0.0 if problem.noise_std is None else factor_y * problem.noise_std[output.name]
+            noise = factor_y * noise_std[j]
             for place, numbers in _places(sampled, lower, upper, along_axis.is_log):
                 above = (factor * place, factor_y * at_points[numbers[0], j] + noise)
                 text = ", ".join(str(number + 1) for number in numbers)

@@ -76,6 +76,7 @@ def plot_trajectories(design: Evaluated, max_points: int = 24, plants: int = 200
         width = max(2.5 * len(model.outputs) + 0.6, 5.6)  # the legend needs that
         figure = Picture(figsize=(width, (1.25 if one_unit else 1.45) * len(points) + 1.0))
         grid, titles = figure.subplots(len(points), len(model.outputs), squeeze=False), []
+        handles: dict[str, Any] = {}
         for j, output in enumerate(model.outputs):
             std = (noise_std or {}).get(output.name, 0.0)
             factor, unit = scale(output, np.concatenate([[std], *(row.mean[:, j] for row in lines)]))
@@ -85,20 +86,20 @@ def plot_trajectories(design: Evaluated, max_points: int = 24, plants: int = 200
                 band = axes.fill_between(row.time, factor * row.low[:, j], factor * row.high[:, j], **shade)
                 (line,) = axes.plot(row.time, factor * row.mean[:, j], color=NOISE, linewidth=1.3)
                 telling((band, line), _told(group, output, (start[j], row.mean[-1, j]), dt), f"{group[0]}-{j}")
-                handles = [line, band]
-                labels = ["at the prior mean", "5 to 95 % over the prior"]
-                if noise_std is not None:
+                handles |= {"at the prior mean": line, "5 to 95 % over the prior": band}
+                if std:
                     bar = axes.errorbar(
                         row.time[-1], factor * row.mean[-1, j], factor * std,
                         color=TEXT, fmt=".", markersize=4, capsize=2, linewidth=1,
                     )  # fmt: skip
-                    handles.append(bar)
-                    labels.append("sample, with one std of the noise")
+                    handles["sample, with one std of the noise"] = bar
                 _few_ticks(axes)
                 if row.is_log:
                     make_logarithmic(axes, row.time[0], row.time[-1] * 1.4, most=4)
         ncols = 3 if width > 6.5 else 2
-        figure.legend(handles, labels, loc="upper left", ncols=ncols, title=title, alignment="left", borderaxespad=0.2)
+        figure.legend(
+            list(handles.values()), list(handles), loc="upper left", ncols=ncols, title=title, alignment="left", borderaxespad=0.2
+        )
         above = 0.46 + 0.16 * -(-len(handles) // ncols)
         _place(figure, grid, titles, above, 0.3 if one_unit else 0.5)
         for k, axes in enumerate(grid[:, 0]):

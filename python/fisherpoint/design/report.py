@@ -187,7 +187,8 @@ def _criterion(evaluated: Evaluated) -> Section:
     ]
     if evaluation.outputs_left_out:
         left_out = ", ".join(evaluation.outputs_left_out)
-        facts.append(("outputs left out", f"{left_out}: no noise is given and no parameter has an influence"))
+        why = "no noise is given and no parameter has an influence" if evaluated.problem.noise_std is None else "not measured"
+        facts.append(("outputs left out", f"{left_out}: {why}"))
     if evaluated.problem.along:
         facts.append(("limits along the way", "; ".join(evaluated.problem.along)))
     facts += _assumed(evaluated.problem)

@@ -82,7 +82,8 @@ def estimate(
     parameters : sequence of str, optional
         Names of the parameters to estimate; the others are known to be at their start. Default: all.
     noise_std : mapping of output name to float, optional
-        Standard deviations of the sensor noise, SI units, of all outputs that were measured. Default: not known.
+        Standard deviations of the sensor noise, SI units; data of outputs that are not named are left out. Default: not known, and
+        all outputs take part.
     bounds : mapping of name to (lower, upper), optional
         None for no bound. Default: what the model itself demands (`Model.least`).
     uncertain : mapping of name to float, optional
@@ -121,7 +122,6 @@ def estimate(
     """
     check_type(model, Model, "model")
     check_progress(progress)
-    parts = _parts(data, model)
     names = names_of(model.parameters)
     chosen = some_names_among(names if parameters is None else parameters, names, "parameters")
     drawn = (("uncertain", uncertain), ("varies", varies))
@@ -131,6 +131,8 @@ def estimate(
     for label, stds in drawn:
         for name in (name for name in chosen if stds is not None and name in stds):
             raise ValueError(f"{label}: expected constants or parameters that are not estimated, given {name!r}, which is")
+    sensors = None if noise_std is None else noise_covariance(model, noise_std)
+    parts = _parts(data, model, noise_std)
     shared = names_among(shared, tuple(initial_state_std or ()), "shared")
     nuisance, starts_anew = nuisance_of(uncertain, initial_state_std, shared)
     assumed_of(model, uncertain, varies, initial_state_std)  # unknown names, and what is in two of them
@@ -168,8 +170,7 @@ def estimate(
         factor = prior_factor(known_beforehand(prior, joint, theta), unknowns)
         residuals = WeightedResiduals(observed, unknowns, observed.y[None], np.eye(observed.y.shape[1]), factor)
 
-        if noise_std is not None:
-            sensors = noise_covariance(model, noise_std, observed.y)
+        if sensors is not None:
             noise = KnownNoise(joint.model, parts, sensors, varies, starts_anew, assumed_rule, rtol, threads)
             found = search_with_known_noise(residuals, z0, noise)
         elif varies or starts_anew:
@@ -255,8 +256,11 @@ def _better(fit: Fit, again: Fit) -> Fit:
     return replace(again, reached=fit.reached + again.reached - 1, evaluations=fit.evaluations + again.evaluations)
 
 
-def _parts(data: Any, model: Model) -> tuple[Measurements | Record, ...]:
-    """The sets of data, without points and runs of which nothing was measured: their trajectories may well fail."""
+def _parts(data: Any, model: Model, noise_std: Mapping[str, float] | None) -> tuple[Measurements | Record, ...]:
+    """The sets of data, without points and runs of which nothing was measured: their trajectories may well fail.
+
+    Where the noise is known, outputs of which it is not are not measured.
+    """
     given = tuple(data) if isinstance(data, list | tuple) else (data,)
     if not given:
         raise ValueError("data: expected at least one set of data, given none")
@@ -265,7 +269,14 @@ def _parts(data: Any, model: Model) -> tuple[Measurements | Record, ...]:
         if not isinstance(part, Measurements | Record):
             raise TypeError(f"data: expected Measurements, a Record or a sequence of them, given {type(part).__name__}")
         check_outputs(part, model)
+        if noise_std is not None:
+            y = np.where([name in noise_std for name in names_of(model.outputs)], part.y, np.nan)
+            if np.isnan(y).all():
+                continue
+            part = replace(part, y=y)
         parts.append(part.told if isinstance(part, Measurements) else part)
+    if not parts:
+        raise ValueError(f"data: expected a number of {listed(noise_std or ())}, of which the noise is known; given none")
     return tuple(parts)
 
 

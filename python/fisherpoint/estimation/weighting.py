@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.checks import as_std, by_name
+from ..basics.messages import listed
 from ..basics.quantity import names_of
 from ..basics.values import Array
 from ..models import Model
@@ -48,16 +49,13 @@ def _spread(given: NDArray[Any], like: Array) -> NDArray[Any]:
     return given.reshape(*given.shape, *(1,) * (like.ndim - 3))
 
 
-def noise_covariance(model: Model, noise_std: Mapping[str, float], y: Array) -> Array:
-    """R (n_y, n_y) of the noise; outputs that were never measured need none."""
-    names, variances = names_of(model.outputs), np.ones(len(model.outputs))
+def noise_covariance(model: Model, noise_std: Mapping[str, float]) -> Array:
+    """R (n_y, n_y) of the noise, 1 of an output that is not named: it is not measured."""
+    names = names_of(model.outputs)
     stds = by_name(noise_std, names, "noise_std", as_std)
-    for i, name in enumerate(names):
-        if name in stds:
-            variances[i] = stds[name] ** 2
-        elif np.isfinite(y[:, i]).any():
-            raise ValueError(f"noise_std: expected a value for {name!r}, which was measured; given none")
-    return np.diag(variances)
+    if not stds:
+        raise ValueError(f"noise_std: expected at least one of {listed(names)}; given none")
+    return np.diag([stds.get(name, 1.0) ** 2 for name in names])
 
 
 @dataclass(frozen=True, eq=False)

@@ -97,7 +97,8 @@ def criterion(problem: DesignProblem, sample: PointInformation, threads: int | N
     ----------
     problem : DesignProblem
     sample : PointInformation
-        Points from which is seen, where no noise is known, which outputs neither vary nor depend on a parameter.
+        Points from which is seen, where no noise is known, which outputs neither vary nor depend on a parameter. Where it is known,
+        the outputs take part of which it is.
     threads : int or None
     kind : str, optional
         Another form than the problem's.
@@ -112,7 +113,7 @@ def criterion(problem: DesignProblem, sample: PointInformation, threads: int | N
     noise = problem.noise_covariance
     base = noise + (region_mean(problem, threads) if kind == "region" else 0.0)
     varies = (sample.sensitivity != 0).any(axis=(0, 2)) | (np.diagonal(sample.covariance, axis1=1, axis2=2) > 0).any(axis=0)
-    used = (np.diag(noise) > 0) | varies
+    used = varies if problem.noise_std is None else problem.measured
     if not used.any():
         raise ValueError("output_covariance: expected an output that depends on a parameter, given none")
     base = base[np.ix_(used, used)]

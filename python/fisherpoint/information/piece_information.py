@@ -67,6 +67,8 @@ def piece_problem(problem: DesignProblem, pieces: Pieces) -> DesignProblem:
     for state, output in pieces.measured_by.items():
         if state not in given and output is None:
             raise ValueError(f"initial_state_std: expected a standard deviation of {state!r}, which no output tells; given none")
+        if state not in given and output not in noise:
+            raise ValueError(f"initial_state_std: expected a standard deviation of {state!r}, as noise_std has none of {output!r}")
         std[state] = given[state] if state in given else noise[str(output)]
     return checked_problem(problem.replace(initial_state_std=std, along=None))
 

@@ -9,9 +9,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..basics.checks import as_sequence, as_std, by_name, check_choice, check_names, some_names_among
-from ..basics.messages import shown
+from ..basics.messages import listed, shown
 from ..basics.quantity import names_of
 from ..basics.values import Array
 from ..models import Model
@@ -46,7 +47,8 @@ class DesignProblem(InNotebooks):
     region : ExperimentRegion, RunRegion or None
         Where points, or runs, may lie. None is enough to evaluate given ones.
     noise_std : mapping of output name to float, optional
-        Standard deviations of the sensor noise, SI units; R of (17) is their squares.
+        Standard deviations of the sensor noise, SI units; R of (17) is their squares. An output that is not named is not
+        measured: no point tells anything by it, and data of it are left out.
     rule : TensorGrid, GaussHermite, SparseGaussHermite, Sobol, Unscented or Linearized
         How expectations over the prior are taken. Default: `SparseGaussHermite(2)`; the paper's cells are `TensorGrid()`.
     output_covariance : {"noise", "region", "pooled", "pointwise"}, optional
@@ -131,7 +133,9 @@ class DesignProblem(InNotebooks):
             warn_of_small_states(self.model, "the region keeps", np.array(bounds).reshape(-1, 2).T, stacklevel=4)
         if self.noise_std is not None:
             outputs = names_of(self.model.outputs)
-            set_field(self, "noise_std", by_name(self.noise_std, outputs, "noise_std", as_std, complete=True))
+            set_field(self, "noise_std", by_name(self.noise_std, outputs, "noise_std", as_std))
+            if not self.noise_std:
+                raise ValueError(f"noise_std: expected at least one of {listed(outputs)}; given none")
         given = everything if self.parameters is None else self.parameters
         set_field(self, "parameters", some_names_among(given, everything, "parameters"))
         limits = () if self.along is None else (self.along,) if isinstance(self.along, str) else self.along
@@ -249,7 +253,8 @@ class DesignProblem(InNotebooks):
     @cached_property
     def largest_sensitivity(self) -> Array:
         """Of each output (n_y, 1), standardised: a point with a larger one is none, as its information would overflow."""
-        noise = [1.0] * len(self.model.outputs) if self.noise_std is None else [min(1.0, std) for std in self.noise_std.values()]
+        given = self.noise_std or {}
+        noise = [min(1.0, given.get(name, 1.0)) for name in names_of(self.model.outputs)]
         return _read_only(LARGEST_SENSITIVITY * np.array(noise)[:, None])
 
     def standardised(self, dy_dtheta: Array) -> Array:
@@ -265,11 +270,16 @@ class DesignProblem(InNotebooks):
         return scaled
 
     @cached_property
+    def measured(self) -> NDArray[np.bool_]:
+        """Which outputs are measured, (n_y,): those that `noise_std` names, and all where it is not given."""
+        return np.array([self.noise_std is None or name in self.noise_std for name in names_of(self.model.outputs)])
+
+    @cached_property
     def noise_covariance(self) -> Array:
-        """R of (17), (n_y, n_y); zero where the noise is not known."""
+        """R of (17), (n_y, n_y); zero where the noise is not known, and 1 of an output that is not `measured`, which has none."""
         if self.noise_std is None:
             return _read_only(np.zeros((len(self.model.outputs), len(self.model.outputs))))
-        return _read_only(np.diag(np.square(list(self.noise_std.values()))))
+        return _read_only(np.diag(np.square([self.noise_std.get(name, 1.0) for name in names_of(self.model.outputs)])))
 
 
 def _read_only(array: Array) -> Array:

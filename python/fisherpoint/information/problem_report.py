@@ -58,6 +58,7 @@ def problem_sections(problem: Asked) -> list[Section]:
         ("outputs", _listed(model.outputs)),
         ("parameters to estimate", ", ".join(problem.estimated)),
         ("sensor noise, one std", _numbers(problem.noise_std, model.outputs)),
+        ("not measured", ", ".join(q.name for q in model.outputs if problem.noise_std and q.name not in problem.noise_std)),
         ("uncertain constants, one std", _numbers(problem.uncertain)),
         ("drawn anew in each point or run, one std", _numbers(problem.varies)),
         ("uncertain starts, one std", _numbers(problem.initial_state_std, model.states)),

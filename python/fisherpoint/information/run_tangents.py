@@ -53,9 +53,10 @@ class RunTangents(NamedTuple):
     status: IntArray
 
     def rows(self, problem: DesignProblem, told: NDArray[np.bool_] | None = None) -> RunRows:
-        """The rows as the Fisher matrix takes them; outputs that are not `told` (K, N, n_y) say nothing."""
+        """The rows as the Fisher matrix takes them; outputs that are not `told` (K, N, n_y), or not measured, say nothing."""
         assumed = problem.assumed
-        there = self.runs.measured[:, :, None, None] if told is None else told[..., None]
+        there = (self.runs.measured[:, :, None] if told is None else told) & problem.measured
+        there = there[..., None]
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
             scaled = np.where(there, problem.standardised(self.dy), 0.0)
             status = only_finite(self.status, scaled)

@@ -111,7 +111,7 @@ class Estimator:
         observed = Observed(joint.model, [data], (*names, *joint.nuisance_names), theta, rtol, threads)
         if not noise_known:
             check_noise_can_be_told(observed, problem.prior if use_prior else None)
-        covariance = noise_covariance(model, noise_std, blank)
+        covariance = noise_covariance(model, noise_std)
         common: tuple[RunError, ...] = ()
         if isinstance(points, Runs):
             run_information(problem, points, threads)  # which must be there
