@@ -316,8 +316,11 @@ def test_processes_that_build_the_same_at_once(library: Path, cache: Path, tmp_p
 
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL, signal.SIGHUP])
 def test_a_signal_ends_the_compilers_too(sent: int, cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    stand_in(f"echo $$ >> {tmp_path}/started; sleep 600 & echo $! >> {tmp_path}/started; wait", tmp_path, monkeypatch)
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    of_its_own = "echo > $TMPDIR/of_a_compiler.s"
+    stand_in(f"{of_its_own}; echo $$ >> {tmp_path}/started; sleep 600 & echo $! >> {tmp_path}/started; wait", tmp_path, monkeypatch)
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setenv("TMPDIR", str(temporary))
     environment = os.environ | {"PYTHONPATH": str(Path(fp.__file__).parents[1])}
     process = subprocess.Popen(
         [sys.executable, "-c", MODEL + "decay.compile()"],
@@ -334,8 +337,41 @@ def test_a_signal_ends_the_compilers_too(sent: int, cache: Path, tmp_path: Path,
     told = process.communicate(timeout=60)[1]
     assert not cache.exists()
     if sent == signal.SIGINT:
-        assert told.strip().endswith("KeyboardInterrupt") and not list(tmp_path.glob("fisherpoint-*"))
-    while any(map(is_running, (tmp_path / "started").read_text().split())):
+        assert told.strip().endswith("KeyboardInterrupt") and not list(temporary.iterdir())
+    while any(map(is_running, (tmp_path / "started").read_text().split())) or list(temporary.iterdir()):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+@pytest.mark.usefixtures("compiler")
+@pytest.mark.parametrize("sent", [None, signal.SIGTERM, signal.SIGKILL])
+def test_a_library_of_the_process_goes_with_it(sent: int | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FISHERPOINT_CACHE", "/proc/nowhere")
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    environment = os.environ | {"PYTHONPATH": str(Path(fp.__file__).parents[1])}
+    script = (
+        MODEL
+        + f"""
+import os, time, warnings
+warnings.simplefilter("ignore", UserWarning)
+print(decay.compile().compiled, len(os.listdir({str(temporary)!r})), flush=True)
+if os.fork() == 0:
+    raise SystemExit  # what is the parent's stays
+os.wait()
+print(len(os.listdir({str(temporary)!r})), flush=True)
+time.sleep({0 if sent is None else 600})
+"""
+    )
+    process = subprocess.Popen([sys.executable, "-W", "error", "-c", script], env=environment, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert [process.stdout.readline() for _ in range(2)] == ["True 1\n", "1\n"]
+    if sent is not None:
+        process.send_signal(sent)
+    process.communicate(timeout=60)
+    deadline = time.monotonic() + 30
+    while list(temporary.iterdir()):
         assert time.monotonic() < deadline
         time.sleep(0.05)
 

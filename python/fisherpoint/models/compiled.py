@@ -7,14 +7,11 @@ import hashlib
 import os
 import re
 import shutil
-import signal
 import subprocess
-import tempfile
 import threading
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +23,7 @@ from .base import Model
 from .cpp_source import cpp_model
 from .library_cache import LibraryCache
 from .tape.programs import Programs
+from .temporary import Temporary
 
 _NAME = "CompiledModel"
 _MODEL = "model.hpp"
@@ -160,16 +158,19 @@ def _build(compiler: str, flags: list[str], sources: dict[str, str]) -> bytes:
     RuntimeError
         Where it fails; with its first complaint and its last lines.
     """
-    with tempfile.TemporaryDirectory(prefix="fisherpoint-") as directory:
+    temporary = Temporary(group=True)
+    try:
         for name, text in sources.items():
-            (Path(directory) / name).write_text(text, encoding="utf-8")
-        _run([[compiler, *flags, "-c", f"{name}.cpp"] for name in _SOURCES], directory)
+            (temporary.path / name).write_text(text, encoding="utf-8")
+        _run([[compiler, *flags, "-c", f"{name}.cpp"] for name in _SOURCES], temporary)
         objects = [f"{name}.o" for name in _SOURCES]
-        _run([[compiler, "-shared", "-pthread", f"-Wl,--version-script={_EXPORTS}", "-o", "library.so", *objects]], directory)
-        return (Path(directory) / "library.so").read_bytes()
+        _run([[compiler, "-shared", "-pthread", f"-Wl,--version-script={_EXPORTS}", "-o", "library.so", *objects]], temporary)
+        return (temporary.path / "library.so").read_bytes()
+    finally:
+        temporary.remove()
 
 
-def _run(commands: Sequence[Sequence[str]], directory: str) -> None:
+def _run(commands: Sequence[Sequence[str]], temporary: Temporary) -> None:
     """Run commands side by side; where one fails, or this process is interrupted or ended, the others end too."""
     stop = threading.Event()
 
@@ -178,48 +179,27 @@ def _run(commands: Sequence[Sequence[str]], directory: str) -> None:
             return
         process = subprocess.Popen(
             command,
-            cwd=directory,
-            env={**os.environ, "LC_ALL": "C"},
+            cwd=temporary.path,
+            env={**os.environ, "LC_ALL": "C", "TMPDIR": str(temporary.path)},  # a compiler that is killed leaves its own files
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
-            process_group=group,
+            process_group=temporary.group,
         )
         if stop.is_set():
-            _end(group)
+            temporary.end_group()
         complaints = process.communicate()[1].decode(errors="replace")
         if process.returncode != 0:
             raise RuntimeError(_shortened(complaints) or f"exit status {process.returncode}")
 
-    with _group() as group, ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
         try:
             for done in as_completed([pool.submit(run, command) for command in commands]):
                 done.result()
-        finally:
+        except BaseException:
             stop.set()
-            _end(group)
-
-
-@contextmanager
-def _group() -> Iterator[int]:
-    """A group of processes that ends where this process does, however it is ended, as the other end of a pipe is closed then."""
-    watch = subprocess.Popen(
-        ["/bin/sh", "-c", "read _; kill -s KILL 0"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        process_group=0,
-    )
-    try:
-        yield watch.pid
-    finally:
-        _end(watch.pid)
-        watch.communicate()
-
-
-def _end(group: int) -> None:
-    with contextlib.suppress(ProcessLookupError):
-        os.killpg(group, signal.SIGKILL)
+            temporary.end_group()
+            raise
 
 
 def _shortened(complaints: str) -> str:

@@ -11,10 +11,11 @@ import atexit
 import contextlib
 import hashlib
 import os
-import shutil
 import stat
 import tempfile
 from pathlib import Path
+
+from .temporary import Temporary
 
 
 class LibraryCache:
@@ -148,14 +149,10 @@ _private: Path | None = None
 def _private_directory() -> Path:
     global _private
     if _private is None or not _private.is_dir():
-        _private = Path(tempfile.mkdtemp(prefix="fisherpoint-")).resolve()
-        atexit.register(_remove, _private, os.getpid())
+        temporary = Temporary()
+        _private = temporary.path
+        atexit.register(temporary.remove)
     return _private
-
-
-def _remove(directory: Path, process: int) -> None:
-    if os.getpid() == process:  # not that of a fork
-        shutil.rmtree(directory, ignore_errors=True)
 
 
 def _reason(error: Exception) -> str:
