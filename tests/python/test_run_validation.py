@@ -125,3 +125,25 @@ def test_runs_that_do_not_serve_are_refused() -> None:
         fp.validate(problem(), {"d": fp.Runs([[1.0, 1.0]], np.ones((1, 2, 2)), 0.4)}, runs=20)
     with pytest.raises(ValueError, match=r"^designs\['d'\]: output_covariance: expected 'noise' for runs"):
         fp.validate(problem(output_covariance="pooled"), {"d": RUNS}, runs=20)
+
+
+def test_a_design_without_a_trajectory_at_the_mean_stands_beside_the_others(tmp_path: Path) -> None:
+    prior = fp.GaussianPrior(THETA, {"k1": 0.1, "k2": 0.1})
+    given = fp.DesignProblem(MODEL, prior, None, noise_std=NOISE)
+    empties = fp.Runs([[1.0, 1.0]], [[-0.3, -0.3, -0.3]], 0.52)
+    point = fp.Experiments([[1.0, 1.0], [1.0, 1.0]], [[-0.3], [0.5]], [2.0, 0.5])
+    good = fp.Runs([[1.0, 1.0]], [[0.5, 0.3, 0.5]], 0.52)
+    found = fp.validate(given, {"empties": empties, "good": good, "point": point}, runs=30)
+    assert dict(found.designs["good"].parameters) == dict(fp.validate(given, {"good": good}, runs=30).designs["good"].parameters)
+    for name, first in (("empties", "runs[0] (left_domain"), ("point", "points[0] (left_domain")):
+        one = found.designs[name]
+        assert first in one.without and one.per_run is None and not one.fits and not one.failures and not found.verdicts[name]
+        assert f"{name}: nothing is promised: {one.without}" in found.report().lines
+        assert np.isnan(found.to_pandas().loc[name].promised).all()
+    assert not found.designs["good"].without
+    found.plot()
+    found.save(tmp_path / "found.json")
+    again = fp.Validation.load(tmp_path / "found.json")
+    assert str(again) == str(found) and again.designs["point"].without == found.designs["point"].without
+    with pytest.raises(ValueError, match=r"designs\['empties'\]: runs: expected trajectories that are ok, given runs\[0\]"):
+        fp.validate(given, {"empties": empties, "point": point}, runs=30)

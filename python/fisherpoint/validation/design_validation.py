@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -34,8 +34,10 @@ class DesignValidation(InNotebooks):
     null_directions : tuple of str
         Changes of the parameters that the points do not notice at the prior mean.
     per_run : VirtualFits or None
-        Truths, estimates and standard errors of every virtual experiment; None where the points determine no parameter, and nothing
-        was fitted.
+        Truths, estimates and standard errors of every virtual experiment; None where the points determine no parameter, or are
+        `without` a promise, and nothing was fitted.
+    without : str
+        Why nothing is promised: which points or runs have no trajectory at the prior mean; empty where all have one.
     """
 
     points: Experiments | Runs
@@ -44,6 +46,7 @@ class DesignValidation(InNotebooks):
     failures: Mapping[str, int]
     null_directions: tuple[str, ...]
     per_run: VirtualFits | None
+    without: str = ""
 
     _EXTENTS: ClassVar[Extents] = {
         "per_run.truth": ("runs", "parameters"),
@@ -74,11 +77,17 @@ class DesignValidation(InNotebooks):
         failures = Counter(given.failure[~fine].tolist())
         return cls(points, FrozenMapping(figures), int(fine.sum()), FrozenMapping(dict(failures)), null_directions, fits)
 
+    @classmethod
+    def none(cls, points: Experiments | Runs, prior_std: Mapping[str, float], why: str) -> DesignValidation:
+        """Of points of which some have no trajectory at the prior mean."""
+        return replace(cls.of(points, dict.fromkeys(prior_std, np.nan), prior_std, (), None), without=why)
+
     def again(self) -> DesignValidation:
         """The same, with the figures taken anew of what each virtual experiment gave: files may be of an earlier version."""
         promised = {name: of.promised for name, of in self.parameters.items()}
         prior_std = {name: of.prior_std for name, of in self.parameters.items()}
-        return DesignValidation.of(self.points, promised, prior_std, self.null_directions, self.per_run)
+        again = DesignValidation.of(self.points, promised, prior_std, self.null_directions, self.per_run)
+        return replace(again, without=self.without)
 
     def _in_notebook(self) -> Report:
         rows = []

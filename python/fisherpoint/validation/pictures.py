@@ -34,11 +34,8 @@ def plot_validation(designs: Mapping[str, DesignValidation]) -> Figure:
         for (name, design), (errors, coverage) in zip(designs.items(), panels, strict=True):
             _errors(errors, design, limits)
             _coverage(coverage, design)
-            fits = (
-                f"{design.fits} fits, {design.failed} failed"
-                if design.per_run is not None
-                else "no parameter is determined, nothing was fitted"
-            )
+            why = "no trajectory at the prior mean" if design.without else "no parameter is determined"
+            fits = f"{why}, nothing was fitted" if design.per_run is None else f"{design.fits} fits, {design.failed} failed"
             errors.set_title(f"{name}: {design.size}, {fits}")
         left, right = panels[-1]
         left.set_xscale("log")

@@ -102,6 +102,8 @@ def said(validation: Validated, verdicts: Mapping[str, Mapping[str, ParameterVer
 
 
 def _verdict(validation: Validated, design: DesignValidation, verdicts: Mapping[str, ParameterVerdict]) -> str:
+    if design.without:
+        return f"nothing is promised: {design.without}"
     if design.per_run is None or not verdicts:
         return "nothing is promised: the points determine no parameter"
     undetermined = len(design.parameters) - len(verdicts)
@@ -191,6 +193,8 @@ def done(validation: Validated) -> str:
 def _section(name: str, design: DesignValidation, verdicts: Mapping[str, ParameterVerdict], n: int, advice: list[str]) -> Section:
     notes = [f"{count} of {n}: {reason}" for reason, count in design.failures.items()]
     notes += [f"not determined: {direction}" for direction in design.null_directions]
+    if design.without:
+        return Section(f"{name}: {design.size}", notes=[f"nothing was fitted: {design.without}"])
     title = f"{name}: {design.size}, {counted(design.fits, 'fit')}, {design.failed} failed"
     if design.per_run is None:
         return Section(title, notes=[*notes, "nothing was fitted: the points determine no parameter"])

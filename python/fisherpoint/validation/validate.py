@@ -16,6 +16,7 @@ from ..models import Model
 from ..points.experiments import Experiments
 from ..points.runs import Runs
 from ..points.settings import check_rtol, resolve_threads
+from ..points.status import NoTrajectory
 from ..show.progress import Step, check_progress, following
 from .design_validation import DesignValidation
 from .fits import Estimator, VirtualExperiments, VirtualFits, together
@@ -99,7 +100,8 @@ def validate(
     Raises
     ------
     TypeError, ValueError
-        For misuse, and where a point has no trajectory at the prior mean.
+        For misuse, and where each design has a point without a trajectory at the prior mean. Such a design stands beside the others
+        as one that promises nothing.
     """
     check_type(problem, DesignProblem, "problem")
     named = named_designs(designs)
@@ -117,7 +119,16 @@ def validate(
     begin = perf_counter()
     thetas, redrawn = truths_of(problem, theta, count, seed)
     rig = Rig.of(problem, truth, std)
-    estimators = {name: _estimator(name, problem, points, std, noise, use_prior, rtol, threads) for name, points in named.items()}
+    without: dict[str, NoTrajectory] = {}
+    estimators = {}
+    for name, points in named.items():
+        try:
+            estimators[name] = _estimator(name, problem, points, std, noise, use_prior, rtol, threads)
+        except NoTrajectory as error:
+            without[name] = error
+    if not estimators:
+        name, first = next(iter(without.items()))
+        raise ValueError(f"designs[{name!r}]: {first}") from first
     experiments = {
         name: VirtualExperiments(estimator, rig, named[name], Streams.of(seed), threads)
         for name, estimator in estimators.items()
@@ -126,16 +137,15 @@ def validate(
     with following(progress, "virtual experiments", _step) as told:
         parts = _parts(experiments, thetas, begin, told)
     made = count if not experiments else len(next(iter(parts.values())).truth)
-    validations = {
-        name: DesignValidation.of(
-            points,
-            dict(zip(estimators[name].parameters, estimators[name].promised_errors.tolist(), strict=True)),
-            problem.prior.std,
-            estimators[name].null_directions,
-            parts.get(name),
-        )
-        for name, points in named.items()
-    }
+    validations = {}
+    for name, points in named.items():
+        if name in without:
+            prior_std = {parameter: problem.prior.std[parameter] for parameter in problem.estimated}
+            validations[name] = DesignValidation.none(points, prior_std, str(without[name]))
+            continue
+        estimator = estimators[name]
+        promised = dict(zip(estimator.parameters, estimator.promised_errors.tolist(), strict=True))
+        validations[name] = DesignValidation.of(points, promised, problem.prior.std, estimator.null_directions, parts.get(name))
     described = theta if isinstance(theta, str) else FrozenMapping({key: float(value) for key, value in theta.items()})
     return Validation(
         problem,
@@ -169,6 +179,8 @@ def _estimator(
 ) -> Estimator:
     try:
         return Estimator.of(problem, points, std, noise == "known", use_prior, rtol, threads)
+    except NoTrajectory:
+        raise
     except ValueError as error:
         raise ValueError(f"designs[{name!r}]: {error}") from error
 
