@@ -129,7 +129,7 @@ class SymbolicModel(DescribedModel):
         surfaces, limits = self.structure.surfaces, self.structure.limits
         self.jumps = tuple(surface.name for surface in surfaces if surface.jump)
         self.kinks = tuple(surface.name for surface in surfaces if not surface.jump)
-        self.crossable = tuple(surface.name for surface in surfaces if surface.jump and self.structure.crossable(surface))
+        self.crossable = tuple(surface.name for surface in surfaces if surface.crossable)
         self.domain = tuple(limit.name for limit in limits)
         self.poles = tuple(limit.name for limit in limits if limit.pole)
         if len(surfaces) + len(limits) > LIMIT:

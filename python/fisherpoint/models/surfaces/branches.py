@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,17 +15,21 @@ from ..tape.defined import value_of
 from ..tape.parts import parts, reads, remade, replaced
 from ..tape.programs import LIMIT
 from .printing import to_text
-from .zeros import normal_form, reduced
+from .zeros import Multiples, normal_form, reduced
 
 
 @dataclass(frozen=True)
 class Surface:
-    """A switching surface: what is zero on it as it is written and rewritten, the symbol of its side, and whether f jumps there."""
+    """A switching surface: what is zero on it as it is written and rewritten, and the symbol of its side.
+
+    `jump`: f, or another surface, may jump there; `crossable`: no other surface does.
+    """
 
     written: Any
     expression: Any
     side: sympy.Dummy
     jump: bool = True
+    crossable: bool = True
 
     @property
     def name(self) -> str:
@@ -48,14 +52,21 @@ class Branches:
         From rewritten parts to the parts as they were written.
     """
 
-    def __init__(self, states: Iterable[sympy.Symbol], by_side: bool) -> None:
+    def __init__(
+        self,
+        states: Iterable[sympy.Symbol],
+        by_side: bool,
+        inputs: Iterable[sympy.Symbol] = (),
+        constants: Mapping[Any, float] | None = None,
+    ) -> None:
         self.states, self.by_side = frozenset(states), by_side
+        self._multiples = Multiples((*self.states, *inputs), constants or {})
         self.surfaces: list[Surface] = []
         self.seamless: dict[Any, Any] = {}
         self.origin: dict[Any, Any] = {}
         self._known: dict[Any, Any] = {}
         self._merged: dict[Any, Any] = {}
-        self._by_form: dict[Any, tuple[sympy.Dummy, sympy.Dummy, int]] = {}
+        self._by_form: dict[Any, tuple[sympy.Dummy, sympy.Dummy, Any]] = {}
 
     def rewrite(self, expression: Any) -> Any:
         for part in parts(expression):
@@ -143,7 +154,11 @@ class Branches:
         if not self.by_side or not reads(condition, self.states):
             return None
         condition = value_of(condition)
-        form, sign = normal_form(self.merged(condition))
+        merged = self.merged(condition)
+        form, sign = normal_form(merged)
+        if form not in self._by_form and (found := self._multiple(merged)) is not None:
+            (side, second), orientation = found
+            self._by_form[form] = side, second, sign * orientation
         if form not in self._by_form:
             if len(self.surfaces) == LIMIT:
                 raise ValueError(f"f: expected at most {LIMIT} switching surfaces and limits, given more than {LIMIT} surfaces")
@@ -153,9 +168,16 @@ class Branches:
             self.seamless[second] = side
             self._by_form[form] = side, second, sign * turned
         side, second, orientation = self._by_form[form]
-        symbol = second if seamless else side
-        return symbol if sign == orientation else -symbol
+        return sign * orientation * (second if seamless else side)
+
+    def _multiple(self, condition: Any) -> tuple[tuple[sympy.Dummy, sympy.Dummy], Any] | None:
+        """The side of a surface of which the condition is a multiple, with the sign of that; None where there is none."""
+        seconds = {side: second for second, side in self.seamless.items()}
+        for surface in self.surfaces:
+            if (sign := self._multiples.sign(condition, self.merged(surface.expression))) is not None:
+                return (surface.side, seconds[surface.side]), sign
+        return None
 
 
 def _by_sign(side: Any, a: Any, b: Any) -> Any:
-    return Select(side, a, b) if side.is_Symbol else Select(-side, b, a)
+    return Select(-side, b, a) if (-side).is_Symbol else Select(side, a, b)

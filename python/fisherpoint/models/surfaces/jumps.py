@@ -58,6 +58,7 @@ def classified(
         return []
     judge = _Judge(rates, branches, states, constants, conditions)
     told = [replace(surface, jump=judge.jumps(surface)) for surface in branches.surfaces]
+    told = [replace(surface, crossable=surface.jump and not judge.moves_others(surface)) for surface in told]
     return [surface for surface in told if surface.jump] + [surface for surface in told if not surface.jump]
 
 
@@ -92,8 +93,15 @@ class _Judge:
         return dict(normal_form(condition) for condition in declared if not condition.is_number)
 
     def jumps(self, surface: Surface) -> bool:
+        """Whether f or another surface may jump there."""
+        return self._jump(surface, [expression for expression, symbols in self.everything if surface.side in symbols])
+
+    def moves_others(self, surface: Surface) -> bool:
+        """Whether another surface may jump there. What reads the side by min, max or abs alone does not."""
+        return self._jump(surface, [expression for expression in self.surfaces.values() if reads(expression, {surface.side})])
+
+    def _jump(self, surface: Surface, reading: Sequence[Any]) -> bool:
         held = {**self.numbers, **self.seamless, self.sides[surface.side]: sympy.S.One}
-        reading = [expression for expression, symbols in self.everything if surface.side in symbols]
         if not reading:
             return False
         outcomes = _Outcomes(self.surfaces, self.signs)

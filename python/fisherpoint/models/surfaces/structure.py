@@ -46,7 +46,8 @@ class Structure:
 
     def __init__(self, equations: Equations) -> None:
         self.equations = equations
-        by_side, by_value = Branches(equations.states, by_side=True), Branches(equations.states, by_side=False)
+        by_side = Branches(equations.states, True, equations.inputs, equations.constants)
+        by_value = Branches(equations.states, by_side=False)
         written = [by_side.rewrite(expression) for expression in equations.rates]
         rates = [value_of(expression) for expression in written]
         known = [value_of(condition) for condition in (*equations.conditions, *(condition for _, condition in equations.along))]
@@ -96,10 +97,6 @@ class Structure:
                 expected = "a number other than 0" if limit.pole else "a positive number"
                 raise ValueError(f"{place}{limit.name}: expected {expected}, given {given[~holds][0]:g}")
 
-    def crossable(self, jump: Surface) -> bool:
-        """Whether trajectories can cross a jump: another condition that reads its side would jump there too."""
-        return not any(reads(surface.expression, {jump.side}) for surface in self.surfaces)
-
     def rough(self) -> list[bool]:
         """Of each jump and kink, whether f takes a root or a logarithm of what is zero on it, or of what reads its side."""
         if not self.surfaces:
@@ -127,7 +124,7 @@ class Structure:
             [surface.side for surface in self.surfaces],
             equations.constants,
             sum(limit.pole for limit in self.limits),
-            [self.crossable(surface) for surface in self.surfaces if surface.jump],
+            [surface.crossable for surface in self.surfaces if surface.jump],
             self.rough(),
         )
 

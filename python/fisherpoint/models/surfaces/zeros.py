@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import sympy
 
-from ..tape.numbers import is_number
+from ..tape.numbers import exact, is_number
+from ..tape.parts import parts, replaced
 
 
 def normal_form(expression: Any) -> tuple[Any, int]:
@@ -34,3 +36,61 @@ def reduced(expression: Any) -> tuple[Any, int]:
     if rest.is_Add and sum(bool(term.could_extract_minus_sign()) for term in rest.args) == len(rest.args):
         rest, sign = -rest, -sign
     return rest, sign
+
+
+_MULTIPLIED = 200
+"""The most parts of an expression that is multiplied out."""
+
+
+class Multiples:
+    """Finds expressions that are multiples of one another by what does not move: c/c_m - 1 is c - c_m times 1/c_m.
+
+    Wherever both have a value they are zero together, and the factor's sign leads from the sign of one to that of the other. A
+    factor that may be zero does not count, as k in k*c - k*c_m.
+
+    Parameters
+    ----------
+    moving : collection of symbols
+        What moves or may be zero, states and inputs. Factors hold neither those nor sides.
+    constants : mapping of symbol to number
+    """
+
+    def __init__(self, moving: Collection[Any], constants: Mapping[Any, float]) -> None:
+        self._moving = frozenset(moving)
+        self._numbers = {symbol: exact(value) for symbol, value in constants.items()}
+        self._known: dict[Any, dict[Any, Any]] = {}
+
+    def sign(self, expression: Any, other: Any) -> Any:
+        """The sign of expression / other, where that is such a factor: 1, -1 or an expression; None where it is not."""
+        a, b = self._coefficients(expression), self._coefficients(other)
+        if not a or a.keys() != b.keys():
+            return None
+        leading = min(a, key=sympy.default_sort_key)
+        if any(sympy.expand(a[term] * b[leading] - b[term] * a[leading]) != 0 for term in a):
+            return None
+        factor = a[leading] / b[leading]
+        known = replaced(factor, self._numbers)
+        if known.is_positive or known.is_negative:
+            return sympy.S.One if known.is_positive else sympy.S.NegativeOne
+        above, below = sympy.fraction(factor)
+        return sympy.sign(factor) if self._divided_by(b, above) and self._divided_by(a, below) else None
+
+    def _divided_by(self, coefficients: Mapping[Any, Any], factors: Any) -> bool:
+        """Whether no factor can be zero, as one of the coefficients has it as a divisor."""
+        divisors = {one for of in coefficients.values() for one in sympy.Mul.make_args(sympy.fraction(of)[1])}
+        return all(replaced(one, self._numbers).is_nonzero or one in divisors for one in sympy.Mul.make_args(factors))
+
+    def _coefficients(self, expression: Any) -> dict[Any, Any]:
+        """The factors that do not move, of the terms' parts that do; nothing of what is too long to be multiplied out."""
+        if expression not in self._known:
+            found: dict[Any, Any] = {}
+            if sum(1 for _ in parts(expression)) <= _MULTIPLIED:
+                for term in sympy.Add.make_args(sympy.expand_mul(expression)):
+                    moves = [factor for factor in sympy.Mul.make_args(term) if self._moves(factor)]
+                    part = sympy.Mul(*moves)
+                    found[part] = found.get(part, sympy.S.Zero) + term / part
+            self._known[expression] = found
+        return self._known[expression]
+
+    def _moves(self, factor: Any) -> bool:
+        return any(part in self._moving or isinstance(part, sympy.Dummy) for part in parts(factor))
