@@ -30,9 +30,10 @@ TapeModel tape_model(const std::vector<double>& scales, int inputs, int outputs,
                      const std::vector<std::pair<int, int>>& jump_entries, std::vector<bool> varying_states,
                      std::vector<bool> varying_outputs, std::vector<bool> varying_surfaces, std::vector<bool> crossable,
                      std::vector<bool> rough) {
-  const Shape<TapeModel> shape{
+  Shape<TapeModel> shape{
       static_cast<int>(scales.size()), inputs, outputs, parameters, jumps, jumps + kinks, jumps + kinks + poles,
       jumps + kinks + limits};
+  shape.sided_limits = detail::reads_sides(surfaces, shape);
   const auto entries = [](const std::vector<std::pair<int, int>>& pairs) {
     std::vector<Entry> result;
     for (const auto& [row, variable] : pairs) result.push_back({row, variable});
@@ -148,7 +149,9 @@ void bind_tape(py::module_& m) {
             const auto& shape = model.shape();
             return map_rows(model, x, u, theta, shape.surfaces - shape.kinks_end,
                             [&](const Equation& f, const Equation::State& x) {
-                              const auto all = f.surface_values(x);
+                              auto side = f.surface_values(x);
+                              for (P& s : side) s = sign(s);
+                              const auto all = f.surface_values(x, side);
                               HeapArray<P> limits(f.surfaces - f.kinks_end);
                               std::copy(all.begin() + f.kinks_end, all.end(), limits.begin());
                               return limits;

@@ -37,6 +37,7 @@ def cpp_model(model: Model, states: Sequence[Quantity], programs: Programs, name
     rates, output, surfaces = (_Body(program, leaves, n_x) for program in (programs.rates, programs.output, programs.surfaces))
     ahead, behind = rates.setup_parts(p)
     values = surfaces.results
+    sided = surfaces.reads([name for name in leaves if name.startswith("side_")], values[sides:])
     return f"""#pragma once
 
 #include "fisherpoint/models/model.hpp"
@@ -89,8 +90,9 @@ struct {name} {{
   }}
 
   auto limits([[maybe_unused]] const auto& states, [[maybe_unused]] const auto& inputs,
-              [[maybe_unused]] const auto& parameters) const {{
+              [[maybe_unused]] const auto& parameters{", const auto& sides" if sided else ""}) const {{
     {_all_taken(n_x, n_u, p)}
+    {_indexed("side", sides, "sides") if sided else ""}
 {_lines(surfaces.needed(values[sides:]), 4)}
     return std::tuple{{{", ".join(values[sides:])}}};
   }}
@@ -147,6 +149,15 @@ class _Body:
             else:
                 behind.append(statement)
         return ahead, behind
+
+    def reads(self, leaves: Sequence[str], results: Sequence[str]) -> bool:
+        """Whether any of these results reads any of these leaves."""
+        wanted, pending = set(), list(results)
+        while pending:
+            if (name := pending.pop()) not in wanted:
+                wanted.add(name)
+                pending += self._reads.get(name, [])
+        return not wanted.isdisjoint(leaves)
 
     def needed(self, results: Iterable[str]) -> list[str]:
         """The statements, in order, that these results need."""

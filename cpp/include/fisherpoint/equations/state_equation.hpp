@@ -47,17 +47,28 @@ class StateEquation : public Shape<M> {
     return sum;
   }
 
-  Surfaces surface_values(const State& x) const {
-    return surfaces_of([&](auto i) { return x[i]; }, [](const auto& h) { return h; });
+  // Of the surfaces, and of the limits; the ones that stand in branches are 1 where these are not taken (model.hpp).
+  Surfaces surface_values(const State& x, const Side& side) const {
+    return surfaces_of([&](auto i) { return x[i]; }, side, [](const auto& h) { return h; });
   }
+  // Of the surfaces alone, whatever the sides are.
+  Surfaces surface_values(const State& x) const { return surface_values(x, no_sides()); }
 
-  // d/dt of the surfaces where the state moves at rate dx.
-  Surfaces surface_rates(const State& x, const State& dx) const {
-    return surfaces_of([&](auto i) { return Dual<P, 1>{x[i], {dx[i]}}; }, [](const auto& h) { return slope_of<0, P>(h); });
+  // d/dt of them where the state moves at rate dx.
+  Surfaces surface_rates(const State& x, const State& dx, const Side& side) const {
+    return surfaces_of([&](auto i) { return Dual<P, 1>{x[i], {dx[i]}}; }, side,
+                       [](const auto& h) { return slope_of<0, P>(h); });
   }
+  Surfaces surface_rates(const State& x, const State& dx) const { return surface_rates(x, dx, no_sides()); }
 
  private:
-  Surfaces surfaces_of(auto&& state, auto&& pick) const {
+  static Side no_sides() {
+    Side side;
+    side.fill(P(0.0));
+    return side;
+  }
+
+  Surfaces surfaces_of(auto&& state, const Side& side, auto&& pick) const {
     const auto x = [&]<int... i>(std::integer_sequence<int, i...>) {
       if constexpr (sizeof...(i) == 0)
         return std::array<P, 0>{};  // of a static model
@@ -65,7 +76,7 @@ class StateEquation : public Shape<M> {
         return std::array{state(std::integral_constant<int, i>{})...};
     }(std::make_integer_sequence<int, sizes<M>::states>{});
     return std::apply([&](const auto&... h) { return Surfaces{pick(h)...}; },
-                      std::tuple_cat(model_.switching(x, u_, theta_), model_.limits(x, u_, theta_)));
+                      std::tuple_cat(model_.switching(x, u_, theta_), limits_of(model_, x, u_, theta_, side)));
   }
 
   M model_;

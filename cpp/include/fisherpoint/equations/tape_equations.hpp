@@ -30,10 +30,13 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
         model_(model),
         theta_(theta),
         u_(u),
+        no_sides_(model.shape().sided_limits ? model.shape().sides : 0),
         rates_(model.programs().rates, model.shape(), theta_, u_),
         output_(model.programs().output, model.shape(), theta_, u_),
         surfaces_(model.programs().surfaces, model.shape(), theta_, u_),
-        surface_rates_(model.programs().surface_rates, model.shape(), theta_, u_) {}
+        surface_rates_(model.programs().surface_rates, model.shape(), theta_, u_) {
+    no_sides_.fill(P(0.0));
+  }
 
   const Dependence<TapeModel>& dependence;
 
@@ -64,14 +67,22 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
     return sum;
   }
 
-  Surfaces surface_values(const State& x) const {
-    surfaces_.run(x);
+  Surfaces surface_values(const State& x, const Side& side) const {
+    if (sided_limits)
+      surfaces_.run(x, side);
+    else
+      surfaces_.run(x);
     return outputs_of(surfaces_, surfaces);
   }
-  Surfaces surface_rates(const State& x, const State& dx) const {
-    surface_rates_.run_along(x, dx);
+  Surfaces surface_values(const State& x) const { return surface_values(x, no_sides_); }
+  Surfaces surface_rates(const State& x, const State& dx, const Side& side) const {
+    if (sided_limits)
+      surface_rates_.run_along(x, dx, side);
+    else
+      surface_rates_.run_along(x, dx);
     return outputs_of(surface_rates_, surfaces);
   }
+  Surfaces surface_rates(const State& x, const State& dx) const { return surface_rates(x, dx, no_sides_); }
 
  private:
   static Array outputs_of(const Machine<P>& machine, int n) {
@@ -83,6 +94,7 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
   const TapeModel& model_;
   Theta theta_;
   Input u_;
+  Side no_sides_;
   mutable Machine<P> rates_, output_, surfaces_, surface_rates_;  // each with its own registers: not for two threads
   mutable std::optional<Machine<P>> slopes_;
 };

@@ -38,6 +38,10 @@ class Machine {
     refer(dx_, dx);
     run(x);
   }
+  void run_along(const Array& x, const Array& dx, const Array& side) {
+    refer(dx_, dx);
+    run(x, side);
+  }
 
   const P& output(int i) const { return *at_[program_.outputs[i]]; }
 

@@ -101,9 +101,9 @@ class Integrator {
     fit(middle, f_.states);
     if (!any_stiff_ || any(running_ & !choose_implicit())) attempt_explicit(y, middle);
     if (any_stiff_ && any(implicit_)) attempt_implicit(y, middle);
-    Surfaces middle_value = f_.surface_values(middle);
-    end_value_ = f_.surface_values(end_);
-    end_rate_ = f_.surface_rates(end_, stage_[last]);
+    Surfaces middle_value = f_.surface_values(middle, side_);
+    end_value_ = f_.surface_values(end_, side_);
+    end_rate_ = f_.surface_rates(end_, stage_[last], side_);
     if (f_.jumps_end > 0 && slide_) hold(middle, middle_value);
     const auto along = [&](int m, const P& side) {
       along_[m] = Quartic<P>::through(side * value_[m], side * step_ * rate_[m], side * middle_value[m], side * end_value_[m],
@@ -288,6 +288,7 @@ class Integrator {
   [[gnu::noinline]] P growth_of_distance() const;
   [[gnu::noinline]] void settle(const Mask& taken);
   [[gnu::noinline]] void turn(const State& y, const Mask& taken);
+  [[gnu::noinline]] void enter_branches(const Mask& lanes, const State& y);
   [[gnu::noinline]] Surfaces rates_past(const State& y, const P& step) const;
   [[gnu::noinline]] Mask drowned(auto m, const State& y) const;
 

@@ -65,7 +65,7 @@ void Integrator<Equation, Method>::start_anew(const Mask& lanes, const State& y,
   fit(fresh, f_.states);
   derivative(y, fresh);
   for_each_index(f_.states, [&](auto i) { stage_[0][i] = select(lanes, fresh[i], stage_[0][i]); });
-  const Surfaces rate = f_.surface_rates(y, stage_[0]);
+  const Surfaces rate = f_.surface_rates(y, stage_[0], side_);
   for_each_index(f_.surfaces, [&](auto m) { rate_[m] = select(lanes, rate[m], rate_[m]); });
   if (slide_) watch_hold(lanes, y, 1e-5 * duration);
 }

@@ -16,12 +16,12 @@ auto Integrator<Equation, Method>::past_pole(const State& y) const -> Mask {
   for_each_index(counted<Equation, last>(), [&](auto previous) {
     const auto s = after(previous);
     for_each_index(f_.states, [&](auto i) { at[i] = y[i] + step_ * weighted_sum(s, Method::a[s], stage_, i); });
-    const Surfaces value = f_.surface_values(at);
+    const Surfaces value = f_.surface_values(at, side_);
     for_each_index(f_.kinks_end, f_.sides, [&](auto m) { past = past | (!implicit_ & !(side_[m] * value[m] > P(0.0))); });
   });
   for (int r = 0; any(implicit_) && r + 1 < Radau::stages; ++r) {
     for_each_index(f_.states, [&](auto i) { at[i] = y[i] + implicit_step_->increment(r, i); });
-    const Surfaces value = f_.surface_values(at);
+    const Surfaces value = f_.surface_values(at, side_);
     for_each_index(f_.kinks_end, f_.sides, [&](auto m) { past = past | (implicit_ & !(side_[m] * value[m] > P(0.0))); });
   }
   return past;
@@ -53,6 +53,24 @@ void Integrator<Equation, Method>::approach_limits(const P& duration) {
   const P reach = to_limits();
   stop(broken_ & running_ & (reach <= brink * duration), Status::left_domain);
   step_size_ = select(broken_, min(step_size_, 0.9 * reach), step_size_);
+}
+
+// On other sides other branches are taken: their limits are to hold from here on, and their poles lie on the side where they
+// are.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::enter_branches(const Mask& lanes, const State& y) {
+  const Surfaces value = f_.surface_values(y, side_), rate = f_.surface_rates(y, stage_[0], side_);
+  for_each_index(f_.kinks_end, f_.surfaces, [&](auto m) {
+    value_[m] = select(lanes, value[m], value_[m]);
+    rate_[m] = select(lanes, rate[m], rate_[m]);
+  });
+  Mask outside = Lanes::none();
+  for_each_index(f_.kinks_end, f_.sides, [&](auto m) {
+    side_[m] = select(lanes, select(value_[m] < P(0.0), P(-1.0), P(1.0)), side_[m]);
+    outside = outside | !((value_[m] < P(0.0)) | (value_[m] > P(0.0)));
+  });
+  for_each_index(f_.sides, f_.surfaces, [&](auto m) { outside = outside | !(value_[m] > P(0.0)); });
+  stop(lanes & running_ & outside, Status::left_domain);
 }
 
 // The time in which the straight line from here leaves the domain.

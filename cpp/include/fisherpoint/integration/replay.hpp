@@ -76,10 +76,11 @@ class Replay {
     Surfaces value = f_.surface_values(x);
     for (const Stretch<M>& stretch : stretches) {
       for_each_index(f_.sides, [&](auto m) { side[m] = P(stretch.side[m]); });
+      if (f_.sided_limits) value = f_.surface_values(x, side);
       const double step = stretch.duration / stretch.steps;
       for (int k = 0; k < stretch.steps; ++k) {
         f_.derivative(x, side, stage[0]);
-        const Surfaces rate = f_.surface_rates(x, stage[0]);
+        const Surfaces rate = f_.surface_rates(x, stage[0], side);
         for_each_index(counted<Equation, last - 1>(), [&](auto before) {
           const auto s = after(before);
           for_each_index(f_.states, [&](auto i) {
@@ -91,8 +92,8 @@ class Replay {
           x[i] = own_or(i, shared,
                         [&] { return x[i] + step * weighted_sum(counted<Equation, last>(), Method::a[last], stage, i); });
         });
-        const Surfaces end = f_.surface_values(x);
-        check(outcome.clearance, side, step, value, rate, end, f_.surface_rates(x, stage[last - 1]));
+        const Surfaces end = f_.surface_values(x, side);
+        check(outcome.clearance, side, step, value, rate, end, f_.surface_rates(x, stage[last - 1], side));
         value = end;
         if constexpr (end_counts<Method>()) f_.derivative(x, side, stage[last]);
         for_each_index(f_.states, [&](auto i) {

@@ -30,7 +30,7 @@ void Integrator<Equation, Method>::begin(const State& y, const P& duration, cons
   } else {
     f_.derivative(y, side_, stage_[0]);
   }
-  rate_ = f_.surface_rates(y, stage_[0]);
+  rate_ = f_.surface_rates(y, stage_[0], side_);
   Mask outside = Lanes::none(), on_jump = Lanes::none();
   const auto on_it = [&](int m) { return !((value_[m] < P(0.0)) | (value_[m] > P(0.0))); };
   if (f_.jumps_end > 0 && starts_next_to_jump(duration)) start_on_jumps(y, duration);
@@ -46,6 +46,7 @@ void Integrator<Equation, Method>::begin(const State& y, const P& duration, cons
   }
   for_each_index(f_.jumps_end, f_.kinks_end,
                  [&](auto m) { side_[m] = select(on_it(m) & (rate_[m] < P(0.0)), P(-1.0), side_[m]); });
+  if (f_.sided_limits) enter_branches(running_, y);
   for_each_index(f_.kinks_end, f_.sides, [&](auto m) { outside = outside | on_it(m); });
   for_each_index(f_.sides, f_.surfaces, [&](auto m) { outside = outside | !(value_[m] > P(0.0)); });
   stop(running_ & outside, Status::left_domain);

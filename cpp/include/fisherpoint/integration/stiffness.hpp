@@ -39,7 +39,7 @@ void Integrator<Equation, Method>::attempt_implicit(const State& y, State& middl
   if (any(ends)) fails = fails | step.lost(ends, end_, side_, weight_);
   const P unsolved = select(step.unknown(), P(infinity), P(unsolved_error));
   squared_error_ = select(implicit_, select(fails, unsolved, error), squared_error_);
-  const Surfaces rate = f_.surface_rates(y, start);
+  const Surfaces rate = f_.surface_rates(y, start, side_);
   for_each_index(f_.surfaces, [&](auto m) { rate_[m] = select(implicit_, rate[m], rate_[m]); });
 }
 

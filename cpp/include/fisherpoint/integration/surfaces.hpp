@@ -36,7 +36,7 @@ void Integrator<Equation, Method>::look_beside(const Mask& lanes, const State& y
       at[i] =
           of_start * y[i] + of_end * end_[i] + step_ * (of_first * stage_[0][i] + of_last * stage_[last][i]) + bow * middle[i];
     });
-    const Surfaces value = f_.surface_values(at);
+    const Surfaces value = f_.surface_values(at, side_);
     const auto see = [&](int m, const P& side) { beside_[m] = max(beside_[m], abs(side * value[m] - along_[m].at(t))); };
     for_each_index(f_.sides, [&](auto m) { see(m, side_[m]); });
     for_each_index(f_.sides, f_.surfaces, [&](auto m) { see(m, P(1.0)); });
@@ -94,11 +94,12 @@ void Integrator<Equation, Method>::turn(const State& y, const Mask& taken) {
   fit(fresh, f_.states);
   derivative(y, fresh);
   for_each_index(f_.states, [&](auto i) { stage_[0][i] = select(turned, fresh[i], stage_[0][i]); });
-  const Surfaces value = f_.surface_values(y), rate = rates_past(y, step_size_);
+  const Surfaces value = f_.surface_values(y, side_), rate = rates_past(y, step_size_);
   for_each_index(f_.surfaces, [&](auto m) {
     value_[m] = select(turned, value[m], value_[m]);
     rate_[m] = select(turned, rate[m], rate_[m]);
   });
+  if (f_.sided_limits) enter_branches(turned, y);
   if (f_.jumps_end > 0 && slide_) watch_hold(turned, y, step_);
 }
 
@@ -108,7 +109,7 @@ template <class Equation, class Method>
 auto Integrator<Equation, Method>::rates_past(const State& y, const P& step) const -> Surfaces {
   State past = y;
   for_each_index(f_.states, [&](auto i) { past[i] += glance * step * stage_[0][i]; });
-  return f_.surface_rates(past, stage_[0]);
+  return f_.surface_rates(past, stage_[0], side_);
 }
 
 // Where a surface's value all along the step is nothing but the rounding of the states that it reads.

@@ -37,6 +37,9 @@
 // Where f is a quotient whose divisor may have either sign, the divisor is a pole: a limit that the trajectory must not cross,
 // from whichever side it comes. A model's `static constexpr int poles` says how many of its domain limits, the first ones, are.
 //
+// A limit that belongs to a branch, as that of a root there, holds only where the branch is taken, and is 1 elsewhere: `limits`
+// of such a model is given `side` too, after theta, which is 0 where both branches are to be thought of.
+//
 // A jump is crossed, or the trajectory slides on it (sliding.hpp). A model of which a surface's value jumps where another jump
 // is crossed says in `crossable`, an array of bool, which jumps may be crossed; and one whose types do not show which sides f_i
 // reads (it chooses by them) says in `read_through_jumps`, an array of Variables, what the jumps read whose sides f_i reads.
@@ -92,6 +95,15 @@ struct sizes {
   static constexpr int surfaces = switching + limits;  // in this order: jumps, kinks, domain limits
 };
 
+// The limits of a model, which read sides where some stand in branches.
+template <class M>
+auto limits_of(const M& model, const auto& x, const auto& u, const auto& theta, const auto& side) {
+  if constexpr (requires { model.limits(x, u, theta, side); })
+    return model.limits(x, u, theta, side);
+  else
+    return model.limits(x, u, theta);
+}
+
 // A tuple or array as an array of numbers, whatever its entries' types were.
 template <class T, class Tuple>
 auto to_array(const Tuple& values) {
@@ -107,7 +119,7 @@ concept Model =
       requires std::tuple_size_v<decltype(model.dynamics(theta)(x, u, side))> == std::size_t{sizes<M>::states};
       requires std::tuple_size_v<decltype(model.output(x, u, theta))> == std::size_t{sizes<M>::outputs};
       requires std::tuple_size_v<decltype(model.switching(x, u, theta))> == std::size_t{sizes<M>::switching};
-      requires std::tuple_size_v<decltype(model.limits(x, u, theta))> == std::size_t{sizes<M>::limits};
+      requires std::tuple_size_v<decltype(limits_of(model, x, u, theta, side))> == std::size_t{sizes<M>::limits};
     };
 
 }  // namespace fisherpoint

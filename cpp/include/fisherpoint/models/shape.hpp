@@ -24,6 +24,11 @@ struct Shape {
   static constexpr Count<S::switching> kinks_end{};
   static constexpr Count<S::sides> sides{};
   static constexpr Count<S::surfaces> surfaces{};
+  // Whether limits read sides.
+  static constexpr bool sided_limits =
+      requires(const M model, const std::array<double, S::states> x, const std::array<double, S::inputs> u,
+               const std::array<double, S::parameters> theta,
+               const std::array<double, S::sides> side) { model.limits(x, u, theta, side); };
   // How loops over n stages are counted.
   template <int n>
   using Stages = Count<n>;

@@ -73,6 +73,7 @@ template <>
 struct Shape<TapeModel> {
   int states, inputs, outputs, parameters;
   int jumps_end, kinks_end, sides, surfaces;
+  bool sided_limits = false;  // limits read sides: they stand in branches
   template <int n>
   using Stages = int;  // packs are so wide that unrolled loops would only overflow the instruction cache
 };
@@ -181,6 +182,16 @@ inline void expect(bool holds, const std::string& what) {
   if (!holds) throw std::invalid_argument(what);
 }
 
+// Whether any operation or result of a program is of a side.
+inline bool reads_sides(const Program& program, const Shape<TapeModel>& shape) {
+  const auto first = static_cast<std::int32_t>(program.literals.size()) + shape.parameters + shape.inputs + shape.states;
+  const auto is_side = [&](std::int32_t r) { return first <= r && r < first + shape.kinks_end; };
+  const auto reads = [&](const Instruction& i) { return is_side(i.a) || is_side(i.b) || is_side(i.c); };
+  return std::any_of(program.setup.begin(), program.setup.end(), reads) ||
+         std::any_of(program.stage.begin(), program.stage.end(), reads) ||
+         std::any_of(program.outputs.begin(), program.outputs.end(), is_side);
+}
+
 // A program that reads or writes past its registers, or that spoils what its setup computed, is none.
 inline void check(const Program& program, const Shape<TapeModel>& shape, std::size_t outputs, const std::string& name) {
   const auto setup_leaves = static_cast<std::int32_t>(program.literals.size()) + shape.parameters + shape.inputs;
@@ -222,7 +233,9 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
       jump_entries_(std::move(jump_entries)),
       dependence_([&] {
         using detail::expect;
-        const auto [n_x, n_u, n_y, p, jumps_end, kinks_end, sides, surfaces] = shape;
+        const auto [n_x, n_u, n_y, p, jumps_end, kinks_end, sides, surfaces, sided_limits] = shape;
+        expect(sided_limits || !detail::reads_sides(programs_.surfaces, shape),
+               "surfaces: expected sides to be read as the shape says");
         expect(n_x <= 64 && p <= 64, "model: expected at most 64 states and 64 parameters, given more");
         expect(n_u >= 0 && n_y >= 0 && p >= 0, "model: expected numbers of inputs, outputs and parameters, given less than 0");
         expect(0 <= jumps_end && jumps_end <= kinks_end && kinks_end <= sides && sides <= surfaces,

@@ -124,10 +124,17 @@ class Domain:
         if turned < 0 and not pole:
             shown = -shown
         for condition, taken in reversed(guards):
-            expression = Select(condition, *((expression, sympy.S.One) if taken else (sympy.S.One, expression)))
+            expression = self._where(condition, taken, expression)
         if len(self._limits) == MOST:
             raise ValueError(f"f: expected at most {MOST} roots, logarithms, divisors and conditions of the domain, given more")
         self._limits.setdefault((form, None if pole else sign, guards), Limit(name or to_text(shown), expression, pole))
+
+    def _where(self, condition: Any, taken: bool, expression: Any) -> Any:
+        """The expression where the condition holds, or does not, and 1 elsewhere; both branches count where a side is 0, on a slide."""
+        side = condition if condition in self._written else -condition
+        if side in self._written:
+            return Select((condition if taken else -condition) + sympy.Rational(1, 2), expression, sympy.S.One)
+        return Select(condition, *((expression, sympy.S.One) if taken else (sympy.S.One, expression)))
 
 
 def _guards(condition: Any, holds: bool) -> Guards:

@@ -92,8 +92,8 @@ def build_programs(
     rates, output : sequence of sympy.Expr
         f, one for each state, and g.
     surfaces : sequence of sympy.Expr
-        What is zero on jumps and kinks, in the order of `sides`, then what must stay positive. A side that they read is the sign of
-        its surface's value.
+        What is zero on jumps and kinks, in the order of `sides`, where a side is the sign of its surface's value; then what must stay
+        positive, where it is the side on which the trajectory runs.
     states, inputs, parameters : sequence of sympy.Symbol
     sides : sequence of sympy.Symbol
         For each jump and kink the symbol that stands for the side it is on, +1 or -1, in the branches of f.
@@ -173,7 +173,7 @@ def _check(
 
 
 def _by_value(graph: Graph, surfaces: Sequence[Any], sides: Sequence[Any], symbols: Mapping[Any, int]) -> list[int]:
-    """Nodes of surfaces and limits, without sides."""
+    """Nodes of surfaces, in which sides are signs of values, and of limits, which read the sides where the trajectory runs."""
     known = {symbol: node for symbol, node in symbols.items() if symbol not in sides}
     waiting = dict(zip(sides, surfaces, strict=False))
     while waiting:
@@ -182,7 +182,7 @@ def _by_value(graph: Graph, surfaces: Sequence[Any], sides: Sequence[Any], symbo
             raise ValueError(f"surfaces: expected none that reads its own side, given {', '.join(map(str, waiting))}")
         for side in ready:
             known[side] = graph.call("sign", nodes_of(graph, [waiting.pop(side)], known)[0])
-    return nodes_of(graph, surfaces, known)
+    return nodes_of(graph, surfaces[: len(sides)], known) + nodes_of(graph, surfaces[len(sides) :], symbols)
 
 
 def _reads_any(graph: Graph, node: int, leaves: Sequence[int]) -> bool:
