@@ -168,7 +168,7 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
     JumpGradient<TapeModel, P> h(*this);
     jumps_.run(x);
     h.value = jumps_.output(which);
-    int at = jumps_end;
+    int at = model_.gradients_end();
     for (const auto [m, k] : model_.jump_entries()) {
       const P slope = jumps_.output(at++);
       if (m == which) (k < states ? h.by_state[k] : h.by_theta[k - states]) = slope;

@@ -25,7 +25,7 @@ struct Jacobian {
 template <class M, class P>
 using Columns = Numbers<P, std::remove_const_t<decltype(Dependence<M>::in_columns)>>;
 
-// A jump's h with its gradient.
+// h of a jump, or of a kink where f_x has no bounds, with its gradient.
 template <class M, class P>
 struct JumpGradient {
   P value{0.0};
@@ -113,11 +113,11 @@ class VariationalEquation : public Shape<M> {
     });
   }
 
-  // Of jump `which` in every lane.
+  // Of jump, or kink, `which` in every lane.
   JumpGradient<M, P> jump(int which, const State& x) const {
     JumpGradient<M, P> h(*this);
     const auto all = model_.switching(as_variables<0, n_x, P>(x), u_, as_variables<n_x, p, P>(theta_));
-    for_each_index(Shape<M>::jumps_end, [&](auto m) {
+    for_each_index(Shape<M>::kinks_end, [&](auto m) {
       if (m != which) return;
       const auto& h_m = std::get<m>(all);
       h.value = value_of(h_m);

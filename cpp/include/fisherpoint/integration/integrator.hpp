@@ -50,6 +50,7 @@ class Integrator {
     fit(side_, f_.sides);
     fit(landed_, f_.sides);
     fit(leaving_, f_.sides);
+    fit(resting_, f_.sides);
     fit(along_, f_.surfaces);
     fit(beside_, f_.surfaces);
   }
@@ -105,6 +106,7 @@ class Integrator {
     end_value_ = f_.surface_values(end_, side_);
     end_rate_ = f_.surface_rates(end_, stage_[last], side_);
     if (f_.jumps_end > 0 && slide_) hold(middle, middle_value);
+    if (any_rest_) keep_resting(middle_value);
     const auto along = [&](int m, const P& side) {
       along_[m] = Quartic<P>::through(side * value_[m], side * step_ * rate_[m], side * middle_value[m], side * end_value_[m],
                                       side * step_ * end_rate_[m]);
@@ -188,12 +190,24 @@ class Integrator {
         at_kink = at_kink | landed_[m] | crossed;
       } else if (m < f_.jumps_end && crosses(m)) {
         const P slope = 4.0 * (h.b4 - h.b3);
+        Mask rests = Lanes::none();
+        if (any_rest_) {
+          rests = resting_[m] & rests_along(m);
+          const Mask departs = good & resting_[m] & crossed & !rests;
+          if (any(departs)) {
+            depart(m, departs & short_step, y);
+            unsure = unsure | departs;
+          }
+          crossed = crossed & !resting_[m];
+          unclear = unclear & !rests & !(resting_[m] & (min(h.b2, h.b3) > zero));
+        }
         Mask there = crossed & tiny_step;
         const Mask nearly = good & tiny_step & (h.b1 < 0.875 * h.b0);
         if (any(nearly)) there = there | (nearly & drowned(m, y));  // no step is short enough to end on it
         // Behind a jump, what is left of the duration may be too short for h to show the side.
         const Mask remains = behind_kink_ & ends_ & short_step;
-        landed_[m] = good & !remains & !(ends_ & (h.b4 > zero)) & ((abs(h.b4) <= -landing_ * slope) | there);
+        landed_[m] =
+            good & !remains & !resting_[m] & !(ends_ & (h.b4 > zero)) & ((abs(h.b4) <= -landing_ * slope) | there);
         crossed = crossed & !landed_[m] & !remains;
         unclear = (unclear | (landed_[m] & !clear)) & !(landed_[m] & tiny_step) & !remains;  // it may have been there before
         if (any(crossed | unclear)) {
@@ -202,7 +216,8 @@ class Integrator {
           stop((crossed | unclear) & !landed_[m] & !slides(side_[m]) & drowned(m, y), Status::grazes_jump);
           next_cap = select(crossed, min(next_cap, h.zero() * step_), next_cap);
         }
-        const Mask turns = good & !(landed_[m] | crossed | unclear | leaving_[m] | remains) & (h.b1 <= h.b0) & (h.b3 <= h.b4);
+        const Mask turns =
+            good & !(landed_[m] | crossed | unclear | leaving_[m] | remains | rests) & (h.b1 <= h.b0) & (h.b3 <= h.b4);
         if (any(turns)) stop_grazing(m, turns, y);
         lands = lands | landed_[m];
         to_surface = to_surface | crossed;
@@ -238,7 +253,7 @@ class Integrator {
     if (any(at_jump & taken)) land_on_first(taken, duration);
     if (any(lands & taken)) settle(taken);
     const Mask bad = running_ & !good;
-    if (any(running_ & !taken)) stop_stuck(running_ & !taken & (step_ <= 1e-13 * duration), duration);
+    if (any(running_ & !taken)) stop_stuck(running_ & !taken & (step_ <= 1e-13 * max(time_, first_try_)), duration);
 
     // Step control: error per step, never twice up and down in a row. An estimate that vanishes by chance asks for a step that
     // the one before did not. What asks for more than may be given says nothing, nor does a step that was cut short.
@@ -276,6 +291,7 @@ class Integrator {
       rate_[m] = select(taken, end_rate_[m], rate_[m]);
     });
     for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { leaving_[m] = leaving_[m] & !taken; });
+    if (any_rest_) end_rests(taken);
     if (steps_) steps_->push_back({select(taken, step_, zero), side_, implicit_, growth});
     running_ = running_ & !(taken & ends_);
     if (any(lands & taken & running_)) turn(y, taken);
@@ -321,6 +337,14 @@ class Integrator {
   [[gnu::noinline]] void stop_grazing(auto m, const Mask& lanes, const State& y);
   [[gnu::noinline]] void note_end(const P& duration, const State& y);
 
+  // At rest on surfaces: rests.hpp.
+  [[gnu::noinline]] void note_rests(const Mask& lanes, const State& y);
+  [[gnu::noinline]] Mask moves_none(auto m, const P& rate, const State& y) const;
+  [[gnu::noinline]] void keep_resting(Surfaces& middle_value);
+  Mask rests_along(auto m) const;
+  [[gnu::noinline]] void depart(auto m, const Mask& lanes, const State& y);
+  [[gnu::noinline]] void end_rests(const Mask& taken);
+
   void stop(const Mask& lanes, Status status) {
     if (!any(lanes)) return;
     for (int lane = 0; lane < Lanes::width; ++lane)
@@ -348,6 +372,9 @@ class Integrator {
   bool slide_ = false;  // any lane slides on a jump
   P turns_;             // how many jumps were met
   Retyped<Side, Mask> leaving_;  // a slide on this jump has just ended
+  Retyped<Side, Mask> resting_;  // the trajectory lies on this surface, which does not move on the side where it is
+  bool any_rest_ = false;
+  P span_, first_try_;  // the duration, and the size of the first step that is tried
 
   // Of stiff lanes.
   bool any_stiff_ = false;
@@ -396,6 +423,7 @@ auto Integrator<Equation, Method>::run(State& y, const P& duration, const P& fir
 
 #include "fisherpoint/integration/jumps.hpp"
 #include "fisherpoint/integration/limits.hpp"
+#include "fisherpoint/integration/rests.hpp"
 #include "fisherpoint/integration/start.hpp"
 #include "fisherpoint/integration/stiffness.hpp"
 #include "fisherpoint/integration/surfaces.hpp"

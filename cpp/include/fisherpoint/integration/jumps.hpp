@@ -48,11 +48,13 @@ void Integrator<Equation, Method>::start_on_jumps(const State& y, const P& durat
     held[m] = select(here, P(0.0), side_[m]);
     const BothSides<Equation> at(f_, y, held);
     const Mask up = here & (at.r_plus > P(0.0)) & (at.r_minus > P(0.0)),
-               down = here & (at.r_plus < P(0.0)) & (at.r_minus < P(0.0)), rests = here & at.holds();
-    side_[m] = select(up, P(1.0), select(down, P(-1.0), select(rests, P(0.0), side_[m])));
+               down = here & (at.r_plus < P(0.0)) & (at.r_minus < P(0.0));
+    const Mask below = here & (at.r_plus < P(0.0)) & moves_none(m, at.r_minus, y),
+               above = here & (at.r_minus > P(0.0)) & moves_none(m, at.r_plus, y), along = here & at.holds() & !below & !above;
+    side_[m] = select(up | above, P(1.0), select(down | below, P(-1.0), select(along, P(0.0), side_[m])));
     value_[m] = select(here, P(0.0), value_[m]);
-    stop(here & !(up | down | rests), Status::on_jump);
-    outcome_.starts_on_jump = outcome_.starts_on_jump | up | down;
+    stop(here & !(up | down | below | above | along), Status::on_jump);
+    outcome_.starts_on_jump = outcome_.starts_on_jump | (here & !along);
   });
   start_anew(on, y, duration);
 }
@@ -93,7 +95,8 @@ void Integrator<Equation, Method>::go_on(const State& y, const P& duration) {
   Mask next_to = Lanes::none();
   P count(0.0);
   for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
-    const Mask comes = landed_[m] & running_ & !slides(side_[m]) & (side_[m] * rate_[m] < P(0.0));
+    Mask comes = landed_[m] & running_ & !slides(side_[m]) & (side_[m] * rate_[m] < P(0.0));
+    if (any(comes)) comes = comes & !moves_none(m, rate_[m], y);
     next_to = next_to | landed_[m];
     value_[m] = select(landed_[m], P(0.0), value_[m]);
     landed_[m] = comes;
@@ -185,7 +188,8 @@ void Integrator<Equation, Method>::pass_jump(auto m, const Mask& lanes, const St
     rate[which] = f_.surface_rates(y, rates)[m];
   }
   const P before = side * select(side > zero, rate[0], rate[1]), behind = side * select(side > zero, rate[1], rate[0]);
-  const Mask comes = arrives & (before < zero), through = comes & (behind < zero), held = comes & (behind > zero);
+  const Mask comes = arrives & (before < zero), rests = comes & moves_none(m, behind, y);
+  const Mask through = comes & ((behind < zero) | rests), held = comes & (behind > zero) & !rests;
   stop(arrives & !(through | held), Status::grazes_jump);
   stop(held & any_slides<P>(f_, side_), Status::two_jumps);
   side_[m] = select(through, -side, select(held, zero, side));
@@ -225,7 +229,7 @@ void Integrator<Equation, Method>::note_end(const P& duration, const State& y) {
     if (!f_.dependence.switching_depends(m)) return;
     P height = time * abs(rate_[m]);
     if (tolerance_.whole_first) height = max(height, 2.0 * tolerance_.relative * natural_height(f_, m, y));
-    outcome_.ends_on_jump = outcome_.ends_on_jump | (!slides(side_[m]) & (abs(value_[m]) <= height));
+    outcome_.ends_on_jump = outcome_.ends_on_jump | (!slides(side_[m]) & !resting_[m] & (abs(value_[m]) <= height));
   });
 }
 

@@ -16,6 +16,9 @@ void Integrator<Equation, Method>::begin(const State& y, const P& duration, cons
   rejected_ = broken_ = behind_kink_ = Lanes::none();
   landed_.fill(Lanes::none());
   leaving_.fill(Lanes::none());
+  resting_.fill(Lanes::none());
+  any_rest_ = false;
+  span_ = duration;
   slide_ = false;
   turns_ = P(0.0);
   implicit_ = Lanes::none();
@@ -38,6 +41,11 @@ void Integrator<Equation, Method>::begin(const State& y, const P& duration, cons
   for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
     if (!crosses(m)) on_jump = on_jump | on_it(m);
   });
+  if (f_.dependence.any_steep())  // a root of rounding is none
+    for_each_index(f_.jumps_end, f_.kinks_end, [&](auto m) {
+      if (!f_.dependence.steep(m)) return;
+      value_[m] = select(abs(value_[m]) <= on_surface * natural_height(f_, m, y), P(0.0), value_[m]);
+    });
   Mask on_kink = Lanes::none();
   for_each_index(f_.jumps_end, f_.kinks_end, [&](auto m) { on_kink = on_kink | on_it(m); });
   if (any(on_kink)) {
@@ -46,12 +54,14 @@ void Integrator<Equation, Method>::begin(const State& y, const P& duration, cons
   }
   for_each_index(f_.jumps_end, f_.kinks_end,
                  [&](auto m) { side_[m] = select(on_it(m) & (rate_[m] < P(0.0)), P(-1.0), side_[m]); });
+  if (f_.jumps_end > 0 || f_.dependence.any_steep()) note_rests(running_, y);
   if (f_.sided_limits) enter_branches(running_, y);
   for_each_index(f_.kinks_end, f_.sides, [&](auto m) { outside = outside | on_it(m); });
   for_each_index(f_.sides, f_.surfaces, [&](auto m) { outside = outside | !(value_[m] > P(0.0)); });
   stop(running_ & outside, Status::left_domain);
   stop(running_ & on_jump, Status::met_jump);
   step_size_ = f_.states == 0 ? duration : min(select(first_step > P(0.0), first_step, starting_step(y)), duration);
+  first_try_ = step_size_;
 }
 
 // The starting step of Hairer, Norsett, Wanner, section II.4, from the states alone. States that start at zero, or next to

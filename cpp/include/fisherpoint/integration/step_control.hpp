@@ -59,6 +59,9 @@ inline constexpr double next_to_jump = 10.0;
 // A crossing's h' is known to a two hundredth where its square is this many times what the tolerance makes of it.
 inline constexpr double graze = 100.0;
 
+// Of two rates of a surface, one that is below this share of the other is rounding.
+inline constexpr double alike_rates = 1e-12;
+
 // Of a step, over which it is seen how fast what holds a slide changes.
 inline constexpr double hold_span = 1e-2;
 

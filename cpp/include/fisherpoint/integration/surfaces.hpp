@@ -99,6 +99,7 @@ void Integrator<Equation, Method>::turn(const State& y, const Mask& taken) {
     value_[m] = select(turned, value[m], value_[m]);
     rate_[m] = select(turned, rate[m], rate_[m]);
   });
+  if (f_.jumps_end > 0 || f_.dependence.any_steep()) note_rests(turned, y);
   if (f_.sided_limits) enter_branches(turned, y);
   if (f_.jumps_end > 0 && slide_) watch_hold(turned, y, step_);
 }

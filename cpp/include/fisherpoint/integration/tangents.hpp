@@ -16,10 +16,13 @@ namespace fisherpoint {
 
 template <class M, class P, class Method>
 class ImplicitTangents;
+template <class M, class P, class Method>
+class SteepTangents;
 
 template <class M, class P, class Method>
 class Tangents {
   friend class ImplicitTangents<M, P, Method>;
+  friend class SteepTangents<M, P, Method>;
 
   using Equation = VariationalEquation<M, P>;
   using State = typename Equation::State;
@@ -165,14 +168,19 @@ class Tangents {
     const auto off = f_.jump(m, x);
     rates(x, before, rate);
     const P growth_off = growth(off, rate);
-    const P time = select(goes_through & (abs(growth_off) > P(0.0)), -off.value / growth_off, P(0.0));
+    rates(x, after, rate_behind);
+    const auto passes = goes_through & (abs(growth_off) > alike_rates * abs(growth(off, rate_behind)));
+    const P time = select(passes, -off.value / growth_off, P(0.0));
     in_time(time, before);
 
     const auto h = f_.jump(m, x);
     rates(x, before, rate);
     rates(x, beyond, rate_behind);
-    const P fall = growth(h, rate);
-    const P weight = select(here, 1.0 / select(slides_on, fall - growth(h, rate_behind), fall), P(0.0));
+    const P fall = growth(h, rate), fall_behind = growth(h, rate_behind);
+    // What leaves a rest takes S with it, and what comes to rest stays on the surface.
+    const auto leaves_rest = goes_through & !(abs(fall) > alike_rates * abs(fall_behind));
+    const auto rests = goes_through & !leaves_rest & (abs(fall_behind) <= alike_rates * abs(fall)), stays = slides_on | rests;
+    const P weight = select(here & !leaves_rest, 1.0 / select(slides_on, fall - fall_behind, fall), P(0.0));
     const P height = select(slides_on, h.value, P(0.0));
     if (any(slides_on)) {
       entered_.resize(s.size(), P(0.0));
@@ -185,14 +193,14 @@ class Tangents {
       for_each_row(j, [&](int i, int at) { shift += h.by_state[i] * column[at]; });
       for_each_row(j, [&](int i, int at) { column[at] += (rate_behind[i] - rate[i]) * (shift * weight); });
     }
-    if (any(slides_on)) {
+    if (any(stays)) {
       State d;
       fit(d, f_.states);
       for_each_index(f_.states, [&](auto i) { d[i] = rate_behind[i] - rate[i]; });
       const auto on = f_.jump(m, x);
       Pivot<M, P> pivot;
       pivot.fit_to(f_);
-      pivot.choose(f_, slides_on, on.by_state, d);
+      pivot.choose(f_, stays, on.by_state, d);
       keep_on(on, pivot);
     }
     // What the state's error makes of `fall` by the time the jump is met.
@@ -205,7 +213,7 @@ class Tangents {
     rates(ahead, before, rate_ahead);
     const P bend = abs(growth(f_.jump(m, ahead), rate_ahead) - fall) / span;
     in_time(-time, after);
-    return goes_through & !(fall * fall > graze * tolerance_ * size * bend);
+    return goes_through & !leaves_rest & !(fall * fall > graze * tolerance_ * size * bend);
   }
 
   // By the midpoint rule, for a time so short that the error of a jump's place is all that is left of the trajectory.
@@ -266,6 +274,10 @@ class Tangents {
     for (P& entry : rate) entry *= step;
     for (P& entry : jacobian.by_state) entry *= step;
     for (P& entry : jacobian.by_theta) entry *= step;
+    if (!f_.dependence.any_steep()) return;
+    const Mask still = !(abs(step) > P(0.0));  // it may lie where f_x has no bounds
+    for (P& entry : jacobian.by_state) entry = select(still, P(0.0), entry);
+    for (P& entry : jacobian.by_theta) entry = select(still, P(0.0), entry);
   }
 
   // What embedded solutions tell about the error of a step, summed over numbers in units of their scales.

@@ -15,6 +15,9 @@
 
 namespace fisherpoint {
 
+// A run of one step onto a surface where f_x has no bounds, or off it, which S takes in its own way (steep_tangents.hpp).
+enum class Steep : char { no, towards, away };
+
 // The steps that a point takes; none where nothing is to be done any more.
 template <class M>
 struct PointPath {
@@ -22,6 +25,7 @@ struct PointPath {
     std::size_t end;
     typename ArraysOf<M, double>::Sides side;
     bool implicit;
+    Steep steep = Steep::no;
   };
   std::vector<double> sizes;
   std::vector<Run> runs;
@@ -30,15 +34,20 @@ struct PointPath {
   // meets several jumps then, or one that it grazes.
   typename ArraysOf<M, double>::Sides start, other;
   bool ends_on_jump = false, between = false;
+  Variables starts_on = 0;  // surfaces where f_x has no bounds, on which it starts
+  double fineness = 1.0;    // of the steps beside these
 
   std::size_t size() const { return sizes.size(); }
   PointPath without_steps() const {
     PointPath none;
     none.start = start, none.other = other, none.ends_on_jump = ends_on_jump, none.between = between;
+    none.starts_on = starts_on, none.fineness = fineness;
     return none;
   }
-  void push_back(double size, const typename ArraysOf<M, double>::Sides& side, bool implicit) {
-    if (runs.empty() || runs.back().side != side || runs.back().implicit != implicit) runs.push_back({0, side, implicit});
+  void push_back(double size, const typename ArraysOf<M, double>::Sides& side, bool implicit, Steep steep = Steep::no) {
+    if (runs.empty() || runs.back().side != side || runs.back().implicit != implicit || runs.back().steep != Steep::no ||
+        steep != Steep::no)
+      runs.push_back({0, side, implicit, steep});
     sizes.push_back(size);
     runs.back().end = sizes.size();
   }
@@ -51,6 +60,46 @@ bool meets_jump(const auto& shape, const PointPath<M>& path) {
     for (int m = 0; m < shape.jumps_end; ++m)
       if (run.side[m] == 0.0 || run.side[m] != path.start[m]) return true;
   return path.ends_on_jump;
+}
+
+// The same path, of which the steps before and behind a surface where f_x has no bounds are one each: by so much as the trajectory
+// may meet it at another time, its own steps would be out of place. They are as long as half of the longest step on that side.
+template <class M>
+PointPath<M> with_steep_steps(const auto& shape, const auto& dependence, const PointPath<M>& path) {
+  if (!dependence.any_steep()) return path;
+  const auto meets = [&](const auto& a, const auto& b) {
+    bool found = false;
+    for_each_index(Count<0>{}, shape.kinks_end, [&](auto m) { found = found || (dependence.steep(m) && a[m] != b[m]); });
+    return found;
+  };
+  PointPath<M> marked = path.without_steps();
+  std::size_t first = 0;
+  for (std::size_t r = 0; r < path.runs.size(); ++r) {
+    const auto& run = path.runs[r];
+    const bool away = !run.implicit && (r > 0 ? meets(path.runs[r - 1].side, run.side) : path.starts_on != 0);
+    const bool towards = !run.implicit && r + 1 < path.runs.size() && meets(run.side, path.runs[r + 1].side);
+    double longest = 0.0, whole = 0.0;
+    for (std::size_t n = first; n < run.end; ++n) longest = std::max(longest, path.sizes[n]), whole += path.sizes[n];
+    const double least = std::min(0.5 * longest, 0.4 * whole);
+    std::size_t begin = first, end = run.end;
+    double behind = 0.0, before = 0.0;
+    if (away)
+      while (begin < end && behind < least) behind += path.sizes[begin++];
+    if (towards)
+      while (end > begin && before < least) before += path.sizes[--end];
+    if (towards && before < least) before = least, behind -= least;
+    if (away) marked.push_back(behind, run.side, run.implicit, Steep::away);
+    for (std::size_t n = begin; n < end; ++n) marked.push_back(path.sizes[n], run.side, run.implicit);
+    if (towards) marked.push_back(before, run.side, run.implicit, Steep::towards);
+    first = run.end;
+  }
+  return marked;
+}
+
+// Whether any of its steps are such.
+template <class M>
+bool meets_steep(const PointPath<M>& path) {
+  return std::any_of(path.runs.begin(), path.runs.end(), [](const auto& run) { return run.steep != Steep::no; });
 }
 
 template <class M>
@@ -81,9 +130,10 @@ PointPath<M> refined(const PointPath<M>& path, double factor) {
   PointPath<M> finer = path.without_steps();
   finer.sizes.reserve(static_cast<std::size_t>(factor * path.size()) + path.runs.size());
   finer.runs.reserve(path.runs.size());
+  finer.fineness *= factor;
   std::size_t first = 0;
   for (const auto& run : path.runs) {
-    const double coarse = static_cast<double>(run.end - first), parts = std::ceil(coarse * factor);
+    const double coarse = static_cast<double>(run.end - first), parts = run.steep == Steep::no ? std::ceil(coarse * factor) : 1.0;
     std::size_t n = first;
     double rest = 1.0;  // of step n, as a share of it
     for (int part = 0; part < parts; ++part) {
@@ -93,7 +143,7 @@ PointPath<M> refined(const PointPath<M>& path, double factor) {
       finer.sizes.push_back(size + taken * path.sizes[n]);
       rest -= taken;
     }
-    finer.runs.push_back({finer.sizes.size(), run.side, run.implicit});
+    finer.runs.push_back({finer.sizes.size(), run.side, run.implicit, run.steep});
     first = run.end;
   }
   return finer;
@@ -107,9 +157,11 @@ PointPath<M> graded(const PointPath<M>& path) {
   for (std::size_t r = 0; r < path.runs.size(); ++r) {
     const auto& run = path.runs[r];
     for (std::size_t n = first; n < run.end; ++n) {
-      const bool behind = n == first && r > 0, before = n + 1 == run.end && r + 1 < path.runs.size() && !behind;
+      const bool behind = n == first && r > 0 && run.steep == Steep::no && path.runs[r - 1].steep == Steep::no;
+      const bool before = n + 1 == run.end && r + 1 < path.runs.size() && !behind && run.steep == Steep::no &&
+                          path.runs[r + 1].steep == Steep::no;
       constexpr std::array<double, 4> shares = {1.0 / 8, 1.0 / 8, 1.0 / 4, 1.0 / 2};
-      if (!behind && !before) finer.push_back(path.sizes[n], run.side, run.implicit);
+      if (!behind && !before) finer.push_back(path.sizes[n], run.side, run.implicit, run.steep);
       for (std::size_t part = 0; (behind || before) && part < shares.size(); ++part)
         finer.push_back(path.sizes[n] * shares[behind ? part : shares.size() - 1 - part], run.side, run.implicit);
     }
@@ -118,16 +170,39 @@ PointPath<M> graded(const PointPath<M>& path) {
   return finer;
 }
 
-// How the lanes take a step.
-template <class P>
+// Of the way to a surface where f_x has no bounds, the largest part that one step takes.
+inline constexpr double most_of_distance = 0.35;
+
+// How the lanes take a step. `beside`: from or to a kink or jump. To a surface where f_x has no bounds, or from one, by such parts
+// of the way; `other`: the sides behind it, or before.
+template <class M, class P>
 struct StepKind {
-  mask_of_lanes<P> implicit = lanes_of<P>::none(), beside = lanes_of<P>::none();  // beside: from or to a kink or jump
+  mask_of_lanes<P> implicit = lanes_of<P>::none(), beside = lanes_of<P>::none();
+  mask_of_lanes<P> towards = lanes_of<P>::none(), away = lanes_of<P>::none();
+  typename ArraysOf<M, P>::Sides other;
+  P part{most_of_distance};
 };
+
+// Whether a run of a path goes to or from surfaces where f_x has no bounds.
+template <class P, class M>
+void note_steep(const auto& shape, const PointPath<M>& path, std::size_t run, int lane, StepKind<M, P>& kind) {
+  const auto& here = path.runs[run];
+  lanes_of<P>::set(kind.towards, lane, here.steep == Steep::towards);
+  lanes_of<P>::set(kind.away, lane, here.steep == Steep::away);
+  lanes_of<P>::set(kind.part, lane, most_of_distance / path.fineness);
+  auto other = here.side;
+  if (here.steep == Steep::towards) other = path.runs[run + 1].side;
+  if (here.steep == Steep::away && run > 0) other = path.runs[run - 1].side;
+  if (here.steep == Steep::away && run == 0)
+    for (int m = 0; m < shape.kinks_end; ++m)
+      if (path.starts_on >> m & 1) other[m] = -here.side[m];
+  set_lane(kind.other, lane, other.data());
+}
 
 // advance(size, side, kind) for every step of the paths of points[rows[0]], ...; of size 0 in the lanes whose path has ended.
 // Before it pass(before, after) where the sides of any lane change, those of jumps among them.
 template <class P, class M>
-void for_each_step(const Shape<M>& shape, std::span<const std::size_t> rows, const std::vector<PointPath<M>>& paths,
+void for_each_step(const Shape<M>& shape, const auto& dependence, std::span<const std::size_t> rows, const std::vector<PointPath<M>>& paths,
                    auto&& pass, auto&& advance) {
   const int used = static_cast<int>(rows.size());
   std::size_t longest = 0;
@@ -135,7 +210,10 @@ void for_each_step(const Shape<M>& shape, std::span<const std::size_t> rows, con
   typename ArraysOf<M, P>::Sides side, before;
   fit(side, shape.sides);
   side.fill(P(1.0));
-  StepKind<P> kind;
+  StepKind<M, P> kind;
+  fit(kind.other, shape.sides);
+  kind.other = side;
+  const bool steep = dependence.any_steep();
   // Of every lane: which run is next, where the current one ends, and the step at which something changes.
   std::array<std::size_t, lanes_of<P>::width> run{}, run_end{}, next{};
   for (std::size_t n = 0; n < longest; ++n) {
@@ -158,6 +236,7 @@ void for_each_step(const Shape<M>& shape, std::span<const std::size_t> rows, con
       const bool another = run[lane] < path.runs.size();  // behind this one
       const bool beside = (first && n > 0) || (another && n + 1 == run_end[lane]);
       lanes_of<P>::set(kind.beside, lane, beside);
+      if (steep) note_steep(shape, path, run[lane] - 1, lane, kind);
       next[lane] = beside ? n + 1 : another ? run_end[lane] - 1 : run_end[lane];
     }
     if (shape.jumps_end > 0 && turned) pass(before, side);

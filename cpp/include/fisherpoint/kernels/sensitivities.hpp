@@ -18,6 +18,7 @@
 #include "fisherpoint/integration/adjoints.hpp"
 #include "fisherpoint/integration/implicit_tangents.hpp"
 #include "fisherpoint/integration/integrator.hpp"
+#include "fisherpoint/integration/steep_tangents.hpp"
 #include "fisherpoint/integration/tangents.hpp"
 #include "fisherpoint/kernels/point_paths.hpp"
 #include "fisherpoint/kernels/points.hpp"
@@ -172,6 +173,15 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
     fit(from, shape.sides);
     from.fill(P(unknown_side));
   }
+  Retyped<typename Equation::Side, mask_of_lanes<P>> starts_on;
+  fit(starts_on, shape.sides);
+  starts_on.fill(lanes_of<P>::none());
+  if (equation.dependence.any_steep()) {
+    const auto value = equation.surface_values(x);
+    for_each_index(Count<0>{}, shape.kinks_end, [&](auto m) {
+      if (equation.dependence.steep(m)) starts_on[m] = abs(value[m]) <= on_surface * natural_height(equation, m, x);
+    });
+  }
   const auto outcome = integrator.run(x, pack.dt, first, &steps, stiff, goes_on ? &from : nullptr);
   store_ends<P>(x, equation.output(x), outcome.status, rows, out);
   for (int lane = 0; carried && lane < pack.used; ++lane) {
@@ -192,7 +202,13 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
         taken.push_back(share * size, of_lane(step.side, shape.sides, lane), lanes_of<P>::get(step.implicit, lane));
       });
     }
-    paths[k] = refined<M>(taken, first_refinement);
+    taken.starts_on = 0;
+    for_each_index(Count<0>{}, shape.kinks_end, [&](auto m) {
+      if (lanes_of<P>::get(starts_on[m], lane)) taken.starts_on |= Variables{1} << m;
+    });
+    paths[k] = refined<M>(equation.dependence.any_steep() ? with_steep_steps(shape, equation.dependence, taken) : taken,
+                          first_refinement);
+    paths[k].fineness = 1.0;
   }
   if (shape.jumps_end > 0)
     look_at_jumps<P, Method>(model, equation, pack, x, from, outcome, tolerance, rows, carried, paths, out);
@@ -235,10 +251,17 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
     states.emplace(model, pack.theta, pack.u);
     implicit_tangents.emplace(*states, equation, tangents, tolerance);
   }
+  std::optional<SteepTangents<M, P, Method>> steep_tangents;
+  if (equation.dependence.any_steep()) steep_tangents.emplace(equation, tangents);
   mask_of_lanes<P> grazes = lanes_of<P>::none();
   for_each_step<P, M>(
-      shape, rows, paths, [&](const auto& before, const auto& after) { grazes = grazes | tangents.pass(before, after); },
-      [&](const P& size, const auto& side, const auto& kind) {
+      shape, equation.dependence, rows, paths, [&](const auto& before, const auto& after) { grazes = grazes | tangents.pass(before, after); },
+      [&](P size, const auto& side, const auto& kind) {
+        if (steep_tangents && any(kind.towards | kind.away)) {
+          steep_tangents->leave(select(kind.away, size, P(0.0)), side, kind.other, kind.part);
+          steep_tangents->approach(select(kind.towards, size, P(0.0)), side, kind.other, kind.part);
+          size = select(kind.towards | kind.away, P(0.0), size);
+        }
         if (!implicit_tangents) return tangents.advance(size, side, kind.beside);
         tangents.advance(select(kind.implicit, P(0.0), size), side, kind.beside);
         implicit_tangents->advance(select(kind.implicit, size, P(0.0)), side);
@@ -314,7 +337,7 @@ void follow_rows(const M& model, const Points& points, const Parameters& paramet
   const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
   Adjoints<M, P, Method> adjoints(equation, pack.x0, tolerance.relative);
   for_each_step<P, M>(
-      shape, rows, paths, [](const auto&...) {},
+      shape, equation.dependence, rows, paths, [](const auto&...) {},
       [&](const P& size, const auto& side, const auto& kind) { adjoints.advance(size, side, kind.beside); });
 
   // lambda at the end is the output's row of g_x, against whose size in the states' scales errors are measured.
@@ -377,7 +400,8 @@ void sensitivity_packs(const M& model, const Points& points, const Parameters& p
         if (by_rows) {
           std::vector<std::size_t> in_rows;
           for (const std::size_t k : todo)
-            (is_stiff(paths[k]) || meets_jump(shape_of(model), paths[k]) ? in_columns : in_rows).push_back(k);
+            (is_stiff(paths[k]) || meets_jump(shape_of(model), paths[k]) || meets_steep(paths[k]) ? in_columns : in_rows)
+                .push_back(k);
           in_packs(workers, in_rows, width,
                    [&](auto rows) { follow_rows<P, Method>(model, points, parameters, tolerance, rows, paths, out); });
         }

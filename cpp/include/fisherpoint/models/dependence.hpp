@@ -202,6 +202,19 @@ class Dependence {
     return m >= sizes<M>::switching;
   }
 
+  // Whether f_x has no bounds beside jump or kink m, as f takes a root of what is zero there; and whether there is any such.
+  static constexpr bool steep(int m) {
+    if constexpr (requires { M::steep; })
+      return m < sizes<M>::switching && M::steep[m];
+    else
+      return false;
+  }
+  static constexpr bool any_steep() {
+    for (int m = 0; m < sizes<M>::switching; ++m)
+      if (steep(m)) return true;
+    return false;
+  }
+
   // How many outputs depend on any parameter.
   static constexpr int varying_outputs = []<int... i>(std::integer_sequence<int, i...>) {
     return (0 + ... + output_depends(Count<i>{}));

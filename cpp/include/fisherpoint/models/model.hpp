@@ -45,7 +45,8 @@
 // reads (it chooses by them) says in `read_through_jumps`, an array of Variables, what the jumps read whose sides f_i reads.
 //
 // A model that takes a root of what is zero on a kink says in `rough`, an array of bool, on which jumps and kinks it does so: S
-// takes short steps beside them, as beside limits.
+// takes short steps beside them, as beside limits. One that has a root of what is zero there, so that f_x has no bounds, says so
+// in `steep` too.
 //
 // A model that branches on values of parameters or of states, inside `dynamics` or `output`, says in `varying_states`,
 // `varying_outputs` and `varying_surfaces`, arrays of bool, which of these depend on any parameter: derivatives do not show it.

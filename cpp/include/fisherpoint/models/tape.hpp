@@ -84,9 +84,10 @@ struct Entry {
 };
 
 // Which states, outputs, and jumps and kinks depend on theta in whatever way, by branches too: not those without a derivative
-// alone. And which jumps trajectories may cross, and beside which jumps and kinks f_x may be rough (Dependence).
+// alone. And which jumps trajectories may cross, and beside which jumps and kinks f_x may be rough or without bounds
+// (Dependence).
 struct Varying {
-  std::vector<bool> states, outputs, surfaces, crossable, rough;
+  std::vector<bool> states, outputs, surfaces, crossable, rough, steep;
 };
 
 template <>
@@ -127,6 +128,8 @@ class Dependence<TapeModel> {
   bool switching_depends(int m) const { return varying_.surfaces[m]; }
   bool crossable(int m) const { return varying_.crossable[m]; }
   bool rough(int m) const { return m >= static_cast<int>(varying_.rough.size()) || varying_.rough[m]; }
+  bool steep(int m) const { return varying_.steep[m]; }
+  bool any_steep() const { return std::find(varying_.steep.begin(), varying_.steep.end(), true) != varying_.steep.end(); }
   int leader(int j) const { return j; }
   int next_alike(int) const { return static_cast<int>(rows_.size()); }
 
@@ -146,7 +149,7 @@ struct TapePrograms {
   Program state_jacobian;   // the entries of f_x row by row, those that S does not need too
   Program rate_jacobian;    // f, then the entries of f_x row by row, then those of f_theta column by column
   Program output_jacobian;  // g, then the entries of g_x row by row, then those of g_theta column by column
-  Program jump_jacobian;    // h of the jumps, then the entries of its derivatives in the same way
+  Program jump_jacobian;    // h of jumps and of steep kinks, which come first, then the entries of its derivatives in the same way
 };
 
 class TapeModel {
@@ -163,6 +166,7 @@ class TapeModel {
   const std::vector<Entry>& output_entries() const { return output_entries_; }
   const std::vector<Entry>& jump_entries() const { return jump_entries_; }
   double inverse_scale(int i) const { return inverse_scales_[i]; }
+  int gradients_end() const { return static_cast<int>(programs_.jump_jacobian.outputs.size() - jump_entries_.size()); }
 
  private:
   Shape<TapeModel> shape_;
@@ -244,9 +248,9 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
         expect(static_cast<int>(varying.states.size()) == n_x && static_cast<int>(varying.outputs.size()) == n_y &&
                    static_cast<int>(varying.surfaces.size()) == kinks_end &&
                    static_cast<int>(varying.crossable.size()) == jumps_end &&
-                   static_cast<int>(varying.rough.size()) == kinks_end,
-               "varying: expected one for every state, output, and jump and kink, crossable one for every jump, and rough one "
-               "for every jump and kink");
+                   static_cast<int>(varying.rough.size()) == kinks_end && static_cast<int>(varying.steep.size()) == kinks_end,
+               "varying: expected one for every state, output, and jump and kink, crossable one for every jump, and rough and "
+               "steep one for every jump and kink");
         const auto check_entries = [&](const std::vector<Entry>& entries, int rows, const char* name) {
           for (std::size_t e = 0; e < entries.size(); ++e) {
             const auto [i, k] = entries[e];
@@ -264,7 +268,10 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
         for (const auto [i, k] : state_entries_) expect(k < n_x, "state_entries: expected derivatives by the states");
         check_entries(rate_entries, n_x, "rate_entries");
         check_entries(output_entries_, n_y, "output_entries");
-        check_entries(jump_entries_, jumps_end, "jump_entries");
+        const int steep_end = jumps_end + static_cast<int>(std::count(varying.steep.begin() + jumps_end, varying.steep.end(), true));
+        expect(std::find(varying.steep.begin() + steep_end, varying.steep.end(), true) == varying.steep.end(),
+               "varying.steep: expected steep kinks before others");
+        check_entries(jump_entries_, steep_end, "jump_entries");
         detail::check(programs_.rates, shape, n_x, "rates");
         detail::check(programs_.output, shape, n_y, "output");
         detail::check(programs_.surfaces, shape, surfaces, "surfaces");
@@ -272,7 +279,7 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
         detail::check(programs_.state_jacobian, shape, state_entries_.size(), "state_jacobian");
         detail::check(programs_.rate_jacobian, shape, n_x + rate_entries.size(), "rate_jacobian");
         detail::check(programs_.output_jacobian, shape, n_y + output_entries_.size(), "output_jacobian");
-        detail::check(programs_.jump_jacobian, shape, jumps_end + jump_entries_.size(), "jump_jacobian");
+        detail::check(programs_.jump_jacobian, shape, steep_end + jump_entries_.size(), "jump_jacobian");
         return Dependence<TapeModel>(shape, rate_entries, std::move(varying));
       }()) {
   for (double& scale : inverse_scales_) scale = 1.0 / scale;

@@ -13,6 +13,7 @@ from ..tape.defined import value_of
 from ..tape.numbers import exact, is_number
 from ..tape.parts import parts, reads, replaced
 from .branches import Surface
+from .guards import Guards, guards_of
 from .limits import limits_of
 from .printing import to_text
 from .words import in_words
@@ -30,8 +31,6 @@ class Limit:
 
 MOST = 256
 """The most limits that are looked at; fewer are left, as some keep others."""
-
-Guards = tuple[tuple[Any, bool], ...]
 
 
 class Domain:
@@ -94,7 +93,7 @@ class Domain:
             self._visited.add((part, guards))
             if isinstance(part, Select):
                 condition, a, b = part.args
-                branches = [(b, (*guards, *_guards(condition, False))), (a, (*guards, *_guards(condition, True)))]
+                branches = [(b, (*guards, *guards_of(condition, False))), (a, (*guards, *guards_of(condition, True)))]
                 stack += [*branches, (condition, guards)]
                 continue
             for argument, written, pole in limits_of(part, origin):
@@ -135,14 +134,3 @@ class Domain:
         if side in self._written:
             return Select((condition if taken else -condition) + sympy.Rational(1, 2), expression, sympy.S.One)
         return Select(condition, *((expression, sympy.S.One) if taken else (sympy.S.One, expression)))
-
-
-def _guards(condition: Any, holds: bool) -> Guards:
-    """What holds, or does not, where a condition does or does not: of "a and b" that holds, a and b."""
-    if isinstance(condition, Select):
-        first, *branches = condition.args
-        for taken, other in ((True, branches[1]), (False, branches[0])):
-            if other.is_number and (other > 0) != holds:  # so the first went the other way
-                rest = branches[0] if taken else branches[1]
-                return (*_guards(first, taken), *(() if rest.is_number else _guards(rest, holds)))
-    return ((condition, holds),)

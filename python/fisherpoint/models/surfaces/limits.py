@@ -23,7 +23,7 @@ def limits_of(part: Any, origin: Mapping[Any, Any]) -> Sequence[tuple[Any, Any, 
     if isinstance(part, sympy.Pow):
         if part.exp.is_Integer:
             return [(argument, written, True)] if part.exp < 0 else ()
-        if isinstance(argument, sympy.Abs) and part.exp.is_Number and part.exp > 1:
+        if isinstance(argument, sympy.Abs) and (not part.exp.is_number or part.exp > 0):
             return ()
         return [(argument, written, False)]
     if isinstance(part, sympy.log):

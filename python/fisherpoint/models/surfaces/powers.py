@@ -1,8 +1,8 @@
 """Powers of what is zero on one side of an edge, as sqrt(max(h - c, 0)): they are zero there, with all derivatives.
 
 Written as a power of a branch they would have neither value nor derivative there, by the rule for a power. As a branch of powers
-they have both. Where the exponent is above 1, the power has its derivative on the edge too; it is continued evenly past the edge,
-|h - c|**1.5, so that a step of the integrator may look beyond before it is cut off at the edge.
+they have both. The power is continued evenly past the edge, |h - c|**0.5, so that a step of the integrator may look beyond before it
+is cut off at the edge; so is one that stands in a branch which is taken on that side alone, as in where(h > c, sqrt(h - c), 0).
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ import sympy
 
 from ..tape.branch import Select
 from ..tape.numbers import is_number
-from ..tape.parts import rebuilt
+from ..tape.parts import parts, rebuilt
 from .branches import Surface
+from .guards import Guards, guards_of
 from .zeros import normal_form
 
 
@@ -34,8 +35,29 @@ class Powers:
         return {self._known.get(part, part): written for part, written in before.items()}
 
     def _change(self, _: Any, now: Any) -> Any:
-        fraction = isinstance(now, sympy.Pow) and now.exp.is_Number and now.exp > 0 and not now.exp.is_Integer
-        return self._power(now.base, now.exp) if fraction else now
+        if isinstance(now, Select):
+            condition, a, b = now.args
+            return Select(condition, self._within(a, guards_of(condition, True)), self._within(b, guards_of(condition, False)))
+        return self._power(now.base, now.exp) if _is_root(now) else now
+
+    def _within(self, branch: Any, guards: Guards) -> Any:
+        """What is taken where these conditions hold, or do not, with powers of what is positive there continued past the edge."""
+        edges = [condition if taken else -condition for condition, taken in guards if self._is_side(condition)]
+        if not edges or not any(_is_root(part) for part in parts(branch)):
+            return branch
+        return rebuilt(branch, lambda _, now: self._continued(now, edges) if _is_root(now) else now)
+
+    def _continued(self, power: Any, edges: Sequence[Any]) -> Any:
+        factors = sympy.Mul.make_args(power.base)
+        for place, factor in enumerate(factors):
+            rest = sympy.Mul(*factors[:place], *factors[place + 1 :])
+            for value, other in ((factor, rest), (-factor, -rest)):
+                if any(self._is_positive_past(value, edge) for edge in edges):
+                    return other**power.exp * sympy.Abs(value) ** power.exp
+        return power
+
+    def _is_side(self, condition: Any) -> bool:
+        return condition in self._forms or -condition in self._forms
 
     def _power(self, base: Any, exponent: Any) -> Any:
         factors = sympy.Mul.make_args(base)
@@ -49,11 +71,11 @@ class Powers:
                 condition, a, b = factor.args
                 value, edge = (a, condition) if is_number(b, 0) else (b, -condition)
                 if self._is_positive_past(value, edge):
-                    past = self._power(rest, exponent) * (sympy.Abs(value) if exponent > 1 else value) ** exponent
+                    past = self._power(rest, exponent) * sympy.Abs(value) ** exponent
                 else:
                     past = self._power(rest * value, exponent)
                 return Select(condition, *((past, 0) if is_number(b, 0) else (0, past)))
-            if exponent > 1 and self._is_positive_past(rest, factor):  # side * x is |x|
+            if self._is_positive_past(rest, factor):  # side * x is |x|
                 return sympy.Abs(rest) ** exponent
         return base**exponent
 
@@ -64,3 +86,8 @@ class Powers:
             return False
         form, orientation = self._forms[sign * edge]
         return normal_form(value) == (form, sign * orientation)
+
+
+def _is_root(part: Any) -> bool:
+    """Whether it is a power that is zero where its base is, without being one of a whole exponent."""
+    return isinstance(part, sympy.Pow) and not part.exp.is_Integer and (not part.exp.is_number or bool(part.exp > 0))

@@ -56,7 +56,9 @@ class Structure:
         powers = Powers(merged)
         whole_rates = [powers.rewrite(by_side.merged(rate)) for rate in written]
         self.rates = [value_of(rate) for rate in whole_rates]
-        self.surfaces = [replace(surface, expression=powers.rewrite(surface.expression)) for surface in merged]
+        surfaces = [replace(surface, expression=powers.rewrite(surface.expression)) for surface in merged]
+        steep = dict(zip(surfaces, steep_ones(surfaces, self.rates), strict=True))
+        self.surfaces = sorted(surfaces, key=lambda surface: (not surface.jump, not surface.jump and not steep[surface]))
         whole_output = [powers.rewrite(by_value.rewrite(expression)) for expression in equations.output]
         self.output = [value_of(expression) for expression in whole_output]
 
@@ -126,7 +128,17 @@ class Structure:
             sum(limit.pole for limit in self.limits),
             [surface.crossable for surface in self.surfaces if surface.jump],
             self.rough(),
+            steep_ones(self.surfaces, self.rates),
         )
+
+
+def steep_ones(surfaces: Sequence[Surface], rates: Sequence[Any]) -> list[bool]:
+    """Of each surface, whether the slope of rates has no bounds there: they take a root of what is zero on it."""
+    if not surfaces:
+        return []
+    powers = [part for rate in rates for part in parts(rate) if part.is_Pow and isinstance(part.base, sympy.Abs)]
+    forms = {normal_form(power.base.args[0])[0] for power in powers if not power.exp.is_number or 0 < power.exp < 1}
+    return [normal_form(surface.expression)[0] in forms for surface in surfaces]
 
 
 def _is_root(part: Any) -> bool:

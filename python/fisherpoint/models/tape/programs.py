@@ -36,7 +36,7 @@ class Programs:
     state_jacobian : Program
         The derivatives of f by the states at its entries, for implicit steps.
     rate_jacobian, output_jacobian, jump_jacobian : Program
-        f, g or what is zero on jumps, followed by its derivatives at the entries.
+        f, g or what is zero on jumps and steep kinks, followed by its derivatives at the entries.
     state_entries : tuple of (int, int)
         Derivatives of f by the states that are not zero by structure.
     rate_entries, output_entries, jump_entries : tuple of (int, int)
@@ -48,6 +48,8 @@ class Programs:
         Whether trajectories can cross each jump.
     rough : tuple of bool
         Whether f takes a root of what is zero on each jump or kink: beside it derivatives of f change fast.
+    steep : tuple of bool
+        Whether derivatives of f have no bounds there.
     poles : int
         How many of the domain limits, the first ones, are denominators of either sign.
     """
@@ -69,6 +71,7 @@ class Programs:
     varying_surfaces: tuple[bool, ...]
     crossable: tuple[bool, ...]
     rough: tuple[bool, ...]
+    steep: tuple[bool, ...]
     poles: int
 
 
@@ -84,6 +87,7 @@ def build_programs(
     poles: int = 0,
     crossable: Sequence[bool] = (),
     rough: Sequence[bool] = (),
+    steep: Sequence[bool] = (),
 ) -> Programs:
     """Programs of x' = f(x, u, theta), y = g(x, u, theta).
 
@@ -105,6 +109,8 @@ def build_programs(
         For each jump, which are the first of the surfaces, whether trajectories can cross it.
     rough : sequence of bool
         For each jump and kink, whether f takes a root of what is zero on it; none for nowhere.
+    steep : sequence of bool
+        For each, whether derivatives of f have no bounds there; none for nowhere. Such kinks come before others.
 
     Raises
     ------
@@ -132,7 +138,8 @@ def build_programs(
     state_entries, state_nodes = _entries(graph, f, leaves.x)
     rate_entries, rate_nodes = _entries(graph, f, variables, through)
     output_entries, output_nodes = _entries(graph, g, variables)
-    jump_entries, jump_nodes = _entries(graph, h[:jumps], [*leaves.x, *leaves.theta])
+    watched = jumps + sum(steep[jumps:])
+    jump_entries, jump_nodes = _entries(graph, h[:watched], [*leaves.x, *leaves.theta])
     return Programs(
         rates=schedule(graph, f),
         output=schedule(graph, g),
@@ -141,7 +148,7 @@ def build_programs(
         state_jacobian=schedule(graph, state_nodes),
         rate_jacobian=schedule(graph, f + rate_nodes),
         output_jacobian=schedule(graph, g + output_nodes),
-        jump_jacobian=schedule(graph, h[:jumps] + jump_nodes),
+        jump_jacobian=schedule(graph, h[:watched] + jump_nodes),
         state_entries=state_entries,
         rate_entries=rate_entries,
         output_entries=output_entries,
@@ -151,6 +158,7 @@ def build_programs(
         varying_surfaces=tuple(_reads_any(graph, node, variables) for node in h[: len(sides)]),
         crossable=tuple(crossable),
         rough=tuple(rough) or (False,) * len(sides),
+        steep=tuple(steep) or (False,) * len(sides),
         poles=poles,
     )
 

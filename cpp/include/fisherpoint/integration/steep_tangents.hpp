@@ -1,0 +1,180 @@
+// S beside surfaces where f_x has no bounds, as f takes a root of what is zero there: a flow through an orifice that reverses. f_x
+// grows like t^(e - 1) with the time t to the surface and a power 0 < e < 1, which has an integral. So the last step before such
+// a surface, and the first one behind it, are made of ones that each take a part of what is left of the way. The rest of it, over which S does
+// not change to speak of, is a sum over nodes in the third root of t, where what is added up is smooth.
+//
+// Steps are found from the distance as this trajectory has it, which differs from the states' by their errors: where it meets the
+// surface earlier or later, the step behind it makes up for that.
+#pragma once
+
+#include <array>
+
+#include "fisherpoint/integration/tangents.hpp"
+
+namespace fisherpoint {
+
+// Moves the x and S of Tangents.
+template <class M, class P, class Method>
+class SteepTangents {
+  using Equation = VariationalEquation<M, P>;
+  using State = typename Equation::State;
+  using Side = typename Equation::Side;
+  using Mask = mask_of_lanes<P>;
+  static constexpr int most_steps = 2000;
+  // Shares of what states of their natural sizes make of h: nearer than this rounding counts, or at rest.
+  static constexpr double nearest = 1e-11;
+  static constexpr std::array nodes = {0.0694318442029737, 0.3300094782075719, 0.6699905217924281, 0.9305681557970263};
+  static constexpr std::array weights = {0.1739274225687269, 0.3260725774312731, 0.3260725774312731, 0.1739274225687269};
+
+ public:
+  // Both must outlive the object.
+  SteepTangents(const Equation& equation, Tangents<M, P, Method>& tangents) : f_(equation), to_(tangents) {
+    fit(rate_, f_.states);
+    fit(at_, f_.states);
+  }
+
+  // A step onto the surfaces whose sides differ on the steps behind it, in lanes where `size` is not 0.
+  [[gnu::noinline]] void approach(const P& size, const Side& side, const Side& behind, const P& part) {
+    const Mask lanes = size > P(0.0);
+    if (!any(lanes)) return;
+    P left = size;
+    Met met = look(lanes, side, behind, behind);
+    for (int k = 0; k < most_steps; ++k) {
+      const Mask far = lanes & (met.value > nearest * met.size);
+      if (!any(far)) break;
+      const P distance = -met.value / met.rate;
+      const Mask known = (met.rate < P(0.0)) & ((distance <= 2.0 * left) | (left <= 1e-3 * size));
+      const P step = select(far, part * select(known, distance, left), P(0.0));
+      to_.advance(step, side);
+      left -= step;
+      met = look(lanes, side, behind, behind);
+    }
+    // Where f behind the surface does not move it, it comes to rest.
+    const Mask falls = lanes & (met.rate < P(0.0)) & (met.value > P(0.0));
+    const Mask rests = falls & (abs(met.rate_behind) <= 1e-3 * abs(met.rate));
+    const P rest = select(falls, -met.value / met.rate, P(0.0));
+    for (int i = 0; i < f_.states; ++i) to_.x[i] += rest * met.rates[i];
+    add_up(select(falls & !rests, rest, P(0.0)), -1.0, met.rates, side);
+    if (any(rests)) settle(rests, met);
+    lag_ = select(lanes, left - rest, lag_);
+  }
+
+  // A step off the surfaces whose sides differ on the steps before it.
+  [[gnu::noinline]] void leave(const P& size, const Side& side, const Side& before, const P& part) {
+    const Mask lanes = size > P(0.0);
+    if (!any(lanes)) return;
+    const P whole = select(lanes, max(size + lag_, 1e-6 * size), P(0.0));
+    lag_ = select(lanes, size - whole + lag_, lag_);
+    const Met met = look(lanes, side, before, side);
+    const P reach = nearest * met.size / abs(met.rate);
+    const Mask moves = lanes & (reach < 0.1 * whole);
+    const P first = select(moves, max(reach, 1e-11 * whole), P(0.0));
+    if (any(moves)) {
+      add_up(first, 1.0, met.rates, side);
+      for (int i = 0; i < f_.states; ++i) to_.x[i] += first * met.rates[i];
+    }
+    P done = first;
+    for (int k = 0; k < most_steps; ++k) {
+      const P step = select(moves, min((part / (1.0 - part)) * done, whole - done), whole - done);
+      if (!any(step > P(0.0))) break;
+      to_.advance(step, side);
+      done += step;
+    }
+    const P step = whole - done;
+    if (any(step > P(0.0))) to_.advance(step, side);
+  }
+
+ private:
+  // The surface that a lane meets, as seen from its side: its value and rate, f, and its rate by f on other sides.
+  struct Met {
+    P value{0.0}, rate{0.0}, rate_behind{0.0}, size{0.0};
+    State rates, normal;
+    typename ArraysOf<M, P>::Parameters by_theta;
+  };
+
+  Met look(const Mask& lanes, const Side& side, const Side& other, const Side& behind) {
+    Met met;
+    fit(met.rates, f_.states);
+    fit(met.normal, f_.states);
+    fit(met.by_theta, f_.parameters);
+    met.normal.fill(P(0.0));
+    met.by_theta.fill(P(0.0));
+    State rates_behind;
+    fit(rates_behind, f_.states);
+    to_.rates(to_.x, side, met.rates);
+    to_.rates(to_.x, behind, rates_behind);
+    for_each_index(Count<0>{}, f_.kinks_end, [&](auto m) {
+      if (!f_.dependence.steep(m)) return;
+      const Mask here = lanes & (abs(side[m] - other[m]) > P(0.5));
+      if (!any(here)) return;
+      const auto h = f_.jump(m, to_.x);
+      P rate(0.0), rate_behind(0.0), size(0.0);
+      for_each_index(f_.states, [&](auto i) {
+        rate += h.by_state[i] * met.rates[i];
+        rate_behind += h.by_state[i] * rates_behind[i];
+        size += abs(h.by_state[i]) * (1.0 / f_.inverse_scale(i));
+        met.normal[i] = select(here, h.by_state[i], met.normal[i]);
+      });
+      for_each_index(f_.parameters, [&](auto j) { met.by_theta[j] = select(here, h.by_theta[j], met.by_theta[j]); });
+      met.value = select(here, side[m] * h.value, met.value);
+      met.rate = select(here, side[m] * rate, met.rate);
+      met.rate_behind = select(here, side[m] * rate_behind, met.rate_behind);
+      met.size = select(here, size, met.size);
+    });
+    return met;
+  }
+
+  // Adds what S gains over a time from, or with `sense` -1 up to, where x lies on the surface; x stays there.
+  void add_up(const P& time, double sense, const State& rates, const Side& side) {
+    if (!any(time > P(0.0))) return;
+    ShelfVector<P> gain(to_.s.size(), P(0.0));
+    const State x = to_.x;
+    for (std::size_t n = 0; n < nodes.size(); ++n) {
+      const double share = nodes[n] * nodes[n] * nodes[n], weight = 3.0 * nodes[n] * nodes[n] * weights[n];
+      for (int i = 0; i < f_.states; ++i) at_[i] = x[i] + (sense * share) * time * rates[i];
+      to_.slide_ = false;
+      to_.linearise(at_, side, weight * time, rate_, 0);
+      for_each_index(f_.parameters, [&](auto j) {
+        if (f_.dependence.leader(j) != j) return;
+        for (int k = j; k < f_.parameters; k = f_.dependence.next_alike(k)) {
+          const auto rows = f_.dependence.rows(j);
+          const int start = f_.dependence.column_start[k];
+          for_each_variable(rows, [&](auto i) { at_[i] = to_.s[start + detail::below(rows, i)]; });
+          to_.column_rate(j, k, 0, at_, rate_);
+          for_each_variable(rows, [&](auto i) { gain[start + detail::below(rows, i)] += rate_[i]; });
+        }
+      });
+    }
+    for (std::size_t e = 0; e < gain.size(); ++e) to_.s[e] += select(time > P(0.0), gain[e], P(0.0));
+  }
+
+  // Where h stays zero, whatever theta: S moves along f, such that h_x S = -h_theta.
+  void settle(const Mask& lanes, const Met& met) {
+    P fall(0.0);
+    for_each_index(f_.states, [&](auto i) { fall += met.normal[i] * met.rates[i]; });
+    Pivot<M, P> pivot;
+    pivot.fit_to(f_);
+    pivot.choose(f_, lanes, met.normal, met.rates);
+    for (int j = 0; j < f_.parameters; ++j) {
+      P* const column = &to_.s[f_.dependence.column_start[j]];
+      P shift = met.by_theta[j];
+      to_.for_each_row(j, [&](int i, int at) { shift += met.normal[i] * column[at]; });
+      const P share = select(lanes, shift / fall, P(0.0));
+      to_.for_each_row(j, [&](int i, int at) { column[at] -= met.rates[i] * share; });
+    }
+    for_each_index(f_.parameters, [&](auto j) {
+      P* const column = &to_.s[f_.dependence.column_start[j]];
+      const auto rows = f_.dependence.rows(j);
+      pivot.close(
+          met.normal, met.by_theta[j], [&](auto&& use) { for_each_variable(rows, use); },
+          [&](auto i) -> P& { return column[detail::below(rows, i)]; });
+    });
+  }
+
+  const Equation& f_;
+  Tangents<M, P, Method>& to_;
+  P lag_{0.0};  // by how much later, or earlier, the surface was met
+  State rate_, at_;
+};
+
+}  // namespace fisherpoint
