@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,9 @@ from fisherpoint.design.runs import run_clock
 from fisherpoint.design.runs.run_objective import RunObjective
 from fisherpoint.design.runs.run_profiles import RETURNING
 from fisherpoint.design.runs.run_search import RunSearch
-from fisherpoint.design.runs.run_tables import divided
+from fisherpoint.design.runs.run_tables import divided, runs_tables
 from fisherpoint.design.runs.run_tidy import tidied
-from fisherpoint.show.section import Section
+from fisherpoint.show.section import Report, Section
 from fit_cases import EXAMPLES
 
 FEW: dict[str, Any] = {"n_starts": 1, "n_candidates": 40}
@@ -181,15 +182,40 @@ def test_rounding_keeps_what_the_region_says() -> None:
     assert same == runs
 
 
-def test_tables_of_runs_fit_into_a_line() -> None:
+def test_holds_of_inputs_name_their_segments() -> None:
     problem = fp.load_problem(EXAMPLES / "cylinder_runs.toml")
     assert isinstance(problem.region, fp.RunRegion)
     problem = problem.replace(region=fp.RunRegion(problem.region.bounds, 6))
     design = fp.design_runs(problem, confidence=None, **FEW)
     (held,) = (section for section in design.report().sections if section.title == "Inputs that are held")
     assert held.rows[0][1].startswith("1") and sum(int(row[-1]) for row in held.rows) == 6
-    tables = [line for line in str(design).splitlines() if line.startswith("  ") and not line.strip()[0].isupper()]
-    assert max(map(len, tables)) <= 80 or not [line for line in tables if len(line) > 80 and line.split()[0].isdigit()]
+    widths = [len(line) for section in design.report().sections if section.columns for line in lines_of(section)]
+    assert max(widths) <= 80
+
+
+def lines_of(section: Section) -> list[str]:
+    """The table of a section with its title, without its notes."""
+    return str(Report("", [replace(section, notes=())])).splitlines()
+
+
+def test_tables_of_runs_fit_into_a_line() -> None:
+    """Seven inputs and twelve states with long names and units, values of any size."""
+    inputs = {f"flow_of_the_cooling_water_{i}": "kg m/(m2 s3)" for i in range(7)}
+    states = {f"pressure_in_the_chamber_{i}": "N/m2" for i in range(12)}
+    model = fp.SymbolicModel(
+        f=[f"gain*({'+'.join(inputs)}) - rate*{name}" for name in states], g=["pressure_in_the_chamber_0"], states=states,
+        inputs=inputs, outputs={"y": "N/m2"}, parameters={"gain": "1", "rate": "1/s"},
+    )  # fmt: skip
+    rng = np.random.default_rng(0)
+    signed = (rng.standard_normal(shape) * 10.0 ** rng.uniform(-15, 15, shape) for shape in ((3, 12), (3, 30, 7)))
+    runs = fp.Runs(*signed, rng.random((3, 30)) * 1e5)
+    sections = list(runs_tables(model, runs, 1))
+    assert max(len(line) for section in sections for line in lines_of(section)) <= 80
+    held = [section for section in sections if section.title.startswith("Inputs that are held")]
+    assert len(held) > 3 and all(tuple(section.columns[:2]) == ("run", "segments") for section in held)
+    shown = [name for section in sections for name in section.columns]
+    assert all(sum(one.startswith(name) for one in shown) == 2 for name in inputs)
+    assert all(sum(one.startswith(f"{name} ") for one in shown) == 1 for name in states)
 
 
 def test_a_wide_table_is_divided() -> None:

@@ -106,7 +106,7 @@ def run_report(design: Reported) -> Report:
     )
     inner = design.evaluation.report()
     plants = plants_sections(design.feasibility, design.settings.confidence)
-    over = over_sections(design, maximised(design))
+    over = [part for one in over_sections(design, maximised(design)) for part in (divided(one) if one.columns else [one])]
     facts = list(facts_asked(design))
     asked = [Section("Asked for", (), facts)] if facts else []
     parameter_table, *criterion = inner.sections

@@ -34,11 +34,11 @@ def runs_tables(model: Model, runs: Runs, n_kept: int) -> Iterator[Section]:
         starts.append([str(k + 1), *(number(value) for value in runs.x0[k])])
     notes = [f"... and {len(runs) - ROWS} more"] if len(runs) > ROWS else []
     notes += kept_note("Run", n_kept)
-    title = "Runs: start, hold the inputs of each segment, sample at the ends that are measured"
-    yield from divided(Section(title, columns, rows, notes=notes))
+    notes.append("A run starts, holds the inputs of each segment, and is sampled at the ends that are measured.")
+    yield from divided(Section("Runs", columns, rows, notes=notes))
     yield from divided(Section("Starts", ["run", *(f"{q.name} [{q.unit}]" for q in model.states)], starts))
     if model.inputs:
-        yield from divided(_held(model, runs))
+        yield from divided(_held(model, runs), keys=2)
 
 
 def _held(model: Model, runs: Runs) -> Section:
@@ -81,18 +81,23 @@ def segments_table(model: Model, runs: Runs, title: str = "Segments of the runs"
     return Section(title, columns, rows, notes=notes)
 
 
-def divided(section: Section) -> Iterator[Section]:
-    """A table as some that fit into a line, each with the first column."""
+def divided(section: Section, keys: int = 1) -> Iterator[Section]:
+    """A table as some that fit into a line, each with the first columns, which say what its rows are about.
+
+    A single column that does not fit beside these stays as it is.
+    """
     sizes = [max(len(row[i]) for row in (section.columns, *section.rows)) for i in range(len(section.columns))]
-    groups: list[list[int]] = [[]]
-    for place in range(1, len(sizes)):
-        if groups[-1] and sum(sizes[i] + 2 for i in (0, *groups[-1], place)) > WIDTH:
-            groups.append([])
-        groups[-1].append(place)
+    first = list(range(keys))
+    groups: list[list[int]] = [first]
+    for place in range(keys, len(sizes)):
+        if len(groups[-1]) > keys and sum(sizes[i] + 2 for i in (*groups[-1], place)) > WIDTH:
+            groups.append(first)
+        groups[-1] = [*groups[-1], place]
     for k, group in enumerate(groups):
         title, notes = section.title if k == 0 else f"{section.title}, continued", section.notes if k == len(groups) - 1 else ()
-        yield Section(title, _some(section.columns, group), [_some(row, group) for row in section.rows], notes=notes)
+        rows = [_some(row, group) for row in section.rows]
+        yield Section(title, _some(section.columns, group), rows, section.marked, notes)
 
 
 def _some(row: Sequence[str], places: list[int]) -> list[str]:
-    return [row[i] for i in (0, *places)]
+    return [row[i] for i in places]
