@@ -213,7 +213,7 @@ def test_a_model_without_nominal_values_wants_a_start() -> None:
         ({"start": {"kk": 1.0}}, "start: expected names of c_0, k; given unknown 'kk'"),
         ({"parameters": ["kk"]}, "parameters: expected names of c_0, k; given unknown 'kk'"),
         ({"noise_std": {"d": 1.0}}, "noise_std: expected names of c; given unknown 'd'"),
-        ({"noise_std": {}}, "noise_std: expected a value for 'c'"),
+        ({"noise_std": {}}, "noise_std: expected at least one of c; given none"),
         ({"bounds": {"kk": (0, 1)}}, "bounds: expected names of c_0, k; given unknown 'kk'"),
         ({"prior": fp.GaussianPrior({"kk": 1.0}, {"kk": 1.0})}, "prior: expected names of c_0, k; given unknown 'kk'"),
     ],

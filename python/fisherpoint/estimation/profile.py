@@ -27,7 +27,8 @@ from ..show.progress import Step, check_progress, following
 from ..show.section import Report, Section
 from .least_squares import CONVERGED, NOT_EVALUABLE, Accuracy, Residuals, minimise
 from .precision import Precision
-from .profile_curve import BOUND, FAILED, FOUND, OPEN, ProfileCurve
+from .profile_curve import BOUND, FOUND, OPEN, ProfileCurve
+from .profile_sides import FINEST, Minimum, Side, refine, walk
 from .statistics import FitStatistics
 from .unknown_noise import (
     MAX_ROUNDS,
@@ -44,18 +45,6 @@ from .weighting import WeightedResiduals
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-
-STEPS = 6
-"""Values between the estimate and an end, about."""
-
-FAR = 1e4
-"""Distance, in half linear intervals, up to which an end is looked for."""
-
-PRECISE = 1e-7
-"""Error of the root of the deviance at an end, as a share of the threshold's."""
-
-FINEST = 1e-10
-"""Width of what is left around an end, in half linear intervals, from which on no more is told."""
 
 EVALUATIONS = 5
 """Of least squares with the same weights, which then are taken anew."""
@@ -142,7 +131,7 @@ def profile_of(
     limits = (float(unknowns.lower[j]), float(unknowns.upper[j]))
     reach = spread * float(np.sqrt(threshold))
     finest = max(FINEST * reach, AT * float(unknowns.spacing(z)[j]))
-    sides = [_Side(z, tangent, j, sign, reach, limit, finest) for sign, limit in zip((-1, 1), limits, strict=True)]
+    sides = [Side(z, tangent, j, sign, reach, limit, finest) for sign, limit in zip((-1, 1), limits, strict=True)]
     started = perf_counter()
 
     def step(now: ProfileProgress) -> Step:
@@ -150,8 +139,8 @@ def profile_of(
 
     with following(progress, f"profile of {name}", step, counted=False) as told:
         heard = held if told is None else _heard(held, told, started)
-        _walk(sides, heard, threshold)
-        _refine(sides, heard, threshold)
+        walk(sides, heard, threshold)
+        refine(sides, heard, threshold)
 
     points = [*sides[0].points[:0:-1], *sides[1].points]
     at = np.array([point.z for point in points])
@@ -180,12 +169,7 @@ def profile_of(
 # The minimum over the other unknowns
 
 
-_Minimum = Callable[[Array], tuple[Array, Array, NDArray[np.bool_]]]
-"""From coordinates (B, P), of which the profiled one stays: where the minimum over the others is, its deviance, or inf, and whether
-the search came to it; one that did not leaves the deviance too large."""
-
-
-def _heard(held: _Minimum, told: Callable[[ProfileProgress], None], started: float) -> _Minimum:
+def _heard(held: Minimum, told: Callable[[ProfileProgress], None], started: float) -> Minimum:
     """The same, which tells of every value."""
     values = 0
 
@@ -235,7 +219,7 @@ def _minimum(
     return np.insert(found.z, j, z[:, j], axis=1), cost, found.end == CONVERGED
 
 
-def _held_minimum(fit: FitStatistics, j: int) -> _Minimum:
+def _held_minimum(fit: FitStatistics, j: int) -> Minimum:
     if not fit.noise_known:
         return _held_likelihood(fit, j)
     least = 0.5 * np.square(fit.weighted(fit.z[None], np.zeros(1, dtype=np.intp))[0]).sum()
@@ -247,7 +231,7 @@ def _held_minimum(fit: FitStatistics, j: int) -> _Minimum:
     return deviance
 
 
-def _held_likelihood(fit: FitStatistics, j: int) -> _Minimum:
+def _held_likelihood(fit: FitStatistics, j: int) -> Minimum:
     """The minimum of log det of (10), by least squares weighted with the residual covariance of the minimum before."""
     problem, measured = fit.weighted, fit.weighted.measured
     keep = _kept(fit)
@@ -304,99 +288,3 @@ def _threshold(fit: FitStatistics, j: int, level: float) -> float:
     degrees = fit.quantile_degrees_of_freedom[fit.parameters[j]]
     squared = float(t.ppf(0.5 + level / 2, degrees) ** 2)
     return ratio * (degrees * float(np.log1p(squared / degrees)) if np.isfinite(degrees) else squared)
-
-
-# The two ends
-
-
-class _Point(NamedTuple):
-    z: Array  # (P,)
-    deviance: float
-    converged: bool
-
-
-class _Side:
-    """The values on one side of the estimate, outward, and where that side ends."""
-
-    def __init__(self, z: Array, tangent: Array, j: int, sign: int, reach: float, limit: float, finest: float) -> None:
-        self.points, self.how = [_Point(z, 0.0, True)], ""
-        self.tangent, self.j, self.limit = tangent, j, limit
-        self.step, self.least, self.farthest = sign * reach / STEPS, 1e-6 * reach, FAR * reach
-        self.finest = finest
-        self.end = z
-
-    @property
-    def last(self) -> _Point:
-        return self.points[-1]
-
-    def guess(self) -> Array:
-        """The next coordinates (P,): the profiled one a step further, the others as they went before."""
-        z, before = self.last.z, self.points[-2].z if len(self.points) > 1 else None
-        along = self.tangent if before is None else (z - before) / (z[self.j] - before[self.j])
-        at = np.clip(z[self.j] + self.step, *sorted((z[self.j], self.limit)))
-        guess: Array = z + along * (at - z[self.j])
-        guess[self.j] = at
-        return guess
-
-    def take(self, point: _Point, threshold: float) -> None:
-        """Add the point, choose the next step from the rise of the deviance's root, and see whether this side has ended."""
-        if not np.isfinite(point.deviance):
-            self.step /= 2
-            if abs(self.step) < self.least:
-                self.how, self.end = FAILED, self.last.z
-            return
-        rise = np.sqrt(max(point.deviance, 0.0)) - np.sqrt(max(self.last.deviance, 0.0))
-        wanted = np.sqrt(threshold) / STEPS
-        self.step *= 2.0 if rise < wanted / 2 else float(np.clip(wanted / rise, 0.25, 2.0))
-        start = self.points[0].z[self.j]
-        self.points.append(point)
-        if point.deviance >= threshold:
-            self.how = FOUND
-        elif point.z[self.j] == self.limit:
-            self.how, self.end = BOUND, point.z
-        elif abs(point.z[self.j] - start) > self.farthest:
-            self.how, self.end = OPEN, point.z
-
-
-def _walk(sides: list[_Side], held: _Minimum, threshold: float, most: int = 200) -> None:
-    """Go outward on both sides together, each value from the one before."""
-    for side in sides:
-        if side.points[0].z[side.j] == side.limit:
-            side.how = BOUND
-    for _ in range(most):
-        going = [side for side in sides if not side.how]
-        if not going:
-            return
-        for side, *found in zip(going, *held(np.array([side.guess() for side in going])), strict=True):
-            side.take(_Point(found[0], float(found[1]), bool(found[2])), threshold)
-    for side in sides:
-        side.how, side.end = side.how or OPEN, side.end if side.how else side.last.z
-
-
-def _refine(sides: list[_Side], held: _Minimum, threshold: float, most: int = 60) -> None:
-    """Find where the root of the deviance meets that of the threshold, by Illinois' variant of the false position on both sides."""
-    root = np.sqrt(threshold)
-    open_ = [side for side in sides if side.how == FOUND]
-    inner = {side: (side.points[-2], np.sqrt(max(side.points[-2].deviance, 0.0)) - root) for side in open_}
-    outer = {side: (side.points[-1], np.sqrt(side.points[-1].deviance) - root) for side in open_}
-    for _ in range(most):
-        if not open_:
-            return
-        guesses = []
-        for side in open_:
-            (a, low), (b, high) = inner[side], outer[side]
-            guesses.append(a.z + (b.z - a.z) * (-low / (high - low)))
-        for side, at, value, converged in zip(list(open_), *held(np.array(guesses)), strict=True):
-            point = _Point(at, float(value), bool(converged))
-            miss = np.sqrt(max(point.deviance, 0.0)) - root if np.isfinite(value) else np.inf
-            near, far = inner[side], outer[side]
-            if abs(miss) <= PRECISE * root or abs(far[0].z[side.j] - near[0].z[side.j]) <= side.finest:
-                side.end = at
-                side.points.insert(-1, point)
-                open_.remove(side)
-            elif miss < 0:
-                inner[side], outer[side] = (point, miss), (far[0], far[1] / 2)
-            else:
-                inner[side], outer[side] = (near[0], near[1] / 2), (point, miss)
-    for side in open_:
-        side.end = inner[side][0].z

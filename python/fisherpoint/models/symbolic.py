@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import copy
 import warnings
-from collections.abc import Hashable, Iterable, Mapping, Sequence, Set
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any
 
 import sympy
 
-from ..basics.checks import as_sequence, check_flag, check_known
-from ..basics.messages import listed, shown
+from ..basics.checks import check_flag, check_known
 from ..basics.quantity import Quantity, names_of
 from ..basics.values import Array, FrozenMapping
 from ..engine import _core
@@ -21,7 +20,8 @@ from .clock import ClockedCore, ClockedKernels, clock_names, clock_quantity, wit
 from .compiled import compiled_model
 from .dependence import Dependence
 from .dimensions import mistakes_in_units, plain_rate_of, rate_of, stated
-from .expressions import checked, symbol
+from .expressions import symbol
+from .given_equations import check_count, condition_of, equation_of, limits_of, listed_equations
 from .model_text import latex, model_text
 from .quantities import Described, DescribedModel, check_counts, start_offsets
 from .surfaces.domain import MOST
@@ -31,8 +31,6 @@ from .tape.defined import value_of
 from .tape.parts import replaced, symbols_of
 from .tape.program import Program, to_core
 from .tape.programs import LIMIT
-from .terms import Term
-from .text import parse_equation, parse_limit
 from .toml_text import equations_toml
 
 TOLD = 5
@@ -92,7 +90,7 @@ class SymbolicModel(DescribedModel):
         offsets: Mapping[str, str] | None = None,
         check_units: bool = True,
     ) -> None:
-        given_f, given_g, given_domain = _listed(f, "f"), _listed(g, "g"), _listed(domain, "domain")
+        given_f, given_g, given_domain = listed_equations(f, "f"), listed_equations(g, "g"), listed_equations(domain, "domain")
         if outputs is None:
             outputs = {"y": "1"} if len(given_g) == 1 else {f"y_{i + 1}": "1" for i in range(len(given_g))}
         check_counts(LIMIT, states=states, inputs=inputs, parameters=parameters, outputs=outputs, constants=constants)
@@ -102,21 +100,22 @@ class SymbolicModel(DescribedModel):
         for kind in ("states", "parameters"):
             if len(getattr(self, kind)) > LIMIT:
                 raise ValueError(f"{kind}: expected at most {LIMIT}, given {len(getattr(self, kind))}")
-        _check_count(given_f, "f", self.states)
-        _check_count(given_g, "g", self.outputs)
-        self.along, self.offsets = tuple(_listed(along, "along")), FrozenMapping(offsets or {})
+        check_count(given_f, "f", self.states)
+        check_count(given_g, "g", self.outputs)
+        self.along, self.offsets = tuple(listed_equations(along, "along")), FrozenMapping(offsets or {})
         for place, many in (("domain", given_domain), ("along", self.along)):
             if len(many) > MOST:
                 raise ValueError(f"{place}: expected at most {MOST} conditions, given {len(many)}")
         symbols = {quantity.name: symbol(quantity.name) for quantities in self._quantities() for quantity in quantities}
         times = clock_names(symbols) if self.states else []
         clocks = {name: symbol(times[0]) for name in times}
-        rates = [_equation(e, symbols, f"equations.{q.name}", clocks) for e, q in zip(given_f, self.states, strict=True)]
-        output = [_equation(e, symbols, self._place_of(q), clocks) for e, q in zip(given_g, self.outputs, strict=True)]
-        conditions = [_condition(e, symbols, f"domain[{i}]", clocks) for i, e in enumerate(given_domain)]
+        rates = [equation_of(e, symbols, f"equations.{q.name}", clocks) for e, q in zip(given_f, self.states, strict=True)]
+        output = [equation_of(e, symbols, self._place_of(q), clocks) for e, q in zip(given_g, self.outputs, strict=True)]
+        conditions = [condition_of(e, symbols, f"domain[{i}]", clocks) for i, e in enumerate(given_domain)]
         read = set().union(*map(symbols_of, (*rates, *output, *conditions)))
         self.clock = next((clock for clock in clocks.values() if clock in read), None)
-        limits_along = self._limits_along(symbols)
+        moving = {symbols[q.name] for q in (*self.states, *self.inputs)}
+        limits_along = limits_of(self.along, symbols, self.offsets, moving)
         self._check_outputs(output, symbols)
         of = {kind: tuple(symbols[q.name] for q in getattr(self, kind)) for kind in ("states", "inputs", "parameters")}
         values = {symbols[n]: v for n, v in self.constants.items()}
@@ -266,7 +265,11 @@ class SymbolicModel(DescribedModel):
         reaches one ends there as `Status.left_domain`, also between two samples. A compiled model is compiled again.
         """
         limited = self._changed(
-            self.texts, self.parameters, self._given_constants, self.nominal, along=(*self.along, *_listed(limits, "along"))
+            self.texts,
+            self.parameters,
+            self._given_constants,
+            self.nominal,
+            along=(*self.along, *listed_equations(limits, "along")),
         )
         return limited.compile() if self.compiled else limited
 
@@ -302,21 +305,6 @@ class SymbolicModel(DescribedModel):
             name=self.name,
             check_units=False,
         )
-
-    def _limits_along(self, symbols: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
-        """Each limit along the way, by its text, as expressions that must stay positive."""
-        shift = {symbols[state]: symbols[state] + symbols[offset] for offset, state in self.offsets.items()}
-        moving = {symbols[q.name] for q in (*self.states, *self.inputs)}
-        found = []
-        for i, text in enumerate(self.along):
-            place = f"along[{i}]"
-            conditions = parse_limit(text, symbols, place)
-            told = [condition for condition in conditions if condition.free_symbols & moving]
-            # Of max(x, v) - min(x, v) < 1, some of the cases are 0 < 1.
-            if not told or not all(condition in told or condition.is_positive for condition in conditions):
-                raise ValueError(f"{place}: expected a limit of states or inputs, given {shown(text)}")
-            found += [(text, replaced(condition, shift)) for condition in told]
-        return tuple(found)
 
     def _changed(
         self,
@@ -385,38 +373,3 @@ class SymbolicModel(DescribedModel):
 
     def _repr_latex_(self) -> str:
         return latex(self.equations, names_of(self.outputs))
-
-
-def _listed(given: Any, place: str) -> list[Any]:
-    """The equations of a matrix, a sequence, or one alone."""
-    if given is None:
-        return []
-    if isinstance(given, sympy.MatrixBase):
-        return list(given.flat())
-    if isinstance(given, str | sympy.Basic | Term):
-        return [given]
-    if isinstance(given, Mapping) or not isinstance(given, Iterable):
-        raise TypeError(f"{place}: expected a sequence of equations, given {shown(given)}")
-    if isinstance(given, Set):
-        raise TypeError(f"{place}: expected equations in an order, given {shown(given)}")
-    return list(as_sequence(given, place, "equations"))
-
-
-def _check_count(given: list[Any], place: str, quantities: tuple[Quantity, ...]) -> None:
-    if len(given) != len(quantities):
-        one_for_each = f", one for each of {listed(names_of(quantities))}" if quantities else ""
-        raise ValueError(f"{place}: expected {len(quantities)} equations{one_for_each}; given {len(given)}")
-
-
-def _equation(given: Any, symbols: Mapping[str, Any], place: str, clocks: Mapping[str, Any]) -> Any:
-    read = parse_equation if isinstance(given, str) else checked
-    return read(given, symbols, place, clocks)
-
-
-def _condition(given: Any, symbols: Mapping[str, Any], place: str, clocks: Mapping[str, Any]) -> Any:
-    given = given.expression if isinstance(given, Term) and not given.lost else given
-    if isinstance(given, sympy.StrictGreaterThan | sympy.GreaterThan):
-        given = given.lhs - given.rhs
-    elif isinstance(given, sympy.StrictLessThan | sympy.LessThan):
-        given = given.rhs - given.lhs
-    return _equation(given, symbols, place, clocks)
