@@ -67,10 +67,12 @@ def test_derivatives_are_differences(name: str, kind: str) -> None:
             found = asked.slope(mean_of(matrices, changed), share, size)
             return found.smooth if asked.kinked else found.log_phi
 
-        gradient, hessian = at.along(matrices), at.curvature(matrices)
+        gradient, hessian = at.along(matrices), None if asked.kinked else at.curvature(matrices)
         for k in range(6):
             more, less = w + step * np.eye(6)[k], w - step * np.eye(6)[k]
             assert gradient[k] == pytest.approx((smooth(more) - smooth(less)) / (2 * step), rel=1e-5, abs=1e-6)
+            if hessian is None:
+                continue
             slopes = [asked.slope(mean_of(matrices, one), share, at.size).along(matrices) for one in (more, less)]
             np.testing.assert_allclose(
                 hessian[k], (slopes[0] - slopes[1]) / (2 * step), rtol=2e-4, atol=2e-4 * np.abs(hessian).max()

@@ -67,7 +67,6 @@ class AveragedSlope(Slope):
 
     parts: tuple[Slope, ...] = ()
     counted: tuple[float, ...] = ()
-    capped: tuple[bool, ...] = ()
 
 
 class Averaged(Criterion):
@@ -122,23 +121,13 @@ class Averaged(Criterion):
         q, unit = counts / len(values), exact if size is None else float(np.log(size))
         factor = float(np.exp(smooth - unit)) if self.kinked else 1.0  # of the derivative of the smoothed phi, in units of `size`
         half = joined([np.sqrt(factor * one) * part.half for one, part in zip(q, parts, strict=True)])
-        capped = tuple((q >= self.average.most * (1 - 1e-9)).tolist())
         own = tuple((factor * q).tolist())
-        return AveragedSlope(
-            self, half, exact, np.zeros(0), softness, factor, float(np.exp(unit)), parts=parts, counted=own, capped=capped
-        )
+        return AveragedSlope(self, half, exact, np.zeros(0), softness, factor, float(np.exp(unit)), parts=parts, counted=own)
 
     def _curvature(self, slope: Slope, matrices: Array) -> Array:
-        assert isinstance(slope, AveragedSlope)
-        blocks, q = self.blocks(matrices), np.array(slope.counted)
-        curvature = sum(one * part.curvature(block) for one, part, block in zip(q, slope.parts, blocks, strict=True))
-        if not self.kinked:
-            return np.asarray(curvature)
-        along = np.stack([part.along(block) for part, block in zip(slope.parts, blocks, strict=True)])
-        free, total = ~np.array(slope.capped), q @ along
-        moving = q[free] @ along[free]
-        turns = (along[free] * q[free, None]).T @ along[free] - np.outer(moving, moving) / max(float(q[free].sum()), 1e-300)
-        return np.asarray(curvature - turns / slope.share + np.outer(total, total) / slope.smooth)
+        assert isinstance(slope, AveragedSlope) and not self.kinked  # what counts moves there: see `inner.OfScenarios`
+        each = zip(slope.counted, slope.parts, self.blocks(matrices), strict=True)
+        return np.asarray(sum(one * part.curvature(block) for one, part, block in each))
 
     def within(self, estimable: Estimable) -> Averaged:
         assert isinstance(estimable, EstimableOver)
