@@ -114,7 +114,7 @@ def test_an_interrupted_search_plans_nothing(monkeypatch: pytest.MonkeyPatch, tm
     with pytest.raises(KeyboardInterrupt):
         campaign.next(progress=interrupt)
     with monkeypatch.context() as patch:
-        patch.setattr(RunSearch, "_followed", interrupt)
+        patch.setattr(RunSearch, "_climb", interrupt)
         with pytest.raises(KeyboardInterrupt):
             campaign.next()
     assert campaign.planned is None and [path.name for path in tmp_path.iterdir()] == ["campaign.json"]

@@ -62,7 +62,8 @@ def design_runs(
     """Find the runs with the largest det F, or the best by another criterion, that enough of the prior's plants can run.
 
     Random runs with the usual profiles of inputs are exchanged for each other, then all free numbers of all runs are improved
-    together by a Gauss-Newton ascent, and by single changes (docs/explanation/runs.md).
+    together by a Gauss-Newton ascent, and by single changes. Where that is much work, starts race: all get some of it, and the
+    best go on (docs/explanation/runs.md).
 
     Parameters
     ----------
@@ -84,7 +85,8 @@ def design_runs(
     time_limit : float, optional
         Seconds after which the search returns what it has, a safety net. The work is set by `n_starts` and `n_candidates`.
     progress : bool or callable, optional
-        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `RunProgress` after each start.
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `RunProgress` after each turn
+        of a start.
     previous : Measurements, Experiments, Runs, a design, or a sequence of these, optional
         What is already measured, or planned: its information counts beside that of the runs.
     keep : Runs or RunDesign, optional

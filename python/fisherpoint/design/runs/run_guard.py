@@ -60,8 +60,8 @@ class RunGuard:
 
     Attributes
     ----------
-    first, margin : float
-        The distance to begin with, in standard deviations, and what an earlier start has come to.
+    first : float
+        The distance to begin with, in standard deviations.
     most : float
         The share of the plants that may fail. Fewer than were allowed, as runs are chosen by these plants, and as the plants that
         judge the design in the end are others.
@@ -75,7 +75,6 @@ class RunGuard:
         c = SIGMAS**2 / DRAWS
         self.most = 1.0 if confidence is None else float((may + c / 2 - np.sqrt(c * (c / 4 + may * (1 - may)))) / (1 + c))
         self.first = 0.0 if confidence is None else max(0.0, NORMAL.inv_cdf(confidence))
-        self.margin = self.first
 
     def share(self, runs: Runs) -> float:
         """The share of the plants that can run a design; of the first of them, where too few of these can."""
@@ -114,7 +113,6 @@ class Margin:
     ----------
     objective : RunObjective
     guard : RunGuard
-        Its `margin` is set to each new distance.
     """
 
     def __init__(self, objective: RunObjective, guard: RunGuard) -> None:
@@ -149,6 +147,6 @@ class Margin:
             self._low, self._high = 0.0, np.inf  # the runs have moved since
         if abs(wanted - kappa) < 0.5 * LEAST_CHANGE:
             return False
-        objective.kappa = guard.margin = wanted
+        objective.kappa = wanted
         self._changes += 1
         return True

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
+from ...information.run_tangents import RunTangents
 from ...points.run_region import RunCoordinates
 from .run_objective import RunObjective
 
@@ -19,8 +20,8 @@ MOST_SINGLE, MOST_SWAPS, MOST_BLOCKS = 800, 300, 200
 """Changes of each kind; where there were more, a random choice of them."""
 
 
-AT_ONCE, MOST_PARTS = 256, 12
-"""Changes that are tried, in random order, before the best of them is made if it gains; and how often, for each run."""
+AT_ONCE, MOST_GAINS = 256, 12
+"""Changes that are tried, in random order, before the best of them is made if it gains; and how many are made of each run."""
 
 FEW, CHANGES = 48, 2
 """Changes of which a hop takes the best, whether it gains or not; and how many it makes of each run."""
@@ -42,29 +43,36 @@ def best_moves(
     judged = objective.judged(objective.tried(z, selected))
     total, paid = judged.matrices.sum(axis=0) + objective.previous, float(judged.costs.sum())
     for k in range(len(z)):
-        own = judged.some([k])
-        left = np.empty((0, z.shape[1]))
-        for _ in range(MOST_PARTS):
-            if not len(left):
-                left = moved_runs(objective.coordinates, z[k], rng, others)
-                left = left[rng.permutation(len(left))]
+        own, gains, base = judged.some([k]), 0, _along(objective, z, k, selected)
+        left = _in_turn(objective.coordinates, z[k], rng, others)
+        while len(left) and gains < MOST_GAINS:
             trial, left = left[:AT_ONCE], left[AT_ONCE:]
-            if not len(trial):
-                break
             rows = None if selected is None else np.repeat(selected[k : k + 1], len(trial), axis=0)
-            tried = objective.judged(objective.tried(trial, rows))
+            runs = objective.tried(trial, rows)
+            tried = objective.judged(runs) if base.status.any() else objective.judged_beside(base, runs)
             values = objective.averages(total - own.matrices[0] + tried.matrices) - (paid - own.costs[0] + tried.costs)
             values = np.where(tried.ok, values, -np.inf)
             m = int(np.argmax(values))
             if values[m] > value + least:
-                z, value, left = z.copy(), float(values[m]), left[:0]
+                z, value, gains = z.copy(), float(values[m]), gains + 1
                 z[k] = trial[m]
                 total = total - own.matrices[0] + tried.matrices[m]
                 paid += float(tried.costs[m] - own.costs[0])
-                own = tried.some([m])
-            elif not len(left):
-                break  # all of them were tried
+                own, base = tried.some([m]), _along(objective, z, k, selected)
+                left = _in_turn(objective.coordinates, z[k], rng, others)
     return z, value
+
+
+def _along(objective: RunObjective, z: Array, k: int, selected: NDArray[np.bool_] | None) -> RunTangents:
+    """Of one run, from which others go on that are the same up to some segment."""
+    run = objective.tried(z[k : k + 1], None if selected is None else selected[k : k + 1])
+    return objective.tangents(run, outputs_alone=False)
+
+
+def _in_turn(coordinates: RunCoordinates, z: Array, rng: np.random.Generator, others: Array) -> Array:
+    """All changes of a run, in random order."""
+    moved = moved_runs(coordinates, z, rng, others)
+    return moved[rng.permutation(len(moved))]
 
 
 def hopped(objective: RunObjective, z: Array, selected: NDArray[np.bool_] | None, others: Array, rng: np.random.Generator) -> Array:
@@ -83,14 +91,14 @@ def hopped(objective: RunObjective, z: Array, selected: NDArray[np.bool_] | None
 def moved_runs(coordinates: RunCoordinates, z: Array, rng: np.random.Generator, others: Array | None = None) -> Array:
     """Free numbers (M, d) of runs that differ from z (d,) by one change; what runs share stays.
 
-    A number goes to another value; two segments swap theirs, or a profile is shifted or turned round; a block of segments gets one
-    value, or is that of one of `others` (K, d).
+    A number goes to another value; two segments swap theirs, or a profile is shifted or turned round; a hold takes the value of the
+    one beside it; a block of segments gets one value, or is that of one of `others` (K, d).
     """
     moved = _single(coordinates, z)
     found = [_some(moved, MOST_SINGLE, rng)]
     for _, where in coordinates.inputs:
         if not coordinates.shared[where].any():
-            found += [_swaps(z, where, rng), _shifts(z, where), _blocks(z, where, rng)]
+            found += [_swaps(z, where, rng), _shifts(z, where), _merges(z, where), _blocks(z, where, rng)]
             if others is not None and len(others):
                 found.append(_parts(z, where, others, rng))
     return np.concatenate(found)
@@ -128,6 +136,16 @@ def _shifts(z: Array, where: slice) -> Array:
         moved[k, where] = np.roll(z[where], k)
         moved[n + k, where] = np.roll(z[where], k)[::-1]
     return moved[1:]
+
+
+def _merges(z: Array, where: slice) -> Array:
+    values = z[where]
+    edges = [0, *(np.flatnonzero(np.diff(values)) + 1).tolist(), len(values)]
+    moved = np.tile(z, (2 * (len(edges) - 2), 1))
+    for k, (first, between, stop) in enumerate(zip(edges, edges[1:], edges[2:], strict=False)):
+        moved[2 * k, where][first:between] = values[between]
+        moved[2 * k + 1, where][between:stop] = values[first]
+    return moved
 
 
 def _blocks(z: Array, where: slice, rng: np.random.Generator) -> Array:

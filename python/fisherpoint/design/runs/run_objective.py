@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...basics.values import Array, IntArray
 from ...information.problem import DesignProblem
 from ...information.run_information import information_matrices
-from ...information.run_tangents import RunTangents, run_tangents
+from ...information.run_tangents import RunTangents, run_tangents, tangents_from
 from ...points.run_region import RunCoordinates
 from ...points.run_trajectories import checked_run_trajectories
 from ...points.runs import Runs
@@ -123,6 +123,25 @@ class RunObjective:
             return self._judged(self.tangents(runs[some], threads=1), len(runs[some]))
 
         return Judged.join(self.in_parts(part, len(runs)))
+
+    def judged_beside(self, base: RunTangents, runs: Runs) -> Judged:
+        """What runs are worth that differ little from one run, whose tangents with all states are known.
+
+        Each is computed from the segment on where it differs; those that differ about there share the lanes of a pack.
+        """
+        differ = runs.first_difference(base.runs, np.zeros(len(runs), dtype=np.intp))
+        order = np.argsort(differ, kind="stable")
+        runs = runs[order]
+
+        def part(some: slice) -> Judged:
+            own = runs[some]
+            many, theta = self.on_plants(own)
+            lanes = np.repeat(np.arange(len(self.plants)), len(own))
+            settings = (*self.settings[:4], 1)
+            there = tangents_from(self.problem, base, lanes, many, theta, settings, outputs_alone=not self.costly)
+            return self._judged(there, len(own))
+
+        return Judged.join(self.in_parts(part, len(runs))).some(np.argsort(order))
 
     def rows(self, runs: Runs) -> Array:
         """Whitened rows (R, K, m, p) of runs, each by itself."""

@@ -150,12 +150,12 @@ def _known(design: Reported) -> Iterator[Section]:
 
 
 def _search(design: Reported) -> Section:
-    told = {"all_starts": "every start was followed", "time_limit": "the time was up", "interrupted": "interrupted"}
+    told = {"all_starts": "the usual one", "time_limit": "the time was up", "interrupted": "interrupted"}
     singular = not np.isfinite(design.log_det)
     what = f"{maximised(design)}, sum over samples"
     facts = [
         (what, "-inf: singular" if singular else computed(design.log_det, 6)),
-        ("starts followed", f"{len(design.ends)} of {design.settings.n_starts}"),
+        ("starts", f"{len(design.ends)} of {design.settings.n_starts}"),
         ("that ended as well as the best", f"{design.again} of {len(design.ends)}"),
         ("end of the search", told[design.stop_reason]),
         ("runs drawn", f"{design.drawn}, of which {sum(design.rejected.values())} do not reach their ends"),
@@ -166,7 +166,7 @@ def _search(design: Reported) -> Section:
     values = ", ".join(computed(end, 5) for end in others[:8]) + (" ..." if len(others) > 8 else "")
     why = sorted(design.rejected.items(), key=lambda one: -one[1])[:REASONS]
     notes = [f"Those that do not: {', '.join(f'{reason} {count}' for reason, count in why)}."] if why else []
-    note = f"Starts ended at {maximised(design)} = {values}."
+    note = f"Starts ended, or were left behind, at {maximised(design)} = {values}."
     if len(others) < len(design.ends):
         note += f" {len(design.ends) - len(others)} ended at runs that touch a surface at the problem's tolerance."
     return Section("Search", (), facts, notes=[*notes, *([] if singular or not others else [note])])

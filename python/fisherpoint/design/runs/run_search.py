@@ -2,7 +2,7 @@
 
 One start of it takes runs from a part of the pool (run_pool.py), or is a classical one (run_references.py). An ascent leads to a
 local maximum of log det F, all numbers of all runs together (run_ascent.py); single changes of a run (run_moves.py) lead out of it,
-until none of them gains. All starts are made a little better before the first of them, the best one then, is followed to its end.
+until none of them gains (run_climb.py). Where that is much work, all starts get some of it, and only the best go on (run_race.py).
 How many end at the same value is what is known about whether there is a better one.
 
 Its work is counted in starts and iterations, so that it finds the same on every machine; a limit of time only cuts it short.
@@ -24,23 +24,18 @@ from ...points.runs import Runs
 from ..average import Average
 from ..optimality.aims import Aim
 from ..optimality.told import RUNS, told_aims
-from .run_ascent import FIRST, ascend
+from .run_climb import Climb
 from .run_clock import Clock, OutOfTime
-from .run_found import Found, Way
-from .run_guard import PLANTS, Margin, RunGuard
-from .run_margins import WEIGHT
-from .run_moves import best_moves, hopped
+from .run_found import Found
+from .run_guard import PLANTS, RunGuard
 from .run_objective import RunObjective
 from .run_plants import RunPlants
 from .run_pool import RIDGE, RunPool, determine_all
+from .run_race import race
 from .run_references import classical_runs
 from .run_tidy import MOST_LOST as MOST_LOST_BY_ROUNDING
 from .run_tidy import tidied
 from .sample_choice import best_samples
-
-LEAST_GAIN, ROUGH_GAIN, STRETCH_GAIN = 1e-4, 1e-2, 0.05
-"""What log det F must gain for the search to go on from a maximum, the same where the work is much, and what it must gain for an
-ascent to go on before single changes are tried."""
 
 SAME = 1e-2
 """Starts whose log det F is this near to the best one have found the same."""
@@ -48,12 +43,9 @@ SAME = 1e-2
 FINE = 1e-6
 """Tolerance of the trajectories that differences are taken of, or the problem's where that is finer."""
 
-EXPLORED, MOST_ROUNDS = 4, 60
-"""Of ascents and single changes, for one start: near the limits at first, and then at most as far away as enough plants need."""
-
-THOROUGH, HOPELESS, AHEAD = 500_000, 0.05, 3
-"""Segments, after the work of which a start is not followed further that would end this far below the best one, log det F by
-parameter, if it went on to gain so many times what it has gained last."""
+SHORT = 1.0
+"""What a standard deviation of the distance from limits costs in log det F, about: by that much runs are worth less for each one
+that they would have to keep further away for enough plants."""
 
 MOST_SEGMENTS_OF_POOL = 400_000
 
@@ -64,14 +56,11 @@ LOOKED_AT = 5
 """Of the pool's best runs, whether the plants can run them."""
 
 SHARES_OF_TIME = (0.2, 0.3, 0.6)
-"""By which the pool, the classical runs, and the first look at all starts have to end, where there is a limit of time."""
-
-SKETCH, STRETCH = 12, 8
-"""Iterations of the ascent for a start at first, and of those that are followed, between two looks at the plants."""
+"""By which the pool, the classical runs, and the race of starts have to end, where there is a limit of time."""
 
 
 class RunProgress(NamedTuple):
-    """What the search reports after each start: how many are done, its log det F, the best one so far, and seconds so far."""
+    """What the search reports after each turn of a start: how many have begun, its log det F, the best one so far, and seconds."""
 
     start: int
     n_starts: int
@@ -104,8 +93,6 @@ class RunSearch:
 
     Attributes
     ----------
-    ends : list of Found
-        What each start ended with.
     classical : dict of profile to Found
         Runs as they are chosen by hand, of which the search begins too.
     pool : RunPool
@@ -141,7 +128,7 @@ class RunSearch:
         self._rng = np.random.default_rng(seed)
         of_search = RunPlants(problem, PLANTS, np.random.default_rng([seed, 1]), self._settings)
         self.guard = RunGuard(of_search, confidence, kept, clock)
-        self.ends: list[Found] = []
+        self._climbs: list[Climb] = []
         self.classical: dict[str, Found] = {}
         self._found: list[Found] = []
         wanted = max(4 * n_runs, 20, min(n_candidates, MOST_SEGMENTS_OF_POOL // (region.segments * len(plants))))
@@ -158,6 +145,11 @@ class RunSearch:
     def best(self) -> Found:
         """The best runs so far: such that enough plants can run them, where there are any."""
         return max(self._found, key=lambda found: found.worth)
+
+    @property
+    def ends(self) -> list[Found]:
+        """The best runs of each start."""
+        return [one.best for one in self._climbs if one.best is not None]
 
     @property
     def again(self) -> int:
@@ -179,11 +171,7 @@ class RunSearch:
             if self.pool.interrupted:
                 raise KeyboardInterrupt
             self._begin()
-            for start, z in enumerate(self._sketches()):
-                self.ends.append(self._followed(z))
-                if progress is not None:
-                    now = self.ends[-1].value, self.best.value, self.clock.seconds
-                    progress(RunProgress(start + 1, self.n_starts, *now))
+            self._climb(progress)
         except KeyboardInterrupt:
             reason = "interrupted"
         except OutOfTime:
@@ -205,7 +193,7 @@ class RunSearch:
                 self.classical[name] = self._tried(z, self._chosen_samples(z))
         self.clock.share = 1.0
         if self._easy():
-            self.guard.first = self.guard.margin = 0.0
+            self.guard.first = 0.0
         else:
             objective.kappa = self.guard.first
             self.pool.tighten(self._rng)
@@ -217,104 +205,39 @@ class RunSearch:
             return True
         return all(self.guard.enough(share) for share in self.guard.each(self.pool.best(LOOKED_AT)))
 
-    def _sketches(self) -> list[Array]:
-        """Free numbers of the best starts, the best first; each has had some iterations."""
+    def _climb(self, progress: Callable[[RunProgress], None] | None) -> None:
+        """A race of the best starts, of which the best goes on to its end, and from there."""
+
+        def told(one: Climb) -> None:
+            if progress is not None and one.last is not None:
+                progress(RunProgress(len(self.ends), self.n_starts, one.last.value, self.best.value, self.clock.seconds))
+
         starts = [self.pool.chosen(self.n_runs, self._rng) for _ in range(self.n_starts)]
         starts += [found.z for found in self.classical.values()]
         worth = self.objective.values(np.stack(starts)) if self.region.samples is None else np.array(list(map(self._worth, starts)))
-        starts = [starts[k] for k in np.argsort(-worth, kind="stable")[: self.n_starts]]
-        if self.n_starts == 1:
-            return starts
+        order = np.argsort(-worth, kind="stable")[: self.n_starts]
+        ways = self._tried, self._chosen_samples, self._others, self._rng
+        self._climbs = [Climb(self.objective, self.guard, starts[k], *ways) for k in order]
         self.clock.share = SHARES_OF_TIME[2]
-        sketched: list[tuple[float, Array]] = []
-        for z in starts:
-            if sketched and self.clock.late():
-                break
-            selected = self._chosen_samples(z)
-            peak = ascend(self.objective, z, selected, SKETCH, self._rng)
-            self._tried(peak.z, selected)
-            sketched.append((peak.value, peak.z))
+        try:
+            race(self.objective, self._climbs, told)
+        except OutOfTime:
+            self.clock.share = 1.0
+            self.clock.check()
         self.clock.share = 1.0
-        order = sorted(range(len(sketched)), key=lambda k: -sketched[k][0])
-        return [sketched[k][1] for k in order]
+        for one in sorted(self._climbs, key=lambda one: one.worth, reverse=True):
+            while not one.ended:
+                one.step()
+            if self.best.feasible:
+                break
+        max(self._climbs, key=lambda one: (-np.inf,) if one.best is None else one.best.worth).go_on()
 
     def _worth(self, z: Array) -> float:
         return float(self.objective.values(z[None], self._chosen_samples(z))[0])
 
-    def _followed(self, z: Array) -> Found:
-        """The best runs that a start leads to: ascents and single changes in turns, until neither gains, nor, from the best of all,
-        changes that do not gain at once.
-
-        Runs go on further from the limits where too many plants fail, and nearer to them where fewer fail than may.
-        """
-        objective, selected = self.objective, self._chosen_samples(z)
-        z, value = self._explored(z, selected)
-        if objective.work > THOROUGH and value < self._poor:
-            return self._tried(z, selected)
-        objective.kappa, margin = self.guard.margin, Margin(objective, self.guard)
-        best: Found | None = None
-        reach, before, stuck, way = FIRST, -np.inf, False, Way()
-        for _ in range(MOST_ROUNDS):
-            self.clock.check()
-            peak = ascend(objective, z, selected, STRETCH, self._rng, reach)
-            z, value, reach = peak.z, peak.value, peak.reach
-            found = self._tried(z, selected)
-            much, gained = objective.work > THOROUGH, value - before
-            least = ROUGH_GAIN if much else LEAST_GAIN
-            if best is None or found.worth > best.worth:
-                better = best is None or found.worth > (*best.worth[:2], best.worth[2] + least)
-                best = found
-                way.keep(objective.kappa, better)
-            lost = way.is_lost(best, found)
-            if not lost and margin.changed(found.share, value):
-                before, reach, stuck = -np.inf, max(reach, FIRST / 4), False
-                continue
-            if not lost and not peak.done and gained > (0.2 if stuck else 1.0) * STRETCH_GAIN:
-                before = value
-                continue
-            if lost or stuck or (much and found.value + AHEAD * gained < self._poor):
-                if best is not self.best or way.ends():
-                    break
-                objective.kappa = self.guard.margin = way.kappa
-                z, selected = hopped(objective, best.z, best.selected, self._others, self._rng), best.selected
-                before, reach, stuck = -np.inf, FIRST, False
-                continue
-            z, there = best_moves(objective, z, value, selected, self._others, least, self._rng)
-            if self.region.samples is not None:
-                chosen = self._chosen_samples(z)
-                if (again := float(objective.values(z[None], chosen)[0])) > there:
-                    selected, there = chosen, again
-            stuck = not there > value + least
-            before, reach = there, max(reach, FIRST / 4)
-        assert best is not None
-        return best
-
-    def _explored(self, z: Array, selected: NDArray[np.bool_] | None) -> tuple[Array, float]:
-        """Where a start leads to near the limits, whether enough plants can run it or not, and what that is worth.
-
-        From there it is not far to the best that enough can run. Infinite where nothing is paid near limits.
-        """
-        objective, value = self.objective, -np.inf
-        objective.kappa = self.guard.first
-        if not objective.costly:
-            return z, np.inf
-        for _ in range(EXPLORED):
-            peak = ascend(objective, z, selected, STRETCH, self._rng)
-            z, there = best_moves(objective, peak.z, peak.value, selected, self._others, STRETCH_GAIN, self._rng)
-            if not there > value + STRETCH_GAIN:
-                return z, there
-            value = there
-        return z, value
-
-    @property
-    def _poor(self) -> float:
-        """What is far below the best runs so far, -inf where there are none that enough plants can run."""
-        best = self.best
-        return best.value - HOPELESS * len(self.problem.estimated) if best.feasible else -np.inf
-
-    @property
     def _others(self) -> Array:
-        return self.pool.best_numbers(OTHERS)
+        """Free numbers of the pool's best runs, and of the best of all starts."""
+        return np.concatenate([self.pool.best_numbers(OTHERS), *(found.z for found in self.ends)])
 
     def _tried(self, z: Array, selected: NDArray[np.bool_] | None) -> Found:
         """What runs are worth without costs, and how many plants can run them.
@@ -336,8 +259,7 @@ class RunSearch:
         regular = bool(np.isfinite(value))
         if regular and self.objective.aims[0].of_all:
             regular = determine_all(judged.matrices.sum(axis=0) + self.objective.previous)
-        # What too few plants can run is worth less the fewer can, by what the search makes it pay.
-        worth = value - WEIGHT * max(0.0, self.guard.short(share)) ** 2 * (not enough)
+        worth = value - SHORT * max(0.0, self.guard.short(share)) * (not enough)
         return Found(z, selected, value, share, enough, regular, (regular, enough, worth))
 
     def tidy(self, found: Found) -> tuple[Runs, float]:
