@@ -1,7 +1,7 @@
 """``python -m bench strokes``: runs within short strokes, swings, levels of tanks, several limits at once, and from rest.
 
 A design is good where enough plants that the search has not seen can run it, where no classical run beats it in both respects, and
-where the search ends in its time.
+where the search ends in its time; that of the example of the cylinder at a log det F of 72 or more.
 """
 
 from __future__ import annotations
@@ -12,8 +12,11 @@ from functools import partial
 from typing import Any
 
 import fisherpoint as fp
+from fisherpoint.design.configuration import load_config
 
 from .runs import EXAMPLES
+
+CYLINDER = EXAMPLES / "cylinder_runs.toml"
 
 CONFIDENCE = 0.99
 
@@ -33,11 +36,12 @@ class StrokeFigures:
     classical_share: float
     seconds: float
     time_limit: float | None
+    least: float
 
     @property
     def good(self) -> bool:
         in_time = self.time_limit is None or self.seconds <= 1.1 * self.time_limit
-        return self.share >= CONFIDENCE and self.log_det >= self.classical and in_time
+        return self.share >= CONFIDENCE and self.log_det >= max(self.classical, self.least) and in_time
 
 
 def cart(stroke: float, segments: int = 50, dt: float = 0.5) -> fp.DesignProblem:
@@ -82,7 +86,7 @@ def tanks(segments: int = 24) -> fp.DesignProblem:
 
 
 def cylinder() -> fp.DesignProblem:
-    return fp.load_problem(EXAMPLES / "cylinder_runs.toml")
+    return fp.load_problem(CYLINDER)
 
 
 def axis(segments: int = 24) -> fp.DesignProblem:
@@ -108,17 +112,21 @@ def rests(segments: int = 12) -> fp.DesignProblem:
 
 @dataclass(frozen=True)
 class StrokeCase:
+    """A problem, how it is searched, and the least log det F of a good design."""
+
     name: str
     make: Callable[[], fp.DesignProblem]
     n_runs: int = 1
     time_limit: float | None = None
+    n_starts: int = 8
+    least: float = -float("inf")
 
 
 CASES: tuple[StrokeCase, ...] = (
     *(StrokeCase(f"cart, |x| < {stroke}", partial(cart, stroke), time_limit=60) for stroke in (0.05, 0.1, 0.2, 0.5)),
     StrokeCase("arm, |phi| < 1.2", arm, time_limit=60),
     StrokeCase("five tanks", tanks, time_limit=60),
-    StrokeCase("cylinder from rest", cylinder),
+    StrokeCase("cylinder from rest", cylinder, n_starts=load_config(CYLINDER).run_settings()["n_starts"], least=72.0),
     StrokeCase("servo axis", axis, time_limit=120),
     StrokeCase("two runs from rest", rests, 2, time_limit=60),
 )
@@ -130,7 +138,7 @@ def measure(quick: bool, show: Callable[[str], None], cases: tuple[StrokeCase, .
     for case in cases:
         problem = case.make()
         for seed in range(1 if quick else SEEDS):
-            found.append(one(case.name, problem, case.n_runs, seed, case.time_limit))
+            found.append(one(case, problem, seed))
             figures = found[-1]
             show(
                 f"{case.name}, seed {seed}: {figures.log_det:.3f} ({figures.share:.1%} of plants), classical runs"
@@ -140,11 +148,13 @@ def measure(quick: bool, show: Callable[[str], None], cases: tuple[StrokeCase, .
     return found
 
 
-def one(name: str, problem: fp.DesignProblem, n_runs: int, seed: int, time_limit: float | None, **options: Any) -> StrokeFigures:
+def one(case: StrokeCase, problem: fp.DesignProblem, seed: int) -> StrokeFigures:
     """Figures of one search."""
-    design = fp.design_runs(problem, n_runs, seed=seed, confidence=CONFIDENCE, time_limit=time_limit, **options)
+    design = fp.design_runs(
+        problem, case.n_runs, n_starts=case.n_starts, seed=seed, confidence=CONFIDENCE, time_limit=case.time_limit
+    )
     share = design.feasibility.share
     as_many = {one: value for one, value in design.classical.items() if design.classical_shares[one] >= share}
     best = max(as_many, key=lambda one: as_many[one], default=None)
     classical = (-float("inf"), 0.0) if best is None else (as_many[best], design.classical_shares[best])
-    return StrokeFigures(name, seed, design.log_det, share, *classical, design.seconds, time_limit)
+    return StrokeFigures(case.name, seed, design.log_det, share, *classical, design.seconds, case.time_limit, case.least)
