@@ -174,6 +174,10 @@ class Integrator {
         side_[m] = select(wrong, -side_[m], side_[m]);
         landed_[m] =
             good & !along & !wrong & !(ends_ & (h.b4 > zero)) & ((abs(h.b4) <= -landing_ * slope) | (crossed & short_step));
+        if (f_.dependence.steep(m)) {
+          const Mask tends = good & !along & !wrong & !ends_ & (step_ < step_size_) & (h.b4 < h.b0);
+          if (any(tends)) landed_[m] = landed_[m] | (tends & is_met(m));
+        }
         crossed = crossed & !landed_[m] & !along & !wrong;
         unclear = unclear | (landed_[m] & !clear);  // it may have been there before
         // From rest it may go to the other side and end on the kink again, with no sign at either end.
@@ -340,6 +344,7 @@ class Integrator {
   // At rest on surfaces: rests.hpp.
   [[gnu::noinline]] void note_rests(const Mask& lanes, const State& y);
   [[gnu::noinline]] Mask moves_none(auto m, const P& rate, const State& y) const;
+  [[gnu::noinline]] Mask is_met(auto m) const;
   [[gnu::noinline]] void keep_resting(Surfaces& middle_value);
   Mask rests_along(auto m) const;
   [[gnu::noinline]] void depart(auto m, const Mask& lanes, const State& y);

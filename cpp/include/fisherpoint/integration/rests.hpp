@@ -16,6 +16,14 @@ auto Integrator<Equation, Method>::moves_none(auto m, const P& rate, const State
   return slow & (abs(rate) * span_ <= on_surface * natural_height(f_, m, y));
 }
 
+// Where a step ends so near to surface m that it does not matter on which side, and would soon be there. A flow that stops slowly
+// tends to it like a parabola, of which steps beyond find no zero.
+template <class Equation, class Method>
+auto Integrator<Equation, Method>::is_met(auto m) const -> Mask {
+  return (abs(end_value_[m]) <= abs(end_rate_[m]) * (brink * span_)) &
+         (abs(end_value_[m]) <= briefest * tolerance_.relative * natural_height(f_, m, end_));
+}
+
 // Which of these lanes, that have just started or turned, rest on surfaces: their height is rounding and counts as zero. Lanes
 // that something moves off a jump from now on, back to where they came from, pass it.
 template <class Equation, class Method>

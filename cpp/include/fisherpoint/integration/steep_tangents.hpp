@@ -35,10 +35,16 @@ class SteepTangents {
 
   // A step onto the surfaces whose sides differ on the steps behind it, in lanes where `size` is not 0.
   [[gnu::noinline]] void approach(const P& size, const Side& side, const Side& behind, const P& part) {
-    const Mask lanes = size > P(0.0);
+    Mask lanes = size > P(0.0);
     if (!any(lanes)) return;
     P left = size;
     Met met = look(lanes, side, behind, behind);
+    const Mask rests = lanes & (abs(met.value) <= nearest * met.size) & (abs(met.rate) * size <= nearest * met.size);
+    if (any(rests)) {  // it lies there, and something else is to move it
+      to_.advance(select(rests, size + lag_, P(0.0)), side);
+      lag_ = select(rests, P(0.0), lag_);
+      lanes = lanes & !rests;
+    }
     for (int k = 0; k < most_steps; ++k) {
       const Mask far = lanes & (met.value > nearest * met.size);
       if (!any(far)) break;
@@ -51,11 +57,11 @@ class SteepTangents {
     }
     // Where f behind the surface does not move it, it comes to rest.
     const Mask falls = lanes & (met.rate < P(0.0)) & (met.value > P(0.0));
-    const Mask rests = falls & (abs(met.rate_behind) <= 1e-3 * abs(met.rate));
+    const Mask stops = falls & (abs(met.rate_behind) <= 1e-3 * abs(met.rate));
     const P rest = select(falls, -met.value / met.rate, P(0.0));
     for (int i = 0; i < f_.states; ++i) to_.x[i] += rest * met.rates[i];
-    add_up(select(falls & !rests, rest, P(0.0)), -1.0, met.rates, side);
-    if (any(rests)) settle(rests, met);
+    add_up(select(falls & !stops, rest, P(0.0)), -1.0, met.rates, side);
+    if (any(stops)) settle(stops, met);
     lag_ = select(lanes, left - rest, lag_);
   }
 

@@ -14,7 +14,9 @@ template <class Equation, class Method>
 void Integrator<Equation, Method>::settle(const Mask& taken) {
   for_each_index(Count<0>{}, f_.kinks_end, [&](auto m) {
     const P newton = -end_value_[m] / end_rate_[m];
-    const P rest = select(landed_[m] & taken & (abs(newton) <= 0.5 * step_), newton, P(0.0));  // none at a rate next to zero
+    Mask known = abs(newton) <= 0.5 * step_;  // none at a rate next to zero
+    if (f_.dependence.steep(m)) known = known | (abs(newton) <= brink * span_);
+    const P rest = select(landed_[m] & taken & known, newton, P(0.0));
     for_each_index(f_.states, [&](auto i) { end_[i] += rest * stage_[last][i]; });
     step_ += rest;
     ends_ = ends_ & !(rest < P(0.0));  // the trajectory goes on behind the kink

@@ -222,9 +222,9 @@ class Tangents {
     if (slide_ && sliding_.empty()) prepare_slides();
     State rate, middle;
     fit_all_two(rate, middle);
-    linearise(x, side, time, rate, 0);
+    linearise_briefly(x, side, time, rate, 0);
     for_each_index(f_.states, [&](auto i) { middle[i] = x[i] + 0.5 * rate[i]; });
-    linearise(middle, side, time, rate, 1);
+    linearise_briefly(middle, side, time, rate, 1);
     for_each_index(f_.states, [&](auto i) { x[i] += rate[i]; });
     for_each_index(f_.parameters, [&](auto j) {
       if (f_.dependence.leader(j) != j) return;
@@ -238,6 +238,14 @@ class Tangents {
         for_each_variable(rows, [&](auto i) { column[detail::below(rows, i)] += rate[i]; });
       }
     });
+  }
+
+  // Where f_x has no bounds, it counts as zero for so short a time.
+  void linearise_briefly(const State& at, const Side& side, const P& time, State& rate, int s) {
+    linearise(at, side, time, rate, s);
+    if (!f_.dependence.any_steep()) return;
+    for (P& entry : jacobian_[s].by_state) entry = select(abs(entry) < P(1e300), entry, P(0.0));
+    for (P& entry : jacobian_[s].by_theta) entry = select(abs(entry) < P(1e300), entry, P(0.0));
   }
 
   void for_each_row(int j, auto&& use) const {
