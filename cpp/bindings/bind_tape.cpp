@@ -22,7 +22,7 @@ std::vector<Instruction> instructions(const Rows& rows, const char* name) {
 }
 
 TapeModel tape_model(const std::vector<double>& scales, int inputs, int outputs, int parameters, int jumps, int kinks,
-                     int poles, int limits, Program rates, Program output, Program surfaces, Program surface_rates,
+                     int poles, int limits, int measured, Program rates, Program output, Program surfaces, Program surface_rates,
                      Program state_jacobian, Program rate_jacobian, Program output_jacobian, Program jump_jacobian,
                      const std::vector<std::pair<int, int>>& state_entries,
                      const std::vector<std::pair<int, int>>& rate_entries,
@@ -32,7 +32,8 @@ TapeModel tape_model(const std::vector<double>& scales, int inputs, int outputs,
                      std::vector<bool> rough, std::vector<bool> steep) {
   Shape<TapeModel> shape{
       static_cast<int>(scales.size()), inputs, outputs, parameters, jumps, jumps + kinks, jumps + kinks + poles,
-      jumps + kinks + limits};
+      jumps + kinks + limits - measured};
+  shape.measured = measured;
   shape.sided_limits = detail::reads_sides(surfaces, shape);
   const auto entries = [](const std::vector<std::pair<int, int>>& pairs) {
     std::vector<Entry> result;
@@ -95,10 +96,10 @@ void bind_tape(py::module_& m) {
   py::class_<TapeModel>(m, "TapeModel")
       .def(
           py::init(&tape_model), "scales"_a, "inputs"_a, "outputs"_a, "parameters"_a, "jumps"_a, "kinks"_a, "poles"_a,
-          "limits"_a, "rates"_a, "output"_a, "surfaces"_a, "surface_rates"_a, "state_jacobian"_a, "rate_jacobian"_a,
+          "limits"_a, "measured"_a, "rates"_a, "output"_a, "surfaces"_a, "surface_rates"_a, "state_jacobian"_a, "rate_jacobian"_a,
           "output_jacobian"_a, "jump_jacobian"_a, "state_entries"_a, "rate_entries"_a, "output_entries"_a, "jump_entries"_a,
           "varying_states"_a, "varying_outputs"_a, "varying_surfaces"_a, "crossable"_a, "rough"_a, "steep"_a,
-          "Scales of the states, how many there are of what (the poles among the limits), and the programs with their entries.")
+          "Scales of the states, how many there are of what (the poles and what is measured among the limits), and the programs with their entries.")
       .def(
           "rhs",
           [](const TapeModel& model, const Input& x, const Input& u, const Input& theta) {
@@ -147,12 +148,12 @@ void bind_tape(py::module_& m) {
           "limits",
           [](const TapeModel& model, const Input& x, const Input& u, const Input& theta) {
             const auto& shape = model.shape();
-            return map_rows(model, x, u, theta, shape.surfaces - shape.kinks_end,
+            return map_rows(model, x, u, theta, shape.surfaces + shape.measured - shape.kinks_end,
                             [&](const Equation& f, const Equation::State& x) {
                               auto side = f.surface_values(x);
                               for (P& s : side) s = sign(s);
                               const auto all = f.surface_values(x, side);
-                              HeapArray<P> limits(f.surfaces - f.kinks_end);
+                              HeapArray<P> limits(f.surfaces + f.measured - f.kinks_end);
                               std::copy(all.begin() + f.kinks_end, all.end(), limits.begin());
                               return limits;
                             });

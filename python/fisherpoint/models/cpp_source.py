@@ -55,6 +55,7 @@ struct {name} {{
   static constexpr std::array<Surface, {len(model.kinks)}> kinks = {_surfaces(model.kinks)};
   static constexpr std::array<Surface, {len(model.domain)}> domain = {_surfaces(model.domain)};
   static constexpr int poles = {programs.poles};
+  static constexpr int measured = {programs.measured};
   static constexpr std::array<bool, {n_x}> varying_states = {_flags(programs.varying_states)};
   static constexpr std::array<bool, {len(model.outputs)}> varying_outputs = {_flags(programs.varying_outputs)};
   static constexpr std::array<bool, {sides}> varying_surfaces = {_flags(programs.varying_surfaces)};

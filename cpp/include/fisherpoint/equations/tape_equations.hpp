@@ -72,7 +72,7 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
       surfaces_.run(x, side);
     else
       surfaces_.run(x);
-    return outputs_of(surfaces_, surfaces);
+    return outputs_of(surfaces_, surfaces + measured);
   }
   Surfaces surface_values(const State& x) const { return surface_values(x, no_sides_); }
   Surfaces surface_rates(const State& x, const State& dx, const Side& side) const {
@@ -80,7 +80,7 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
       surface_rates_.run_along(x, dx, side);
     else
       surface_rates_.run_along(x, dx);
-    return outputs_of(surface_rates_, surfaces);
+    return outputs_of(surface_rates_, surfaces + measured);
   }
   Surfaces surface_rates(const State& x, const State& dx) const { return surface_rates(x, dx, no_sides_); }
 

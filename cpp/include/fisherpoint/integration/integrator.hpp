@@ -105,6 +105,7 @@ class Integrator {
     Surfaces middle_value = f_.surface_values(middle, side_);
     end_value_ = f_.surface_values(end_, side_);
     end_rate_ = f_.surface_rates(end_, stage_[last], side_);
+    if (f_.measured > 0) judge_measured(y);
     if (f_.jumps_end > 0 && slide_) hold(middle, middle_value);
     if (any_rest_) keep_resting(middle_value);
     const auto along = [&](int m, const P& side) {
@@ -120,6 +121,9 @@ class Integrator {
     beside_.fill(P(0.0));
     if (any(wavering & running_)) look_beside(wavering, y, middle);
   }
+
+  // Of what must be positive where g is measured: limits.hpp.
+  [[gnu::noinline]] void judge_measured(const State& y);
 
   // The stages, the end and the middle of a step, and its error.
   void attempt_explicit(const State& y, State& middle) {
@@ -293,6 +297,10 @@ class Integrator {
     for_each_index(f_.surfaces, [&](auto m) {
       value_[m] = select(taken, end_value_[m], value_[m]);
       rate_[m] = select(taken, end_rate_[m], rate_[m]);
+    });
+    for_each_index(f_.measured, [&](auto n) {
+      const int m = f_.surfaces + n;
+      value_[m] = select(taken, end_value_[m], value_[m]);
     });
     for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { leaving_[m] = leaving_[m] & !taken; });
     if (any_rest_) end_rests(taken);

@@ -73,6 +73,42 @@ void Integrator<Equation, Method>::enter_branches(const Mask& lanes, const State
   stop(lanes & running_ & outside, Status::left_domain);
 }
 
+// What is measured as its logarithm must be known as a share of itself, however small it has become, and what only decays must not
+// fall below zero by an error. So its error counts as such a share, unless it is rounding.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::judge_measured(const State& y) {
+  State error, coarse, size;
+  fit(error, f_.states);
+  fit(coarse, f_.states);
+  fit(size, f_.states);
+  for_each_index(f_.states, [&](auto i) {
+    error[i] = step_ * weighted_sum(counted<Equation, last + 1>(), Method::error, stage_, i);
+    coarse[i] = end_[i] - y[i] - step_ * weighted_sum(counted<Equation, last>(), Method::coarse, stage_, i);
+    size[i] = P(0.0);
+  });
+  const Surfaces of_error = f_.surface_rates(end_, error, side_), of_coarse = f_.surface_rates(end_, coarse, side_);
+  Surfaces rounded = of_error;
+  rounded.fill(P(0.0));
+  for_each_index(f_.states, [&](auto i) {
+    size[i] = end_[i];
+    const Surfaces part = f_.surface_rates(end_, size, side_);
+    for_each_index(f_.measured, [&](auto n) { rounded[f_.surfaces + n] += abs(part[f_.surfaces + n]); });
+    size[i] = P(0.0);
+  });
+  const double part = measured_share * tolerance_.relative * local_share;
+  const P share(1.0 / (part * part));
+  for_each_index(f_.measured, [&](auto n) {
+    const int m = f_.surfaces + n;
+    const P least = (1e-15 / (measured_share * tolerance_.relative)) * rounded[m];
+    const P value = max(max(abs(value_[m]), abs(end_value_[m])), max(least, P(1e-290)));
+    const P weight = share / (value * value);
+    const P judged = Method::squared_error(weight * of_error[m] * of_error[m], weight * of_coarse[m] * of_coarse[m]);
+    const Mask counts = !implicit_ & (judged > squared_error_);
+    squared_error_ = select(counts, judged, squared_error_);
+    told_error_ = select(counts, judged, told_error_);
+  });
+}
+
 // The time in which the straight line from here leaves the domain.
 template <class Equation, class Method>
 auto Integrator<Equation, Method>::to_limits() const -> P {

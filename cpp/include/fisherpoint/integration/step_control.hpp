@@ -59,6 +59,9 @@ inline constexpr double next_to_jump = 10.0;
 // A crossing's h' is known to a two hundredth where its square is this many times what the tolerance makes of it.
 inline constexpr double graze = 100.0;
 
+// By how many tolerances, as a share of itself, what must be positive where g is measured may be off.
+inline constexpr double measured_share = 10.0;
+
 // Of two rates of a surface, one that is below this share of the other is rounding.
 inline constexpr double alike_rates = 1e-12;
 

@@ -53,11 +53,24 @@ struct PointPack {
   }
 };
 
+// Where what must be positive for the output to have a value is not.
+template <class P, class Equation>
+mask_of_lanes<P> outside_of_output(const Equation& equation, const auto& x) {
+  auto outside = lanes_of<P>::none();
+  if (equation.measured == 0) return outside;
+  const auto value = equation.surface_values(x);
+  for_each_index(equation.measured, [&](auto n) { outside = outside | !(value[equation.surfaces + n] > P(0.0)); });
+  return outside;
+}
+
 // Where trajectories ended, how, and what was measured there, into the rows of `out`. With an end or outputs that are not
 // finite a trajectory is not ok; numbers that are not finite become zero.
+//
+// `outside`: lanes in which g has no value (outside_of_output). With `measured`, (count,), that counts only where it is asked for.
 template <class P>
-void store_ends(const auto& x, const auto& y, const auto& status, std::span<const std::size_t> rows, const auto& out) {
-  const mask_of_lanes<P> whole = finite<P>(x) & finite<P>(y);
+void store_ends(const auto& x, const auto& y, const auto& status, std::span<const std::size_t> rows, const auto& out,
+                const mask_of_lanes<P>& outside = lanes_of<P>::none(), const unsigned char* measured = nullptr) {
+  const mask_of_lanes<P> has_end = finite<P>(x), whole = has_end & finite<P>(y) & !outside;
   for (int lane = 0; lane < static_cast<int>(rows.size()); ++lane) {
     double* const end = out.x + rows[lane] * x.size();
     double* const outputs = out.y + rows[lane] * y.size();
@@ -68,7 +81,8 @@ void store_ends(const auto& x, const auto& y, const auto& status, std::span<cons
     const auto overflowed = [](double number) { return !std::isfinite(number); };
     std::replace_if(end, end + x.size(), overflowed, 0.0);
     std::replace_if(outputs, outputs + y.size(), overflowed, 0.0);
-    if (status[lane] == Status::ok) out.status[rows[lane]] = Status::not_finite;
+    if (status[lane] != Status::ok || (measured && !measured[rows[lane]] && lanes_of<P>::get(has_end, lane))) continue;
+    out.status[rows[lane]] = lanes_of<P>::get(outside, lane) ? Status::left_domain : Status::not_finite;
   }
 }
 

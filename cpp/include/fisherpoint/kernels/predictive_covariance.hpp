@@ -142,10 +142,12 @@ auto sum_over_nodes(const M& model, const PointOverPrior<M>& point, const PriorN
       status = redo<Method>(equation, tolerance, start, duration, P(point.first_step), x);
     }
     auto deviation = equation.output(x);
-    const mask_of_lanes<P> overflowed = !finite<P>(deviation) & (counts > P(0.0));
+    const mask_of_lanes<P> outside = outside_of_output<P>(equation, x);
+    const mask_of_lanes<P> overflowed = (!finite<P>(deviation) | outside) & (counts > P(0.0));
     if (any(overflowed))
       for (int lane = 0; lane < width; ++lane)
-        if (status[lane] == Status::ok && lanes_of<P>::get(overflowed, lane)) status[lane] = Status::not_finite;
+        if (status[lane] == Status::ok && lanes_of<P>::get(overflowed, lane))
+          status[lane] = lanes_of<P>::get(outside, lane) ? Status::left_domain : Status::not_finite;
     for (int lane = 0; lane < width; ++lane) {
       if (status[lane] == Status::ok) continue;
       if (chunk.status == Status::ok) chunk.status = status[lane];
@@ -193,6 +195,7 @@ Status prepare(const M& model, const Pilots& pilots, const Tolerance& tolerance,
   if (outcome.status[0] != Status::ok) return outcome.status[0];
   point.first_step = lanes_of<P>::get(outcome.first_step, 0);
   point.nominal_y = of_lane(equation.output(x), shape.outputs);
+  if (lanes_of<P>::get(outside_of_output<P>(equation, x), 0)) return Status::left_domain;
   point.plan = Planner<M, P, Method>(model, point.x0, point.u, pilots).plan(steps, tolerance.relative);
   if (point.plan) point.nominal_y = point.plan->nominal_y;
   return finite<double>(point.nominal_y) ? Status::ok : Status::not_finite;

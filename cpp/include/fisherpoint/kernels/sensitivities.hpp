@@ -183,7 +183,8 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
     });
   }
   const auto outcome = integrator.run(x, pack.dt, first, &steps, stiff, goes_on ? &from : nullptr);
-  store_ends<P>(x, equation.output(x), outcome.status, rows, out);
+  store_ends<P>(x, equation.output(x), outcome.status, rows, out, outside_of_output<P>(equation, x),
+                carried ? carried->measured : nullptr);
   for (int lane = 0; carried && lane < pack.used; ++lane) {
     carried->step[rows[lane]] = lanes_of<P>::get(outcome.next_step, lane);
     carried->stiff[rows[lane]] = lanes_of<P>::get(outcome.stiff, lane);
@@ -279,7 +280,14 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
         dx[i * p + j] = tangents.s[equation.dependence.column_start[j] + detail::below(equation.dependence.rows(j), i)];
     });
   });
-  const mask_of_lanes<P> whole = finite<P>(tangents.x) & finite<P>(y) & finite<P>(dx) & finite<P>(dy);
+  const mask_of_lanes<P> ends = finite<P>(tangents.x) & finite<P>(dx), known = finite<P>(y) & finite<P>(dy);
+  auto whole = ends & known;
+  for (int lane = 0; carried && lane < pack.used; ++lane)
+    if (!carried->measured[rows[lane]] && !lanes_of<P>::get(known, lane) && lanes_of<P>::get(ends, lane)) {
+      for (P& entry : y) lanes_of<P>::set(entry, lane, 0.0);
+      for (P& entry : dy) lanes_of<P>::set(entry, lane, 0.0);
+      lanes_of<P>::set(whole, lane, true);
+    }
   auto beside = lanes_of<P>::none();
   if (shape.jumps_end > 0 && std::any_of(rows.begin(), rows.end(), [&](auto k) { return paths[k].ends_on_jump; }))
     beside = ends_beside<P, Method, M>(equation, tangents, dy, rows, paths, carried, carried || !out.dx_dtheta);

@@ -24,7 +24,7 @@ void simulate_packs(const M& model, const Points& points, const Parameters& para
     const Equation equation(model, pack.theta, pack.u);
     auto x = pack.x0;
     const auto outcome = Integrator<Equation, Method>(equation, tolerance).run(x, pack.dt, P(0.0));
-    store_ends<P>(x, equation.output(x), outcome.status, rows, out);
+    store_ends<P>(x, equation.output(x), outcome.status, rows, out, outside_of_output<P>(equation, x));
     for (int lane = 0; lane < pack.used; ++lane) out.lasted[rows[lane]] = lanes_of<P>::get(outcome.lasted, lane);
   });
 }

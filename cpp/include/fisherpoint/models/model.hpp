@@ -40,6 +40,9 @@
 // A limit that belongs to a branch, as that of a root there, holds only where the branch is taken, and is 1 elsewhere: `limits`
 // of such a model is given `side` too, after theta, which is 0 where both branches are to be thought of.
 //
+// A limit of the output alone is to hold where that is measured: `static constexpr int measured` says how many of the domain limits,
+// the last ones, are such.
+//
 // A jump is crossed, or the trajectory slides on it (sliding.hpp). A model of which a surface's value jumps where another jump
 // is crossed says in `crossable`, an array of bool, which jumps may be crossed; and one whose types do not show which sides f_i
 // reads (it chooses by them) says in `read_through_jumps`, an array of Variables, what the jumps read whose sides f_i reads.
@@ -92,8 +95,12 @@ struct sizes {
     if constexpr (requires { Model::poles; }) return Model::poles;
     return 0;
   }();
+  static constexpr int measured = [] {
+    if constexpr (requires { Model::measured; }) return Model::measured;
+    return 0;
+  }();
   static constexpr int sides = switching + poles;
-  static constexpr int surfaces = switching + limits;  // in this order: jumps, kinks, domain limits
+  static constexpr int surfaces = switching + limits - measured;  // in this order: jumps, kinks, domain limits
 };
 
 // The limits of a model, which read sides where some stand in branches.

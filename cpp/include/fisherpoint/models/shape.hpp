@@ -24,6 +24,8 @@ struct Shape {
   static constexpr Count<S::switching> kinks_end{};
   static constexpr Count<S::sides> sides{};
   static constexpr Count<S::surfaces> surfaces{};
+  static constexpr Count<S::measured> measured{};  // limits behind the surfaces, which hold where g is measured
+  static constexpr Count<S::surfaces + S::measured> values{};
   // Whether limits read sides.
   static constexpr bool sided_limits =
       requires(const M model, const std::array<double, S::states> x, const std::array<double, S::inputs> u,
@@ -52,7 +54,7 @@ struct ArraysOf {
   using Outputs = Numbers<T, std::remove_const_t<decltype(Shape<M>::outputs)>>;
   using Parameters = Numbers<T, std::remove_const_t<decltype(Shape<M>::parameters)>>;
   using Sides = Numbers<T, std::remove_const_t<decltype(Shape<M>::sides)>>;
-  using Surfaces = Numbers<T, std::remove_const_t<decltype(Shape<M>::surfaces)>>;
+  using Surfaces = Numbers<T, std::remove_const_t<decltype(Shape<M>::values)>>;
 };
 
 }  // namespace fisherpoint

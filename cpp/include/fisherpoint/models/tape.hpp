@@ -74,6 +74,8 @@ struct Shape<TapeModel> {
   int states, inputs, outputs, parameters;
   int jumps_end, kinks_end, sides, surfaces;
   bool sided_limits = false;  // limits read sides: they stand in branches
+  int measured = 0;           // limits behind the surfaces, which hold where g is measured
+  static constexpr int values = -1;  // surfaces and what is measured, of a number that is not known here
   template <int n>
   using Stages = int;  // packs are so wide that unrolled loops would only overflow the instruction cache
 };
@@ -237,11 +239,12 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
       jump_entries_(std::move(jump_entries)),
       dependence_([&] {
         using detail::expect;
-        const auto [n_x, n_u, n_y, p, jumps_end, kinks_end, sides, surfaces, sided_limits] = shape;
+        const auto [n_x, n_u, n_y, p, jumps_end, kinks_end, sides, surfaces, sided_limits, measured] = shape;
         expect(sided_limits || !detail::reads_sides(programs_.surfaces, shape),
                "surfaces: expected sides to be read as the shape says");
         expect(n_x <= 64 && p <= 64, "model: expected at most 64 states and 64 parameters, given more");
         expect(n_u >= 0 && n_y >= 0 && p >= 0, "model: expected numbers of inputs, outputs and parameters, given less than 0");
+        expect(measured >= 0, "measured: expected a number of limits, given less than 0");
         expect(0 <= jumps_end && jumps_end <= kinks_end && kinks_end <= sides && sides <= surfaces,
                "model: expected jumps, kinks, poles and limits in this order");
         expect(static_cast<int>(inverse_scales_.size()) == n_x, "scales: expected one for every state");
@@ -274,8 +277,8 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
         check_entries(jump_entries_, steep_end, "jump_entries");
         detail::check(programs_.rates, shape, n_x, "rates");
         detail::check(programs_.output, shape, n_y, "output");
-        detail::check(programs_.surfaces, shape, surfaces, "surfaces");
-        detail::check(programs_.surface_rates, shape, surfaces, "surface_rates");
+        detail::check(programs_.surfaces, shape, surfaces + measured, "surfaces");
+        detail::check(programs_.surface_rates, shape, surfaces + measured, "surface_rates");
         detail::check(programs_.state_jacobian, shape, state_entries_.size(), "state_jacobian");
         detail::check(programs_.rate_jacobian, shape, n_x + rate_entries.size(), "rate_jacobian");
         detail::check(programs_.output_jacobian, shape, n_y + output_entries_.size(), "output_jacobian");

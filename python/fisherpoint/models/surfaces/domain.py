@@ -22,15 +22,21 @@ from .zeros import normal_form, reduced
 
 @dataclass(frozen=True)
 class Limit:
-    """What must stay positive, or other than zero for a pole. In a branch that is not taken its expression is 1."""
+    """What must stay positive, or other than zero for a pole. In a branch that is not taken its expression is 1.
+
+    One that g alone reads is `measured`: it is to hold where g is, and not on the way there.
+    """
 
     name: str
     expression: Any
     pole: bool
+    measured: bool = False
 
 
 MOST = 256
 """The most limits that are looked at; fewer are left, as some keep others."""
+
+_Key = tuple[Any, int | None, Guards]
 
 
 class Domain:
@@ -50,22 +56,31 @@ class Domain:
         self._written = {surface.side: surface.written for surface in surfaces}
         self._constants = {symbol: exact(value) for symbol, value in constants.items()}
         self._with_constants: dict[Any, Any] = {}
-        self._limits: dict[tuple[Any, int | None, Guards], Limit] = {}
+        self._limits: dict[_Key, Limit] = {}
         self._visited: set[Any] = set()
+        self._measured = False
         self._limited: dict[Any, bool] = {}
 
     @property
     def limits(self) -> list[Limit]:
-        """All limits, poles first; a divisor that a limit keeps from zero is none."""
-        kept = {(form, guards) for form, sign, guards in self._limits if sign is not None}
-        everywhere = {(form, sign) for form, sign, guards in self._limits if not guards}
+        """All limits, poles first, measured ones last; a divisor that a limit keeps from zero is none, nor one of g alone."""
+        on_way = {key: limit for key, limit in self._limits.items() if not limit.measured}
+        left = self._left(on_way, on_way)
+        measured = {key: limit for key, limit in self._limits.items() if limit.measured and not limit.pole}
+        return left + self._left(measured, self._limits)
+
+    @staticmethod
+    def _left(given: Mapping[_Key, Limit], known: Mapping[_Key, Limit]) -> list[Limit]:
+        """Those of the given limits that do not follow from known ones."""
+        kept = {(form, guards) for form, sign, guards in known if sign is not None}
+        everywhere = {(form, sign) for form, sign, guards in known if not guards}
         positive = {
             limit.expression: sympy.Dummy(positive=True)
-            for (_, sign, guards), limit in self._limits.items()
+            for (_, sign, guards), limit in known.items()
             if sign == 1 and not guards and limit.expression.is_Symbol
         }
         poles, others = [], []
-        for (form, sign, guards), limit in self._limits.items():
+        for (form, sign, guards), limit in given.items():
             if guards and (form, sign) in everywhere:
                 continue
             read = limit.expression not in positive and reads(limit.expression, positive)
@@ -81,8 +96,10 @@ class Domain:
         """Add a condition of the user's: the expression must stay positive; it may have a name of its own."""
         self._add(expression, written, (), pole=False, name=name)
 
-    def read(self, expression: Any, origin: Mapping[Any, Any]) -> None:
-        """Add the limits of an expression; `origin` tells how its parts were written."""
+    def read(self, expression: Any, origin: Mapping[Any, Any], measured: bool = False) -> None:
+        """Add the limits of an expression; `origin` tells how its parts were written, `measured` that it is one of g."""
+        if measured != self._measured:
+            self._measured, self._visited = measured, set()
         for part in parts(expression, self._limited):
             self._limited[part] = bool(limits_of(part, {})) or any(self._limited[argument] for argument in part.args)
         stack: list[tuple[Any, Guards]] = [(expression, ())]
@@ -126,7 +143,7 @@ class Domain:
             expression = self._where(condition, taken, expression)
         if len(self._limits) == MOST:
             raise ValueError(f"f: expected at most {MOST} roots, logarithms, divisors and conditions of the domain, given more")
-        self._limits.setdefault((form, None if pole else sign, guards), Limit(name or to_text(shown), expression, pole))
+        self._limits.setdefault((form, None if pole else sign, guards), Limit(name or to_text(shown), expression, pole, self._measured))
 
     def _where(self, condition: Any, taken: bool, expression: Any) -> Any:
         """The expression where the condition holds, or does not, and 1 elsewhere; both branches count where a side is 0, on a slide."""

@@ -70,11 +70,10 @@ class Structure:
             if isinstance(condition, Defined):
                 domain.read(by_value.rewrite(condition), by_value.origin)
         of_rates, of_output = (powers.origin_of(branches.origin) for branches in (by_side, by_value))
-        for rewritten, origin in ((whole_rates, of_rates), (whole_output, of_output)):
-            for expression in rewritten:
-                domain.read(expression, origin)
-        for surface in self.surfaces:
-            domain.read(surface.expression, of_rates)
+        for expression in (*whole_rates, *(surface.expression for surface in self.surfaces)):
+            domain.read(expression, of_rates)
+        for expression in whole_output:
+            domain.read(expression, of_output, measured=True)
         moving = {*equations.states, *equations.inputs, *(surface.side for surface in self.surfaces)}
         limits = domain.limits
         self.limits = [limit for limit in limits if reads(limit.expression, moving)]
@@ -126,6 +125,7 @@ class Structure:
             [surface.side for surface in self.surfaces],
             equations.constants,
             sum(limit.pole for limit in self.limits),
+            sum(limit.measured for limit in self.limits),
             [surface.crossable for surface in self.surfaces if surface.jump],
             self.rough(),
             steep_ones(self.surfaces, self.rates),

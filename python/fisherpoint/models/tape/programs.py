@@ -52,6 +52,8 @@ class Programs:
         Whether derivatives of f have no bounds there.
     poles : int
         How many of the domain limits, the first ones, are denominators of either sign.
+    measured : int
+        How many, the last ones, are of g alone.
     """
 
     rates: Program
@@ -73,6 +75,7 @@ class Programs:
     rough: tuple[bool, ...]
     steep: tuple[bool, ...]
     poles: int
+    measured: int
 
 
 def build_programs(
@@ -85,6 +88,7 @@ def build_programs(
     sides: Sequence[Any] = (),
     constants: Mapping[Any, float] | None = None,
     poles: int = 0,
+    measured: int = 0,
     crossable: Sequence[bool] = (),
     rough: Sequence[bool] = (),
     steep: Sequence[bool] = (),
@@ -105,6 +109,8 @@ def build_programs(
         Known constants.
     poles : int
         How many of the domain limits, the first ones, are denominators of either sign.
+    measured : int
+        How many, the last ones, are of g alone, and hold where it is measured.
     crossable : sequence of bool
         For each jump, which are the first of the surfaces, whether trajectories can cross it.
     rough : sequence of bool
@@ -160,6 +166,7 @@ def build_programs(
         rough=tuple(rough) or (False,) * len(sides),
         steep=tuple(steep) or (False,) * len(sides),
         poles=poles,
+        measured=measured,
     )
 
 
