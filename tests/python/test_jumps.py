@@ -126,10 +126,6 @@ def test_what_has_no_derivative_is_named() -> None:
     assert fp.sensitivities(grazing, crossing, [1.0], jumps="cross").status[0] == fp.Status.grazes_jump
     clear = fp.Experiments([[0.5 + 1e-3, -1.0, 0.0], [0.5 - 1e-3, -1.0, 0.0]], [[0.0]] * 2, [2.0] * 2)
     assert fp.sensitivities(grazing, clear, [1.0], jumps="cross").status.tolist() == [0, 0]
-    # Two axes that come to rest in the same instant.
-    axes = fp.SymbolicModel(["-p*sign(v)", "-p*sign(w)"], ["v"], {"v": "1", "w": "1"}, {"u": "1"}, {"p": "1"})
-    twins = fp.Experiments([[1.0, 1.0], [1.0, 0.5]], [[0.0]] * 2, [2.0] * 2)
-    assert fp.simulate(axes, twins, [1.0], jumps="cross").status.tolist() == [fp.Status.two_jumps] * 2
     # The twisting algorithm of sliding mode control: infinitely many crossings by a finite time.
     twist = fp.SymbolicModel(["v", "-p*sign(x) - sign(v)"], ["x"], {"x": "1", "v": "1"}, {"u": "1"}, {"p": "1"})
     done = fp.simulate(twist, fp.Experiments([[1.0, 0.0 + 1e-3]], [[0.0]], [20.0]), [3.0], jumps="cross")

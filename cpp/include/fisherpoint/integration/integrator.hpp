@@ -20,6 +20,7 @@
 #include "fisherpoint/integration/outcome.hpp"
 #include "fisherpoint/integration/runge_kutta.hpp"
 #include "fisherpoint/integration/sliding.hpp"
+#include "fisherpoint/integration/sliding_several.hpp"
 #include "fisherpoint/integration/status.hpp"
 #include "fisherpoint/integration/step_control.hpp"
 #include "fisherpoint/integration/tolerance.hpp"
@@ -30,6 +31,9 @@
 #include "fisherpoint/numbers/unroll.hpp"
 
 namespace fisherpoint {
+
+template <class Equation>
+class Additions;
 
 template <class Equation, class Method>
 class Integrator {
@@ -257,8 +261,9 @@ class Integrator {
     next_cap = select(unsure, 0.5 * step_, next_cap);
     const Mask unseen = any(unsure) ? unsure & poorly_seen() : Lanes::none();
 
+    if (any(at_jump & good & !to_surface & !unsure))
+      to_surface = to_surface | land_on_first(good & running_ & !to_surface & !unsure, duration, next_cap);
     const Mask taken = good & running_ & !to_surface & !unsure;
-    if (any(at_jump & taken)) land_on_first(taken, duration);
     if (any(lands & taken)) settle(taken);
     const Mask bad = running_ & !good;
     if (any(running_ & !taken)) stop_stuck(running_ & !taken & (step_ <= 1e-13 * max(time_, first_try_)), duration);
@@ -343,11 +348,22 @@ class Integrator {
   [[gnu::noinline]] void hold(const State& middle, Surfaces& middle_value);
   P hold_rate(const State& x, const State& rates, const P& span) const;
   [[gnu::noinline]] void watch_hold(const Mask& lanes, const State& y, const P& span);
-  [[gnu::noinline]] void land_on_first(const Mask& taken, const P& duration);
+  [[gnu::noinline]] Mask land_on_first(const Mask& lanes, const P& duration, P& next_cap);
   [[gnu::noinline]] void pass_jump(auto m, const Mask& lanes, const State& y);
   [[gnu::noinline]] void check_slides(const Mask& lanes, const State& y, Status otherwise = Status::two_jumps);
   [[gnu::noinline]] void stop_grazing(auto m, const Mask& lanes, const State& y);
   [[gnu::noinline]] void note_end(const P& duration, const State& y);
+  void see_slides();
+
+  // On several jumps at once: settle_sides.hpp.
+  [[gnu::noinline]] Mask on_several(const Retyped<Side, Mask>& met) const;
+  [[gnu::noinline]] void settle_sides(const Mask& lanes, const Retyped<Side, Mask>& met, const State& y, Status otherwise,
+                                      bool at_start = false);
+  [[gnu::noinline]] void cross_all(const Mask& lanes, const Additions<Equation>& all, const Retyped<Side, Mask>& on,
+                                   Side& settled, Mask& lost) const;
+  [[gnu::noinline]] void hold_several(const Mask& lanes, const State& middle, Surfaces& middle_value);
+  [[gnu::noinline]] void watch_several(const Mask& lanes, const State& y, const P& span);
+  ShelfVector<P> hold_rates(const Mask& lanes, const State& x, const State& rates, const P& span) const;
 
   // At rest on surfaces: rests.hpp.
   [[gnu::noinline]] void note_rests(const Mask& lanes, const State& y);
@@ -381,9 +397,10 @@ class Integrator {
   P past_{0.0};               // how long after that time what ends the trajectory is met
   Side side_;
   Surfaces value_,
-      rate_;            // of the surfaces at the start of the step, rates per second; of a slide, what holds it (sliding.hpp)
-  bool slide_ = false;  // any lane slides on a jump
-  P turns_;             // how many jumps were met
+      rate_;              // of the surfaces at the start of the step, rates per second; of a slide, what holds it (sliding.hpp)
+  bool slide_ = false;    // any lane slides on a jump
+  bool several_ = false;  // any lane slides on several
+  P turns_;               // how many jumps were met
   Retyped<Side, Mask> leaving_;  // a slide on this jump has just ended
   Retyped<Side, Mask> resting_;  // the trajectory lies on this surface, which does not move on the side where it is
   bool any_rest_ = false;
@@ -406,6 +423,7 @@ class Integrator {
   Retyped<Surfaces, Quartic<P>> along_;
   Surfaces beside_;  // how far the surfaces' values were seen off that, where they were
   Retyped<Side, Mask> landed_;
+  Mask several_landed_;  // next to several surfaces at once, one of them a jump
 };
 
 // Not inline: where an explicit instantiation is declared, nothing of the integrator is compiled.
@@ -437,6 +455,7 @@ auto Integrator<Equation, Method>::run(State& y, const P& duration, const P& fir
 #include "fisherpoint/integration/jumps.hpp"
 #include "fisherpoint/integration/limits.hpp"
 #include "fisherpoint/integration/rests.hpp"
+#include "fisherpoint/integration/settle_sides.hpp"
 #include "fisherpoint/integration/start.hpp"
 #include "fisherpoint/integration/stiffness.hpp"
 #include "fisherpoint/integration/surfaces.hpp"

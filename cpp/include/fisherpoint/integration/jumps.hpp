@@ -9,9 +9,20 @@ namespace fisherpoint {
 
 template <class Equation, class Method>
 void Integrator<Equation, Method>::slide(const State& x, const Side& side, State& dx) const {
-  const auto on = any_slides<P>(f_, side);
+  const auto several = several_ ? several_slides<P>(f_, side) : Lanes::none();
+  const auto on = any_slides<P>(f_, side) & !several;
   const BothSides<Equation> at(f_, x, side);
   for_each_index(f_.states, [&](auto i) { dx[i] = select(on, at.sliding(i), dx[i]); });
+  if (!any(several)) return;
+  const SeveralSlides<Equation> on_all(f_, x, side, several);
+  for_each_index(f_.states, [&](auto i) { dx[i] = select(several, on_all.rate[i], dx[i]); });
+}
+
+// Whether any lane slides, and any on several jumps.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::see_slides() {
+  slide_ = any(any_slides<P>(f_, side_) & running_);
+  several_ = slide_ && f_.jumps_end > 1 && any(several_slides<P>(f_, side_) & running_);
 }
 
 template <class Equation, class Method>
@@ -37,12 +48,22 @@ bool Integrator<Equation, Method>::starts_next_to_jump(const P& duration) const 
 // trajectories.
 template <class Equation, class Method>
 void Integrator<Equation, Method>::start_on_jumps(const State& y, const P& duration) {
-  Mask on = Lanes::none();
+  Mask on = Lanes::none(), several = on;
+  if (f_.jumps_end > 1) {
+    auto met = landed_;
+    for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
+      met[m] = Lanes::none();
+      if (crosses(m)) met[m] = running_ & !landed_[m] & (abs(value_[m]) <= on_surface * natural_height(f_, m, y));
+      value_[m] = select(met[m], P(0.0), value_[m]);
+    });
+    several = on_several(met) & running_;
+    if (any(several)) settle_sides(several, met, y, Status::on_jump, true);
+    on = several;
+  }
   for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
     if (!crosses(m)) return;
-    const Mask here = running_ & !landed_[m] & (abs(value_[m]) <= on_surface * natural_height(f_, m, y));
+    const Mask here = running_ & !several & !landed_[m] & (abs(value_[m]) <= on_surface * natural_height(f_, m, y));
     if (!any(here)) return;
-    stop(here & on, Status::two_jumps);
     on = on | here;
     Side held = side_;
     held[m] = select(here, P(0.0), side_[m]);
@@ -62,7 +83,7 @@ void Integrator<Equation, Method>::start_on_jumps(const State& y, const P& durat
 // What a step starts with, on the sides on which these lanes are now.
 template <class Equation, class Method>
 void Integrator<Equation, Method>::start_anew(const Mask& lanes, const State& y, const P& duration) {
-  slide_ = any(any_slides<P>(f_, side_) & running_);
+  see_slides();
   State fresh;
   fit(fresh, f_.states);
   derivative(y, fresh);
@@ -85,7 +106,7 @@ void Integrator<Equation, Method>::come_from(const State& y) {
     if (met_) landed_[m] = landed_[m] | (known & ((*met_)[m] > P(0.5)));
     side_[m] = select(landed_[m], came, side_[m]);
   });
-  slide_ = any(any_slides<P>(f_, side_) & running_);
+  see_slides();
 }
 
 // Of those next to a jump: where f leads onto it, it is met now, as it would be behind a step that had ended there. A slide
@@ -93,23 +114,22 @@ void Integrator<Equation, Method>::come_from(const State& y) {
 template <class Equation, class Method>
 void Integrator<Equation, Method>::go_on(const State& y, const P& duration) {
   Mask next_to = Lanes::none();
-  P count(0.0);
   for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
     Mask comes = landed_[m] & running_ & !slides(side_[m]) & (side_[m] * rate_[m] < P(0.0));
     if (any(comes)) comes = comes & !moves_none(m, rate_[m], y);
     next_to = next_to | landed_[m];
     value_[m] = select(landed_[m], P(0.0), value_[m]);
     landed_[m] = comes;
-    count += select(comes, P(1.0), P(0.0));
   });
   if (!any(next_to)) return;
-  stop(count > P(1.5), Status::two_jumps);
+  const Mask several = f_.jumps_end > 1 ? on_several(landed_) & running_ : Lanes::none();
+  if (any(several)) settle_sides(several, landed_, y, Status::two_jumps);
   for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
-    const Mask comes = landed_[m] & running_;
+    const Mask comes = landed_[m] & running_ & !several;
     if (any(comes)) pass_jump(m, comes, y);
     landed_[m] = Lanes::none();
   });
-  slide_ = any(any_slides<P>(f_, side_) & running_);
+  see_slides();
   if (slide_) check_slides(next_to & running_, y, Status::on_jump);
   start_anew(next_to, y, duration);
 }
@@ -130,10 +150,12 @@ auto Integrator<Equation, Method>::hold_rate(const State& x, const State& rates,
 // is not h, which is zero, but what holds the trajectory there.
 template <class Equation, class Method>
 void Integrator<Equation, Method>::hold(const State& middle, Surfaces& middle_value) {
+  const Mask several = several_ ? several_slides<P>(f_, side_) & running_ : Lanes::none();
+  if (any(several)) hold_several(several, middle, middle_value);
   const BothSides<Equation> at(f_, end_, side_), half(f_, middle, side_);
   const P rate = hold_rate(end_, stage_[last], step_);
   for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
-    const Mask on = slides(side_[m]);
+    const Mask on = slides(side_[m]) & !several;
     const P back = select(on & at.holds(), end_value_[m] / (at.r_plus - at.r_minus), P(0.0));
     for_each_index(f_.states, [&](auto i) { end_[i] -= back * (at.plus[i] - at.minus[i]); });
     middle_value[m] = select(on, half.hold(), middle_value[m]);
@@ -145,32 +167,45 @@ void Integrator<Equation, Method>::hold(const State& middle, Surfaces& middle_va
 // Of the start of a step on a slide, in these lanes.
 template <class Equation, class Method>
 void Integrator<Equation, Method>::watch_hold(const Mask& lanes, const State& y, const P& span) {
+  const Mask several = several_ ? several_slides<P>(f_, side_) & lanes : Lanes::none();
+  if (any(several)) watch_several(several, y, span);
   const BothSides<Equation> at(f_, y, side_);
   const P rate = hold_rate(y, stage_[0], span);
   for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
-    const Mask on = lanes & slides(side_[m]);
+    const Mask on = lanes & slides(side_[m]) & !several;
     value_[m] = select(on, at.hold(), value_[m]);
     rate_[m] = select(on, rate, rate_[m]);
   });
 }
 
-// A step may end next to several surfaces: the first one is landed on, the others are met from there.
+// A step may end next to several surfaces, one of them a jump. The first is landed on with all that are met in the same
+// instant, the others are met from there. Returns the lanes that are past the first one and have to try the step again: only an
+// end that is on it shows what is met at once.
 template <class Equation, class Method>
-void Integrator<Equation, Method>::land_on_first(const Mask& taken, const P& duration) {
-  Mask by_jump = Lanes::none();
-  P first(infinity), count(0.0);
+auto Integrator<Equation, Method>::land_on_first(const Mask& lanes, const P& duration, P& next_cap) -> Mask {
+  Mask by_jump = Lanes::none(), once = by_jump, twice = by_jump;
+  P first(infinity);
   const auto when = [&](auto m) {
     const P newton = -end_value_[m] / end_rate_[m];
-    return select(landed_[m] & taken, select(abs(newton) < P(infinity), newton, P(0.0)), P(infinity));
+    return select(landed_[m] & lanes, select(abs(newton) < P(infinity), newton, P(0.0)), P(infinity));
   };
-  for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { by_jump = by_jump | (landed_[m] & taken); });
-  for_each_index(Count<0>{}, f_.kinks_end, [&](auto m) { first = min(first, when(m)); });
+  for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { by_jump = by_jump | (landed_[m] & lanes); });
+  for_each_index(Count<0>{}, f_.kinks_end, [&](auto m) {
+    twice = twice | (once & landed_[m]);
+    once = once | (landed_[m] & lanes);
+    first = min(first, when(m));
+  });
+  several_landed_ = by_jump & twice;
+  if (!any(several_landed_)) return Lanes::none();
+  const P at_once = same_instant * step_ + 1e-12 * duration;
+  const Mask before = several_landed_ & (first > at_once), past = several_landed_ & (first < -at_once) & (step_ > at_once);
+  next_cap = select(past, min(next_cap, step_ + first), next_cap);
   for_each_index(Count<0>{}, f_.kinks_end, [&](auto m) {
     const P time = when(m);
-    count += select(time <= first + tolerance_.relative * duration, P(1.0), P(0.0));
-    landed_[m] = landed_[m] & !(by_jump & (time > first));
+    landed_[m] = landed_[m] & !before & !(several_landed_ & (time > first + at_once));
   });
-  stop(by_jump & (count > P(1.5)), Status::two_jumps);
+  several_landed_ = several_landed_ & !before;
+  return past;
 }
 
 // Lanes that have landed on jump m go through it, or slide along it; lanes that slid on it leave by the side that opens.
@@ -191,25 +226,25 @@ void Integrator<Equation, Method>::pass_jump(auto m, const Mask& lanes, const St
   const Mask comes = arrives & (before < zero), rests = comes & moves_none(m, behind, y);
   const Mask through = comes & ((behind < zero) | rests), held = comes & (behind > zero) & !rests;
   stop(arrives & !(through | held), Status::grazes_jump);
-  stop(held & any_slides<P>(f_, side_), Status::two_jumps);
   side_[m] = select(through, -side, select(held, zero, side));
   side_[m] = select(leaves, select(abs(rate[0]) < abs(rate[1]), P(1.0), P(-1.0)), side_[m]);
   leaving_[m] = leaving_[m] | leaves;
   turns_ += select(lanes, P(1.0), zero);
-  slide_ = any(any_slides<P>(f_, side_) & running_);
+  see_slides();
 }
 
 // Behind a jump, what another slide is held by may be gone.
 template <class Equation, class Method>
 void Integrator<Equation, Method>::check_slides(const Mask& lanes, const State& y, Status otherwise) {
+  const Mask one = several_ ? lanes & !several_slides<P>(f_, side_) : lanes;
   const BothSides<Equation> at(f_, y, side_);
   const Mask up = (at.r_plus > P(0.0)) & (at.r_minus > P(0.0)), down = (at.r_plus < P(0.0)) & (at.r_minus < P(0.0));
-  stop(lanes & any_slides<P>(f_, side_) & !(at.holds() | up | down), otherwise);
+  stop(one & any_slides<P>(f_, side_) & !(at.holds() | up | down), otherwise);
   for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
-    const Mask here = lanes & slides(side_[m]);
+    const Mask here = one & slides(side_[m]);
     side_[m] = select(here & up, P(1.0), select(here & down, P(-1.0), side_[m]));
   });
-  slide_ = any(any_slides<P>(f_, side_) & running_);
+  see_slides();
 }
 
 // Where a trajectory turns back so near to a jump that the tolerance cannot tell whether it has crossed it.

@@ -2,7 +2,8 @@
 //
 //     x' = f- + a (f+ - f-),    a = r- / (r- - r+),
 //
-// keeps h' = 0, as long as r+ < 0 < r-. A trajectory's side is 0 on the jump that it slides on; it slides on one at a time.
+// keeps h' = 0, as long as r+ < 0 < r-. A trajectory's side is 0 on the jump that it slides on. Of
+// several at once: sliding_several.hpp.
 #pragma once
 
 #include "fisherpoint/models/dependence.hpp"
@@ -83,18 +84,6 @@ template <class Equation>
     one[i] = P(0.0);
   });
   return size;
-}
-
-// f on these sides, of lanes that slide along the slide.
-template <class Equation>
-[[gnu::noinline]] void rates_along(const Equation& f, const typename Equation::State& x, const typename Equation::Side& side,
-                                   typename Equation::State& dx) {
-  using P = typename Equation::Number;
-  f.derivative(x, beside<P>(f, side, 1.0), dx);
-  const auto on = any_slides<P>(f, side);
-  if (!any(on)) return;
-  const BothSides<Equation> at(f, x, side);
-  for_each_index(f.states, [&](auto i) { dx[i] = select(on, at.sliding(i), dx[i]); });
 }
 
 }  // namespace fisherpoint

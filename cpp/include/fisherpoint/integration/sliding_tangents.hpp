@@ -15,7 +15,7 @@
 
 namespace fisherpoint {
 
-// Of the surface that each lane slides on; zero in the lanes that do not.
+// Of the surface that each lane slides on; zero in the lanes that do not. Of several it is the last.
 template <class M, class P>
 [[gnu::noinline]] JumpGradient<M, P> slid_surface(const VariationalEquation<M, P>& f, const typename ArraysOf<M, P>::States& x,
                                                   const typename ArraysOf<M, P>::Sides& side) {
@@ -90,13 +90,13 @@ struct SlidingStage {
 };
 
 // f and its Jacobian at the share a in the place of those on the sides 1, and what columns need besides. Lanes that do not
-// slide keep theirs.
+// slide, or on several jumps, keep theirs.
 template <class M, class P>
 [[gnu::noinline]] void slide_linearised(const VariationalEquation<M, P>& f, const typename ArraysOf<M, P>::States& x,
                                         const typename ArraysOf<M, P>::Sides& side, const P& step,
                                         typename ArraysOf<M, P>::States& rate, Jacobian<M, P>& jacobian,
-                                        SlidingStage<M, P>& stage) {
-  const auto on = any_slides<P>(f, side);
+                                        SlidingStage<M, P>& stage, const mask_of_lanes<P>& several) {
+  const auto on = any_slides<P>(f, side) & !several;
   auto behind = rate;
   auto jacobian_behind = jacobian;
   f.linearise(x, beside<P>(f, side, -1.0), behind, jacobian_behind);
@@ -112,7 +112,7 @@ template <class M, class P>
   };
   for_each_index(f.states, [&](auto i) {
     stage.d[i] = select(on, rate[i] - behind[i], P(0.0));
-    stage.normal[i] = normal.by_state[i];
+    stage.normal[i] = select(several, P(0.0), normal.by_state[i]);
   });
   stage.inverse = select(on, 1.0 / (r_plus - r_minus), P(0.0));
   mix(rate, behind);
@@ -129,8 +129,12 @@ template <class M, class P>
     after[i] += part * step * rate[i];
   });
   const auto first = slid_surface(f, before, side), second = slid_surface(f, after, side);
-  for_each_index(f.states, [&](auto i) { stage.turn[i] = (0.5 / part) * (second.by_state[i] - first.by_state[i]); });
-  for_each_index(f.parameters, [&](auto j) { stage.drift[j] = (0.5 / part) * (second.by_theta[j] - first.by_theta[j]); });
+  for_each_index(f.states, [&](auto i) {
+    stage.turn[i] = select(several, P(0.0), (0.5 / part) * (second.by_state[i] - first.by_state[i]));
+  });
+  for_each_index(f.parameters, [&](auto j) {
+    stage.drift[j] = select(several, P(0.0), (0.5 / part) * (second.by_theta[j] - first.by_theta[j]));
+  });
 }
 
 }  // namespace fisherpoint

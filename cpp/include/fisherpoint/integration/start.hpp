@@ -19,7 +19,8 @@ void Integrator<Equation, Method>::begin(const State& y, const P& duration, cons
   resting_.fill(Lanes::none());
   any_rest_ = false;
   span_ = duration;
-  slide_ = false;
+  slide_ = several_ = false;
+  several_landed_ = Lanes::none();
   turns_ = P(0.0);
   implicit_ = Lanes::none();
   stiff_signs_ = others_ = P(0.0);

@@ -68,6 +68,9 @@ inline constexpr double alike_rates = 1e-12;
 // Of a step, over which it is seen how fast what holds a slide changes.
 inline constexpr double hold_span = 1e-2;
 
+// Surfaces that are met within this share of a step are met in the same instant.
+inline constexpr double same_instant = 1e-9;
+
 // A trajectory that gets stuck after so many jumps meets them in ever shorter times.
 inline constexpr int many_turns = 25;
 

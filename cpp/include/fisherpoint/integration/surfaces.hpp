@@ -19,6 +19,12 @@ void Integrator<Equation, Method>::settle(const Mask& taken) {
     const P rest = select(landed_[m] & taken & known, newton, P(0.0));
     for_each_index(f_.states, [&](auto i) { end_[i] += rest * stage_[last][i]; });
     step_ += rest;
+    if (any(several_landed_)) {  // which has brought it nearer to the others too
+      for_each_index(Count<0>{}, f_.kinks_end, [&](auto other) {
+        const Mask here = several_landed_ & landed_[other] & taken;
+        end_value_[other] = select(here, end_value_[other] + rest * end_rate_[other], end_value_[other]);
+      });
+    }
     ends_ = ends_ & !(rest < P(0.0));  // the trajectory goes on behind the kink
   });
 }
@@ -84,8 +90,16 @@ void Integrator<Equation, Method>::turn(const State& y, const Mask& taken) {
     side_[m] = select(here, -side_[m], side_[m]);
     turned = turned | here;
   });
+  Mask several = Lanes::none();
+  if (f_.jumps_end > 1) {
+    auto met = landed_;
+    for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { met[m] = landed_[m] & taken & running_; });
+    several = on_several(met);
+    if (any(several)) settle_sides(several, met, y, Status::two_jumps);
+    turned = turned | several;
+  }
   for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
-    const Mask here = landed_[m] & taken & running_;
+    const Mask here = landed_[m] & taken & running_ & !several;
     if (any(here)) pass_jump(m, here, y);
     turned = turned | here;
   });

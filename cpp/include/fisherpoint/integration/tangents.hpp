@@ -9,6 +9,7 @@
 #include "fisherpoint/equations/variational_equation.hpp"
 #include "fisherpoint/integration/runge_kutta.hpp"
 #include "fisherpoint/integration/sliding_tangents.hpp"
+#include "fisherpoint/integration/sliding_tangents_several.hpp"
 #include "fisherpoint/integration/step_control.hpp"
 #include "fisherpoint/numbers/unroll.hpp"
 
@@ -79,8 +80,7 @@ class Tangents {
   // A lane whose step is 0 stays as it is; those of `beside` begin or end on a kink.
   FISHERPOINT_HOT void advance(const P& step, const Side& side, const Mask& beside = lanes_of<P>::none()) {
     beside_ = beside;
-    slide_ = f_.jumps_end > 0 && any(any_slides<P>(f_, side));
-    if (slide_ && sliding_.empty()) prepare_slides();
+    see_slides(side);
     State rate[Method::stages], ahead;
     fit_all(rate, ahead);
     for_each_index(counted<Equation, stages>(), [&](auto s) {
@@ -95,19 +95,28 @@ class Tangents {
       for (int k = j; k < f_.parameters; k = f_.dependence.next_alike(k)) advance_column(j, k);
     });
     if (slide_) keep_on(slid_surface(f_, x, side), sliding_[stages - 1].pivot.within(step > P(0.0)));
+    if (any(several_)) several_stages_[stages - 1].keep_on(f_, several_ & (step > P(0.0)), x, s);
   }
 
   // From one jump to the other side of it, or onto it to slide: where `before` and `after` differ. With G = h_x S + h_theta, S
   // grows by (f_after - f_before) G / (h_x f_before). The trajectory is taken onto the surface for it, and back in time.
-  // Returns where the jump is grazed: S grows past all bounds there.
+  // Returns where the jump is grazed: S grows past all bounds there. Several jumps at once are passed one after the other.
   [[gnu::noinline]] mask_of_lanes<P> pass(const Side& before, const Side& after) {
-    auto grazes = lanes_of<P>::none();
+    auto grazes = lanes_of<P>::none(), once = grazes, several = grazes;
     for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
-      const auto here = !slides(before[m]) & (abs(after[m] - before[m]) > P(0.5));
+      const auto here = meets(m, before, after);
+      several = several | (once & here);
+      once = once | here;
+    });
+    for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
+      const auto here = meets(m, before, after) & !several;
       if (any(here)) grazes = grazes | pass_jump(m, here, before, after);
     });
-    return grazes;
+    return any(several) ? grazes | pass_several(several, before, after) : grazes;
   }
+
+  // Where S would be another one if the jumps that were met in one instant had been met in another order.
+  const mask_of_lanes<P>& hangs_on_order() const { return hangs_on_order_; }
 
   // S for the case in which a jump that the trajectory ends next to was met before the end, where it was not, or was not met,
   // where it was: on the sides `other` in the place of `last`. Returns where that is grazed.
@@ -151,6 +160,39 @@ class Tangents {
     });
   }
 
+  // Lanes that meet jump m: they cross it or begin to slide. One that has ended to hold them is left behind without a change.
+  static Mask meets(auto m, const Side& before, const Side& after) {
+    return !slides(before[m]) & (abs(after[m] - before[m]) > P(0.5));
+  }
+
+  // In the order of the jumps, and in the other one: which of them is first may hang on a parameter.
+  [[gnu::noinline]] mask_of_lanes<P> pass_several(const Mask& lanes, const Side& before, const Side& after) {
+    auto otherwise = *this;
+    const auto grazes = pass_in_order(lanes, before, after, false) | otherwise.pass_in_order(lanes, before, after, true);
+    hangs_on_order_ = hangs_on_order_ | (lanes & differs(otherwise, 1e-4));
+    return grazes;
+  }
+
+  mask_of_lanes<P> pass_in_order(const Mask& lanes, const Side& before, const Side& after, bool backwards) {
+    auto grazes = lanes_of<P>::none();
+    P left(0.0);  // of the jumps
+    for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { left += select(lanes & meets(m, before, after), P(1.0), P(0.0)); });
+    Side from = before;
+    for (int k = 0; k < f_.jumps_end; ++k) {
+      const int m = backwards ? f_.jumps_end - 1 - k : k;
+      const Mask here = lanes & meets(m, before, after);
+      if (!any(here)) continue;
+      left -= select(here, P(1.0), P(0.0));
+      Side to = from;
+      to[m] = select(here, after[m], from[m]);
+      // What held before is left with the last jump.
+      for_each_index(f_.sides, [&](auto i) { to[i] = select(here & (left < P(0.5)), after[i], to[i]); });
+      grazes = grazes | pass_jump(m, here, from, to);
+      from = to;
+    }
+    return grazes;
+  }
+
   mask_of_lanes<P> pass_jump(auto m, const mask_of_lanes<P>& here, const Side& before, const Side& after) {
     const auto in_time = [&](const P& time, const Side& side) { advance_briefly(select(here, time, P(0.0)), side); };
     const auto growth = [&](const JumpGradient<M, P>& h, const State& rate) {
@@ -160,7 +202,11 @@ class Tangents {
     };
     // What begins to slide is taken onto the surface along f_behind - f_before, wherever it comes from: with f on the other
     // side in the place of f_behind, that is the formula where h_x f_before may be zero.
-    const auto slides_on = here & slides(after[m]), goes_through = here & !slides(after[m]);
+    // Where another jump lets go in that instant, f is not on a line between these sides: there it is the formula as it stands.
+    auto released = lanes_of<P>::none();
+    for_each_index(Count<0>{}, f_.jumps_end,
+                   [&](auto other) { released = released | (slides(before[other]) & !slides(after[other])); });
+    const auto begins = here & slides(after[m]), slides_on = begins & !released, goes_through = here & !slides_on;
     Side beyond = after;
     beyond[m] = select(slides_on, -before[m], after[m]);
     State rate, rate_behind;
@@ -178,13 +224,13 @@ class Tangents {
     rates(x, beyond, rate_behind);
     const P fall = growth(h, rate), fall_behind = growth(h, rate_behind);
     // What leaves a rest takes S with it, and what comes to rest stays on the surface.
-    const auto leaves_rest = goes_through & !(abs(fall) > alike_rates * abs(fall_behind));
-    const auto rests = goes_through & !leaves_rest & (abs(fall_behind) <= alike_rates * abs(fall)), stays = slides_on | rests;
+    const auto leaves_rest = here & !begins & !(abs(fall) > alike_rates * abs(fall_behind));
+    const auto rests = here & !begins & !leaves_rest & (abs(fall_behind) <= alike_rates * abs(fall)), stays = begins | rests;
     const P weight = select(here & !leaves_rest, 1.0 / select(slides_on, fall - fall_behind, fall), P(0.0));
     const P height = select(slides_on, h.value, P(0.0));
-    if (any(slides_on)) {
+    if (any(begins)) {
       entered_.resize(s.size(), P(0.0));
-      for (std::size_t e = 0; e < s.size(); ++e) entered_[e] = select(slides_on, s[e], entered_[e]);
+      for (std::size_t e = 0; e < s.size(); ++e) entered_[e] = select(begins, s[e], entered_[e]);
     }
     for_each_index(f_.states, [&](auto i) { x[i] += (rate_behind[i] - rate[i]) * (height * weight); });
     for (int j = 0; j < f_.parameters; ++j) {
@@ -193,14 +239,23 @@ class Tangents {
       for_each_row(j, [&](int i, int at) { shift += h.by_state[i] * column[at]; });
       for_each_row(j, [&](int i, int at) { column[at] += (rate_behind[i] - rate[i]) * (shift * weight); });
     }
-    if (any(stays)) {
+    const Mask on_several = f_.jumps_end > 1 && any(begins) ? begins & several_slides<P>(f_, after) : lanes_of<P>::none();
+    if (any(on_several)) {
+      SeveralStage<M, P> stage;
+      Jacobian<M, P> unused = jacobian_[0];
+      State there = rate;
+      f_.linearise(x, beside<P>(f_, after, 1.0), there, unused);
+      stage.linearise(f_, x, after, P(0.0), on_several, there, unused);
+      stage.keep_on(f_, on_several, x, s);
+    }
+    if (any(stays & !on_several)) {
       State d;
       fit(d, f_.states);
       for_each_index(f_.states, [&](auto i) { d[i] = rate_behind[i] - rate[i]; });
       const auto on = f_.jump(m, x);
       Pivot<M, P> pivot;
       pivot.fit_to(f_);
-      pivot.choose(f_, stays, on.by_state, d);
+      pivot.choose(f_, stays & !on_several, on.by_state, d);
       keep_on(on, pivot);
     }
     // What the state's error makes of `fall` by the time the jump is met.
@@ -218,8 +273,7 @@ class Tangents {
 
   // By the midpoint rule, for a time so short that the error of a jump's place is all that is left of the trajectory.
   [[gnu::noinline]] void advance_briefly(const P& time, const Side& side) {
-    slide_ = any(any_slides<P>(f_, side));
-    if (slide_ && sliding_.empty()) prepare_slides();
+    see_slides(side);
     State rate, middle;
     fit_all_two(rate, middle);
     linearise_briefly(x, side, time, rate, 0);
@@ -260,9 +314,19 @@ class Tangents {
     fit(jacobian.by_theta, f_.dependence.by_theta);
     f_.linearise(at, beside<P>(f_, side, 1.0), rate, jacobian);
     if (!any(any_slides<P>(f_, side))) return;
+    const Mask several = several_slides<P>(f_, side);
+    if (any(several)) SeveralStage<M, P>().linearise(f_, at, side, P(0.0), several, rate, jacobian);
     SlidingStage<M, P> stage;
     stage.fit_to(f_);
-    slide_linearised(f_, at, side, P(0.0), rate, jacobian, stage);
+    slide_linearised(f_, at, side, P(0.0), rate, jacobian, stage, several);
+  }
+
+  // What slides on these sides.
+  void see_slides(const Side& side) {
+    slide_ = f_.jumps_end > 0 && any(any_slides<P>(f_, side));
+    several_ = slide_ && f_.jumps_end > 1 ? several_slides<P>(f_, side) : lanes_of<P>::none();
+    if (slide_ && sliding_.empty()) prepare_slides();
+    if (any(several_) && several_stages_.empty()) several_stages_.resize(stages);
   }
 
   [[gnu::noinline]] void prepare_slides() {
@@ -277,7 +341,8 @@ class Tangents {
       f_.linearise(at, side, rate, jacobian);
     } else {  // the same code whether a neighbour slides or not, and so the same bits
       f_.linearise(at, slide_ ? beside<P>(f_, side, 1.0) : side, rate, jacobian);
-      if (slide_) slide_linearised(f_, at, side, step, rate, jacobian, sliding_[s]);
+      if (any(several_)) several_stages_[s].linearise(f_, at, side, step, several_, rate, jacobian);
+      if (slide_) slide_linearised(f_, at, side, step, rate, jacobian, sliding_[s], several_);
     }
     for (P& entry : rate) entry *= step;
     for (P& entry : jacobian.by_state) entry *= step;
@@ -342,7 +407,7 @@ class Tangents {
         });
         rate[s][i] = sum;
       });
-      if (slide_) slide_column(rows, ahead, k, sliding_[s], rate[s]);
+      if (slide_) slide_column(rows, ahead, k, s, rate[s]);
     });
     Estimate estimate;
     P size(0.0);
@@ -372,10 +437,12 @@ class Tangents {
       });
       rate[i] = sum;
     });
-    if (slide_) slide_column(rows, column, k, sliding_[s], rate);
+    if (slide_) slide_column(rows, column, k, s, rate);
   }
 
-  [[gnu::noinline]] void slide_column(auto rows, const State& column, int k, const SlidingStage<M, P>& stage, State& rate) {
+  [[gnu::noinline]] void slide_column(auto rows, const State& column, int k, int s, State& rate) {
+    const SlidingStage<M, P>& stage = sliding_[s];
+    const P of_several = any(several_) ? several_stages_[s].correct(f_, rows, column, k, rate) : P(0.0);
     P sum = stage.drift[k], cancelled(0.0);
     for_each_variable(rows, [&](auto i) { sum += stage.normal[i] * rate[i] + stage.turn[i] * column[i]; });
     const P share = -sum * stage.inverse;
@@ -390,7 +457,7 @@ class Tangents {
         stage.normal, rest, [&](auto&& use) { for_each_variable(rows, use); }, [&](auto i) -> P& { return rate[i]; });
     // A column that the surface holds at zero consists of rounding, which is no error.
     const double part = 1e-14 / tolerance_;
-    squared_column_size_[k] = max(squared_column_size_[k], (part * part) * cancelled);
+    squared_column_size_[k] = max(squared_column_size_[k], (part * part) * (cancelled + of_several));
   }
 
   const Equation& f_;
@@ -398,9 +465,12 @@ class Tangents {
   Mask beside_ = lanes_of<P>::none();        // in this step
   bool slide_ = false;                       // any lane slides in this step
   ShelfVector<SlidingStage<M, P>> sliding_;  // of every stage
-  ShelfVector<P> entered_;                   // S before the last slide
+  Mask several_ = lanes_of<P>::none();       // slide on several jumps in this step
+  ShelfVector<SeveralStage<M, P>> several_stages_;
+  ShelfVector<P> entered_;  // S before the last slide
   // Squared estimates, summed over the steps, in units of the states' scales: of the error of x, and of the error and the
   // largest size of every column.
+  Mask hangs_on_order_ = lanes_of<P>::none();
   P squared_error_{0.0};
   typename ArraysOf<M, P>::Parameters squared_column_error_, squared_column_size_;
   typename ArraysOf<M, P>::Parameters coarse_fourth_;  // the column's distance to the coarse solution, to the fourth power

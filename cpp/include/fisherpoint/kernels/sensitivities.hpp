@@ -298,9 +298,9 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
       out.status[k] = Status::on_jump;
       continue;
     }
-    if (lanes_of<P>::get(grazes, lane)) {
+    if (lanes_of<P>::get(grazes, lane) || lanes_of<P>::get(tangents.hangs_on_order(), lane)) {
       paths[k] = PointPath<M>();
-      out.status[k] = Status::grazes_jump;
+      out.status[k] = lanes_of<P>::get(grazes, lane) ? Status::grazes_jump : Status::two_jumps;
       continue;
     }
     if (carried && shape.jumps_end > 0) {
