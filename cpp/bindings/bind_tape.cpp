@@ -22,16 +22,16 @@ std::vector<Instruction> instructions(const Rows& rows, const char* name) {
 }
 
 TapeModel tape_model(const std::vector<double>& scales, int inputs, int outputs, int parameters, int jumps, int kinks,
-                     int poles, int limits, int measured, Program rates, Program output, Program surfaces, Program surface_rates,
-                     Program state_jacobian, Program rate_jacobian, Program output_jacobian, Program jump_jacobian,
-                     const std::vector<std::pair<int, int>>& state_entries,
+                     int poles, int limits, int measured, Program rates, Program output, Program surfaces,
+                     Program surface_rates, Program state_jacobian, Program rate_jacobian, Program output_jacobian,
+                     Program jump_jacobian, const std::vector<std::pair<int, int>>& state_entries,
                      const std::vector<std::pair<int, int>>& rate_entries,
                      const std::vector<std::pair<int, int>>& output_entries,
                      const std::vector<std::pair<int, int>>& jump_entries, std::vector<bool> varying_states,
                      std::vector<bool> varying_outputs, std::vector<bool> varying_surfaces, std::vector<bool> crossable,
                      std::vector<bool> rough, std::vector<bool> steep) {
   Shape<TapeModel> shape{
-      static_cast<int>(scales.size()), inputs, outputs, parameters, jumps, jumps + kinks, jumps + kinks + poles,
+      static_cast<int>(scales.size()),  inputs, outputs, parameters, jumps, jumps + kinks, jumps + kinks + poles,
       jumps + kinks + limits - measured};
   shape.measured = measured;
   shape.sided_limits = detail::reads_sides(surfaces, shape);
@@ -94,12 +94,12 @@ void bind_tape(py::module_& m) {
            "literals"_a, "setup"_a, "stage"_a, "outputs"_a, "registers"_a);
 
   py::class_<TapeModel>(m, "TapeModel")
-      .def(
-          py::init(&tape_model), "scales"_a, "inputs"_a, "outputs"_a, "parameters"_a, "jumps"_a, "kinks"_a, "poles"_a,
-          "limits"_a, "measured"_a, "rates"_a, "output"_a, "surfaces"_a, "surface_rates"_a, "state_jacobian"_a, "rate_jacobian"_a,
-          "output_jacobian"_a, "jump_jacobian"_a, "state_entries"_a, "rate_entries"_a, "output_entries"_a, "jump_entries"_a,
-          "varying_states"_a, "varying_outputs"_a, "varying_surfaces"_a, "crossable"_a, "rough"_a, "steep"_a,
-          "Scales of the states, how many there are of what (the poles and what is measured among the limits), and the programs with their entries.")
+      .def(py::init(&tape_model), "scales"_a, "inputs"_a, "outputs"_a, "parameters"_a, "jumps"_a, "kinks"_a, "poles"_a,
+           "limits"_a, "measured"_a, "rates"_a, "output"_a, "surfaces"_a, "surface_rates"_a, "state_jacobian"_a,
+           "rate_jacobian"_a, "output_jacobian"_a, "jump_jacobian"_a, "state_entries"_a, "rate_entries"_a, "output_entries"_a,
+           "jump_entries"_a, "varying_states"_a, "varying_outputs"_a, "varying_surfaces"_a, "crossable"_a, "rough"_a, "steep"_a,
+           "Scales of the states, how many there are of what (the poles and what is measured among the limits), and the "
+           "programs with their entries.")
       .def(
           "rhs",
           [](const TapeModel& model, const Input& x, const Input& u, const Input& theta) {

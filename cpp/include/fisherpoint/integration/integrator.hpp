@@ -218,8 +218,7 @@ class Integrator {
         if (any(nearly)) there = there | (nearly & drowned(m, y));  // no step is short enough to end on it
         // Behind a jump, what is left of the duration may be too short for h to show the side.
         const Mask remains = behind_kink_ & ends_ & short_step;
-        landed_[m] =
-            good & !remains & !resting_[m] & !(ends_ & (h.b4 > zero)) & ((abs(h.b4) <= -landing_ * slope) | there);
+        landed_[m] = good & !remains & !resting_[m] & !(ends_ & (h.b4 > zero)) & ((abs(h.b4) <= -landing_ * slope) | there);
         crossed = crossed & !landed_[m] & !remains;
         unclear = (unclear | (landed_[m] & !clear)) & !(landed_[m] & tiny_step) & !remains;  // it may have been there before
         if (any(crossed | unclear)) {

@@ -73,8 +73,8 @@ void Integrator<Equation, Method>::enter_branches(const Mask& lanes, const State
   stop(lanes & running_ & outside, Status::left_domain);
 }
 
-// What is measured as its logarithm must be known as a share of itself, however small it has become, and what only decays must not
-// fall below zero by an error. So its error counts as such a share, unless it is rounding.
+// What is measured as its logarithm must be known as a share of itself, however small it has become, and what only decays must
+// not fall below zero by an error. So its error counts as such a share, unless it is rounding.
 template <class Equation, class Method>
 void Integrator<Equation, Method>::judge_measured(const State& y) {
   State error, coarse, size;

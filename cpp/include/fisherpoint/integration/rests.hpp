@@ -1,6 +1,6 @@
 // Rest on a surface: members of Integrator (integrator.hpp, which includes it at its end). Behind a surface f may lead nowhere
-// across it, as where an amount is used up, a flow has stopped or a state is saturated. The trajectory then lies on the surface,
-// to rounding, and goes on by f of the side that it has entered, until something else moves it again.
+// across it, as where an amount is used up, a flow has stopped or a state is saturated. The trajectory then lies on the
+// surface, to rounding, and goes on by f of the side that it has entered, until something else moves it again.
 #pragma once
 
 #include "fisherpoint/integration/sliding.hpp"
@@ -16,8 +16,8 @@ auto Integrator<Equation, Method>::moves_none(auto m, const P& rate, const State
   return slow & (abs(rate) * span_ <= on_surface * natural_height(f_, m, y));
 }
 
-// Where a step ends so near to surface m that it does not matter on which side, and would soon be there. A flow that stops slowly
-// tends to it like a parabola, of which steps beyond find no zero.
+// Where a step ends so near to surface m that it does not matter on which side, and would soon be there. A flow that stops
+// slowly tends to it like a parabola, of which steps beyond find no zero.
 template <class Equation, class Method>
 auto Integrator<Equation, Method>::is_met(auto m) const -> Mask {
   return (abs(end_value_[m]) <= abs(end_rate_[m]) * (brink * span_)) &
@@ -62,8 +62,8 @@ void Integrator<Equation, Method>::keep_resting(Surfaces& middle_value) {
   for_each_index(Count<0>{}, f_.kinks_end, [&](auto m) {
     if (!any(resting_[m] & running_)) return;
     const P height = on_surface * natural_height(f_, m, end_);
-    const Mask still = resting_[m] & (abs(middle_value[m]) <= height) & (abs(end_value_[m]) <= height) &
-                       (abs(end_rate_[m]) * span_ <= height);
+    const Mask still =
+        resting_[m] & (abs(middle_value[m]) <= height) & (abs(end_value_[m]) <= height) & (abs(end_rate_[m]) * span_ <= height);
     middle_value[m] = select(still, P(0.0), middle_value[m]);
     end_value_[m] = select(still, P(0.0), end_value_[m]);
     end_rate_[m] = select(still, P(0.0), end_rate_[m]);

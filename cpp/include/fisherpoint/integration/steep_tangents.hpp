@@ -1,10 +1,10 @@
-// S beside surfaces where f_x has no bounds, as f takes a root of what is zero there: a flow through an orifice that reverses. f_x
-// grows like t^(e - 1) with the time t to the surface and a power 0 < e < 1, which has an integral. So the last step before such
-// a surface, and the first one behind it, are made of ones that each take a part of what is left of the way. The rest of it, over which S does
-// not change to speak of, is a sum over nodes in the third root of t, where what is added up is smooth.
+// S beside surfaces where f_x has no bounds, as f takes a root of what is zero there: a flow through an orifice that reverses.
+// f_x grows like t^(e - 1) with the time t to the surface and a power 0 < e < 1, which has an integral. So the last step before
+// such a surface, and the first one behind it, are made of ones that each take a part of what is left of the way. The rest of
+// it, over which S does not change to speak of, is a sum over nodes in the third root of t, where what is added up is smooth.
 //
-// Steps are found from the distance as this trajectory has it, which differs from the states' by their errors: where it meets the
-// surface earlier or later, the step behind it makes up for that.
+// Steps are found from the distance as this trajectory has it, which differs from the states' by their errors: where it meets
+// the surface earlier or later, the step behind it makes up for that.
 #pragma once
 
 #include <array>
