@@ -26,7 +26,7 @@ from given_cases import At
 from random_cylinders import MEAN, RATES, CylinderCase
 from random_models import Case
 from reading import Reading
-from rounds import examined, run_round
+from rounds import Hangs, examined, no_longer_than, run_round
 from scipy_route import End, course
 from scipy_slope import slope
 
@@ -252,6 +252,15 @@ def test_what_is_wrong_is_found() -> None:
     case = Liar(("-p1*x1",), ("x1",), (1.0,), (), (1.0,))
     kinds = {finding.kind for finding in examined(case, Figures())}
     assert {"right-hand side differs", "wrong ok: states", "wrong ok: sensitivities"} <= kinds
+
+
+@pytest.mark.parametrize(("waits", "hang"), [(10, lambda: all(iter(int, 1))), (1, lambda: time.sleep(60))])
+def test_what_hangs_is_ended(waits: int, hang: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On the processor, or waiting."""
+    monkeypatch.setattr("rounds.WAITS", waits)
+    with pytest.raises(Hangs), no_longer_than(1):
+        while True:
+            hang()
 
 
 # --- nice numbers ----------------------------------------------------------------------------------------------------------
