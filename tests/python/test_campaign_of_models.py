@@ -15,7 +15,7 @@ from check_bits import Levels, compare_numbers
 from check_covariances import check_covariance
 from check_floats import check_floats, in_floats
 from check_nice import Depot, check_nice, compare
-from check_runs import Run, by_points, check_runs, event
+from check_runs import by_points, check_runs
 from check_runs import compare as compare_run
 from check_sensitivities import check_sensitivities, largest_column
 from check_shared import brute_force, check_shared
@@ -25,6 +25,7 @@ from figures import Figures
 from given_cases import At
 from random_cylinders import MEAN, RATES, CylinderCase
 from random_models import Case
+from random_runs import Run, event
 from reading import Reading
 from rounds import Hangs, examined, no_longer_than, run_round
 from scipy_route import End, course
