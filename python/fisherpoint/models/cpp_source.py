@@ -62,6 +62,7 @@ struct {name} {{
   static constexpr std::array<bool, {len(model.jumps)}> crossable = {_flags(programs.crossable)};
   static constexpr std::array<bool, {sides}> rough = {_flags(programs.rough)};
   static constexpr std::array<bool, {sides}> steep = {_flags(programs.steep)};
+  static constexpr std::array<bool, {len(programs.closed)}> closed = {_flags(programs.closed)};
   static constexpr std::array<Variables, {n_x}> read_through_jumps = {_variables(programs.rate_entries, n_x)};
 
   auto dynamics(const auto& parameters) const {{

@@ -234,6 +234,11 @@ class Integrator {
         to_surface = to_surface | crossed;
         at_jump = at_jump | landed_[m];
       } else {
+        if (m >= f_.sides && f_.dependence.closed(m)) {  // it may have started there, and rest
+          const Mask rests = !(abs(h.b0) > zero) & rests_along(m);
+          crossed = crossed & !rests;
+          unclear = unclear & !rests;
+        }
         stopped = stopped | crossed;
       }
       unsure = unsure | unclear;
@@ -367,6 +372,7 @@ class Integrator {
   // At rest on surfaces: rests.hpp.
   [[gnu::noinline]] void note_rests(const Mask& lanes, const State& y);
   [[gnu::noinline]] Mask moves_none(auto m, const P& rate, const State& y) const;
+  [[gnu::noinline]] Mask starts_at(auto m, const State& y) const;
   [[gnu::noinline]] Mask is_met(auto m) const;
   [[gnu::noinline]] void keep_resting(Surfaces& middle_value);
   Mask rests_along(auto m) const;

@@ -69,7 +69,11 @@ void Integrator<Equation, Method>::enter_branches(const Mask& lanes, const State
     side_[m] = select(lanes, select(value_[m] < P(0.0), P(-1.0), P(1.0)), side_[m]);
     outside = outside | !((value_[m] < P(0.0)) | (value_[m] > P(0.0)));
   });
-  for_each_index(f_.sides, f_.surfaces, [&](auto m) { outside = outside | !(value_[m] > P(0.0)); });
+  for_each_index(f_.sides, f_.surfaces, [&](auto m) {
+    Mask here = lanes & !(value_[m] > P(0.0));
+    if (f_.dependence.closed(m) && any(here)) here = here & !starts_at(m, y);
+    outside = outside | here;
+  });
   stop(lanes & running_ & outside, Status::left_domain);
 }
 

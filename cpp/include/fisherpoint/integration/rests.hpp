@@ -16,6 +16,12 @@ auto Integrator<Equation, Method>::moves_none(auto m, const P& rate, const State
   return slow & (abs(rate) * span_ <= on_surface * natural_height(f_, m, y));
 }
 
+// Where a trajectory starts at limit m, where f has a value, and goes inside or stays.
+template <class Equation, class Method>
+auto Integrator<Equation, Method>::starts_at(auto m, const State& y) const -> Mask {
+  return (abs(value_[m]) <= on_surface * natural_height(f_, m, y)) & ((rate_[m] > P(0.0)) | moves_none(m, rate_[m], y));
+}
+
 // Where a step ends so near to surface m that it does not matter on which side, and would soon be there. A flow that stops
 // slowly tends to it like a parabola, of which steps beyond find no zero.
 template <class Equation, class Method>

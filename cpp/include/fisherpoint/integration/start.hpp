@@ -58,7 +58,15 @@ void Integrator<Equation, Method>::begin(const State& y, const P& duration, cons
   if (f_.jumps_end > 0 || f_.dependence.any_steep()) note_rests(running_, y);
   if (f_.sided_limits) enter_branches(running_, y);
   for_each_index(f_.kinks_end, f_.sides, [&](auto m) { outside = outside | on_it(m); });
-  for_each_index(f_.sides, f_.surfaces, [&](auto m) { outside = outside | !(value_[m] > P(0.0)); });
+  for_each_index(f_.sides, f_.surfaces, [&](auto m) {
+    Mask here = !(value_[m] > P(0.0));
+    if (f_.dependence.closed(m) && any(here)) {
+      const Mask starts = here & starts_at(m, y);
+      here = here & !starts;
+      value_[m] = select(starts, P(0.0), value_[m]);
+    }
+    outside = outside | here;
+  });
   stop(running_ & outside, Status::left_domain);
   stop(running_ & on_jump, Status::met_jump);
   step_size_ = f_.states == 0 ? duration : min(select(first_step > P(0.0), first_step, starting_step(y)), duration);

@@ -72,7 +72,8 @@ class SteepTangents {
     const P whole = select(lanes, max(size + lag_, 1e-6 * size), P(0.0));
     lag_ = select(lanes, size - whole + lag_, lag_);
     const Met met = look(lanes, side, before, side);
-    const P reach = nearest * met.size / abs(met.rate);
+    // From a limit, of which there is no gradient, it has moved after any time.
+    const P reach = select(met.size > P(0.0), nearest * met.size / abs(met.rate), P(0.0));
     const Mask moves = lanes & (reach < 0.1 * whole);
     const P first = select(moves, max(reach, 1e-11 * whole), P(0.0));
     if (any(moves)) {

@@ -347,7 +347,7 @@ class Tangents {
     for (P& entry : rate) entry *= step;
     for (P& entry : jacobian.by_state) entry *= step;
     for (P& entry : jacobian.by_theta) entry *= step;
-    if (!f_.dependence.any_steep()) return;
+    if (!f_.dependence.any_steep() && !f_.dependence.any_closed()) return;
     const Mask still = !(abs(step) > P(0.0));  // it may lie where f_x has no bounds
     for (P& entry : jacobian.by_state) entry = select(still, P(0.0), entry);
     for (P& entry : jacobian.by_theta) entry = select(still, P(0.0), entry);

@@ -15,6 +15,9 @@
 
 namespace fisherpoint {
 
+// In the place of a surface: a limit at which f has a value.
+inline constexpr Variables at_limit = Variables{1} << 63;
+
 // A run of one step onto a surface where f_x has no bounds, or off it, which S takes in its own way (steep_tangents.hpp).
 enum class Steep : char { no, towards, away };
 
@@ -34,7 +37,7 @@ struct PointPath {
   // meets several jumps then, or one that it grazes.
   typename ArraysOf<M, double>::Sides start, other;
   bool ends_on_jump = false, between = false;
-  Variables starts_on = 0;  // surfaces where f_x has no bounds, on which it starts
+  Variables starts_on = 0;  // surfaces where f_x has no bounds, on which it starts, and `at_limit`
   double fineness = 1.0;    // of the steps beside these
 
   std::size_t size() const { return sizes.size(); }
@@ -62,11 +65,11 @@ bool meets_jump(const auto& shape, const PointPath<M>& path) {
   return path.ends_on_jump;
 }
 
-// The same path, of which the steps before and behind a surface where f_x has no bounds are one each: by so much as the trajectory
-// may meet it at another time, its own steps would be out of place. They are as long as half of the longest step on that side.
+// The same path, of which the steps before and behind a surface where f_x has no bounds are one each: by so much as the
+// trajectory may meet it at another time, its own steps would be out of place. They are as long as half of the longest step on
+// that side.
 template <class M>
 PointPath<M> with_steep_steps(const auto& shape, const auto& dependence, const PointPath<M>& path) {
-  if (!dependence.any_steep()) return path;
   const auto meets = [&](const auto& a, const auto& b) {
     bool found = false;
     for_each_index(Count<0>{}, shape.kinks_end, [&](auto m) { found = found || (dependence.steep(m) && a[m] != b[m]); });
@@ -133,7 +136,8 @@ PointPath<M> refined(const PointPath<M>& path, double factor) {
   finer.fineness *= factor;
   std::size_t first = 0;
   for (const auto& run : path.runs) {
-    const double coarse = static_cast<double>(run.end - first), parts = run.steep == Steep::no ? std::ceil(coarse * factor) : 1.0;
+    const double coarse = static_cast<double>(run.end - first),
+                 parts = run.steep == Steep::no ? std::ceil(coarse * factor) : 1.0;
     std::size_t n = first;
     double rest = 1.0;  // of step n, as a share of it
     for (int part = 0; part < parts; ++part) {
@@ -172,9 +176,11 @@ PointPath<M> graded(const PointPath<M>& path) {
 
 // Of the way to a surface where f_x has no bounds, the largest part that one step takes.
 inline constexpr double most_of_distance = 0.35;
+// And by how much smaller these parts may become.
+inline constexpr double finest = 16.0;
 
-// How the lanes take a step. `beside`: from or to a kink or jump. To a surface where f_x has no bounds, or from one, by such parts
-// of the way; `other`: the sides behind it, or before.
+// How the lanes take a step. `beside`: from or to a kink or jump. To a surface where f_x has no bounds, or from one, by such
+// parts of the way; `other`: the sides behind it, or before.
 template <class M, class P>
 struct StepKind {
   mask_of_lanes<P> implicit = lanes_of<P>::none(), beside = lanes_of<P>::none();
@@ -202,7 +208,7 @@ void note_steep(const auto& shape, const PointPath<M>& path, std::size_t run, in
 // advance(size, side, kind) for every step of the paths of points[rows[0]], ...; of size 0 in the lanes whose path has ended.
 // Before it pass(before, after) where the sides of any lane change, those of jumps among them.
 template <class P, class M>
-void for_each_step(const Shape<M>& shape, const auto& dependence, std::span<const std::size_t> rows, const std::vector<PointPath<M>>& paths,
+void for_each_step(const Shape<M>& shape, std::span<const std::size_t> rows, const std::vector<PointPath<M>>& paths,
                    auto&& pass, auto&& advance) {
   const int used = static_cast<int>(rows.size());
   std::size_t longest = 0;
@@ -213,7 +219,7 @@ void for_each_step(const Shape<M>& shape, const auto& dependence, std::span<cons
   StepKind<M, P> kind;
   fit(kind.other, shape.sides);
   kind.other = side;
-  const bool steep = dependence.any_steep();
+  const bool steep = std::any_of(rows.begin(), rows.end(), [&](auto k) { return meets_steep(paths[k]); });
   // Of every lane: which run is next, where the current one ends, and the step at which something changes.
   std::array<std::size_t, lanes_of<P>::width> run{}, run_end{}, next{};
   for (std::size_t n = 0; n < longest; ++n) {

@@ -66,7 +66,8 @@ mask_of_lanes<P> outside_of_output(const Equation& equation, const auto& x) {
 // Where trajectories ended, how, and what was measured there, into the rows of `out`. With an end or outputs that are not
 // finite a trajectory is not ok; numbers that are not finite become zero.
 //
-// `outside`: lanes in which g has no value (outside_of_output). With `measured`, (count,), that counts only where it is asked for.
+// `outside`: lanes in which g has no value (outside_of_output). With `measured`, (count,), that counts only where it is asked
+// for.
 template <class P>
 void store_ends(const auto& x, const auto& y, const auto& status, std::span<const std::size_t> rows, const auto& out,
                 const mask_of_lanes<P>& outside = lanes_of<P>::none(), const unsigned char* measured = nullptr) {

@@ -176,10 +176,15 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
   Retyped<typename Equation::Side, mask_of_lanes<P>> starts_on;
   fit(starts_on, shape.sides);
   starts_on.fill(lanes_of<P>::none());
-  if (equation.dependence.any_steep()) {
+  auto starts_at_limit = lanes_of<P>::none();
+  if (equation.dependence.any_steep() || equation.dependence.any_closed()) {
     const auto value = equation.surface_values(x);
+    const auto is_on = [&](auto m) { return abs(value[m]) <= on_surface * natural_height(equation, m, x); };
     for_each_index(Count<0>{}, shape.kinks_end, [&](auto m) {
-      if (equation.dependence.steep(m)) starts_on[m] = abs(value[m]) <= on_surface * natural_height(equation, m, x);
+      if (equation.dependence.steep(m)) starts_on[m] = is_on(m);
+    });
+    for_each_index(shape.sides, shape.surfaces, [&](auto m) {
+      if (equation.dependence.closed(m)) starts_at_limit = starts_at_limit | is_on(m);
     });
   }
   const auto outcome = integrator.run(x, pack.dt, first, &steps, stiff, goes_on ? &from : nullptr);
@@ -203,12 +208,12 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
         taken.push_back(share * size, of_lane(step.side, shape.sides, lane), lanes_of<P>::get(step.implicit, lane));
       });
     }
-    taken.starts_on = 0;
+    taken.starts_on = lanes_of<P>::get(starts_at_limit, lane) ? at_limit : 0;
     for_each_index(Count<0>{}, shape.kinks_end, [&](auto m) {
       if (lanes_of<P>::get(starts_on[m], lane)) taken.starts_on |= Variables{1} << m;
     });
-    paths[k] = refined<M>(equation.dependence.any_steep() ? with_steep_steps(shape, equation.dependence, taken) : taken,
-                          first_refinement);
+    const bool steep = equation.dependence.any_steep() || taken.starts_on != 0;
+    paths[k] = refined<M>(steep ? with_steep_steps(shape, equation.dependence, taken) : taken, first_refinement);
     paths[k].fineness = 1.0;
   }
   if (shape.jumps_end > 0)
@@ -226,7 +231,7 @@ bool accepted(double error, double allowed, const Tolerance& tolerance, PointPat
   }
   const bool known = excess < 1e100;
   const double factor = known ? std::clamp(1.1 * std::pow(excess, 1.0 / order), 1.1, 4.0) : 2.0;
-  if (factor * path.size() <= tolerance.max_attempts) {
+  if (factor * path.size() <= tolerance.max_attempts && (!meets_steep(path) || factor * path.fineness <= finest)) {
     path = graded<M>(refined<M>(path, factor));
   } else {
     path = PointPath<M>();
@@ -253,10 +258,11 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
     implicit_tangents.emplace(*states, equation, tangents, tolerance);
   }
   std::optional<SteepTangents<M, P, Method>> steep_tangents;
-  if (equation.dependence.any_steep()) steep_tangents.emplace(equation, tangents);
+  if (std::any_of(rows.begin(), rows.end(), [&](auto k) { return meets_steep(paths[k]); }))
+    steep_tangents.emplace(equation, tangents);
   mask_of_lanes<P> grazes = lanes_of<P>::none();
   for_each_step<P, M>(
-      shape, equation.dependence, rows, paths, [&](const auto& before, const auto& after) { grazes = grazes | tangents.pass(before, after); },
+      shape, rows, paths, [&](const auto& before, const auto& after) { grazes = grazes | tangents.pass(before, after); },
       [&](P size, const auto& side, const auto& kind) {
         if (steep_tangents && any(kind.towards | kind.away)) {
           steep_tangents->leave(select(kind.away, size, P(0.0)), side, kind.other, kind.part);
@@ -345,7 +351,7 @@ void follow_rows(const M& model, const Points& points, const Parameters& paramet
   const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
   Adjoints<M, P, Method> adjoints(equation, pack.x0, tolerance.relative);
   for_each_step<P, M>(
-      shape, equation.dependence, rows, paths, [](const auto&...) {},
+      shape, rows, paths, [](const auto&...) {},
       [&](const P& size, const auto& side, const auto& kind) { adjoints.advance(size, side, kind.beside); });
 
   // lambda at the end is the output's row of g_x, against whose size in the states' scales errors are measured.

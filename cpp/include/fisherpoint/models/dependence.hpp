@@ -215,6 +215,19 @@ class Dependence {
     return false;
   }
 
+  // Whether f has a value where limit m, which is no pole, is zero; and whether there is any such.
+  static constexpr bool closed(int m) {
+    if constexpr (requires { M::closed; })
+      return m >= sizes<M>::sides && M::closed[m - sizes<M>::sides];
+    else
+      return false;
+  }
+  static constexpr bool any_closed() {
+    for (int m = sizes<M>::sides; m < sizes<M>::surfaces; ++m)
+      if (closed(m)) return true;
+    return false;
+  }
+
   // How many outputs depend on any parameter.
   static constexpr int varying_outputs = []<int... i>(std::integer_sequence<int, i...>) {
     return (0 + ... + output_depends(Count<i>{}));

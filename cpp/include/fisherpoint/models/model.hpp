@@ -40,16 +40,19 @@
 // A limit that belongs to a branch, as that of a root there, holds only where the branch is taken, and is 1 elsewhere: `limits`
 // of such a model is given `side` too, after theta, which is 0 where both branches are to be thought of.
 //
-// A limit of the output alone is to hold where that is measured: `static constexpr int measured` says how many of the domain limits,
-// the last ones, are such.
+// Where f has a value at a limit of the domain that is no pole, as a root has, `closed`, an array of bool for these limits,
+// says so: trajectories may start there.
+//
+// A limit of the output alone is to hold where that is measured: `static constexpr int measured` says how many of the domain
+// limits, the last ones, are such.
 //
 // A jump is crossed, or the trajectory slides on it (sliding.hpp). A model of which a surface's value jumps where another jump
 // is crossed says in `crossable`, an array of bool, which jumps may be crossed; and one whose types do not show which sides f_i
 // reads (it chooses by them) says in `read_through_jumps`, an array of Variables, what the jumps read whose sides f_i reads.
 //
 // A model that takes a root of what is zero on a kink says in `rough`, an array of bool, on which jumps and kinks it does so: S
-// takes short steps beside them, as beside limits. One that has a root of what is zero there, so that f_x has no bounds, says so
-// in `steep` too.
+// takes short steps beside them, as beside limits. One that has a root of what is zero there, so that f_x has no bounds, says
+// so in `steep` too.
 //
 // A model that branches on values of parameters or of states, inside `dynamics` or `output`, says in `varying_states`,
 // `varying_outputs` and `varying_surfaces`, arrays of bool, which of these depend on any parameter: derivatives do not show it.

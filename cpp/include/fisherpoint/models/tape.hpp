@@ -73,8 +73,8 @@ template <>
 struct Shape<TapeModel> {
   int states, inputs, outputs, parameters;
   int jumps_end, kinks_end, sides, surfaces;
-  bool sided_limits = false;  // limits read sides: they stand in branches
-  int measured = 0;           // limits behind the surfaces, which hold where g is measured
+  bool sided_limits = false;         // limits read sides: they stand in branches
+  int measured = 0;                  // limits behind the surfaces, which hold where g is measured
   static constexpr int values = -1;  // surfaces and what is measured, of a number that is not known here
   template <int n>
   using Stages = int;  // packs are so wide that unrolled loops would only overflow the instruction cache
@@ -89,14 +89,18 @@ struct Entry {
 // alone. And which jumps trajectories may cross, and beside which jumps and kinks f_x may be rough or without bounds
 // (Dependence).
 struct Varying {
-  std::vector<bool> states, outputs, surfaces, crossable, rough, steep;
+  std::vector<bool> states, outputs, surfaces, crossable, rough, steep, closed;
 };
 
 template <>
 class Dependence<TapeModel> {
  public:
   Dependence(const Shape<TapeModel>& shape, const std::vector<Entry>& rate_entries, Varying varying)
-      : coupled_(shape.states), driven_(shape.parameters), rows_(shape.parameters), varying_(std::move(varying)) {
+      : coupled_(shape.states),
+        driven_(shape.parameters),
+        rows_(shape.parameters),
+        surfaces_(shape.surfaces),
+        varying_(std::move(varying)) {
     Masks parameters_read(shape.states);
     for (const auto [i, k] : rate_entries) {
       if (k < shape.states) {
@@ -131,6 +135,8 @@ class Dependence<TapeModel> {
   bool crossable(int m) const { return varying_.crossable[m]; }
   bool rough(int m) const { return m >= static_cast<int>(varying_.rough.size()) || varying_.rough[m]; }
   bool steep(int m) const { return varying_.steep[m]; }
+  bool closed(int m) const { return varying_.closed[varying_.closed.size() - (surfaces_ - m)]; }  // of limits behind the poles
+  bool any_closed() const { return std::find(varying_.closed.begin(), varying_.closed.end(), true) != varying_.closed.end(); }
   bool any_steep() const { return std::find(varying_.steep.begin(), varying_.steep.end(), true) != varying_.steep.end(); }
   int leader(int j) const { return j; }
   int next_alike(int) const { return static_cast<int>(rows_.size()); }
@@ -142,6 +148,7 @@ class Dependence<TapeModel> {
   using Masks = std::vector<Variables>;
   Masks coupled_, driven_, rows_, row_;
   Variables sensitive_;
+  int surfaces_;
   Varying varying_;
 };
 
@@ -151,7 +158,8 @@ struct TapePrograms {
   Program state_jacobian;   // the entries of f_x row by row, those that S does not need too
   Program rate_jacobian;    // f, then the entries of f_x row by row, then those of f_theta column by column
   Program output_jacobian;  // g, then the entries of g_x row by row, then those of g_theta column by column
-  Program jump_jacobian;    // h of jumps and of steep kinks, which come first, then the entries of its derivatives in the same way
+  Program
+      jump_jacobian;  // h of jumps and of steep kinks, which come first, then the entries of its derivatives in the same way
 };
 
 class TapeModel {
@@ -271,7 +279,10 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
         for (const auto [i, k] : state_entries_) expect(k < n_x, "state_entries: expected derivatives by the states");
         check_entries(rate_entries, n_x, "rate_entries");
         check_entries(output_entries_, n_y, "output_entries");
-        const int steep_end = jumps_end + static_cast<int>(std::count(varying.steep.begin() + jumps_end, varying.steep.end(), true));
+        expect(static_cast<int>(varying.closed.size()) == surfaces - sides,
+               "closed: expected one for every limit behind the poles");
+        const int steep_end =
+            jumps_end + static_cast<int>(std::count(varying.steep.begin() + jumps_end, varying.steep.end(), true));
         expect(std::find(varying.steep.begin() + steep_end, varying.steep.end(), true) == varying.steep.end(),
                "varying.steep: expected steep kinks before others");
         check_entries(jump_entries_, steep_end, "jump_entries");

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import sympy
@@ -14,7 +14,7 @@ from ..tape.numbers import exact, is_number
 from ..tape.parts import parts, reads, replaced
 from .branches import Surface
 from .guards import Guards, guards_of
-from .limits import limits_of
+from .limits import is_root, limits_of
 from .printing import to_text
 from .words import in_words
 from .zeros import normal_form, reduced
@@ -24,13 +24,15 @@ from .zeros import normal_form, reduced
 class Limit:
     """What must stay positive, or other than zero for a pole. In a branch that is not taken its expression is 1.
 
-    One that g alone reads is `measured`: it is to hold where g is, and not on the way there.
+    One that g alone reads is `measured`: it is to hold where g is, and not on the way there. A `closed` one is of powers that have a
+    value at zero: trajectories may start there.
     """
 
     name: str
     expression: Any
     pole: bool
     measured: bool = False
+    closed: bool = False
 
 
 MOST = 256
@@ -114,10 +116,12 @@ class Domain:
                 stack += [*branches, (condition, guards)]
                 continue
             for argument, written, pole in limits_of(part, origin):
-                self._add(argument, written, guards, pole)
+                self._add(argument, written, guards, pole, closed=is_root(part))
             stack += [(argument, guards) for argument in reversed(part.args)]
 
-    def _add(self, expression: Any, written: Any, guards: Guards, pole: bool, name: str | None = None) -> None:
+    def _add(
+        self, expression: Any, written: Any, guards: Guards, pole: bool, name: str | None = None, closed: bool = False
+    ) -> None:
         expression, guards = value_of(expression), tuple((value_of(condition), taken) for condition, taken in guards)
         for shown in (written, expression):
             known = replaced(shown, self._constants, self._with_constants)
@@ -143,7 +147,10 @@ class Domain:
             expression = self._where(condition, taken, expression)
         if len(self._limits) == MOST:
             raise ValueError(f"f: expected at most {MOST} roots, logarithms, divisors and conditions of the domain, given more")
-        self._limits.setdefault((form, None if pole else sign, guards), Limit(name or to_text(shown), expression, pole, self._measured))
+        key = form, None if pole else sign, guards
+        limit = self._limits.setdefault(key, Limit(name or to_text(shown), expression, pole, self._measured, closed and not pole))
+        if not closed and limit.closed and not self._measured:
+            self._limits[key] = replace(limit, closed=False)
 
     def _where(self, condition: Any, taken: bool, expression: Any) -> Any:
         """The expression where the condition holds, or does not, and 1 elsewhere; both branches count where a side is 0, on a slide."""

@@ -41,6 +41,11 @@ def limits_of(part: Any, origin: Mapping[Any, Any]) -> Sequence[tuple[Any, Any, 
     return ()
 
 
+def is_root(part: Any) -> bool:
+    """Whether it is a power that is zero where its base is, without being one of a whole exponent."""
+    return isinstance(part, sympy.Pow) and not part.exp.is_Integer and (not part.exp.is_number or bool(part.exp > 0))
+
+
 def left_out(value: Any, operands: Iterable[Any]) -> tuple[Any, ...]:
     """Parts of operands that have limits of which SymPy has left nothing in the value that it made of them.
 

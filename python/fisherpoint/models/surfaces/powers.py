@@ -17,6 +17,7 @@ from ..tape.numbers import is_number
 from ..tape.parts import parts, rebuilt
 from .branches import Surface
 from .guards import Guards, guards_of
+from .limits import is_root
 from .zeros import normal_form
 
 
@@ -38,14 +39,14 @@ class Powers:
         if isinstance(now, Select):
             condition, a, b = now.args
             return Select(condition, self._within(a, guards_of(condition, True)), self._within(b, guards_of(condition, False)))
-        return self._power(now.base, now.exp) if _is_root(now) else now
+        return self._power(now.base, now.exp) if is_root(now) else now
 
     def _within(self, branch: Any, guards: Guards) -> Any:
         """What is taken where these conditions hold, or do not, with powers of what is positive there continued past the edge."""
         edges = [condition if taken else -condition for condition, taken in guards if self._is_side(condition)]
-        if not edges or not any(_is_root(part) for part in parts(branch)):
+        if not edges or not any(is_root(part) for part in parts(branch)):
             return branch
-        return rebuilt(branch, lambda _, now: self._continued(now, edges) if _is_root(now) else now)
+        return rebuilt(branch, lambda _, now: self._continued(now, edges) if is_root(now) else now)
 
     def _continued(self, power: Any, edges: Sequence[Any]) -> Any:
         factors = sympy.Mul.make_args(power.base)
@@ -86,8 +87,3 @@ class Powers:
             return False
         form, orientation = self._forms[sign * edge]
         return normal_form(value) == (form, sign * orientation)
-
-
-def _is_root(part: Any) -> bool:
-    """Whether it is a power that is zero where its base is, without being one of a whole exponent."""
-    return isinstance(part, sympy.Pow) and not part.exp.is_Integer and (not part.exp.is_number or bool(part.exp > 0))

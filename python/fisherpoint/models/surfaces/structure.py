@@ -129,6 +129,7 @@ class Structure:
             [surface.crossable for surface in self.surfaces if surface.jump],
             self.rough(),
             steep_ones(self.surfaces, self.rates),
+            [limit.closed for limit in self.limits if not limit.pole and not limit.measured],
         )
 
 

@@ -50,6 +50,8 @@ class Programs:
         Whether f takes a root of what is zero on each jump or kink: beside it derivatives of f change fast.
     steep : tuple of bool
         Whether derivatives of f have no bounds there.
+    closed : tuple of bool
+        Of each domain limit that is no pole and not measured, whether f has a value where it is zero.
     poles : int
         How many of the domain limits, the first ones, are denominators of either sign.
     measured : int
@@ -74,6 +76,7 @@ class Programs:
     crossable: tuple[bool, ...]
     rough: tuple[bool, ...]
     steep: tuple[bool, ...]
+    closed: tuple[bool, ...]
     poles: int
     measured: int
 
@@ -92,6 +95,7 @@ def build_programs(
     crossable: Sequence[bool] = (),
     rough: Sequence[bool] = (),
     steep: Sequence[bool] = (),
+    closed: Sequence[bool] = (),
 ) -> Programs:
     """Programs of x' = f(x, u, theta), y = g(x, u, theta).
 
@@ -117,6 +121,8 @@ def build_programs(
         For each jump and kink, whether f takes a root of what is zero on it; none for nowhere.
     steep : sequence of bool
         For each, whether derivatives of f have no bounds there; none for nowhere. Such kinks come before others.
+    closed : sequence of bool
+        Of each domain limit that is no pole and not measured, whether f has a value where it is zero; none for nowhere.
 
     Raises
     ------
@@ -165,6 +171,7 @@ def build_programs(
         crossable=tuple(crossable),
         rough=tuple(rough) or (False,) * len(sides),
         steep=tuple(steep) or (False,) * len(sides),
+        closed=tuple(closed) or (False,) * (len(surfaces) - len(sides) - poles - measured),
         poles=poles,
         measured=measured,
     )
