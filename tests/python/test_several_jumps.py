@@ -171,3 +171,48 @@ def test_f_that_is_not_one_sum_over_the_sides_has_no_slide_on_several() -> None:
     done = fp.simulate(model, fp.Experiments([[1.0, 0.5], [1.0, 3.0]], [[0.0]] * 2, [2.0] * 2), [1.0])
     assert done.status.tolist() == [fp.Status.two_jumps, fp.Status.ok]
     np.testing.assert_allclose(done.x[1], [0.0, 1.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["arm", "platform"])
+def test_runs_go_on_from_segment_to_segment(name: str) -> None:
+    """What holds goes on to hold, lets go when the input changes, and comes to rest again."""
+    case, rng, segments = CASES[name](), np.random.default_rng(4), 5
+    count = 2
+    x0, _, p, _ = case.draw(rng, count)
+    n = len(case.system.size) // 2
+    x0[:, n:] = 0.0
+    u = rng.uniform(-1.5, 1.5, (count, segments, 2)) * np.array([0.05, 1.0, 0.0, 1.0, 0.05])[:, None]
+    runs = fp.Runs(x0, u, 0.2, np.ones((count, segments), dtype=bool).tolist())
+
+    def end(theta: Array, k: int) -> Array:
+        x = x0[k]
+        for segment in range(segments):
+            x = course_of_several(case.system, x, u[k, segment], theta, 0.2).x
+        return x
+
+    for k in range(count):
+        done = fp.sensitivities(case.model, runs[[k]], p[k], rtol=1e-9)
+        assert done.status[0] == fp.Status.ok
+        states = fp.simulate(case.model, runs[[k]], p[k], rtol=1e-10)
+        np.testing.assert_allclose(states.x[0, -1], end(p[k], k), atol=1e-8)
+        np.testing.assert_allclose(done.x[0, -1], end(p[k], k), atol=1e-8)
+        for j in range(p.shape[1]):
+            step = 1e-4 * p[k, j] * np.eye(p.shape[1])[j]
+            slope = (end(p[k] + step, k) - end(p[k] - step, k)) / (2 * step[j])
+            np.testing.assert_allclose(done.dx_dtheta[0, -1, :, j], slope, rtol=1e-5, atol=3e-6)
+
+
+def test_every_node_of_a_prior_goes_its_own_way() -> None:
+    """Some nodes stick in one joint, others in both."""
+    case = CASES["arm"]()
+    prior = fp.GaussianPrior(dict(zip("abdce", [3.0, 0.4, 0.8, 0.7, 0.25], strict=True)), relative_std=dict.fromkeys("abdce", 0.1))
+    rule = fp.SparseGaussHermite(2)
+    points = fp.Experiments([[0.2, 0.5, 0.0, 0.0], [0.1, -0.4, 0.5, -0.3]], [[0.75, 0.2], [0.0, 0.0]], [1.0, 1.5])
+    done = fp.predictive_covariance(case.model, points, prior, rule, rtol=1e-9)
+    assert not done.status.any()
+    nodes, weights = rule.nodes(prior)
+    y = fp.simulate(case.model, points, prior.mean, rtol=1e-10).y
+    for k in range(2):
+        every = fp.Experiments(*(np.repeat(of[k : k + 1], len(nodes), axis=0) for of in (points.x0, points.u, points.dt)))
+        off = fp.simulate(case.model, every, nodes, rtol=1e-10).y - y[k]
+        np.testing.assert_allclose(done.covariance[k], (off.T * weights) @ off / weights.sum(), rtol=1e-5, atol=1e-12)

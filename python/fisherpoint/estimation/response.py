@@ -13,6 +13,7 @@ from ..points.experiments import Experiments
 from ..points.run_trajectories import checked_run_sensitivities
 from ..points.runs import Runs
 from ..points.settings import Settings
+from ..points.status import Status
 
 MOST_POINTS = 200_000
 """Points, or segments, that the engine is given at once, so that memory stays bounded."""
@@ -30,7 +31,10 @@ class Response(NamedTuple):
 
 
 def measurements_response(model: Model, points: Experiments, theta: Array, columns: list[int], settings: Settings) -> Response:
-    """The response of K points to parameters theta (B, p), by those in `columns`; settings are known to be good."""
+    """The response of K points to parameters theta (B, p), by those in `columns`; settings are known to be good.
+
+    A sample just at a jump has no derivative: it is zero there.
+    """
     count, n_points = len(theta), len(points)
     n_y, each = len(model.outputs), max(1, MOST_POINTS // n_points)
     y, dy = np.empty((count, n_points, n_y)), np.empty((count, n_points, n_y, len(columns)))
@@ -42,6 +46,12 @@ def measurements_response(model: Model, points: Experiments, theta: Array, colum
             model.core, many.x0, many.u, many.dt, np.repeat(rows, n_points, axis=0), *settings, outputs_alone=True
         )
         _, found, _, derivatives, codes = result
+        if len(beside := np.flatnonzero(codes == Status.on_jump)):  # no derivative, yet an output where there is one trajectory
+            given = many[beside]
+            _, found[beside], codes[beside], _ = model.kernels.simulate(
+                model.core, given.x0, given.u, given.dt, np.repeat(rows, n_points, axis=0)[beside], *settings
+            )
+            derivatives[beside] = 0.0
         some = slice(first, first + len(rows))
         y[some] = found.reshape(len(rows), n_points, n_y)
         dy[some] = derivatives[..., columns].reshape(len(rows), n_points, n_y, -1)

@@ -46,8 +46,8 @@ class RunTrajectories(NamedTuple):
 class RunSensitivities(NamedTuple):
     """As `RunTrajectories`, with dx_dtheta (K, N, n_x, p) and dy_dtheta (K, N, n_y, p) at the ends, per SI unit of each parameter.
 
-    Where the status is not ok they are zero from the segment on that was not completed. At an end that lies on a jump, dx_dtheta is
-    that of one side; the status is ok where the outputs that are measured there have the same derivative on both.
+    Where the status is not ok they are zero from the segment on that was not completed. dy_dtheta is zero at a sample in the very
+    instant of a jump that its outputs feel: there is no derivative.
     """
 
     x: Array

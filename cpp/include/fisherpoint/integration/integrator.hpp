@@ -265,6 +265,7 @@ class Integrator {
     next_cap = select(unsure, 0.5 * step_, next_cap);
     const Mask unseen = any(unsure) ? unsure & poorly_seen() : Lanes::none();
 
+    several_landed_ = Lanes::none();
     if (any(at_jump & good & !to_surface & !unsure))
       to_surface = to_surface | land_on_first(good & running_ & !to_surface & !unsure, duration, next_cap);
     const Mask taken = good & running_ & !to_surface & !unsure;
@@ -348,21 +349,23 @@ class Integrator {
   [[gnu::noinline]] void start_on_jumps(const State& y, const P& duration);
   [[gnu::noinline]] void come_from(const State& y);
   [[gnu::noinline]] void go_on(const State& y, const P& duration);
+  [[gnu::noinline]] P side_past(auto m, const State& y, const P& duration);
   void start_anew(const Mask& lanes, const State& y, const P& duration);
   [[gnu::noinline]] void hold(const State& middle, Surfaces& middle_value);
   P hold_rate(const State& x, const State& rates, const P& span) const;
   [[gnu::noinline]] void watch_hold(const Mask& lanes, const State& y, const P& span);
   [[gnu::noinline]] Mask land_on_first(const Mask& lanes, const P& duration, P& next_cap);
   [[gnu::noinline]] void pass_jump(auto m, const Mask& lanes, const State& y);
-  [[gnu::noinline]] void check_slides(const Mask& lanes, const State& y, Status otherwise = Status::two_jumps);
+  [[gnu::noinline]] void check_slides(const Mask& lanes, const State& y, const P& span, Status otherwise = Status::two_jumps);
   [[gnu::noinline]] void stop_grazing(auto m, const Mask& lanes, const State& y);
   [[gnu::noinline]] void note_end(const P& duration, const State& y);
   void see_slides();
+  [[gnu::noinline]] void leave_with_kinks(const Mask& lanes, const Side& held, const State& y);
 
   // On several jumps at once: settle_sides.hpp.
   [[gnu::noinline]] Mask on_several(const Retyped<Side, Mask>& met) const;
-  [[gnu::noinline]] void settle_sides(const Mask& lanes, const Retyped<Side, Mask>& met, const State& y, Status otherwise,
-                                      bool at_start = false);
+  [[gnu::noinline]] void settle_sides(const Mask& lanes, const Retyped<Side, Mask>& met, const State& y, const P& span,
+                                      Status otherwise, bool at_start = false);
   [[gnu::noinline]] void cross_all(const Mask& lanes, const Additions<Equation>& all, const Retyped<Side, Mask>& on,
                                    Side& settled, Mask& lost) const;
   [[gnu::noinline]] void hold_several(const Mask& lanes, const State& middle, Surfaces& middle_value);

@@ -57,7 +57,7 @@ void Integrator<Equation, Method>::start_on_jumps(const State& y, const P& durat
       value_[m] = select(met[m], P(0.0), value_[m]);
     });
     several = on_several(met) & running_;
-    if (any(several)) settle_sides(several, met, y, Status::on_jump, true);
+    if (any(several)) settle_sides(several, met, y, duration, Status::on_jump, true);
     on = several;
   }
   for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
@@ -72,12 +72,27 @@ void Integrator<Equation, Method>::start_on_jumps(const State& y, const P& durat
                down = here & (at.r_plus < P(0.0)) & (at.r_minus < P(0.0));
     const Mask below = here & (at.r_plus < P(0.0)) & moves_none(m, at.r_minus, y),
                above = here & (at.r_minus > P(0.0)) & moves_none(m, at.r_plus, y), along = here & at.holds() & !below & !above;
+    const Mask smooth = at.alike(f_) & here, stays = smooth & !(up | down | below | above | along);
     side_[m] = select(up | above, P(1.0), select(down | below, P(-1.0), select(along, P(0.0), side_[m])));
+    if (any(stays)) side_[m] = select(stays, side_past(m, y, duration), side_[m]);
+    leaving_[m] = leaving_[m] | stays;
     value_[m] = select(here, P(0.0), value_[m]);
-    stop(here & !(up | down | below | above | along), Status::on_jump);
-    outcome_.starts_on_jump = outcome_.starts_on_jump | (here & !along);
+    stop(here & !(up | down | below | above | along | stays), Status::on_jump);
+    outcome_.starts_on_jump = outcome_.starts_on_jump | (here & !along & !smooth);
   });
   start_anew(on, y, duration);
+}
+
+// To which side of jump m, at which f does not jump now, a trajectory goes that lies on it and does not move across it at
+// first.
+template <class Equation, class Method>
+auto Integrator<Equation, Method>::side_past(auto m, const State& y, const P& duration) -> P {
+  State past = y, rates;
+  fit(rates, f_.states);
+  const P by = glance * duration;
+  for_each_index(f_.states, [&](auto i) { past[i] += by * stage_[0][i]; });
+  f_.derivative(past, beside<P>(f_, side_, 1.0), rates);
+  return select(f_.surface_rates(past, rates)[m] < P(0.0), P(-1.0), P(1.0));
 }
 
 // What a step starts with, on the sides on which these lanes are now.
@@ -123,14 +138,14 @@ void Integrator<Equation, Method>::go_on(const State& y, const P& duration) {
   });
   if (!any(next_to)) return;
   const Mask several = f_.jumps_end > 1 ? on_several(landed_) & running_ : Lanes::none();
-  if (any(several)) settle_sides(several, landed_, y, Status::two_jumps);
+  if (any(several)) settle_sides(several, landed_, y, duration, Status::two_jumps);
   for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
     const Mask comes = landed_[m] & running_ & !several;
     if (any(comes)) pass_jump(m, comes, y);
     landed_[m] = Lanes::none();
   });
   see_slides();
-  if (slide_) check_slides(next_to & running_, y, Status::on_jump);
+  if (slide_) check_slides(next_to & running_, y, duration, Status::on_jump);
   start_anew(next_to, y, duration);
 }
 
@@ -161,6 +176,25 @@ void Integrator<Equation, Method>::hold(const State& middle, Surfaces& middle_va
     middle_value[m] = select(on, half.hold(), middle_value[m]);
     end_value_[m] = select(on, at.hold(), end_value_[m]);
     end_rate_[m] = select(on, rate, end_rate_[m]);
+  });
+  const Mask slid = any_slides<P>(f_, side_) & !several;
+  for_each_index(f_.jumps_end, f_.kinks_end, [&](auto m) {
+    const Mask along = slid & at.coincides(m, end_value_[m], end_rate_[m], step_);
+    for (P* const number : {&value_[m], &rate_[m], &middle_value[m], &end_value_[m], &end_rate_[m]})
+      *number = select(along, P(0.0), *number);
+  });
+}
+
+// Lanes that have just left a slide on which a kink lies too: they belong to the side of the kink to which they go, whatever
+// rounding makes of its value now.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::leave_with_kinks(const Mask& lanes, const Side& held, const State& y) {
+  const BothSides<Equation> at(f_, y, held);
+  for_each_index(f_.jumps_end, f_.kinks_end, [&](auto m) {
+    const P part = abs(at.up[m]) + abs(at.down[m]);
+    const Mask along = lanes & (abs(rate_[m]) <= 1e-5 * part) & (abs(value_[m]) <= 1e-9 * part * step_);
+    value_[m] = select(along, P(0.0), value_[m]);
+    rate_[m] = select(along, P(0.0), rate_[m]);
   });
 }
 
@@ -235,8 +269,13 @@ void Integrator<Equation, Method>::pass_jump(auto m, const Mask& lanes, const St
 
 // Behind a jump, what another slide is held by may be gone.
 template <class Equation, class Method>
-void Integrator<Equation, Method>::check_slides(const Mask& lanes, const State& y, Status otherwise) {
-  const Mask one = several_ ? lanes & !several_slides<P>(f_, side_) : lanes;
+void Integrator<Equation, Method>::check_slides(const Mask& lanes, const State& y, const P& span, Status otherwise) {
+  const Mask several = several_ ? lanes & several_slides<P>(f_, side_) : Lanes::none(), one = lanes & !several;
+  if (any(several)) {
+    auto none = landed_;
+    none.fill(Lanes::none());
+    settle_sides(several, none, y, span, otherwise);
+  }
   const BothSides<Equation> at(f_, y, side_);
   const Mask up = (at.r_plus > P(0.0)) & (at.r_minus > P(0.0)), down = (at.r_plus < P(0.0)) & (at.r_minus < P(0.0));
   stop(one & any_slides<P>(f_, side_) & !(at.holds() | up | down), otherwise);
@@ -252,7 +291,11 @@ template <class Equation, class Method>
 void Integrator<Equation, Method>::stop_grazing(auto m, const Mask& lanes, const State& y) {
   const Quartic<P>& h = along_[m];
   const P nearest = min(min(h.b0, h.b4), h.least_inside());
-  stop(lanes & !slides(side_[m]) & (nearest <= tolerance_.relative * natural_height(f_, m, y)), Status::grazes_jump);
+  Mask grazes = lanes & running_ & !slides(side_[m]) & (nearest <= tolerance_.relative * natural_height(f_, m, y));
+  if (!any(grazes)) return;
+  Side held = side_;
+  held[m] = select(grazes, P(0.0), side_[m]);
+  stop(grazes & !BothSides<Equation>(f_, end_, held).alike(f_), Status::grazes_jump);
 }
 
 // Next to a jump at its end a trajectory may have crossed it or not. A piece of a trajectory that was integrated before may

@@ -23,6 +23,7 @@ class Additions {
   ShelfVector<int> jumps;
   Surfaces up;                   // rates on the sides 1
   ShelfVector<Surfaces> growth;  // of each jump
+  ShelfVector<Mask> none;        // where it adds nothing to f
   // Where rates, or f itself, are other than the sum for two of the jumps.
   Mask rates_hang_together = lanes_of<P>::none(), f_hangs_together = lanes_of<P>::none();
 
@@ -36,7 +37,13 @@ class Additions {
     up = f.surface_rates(x, base_);
     for (const int m : jumps) {
       State d = rates(with(plus_, m, on));
-      for_each_index(f.states, [&](auto i) { d[i] = base_[i] - d[i]; });
+      Mask same = on[m];
+      for_each_index(f.states, [&](auto i) {
+        const P size = abs(base_[i]) + abs(d[i]);
+        d[i] = base_[i] - d[i];
+        same = same & (abs(d[i]) <= 1e-13 * size);
+      });
+      none.push_back(same);
       growth.push_back(f.surface_rates(x, d));
       d_.push_back(d);
     }
@@ -94,7 +101,7 @@ class Additions {
 // at once. Where there are none, or more than one set of them, they end.
 template <class Equation, class Method>
 void Integrator<Equation, Method>::settle_sides(const Mask& lanes, const Retyped<Side, Mask>& met, const State& y,
-                                                Status otherwise, bool at_start) {
+                                                const P& span, Status otherwise, bool at_start) {
   Retyped<Side, Mask> on = met, leaves = met;
   for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
     on[m] = lanes & (met[m] | slides(side_[m]));
@@ -111,8 +118,18 @@ void Integrator<Equation, Method>::settle_sides(const Mask& lanes, const Retyped
     const P side = select(abs(at.r_plus) < abs(at.r_minus), P(1.0), P(-1.0));
     for (const int m : all.jumps) opens[m] = side;
   }
-  Mask unsure = lanes & all.rates_hang_together, lost = Lanes::none();
+  // Jumps at which f does not jump now, and across which nothing moves: they stay on the side where they are about to go.
+  Retyped<Side, Mask> stays = met;
   Side settled = side_;
+  for (int j = 0; j < all.count(); ++j) {
+    const int m = all.jumps[j];
+    P moves = abs(all.up[m]);
+    for (const Surfaces& of : all.growth) moves += abs(of[m]);
+    stays[m] = on[m] & all.none[j] & (moves * span <= on_surface * natural_height(f_, m, y));
+    if (any(stays[m])) settled[m] = select(stays[m], at_start ? side_past(m, y, span) : side_[m], side_[m]);
+    leaving_[m] = leaving_[m] | stays[m];
+  }
+  Mask unsure = lanes & all.rates_hang_together, lost = Lanes::none();
   for (int lane = 0; lane < Lanes::width; ++lane) {
     if (!Lanes::get(lanes, lane) || Lanes::get(unsure, lane)) continue;
     ShelfVector<int> own;  // places in all.jumps
@@ -129,16 +146,24 @@ void Integrator<Equation, Method>::settle_sides(const Mask& lanes, const Retyped
     }
     BoxSides as_they_leave(n, r0, r);
     std::vector<int> leaving;
-    for (int i = 0; i < n; ++i)
-      if (Lanes::get(leaves[all.jumps[own[i]]], lane)) {
-        as_they_leave.set(i, Lanes::get(opens[all.jumps[own[i]]], lane));
+    std::vector<bool> waits(n);
+    for (int i = 0; i < n; ++i) {
+      const int m = all.jumps[own[i]];
+      waits[i] = Lanes::get(stays[m], lane);
+      if (waits[i]) {
+        as_they_leave.set(i, Lanes::get(settled[m], lane));
+      } else if (Lanes::get(leaves[m], lane)) {
+        as_they_leave.set(i, Lanes::get(opens[m], lane));
         leaving.push_back(i);
       }
+    }
     bool solved = as_they_leave.solve();
     for (const int i : leaving) solved = solved && as_they_leave.stays(i, 1e-3);
     BoxSides sides = as_they_leave;
     if (!solved && !leaving.empty()) {
       sides = BoxSides(n, r0, r);
+      for (int i = 0; i < n; ++i)
+        if (waits[i]) sides.set(i, as_they_leave[i]);
       solved = sides.solve();
     }
     int held = 0;
@@ -152,7 +177,7 @@ void Integrator<Equation, Method>::settle_sides(const Mask& lanes, const Retyped
   if (any(unsure)) cross_all(unsure, all, on, settled, lost);
   for (const int m : all.jumps) {
     if (at_start)
-      outcome_.starts_on_jump = outcome_.starts_on_jump | (lanes & met[m] & !lost & !slides(settled[m]));
+      outcome_.starts_on_jump = outcome_.starts_on_jump | (lanes & met[m] & !stays[m] & !lost & !slides(settled[m]));
     else
       stop(on[m] & !lost & (settled[m] * side_[m] > P(0.5)), Status::grazes_jump);
     leaving_[m] = leaving_[m] | (leaves[m] & !slides(settled[m]));

@@ -40,9 +40,11 @@ class BothSides {
   using P = typename Equation::Number;
   using State = typename Equation::State;
   using Side = typename Equation::Side;
+  using Surfaces = typename Equation::Surfaces;
 
  public:
   State plus, minus;
+  Surfaces up, down;  // rates of all surfaces there
   P r_plus{0.0}, r_minus{0.0};
 
   BothSides(const Equation& f, const State& x, const Side& side) {
@@ -50,12 +52,28 @@ class BothSides {
     fit(minus, f.states);
     f.derivative(x, beside<P>(f, side, 1.0), plus);
     f.derivative(x, beside<P>(f, side, -1.0), minus);
-    const auto up = f.surface_rates(x, plus), down = f.surface_rates(x, minus);
+    up = f.surface_rates(x, plus);
+    down = f.surface_rates(x, minus);
     for_each_index(Count<0>{}, f.jumps_end, [&](auto m) {
       const auto here = slides<P>(side[m]);
       r_plus = select(here, up[m], r_plus);
       r_minus = select(here, down[m], r_minus);
     });
+  }
+
+  // Where surface m, which has this value and rate on the slide, is zero with the one that is slid on: a saturation beside its
+  // clamp.
+  auto coincides(auto m, const P& value, const P& rate, const P& step) const {
+    const P part = 1e-9 * (abs(up[m]) + abs(down[m]));
+    return (up[m] * down[m] < P(0.0)) & (abs(rate) <= part) & (abs(value) <= step * part);
+  }
+
+  // Where f is the same on both, to rounding.
+  auto alike(const Equation& f) const {
+    auto same = !lanes_of<P>::none();
+    for_each_index(f.states,
+                   [&](auto i) { same = same & (abs(plus[i] - minus[i]) <= 1e-13 * (abs(plus[i]) + abs(minus[i]))); });
+    return same;
   }
 
   auto holds() const { return (r_plus < P(0.0)) & (r_minus > P(0.0)); }

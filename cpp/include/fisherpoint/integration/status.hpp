@@ -14,7 +14,7 @@ enum class Status : std::int32_t {
   met_kink = 5,     // only where crossing a kink is forbidden
   grazes_jump = 6,  // touches a jump along its tangent: the trajectory has no derivative
   on_jump = 7,      // starts or ends on a jump, where there is no derivative or more than one trajectory
-  two_jumps = 8,    // meets two jumps at once
+  two_jumps = 8,    // meets several jumps at once, and how it goes on, or its derivative, is not one
   chatters = 9,     // meets jumps again and again within ever shorter times
 };
 

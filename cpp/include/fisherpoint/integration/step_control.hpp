@@ -68,6 +68,9 @@ inline constexpr double alike_rates = 1e-12;
 // Of a step, over which it is seen how fast what holds a slide changes.
 inline constexpr double hold_span = 1e-2;
 
+// Of a step, how far past a kink it is looked.
+inline constexpr double glance = 1e-6;
+
 // Surfaces that are met within this share of a step are met in the same instant.
 inline constexpr double same_instant = 1e-9;
 

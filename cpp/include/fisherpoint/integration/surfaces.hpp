@@ -6,9 +6,6 @@
 
 namespace fisherpoint {
 
-// Of a step, how far past a kink it is looked.
-inline constexpr double glance = 1e-6;
-
 // Moves the ends of steps that landed next to a kink onto it, along the slope there: an error of the second order.
 template <class Equation, class Method>
 void Integrator<Equation, Method>::settle(const Mask& taken) {
@@ -90,12 +87,13 @@ void Integrator<Equation, Method>::turn(const State& y, const Mask& taken) {
     side_[m] = select(here, -side_[m], side_[m]);
     turned = turned | here;
   });
+  const Side held = side_;
   Mask several = Lanes::none();
   if (f_.jumps_end > 1) {
     auto met = landed_;
     for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { met[m] = landed_[m] & taken & running_; });
     several = on_several(met);
-    if (any(several)) settle_sides(several, met, y, Status::two_jumps);
+    if (any(several)) settle_sides(several, met, y, step_, Status::two_jumps);
     turned = turned | several;
   }
   for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
@@ -103,7 +101,7 @@ void Integrator<Equation, Method>::turn(const State& y, const Mask& taken) {
     if (any(here)) pass_jump(m, here, y);
     turned = turned | here;
   });
-  if (f_.jumps_end > 0 && slide_) check_slides(turned & running_, y);
+  if (f_.jumps_end > 0 && slide_) check_slides(turned & running_, y, step_);
   behind_kink_ = behind_kink_ | turned;
   if (implicit_step_) implicit_step_->forget(turned);
   State fresh;
@@ -115,6 +113,11 @@ void Integrator<Equation, Method>::turn(const State& y, const Mask& taken) {
     value_[m] = select(turned, value[m], value_[m]);
     rate_[m] = select(turned, rate[m], rate_[m]);
   });
+  if (f_.jumps_end > 0 && f_.kinks_end > f_.jumps_end) {
+    Mask left = Lanes::none();
+    for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { left = left | (turned & slides(held[m]) & !slides(side_[m])); });
+    if (any(left)) leave_with_kinks(left, held, y);
+  }
   if (f_.jumps_end > 0 || f_.dependence.any_steep()) note_rests(turned, y);
   if (f_.sided_limits) enter_branches(turned, y);
   if (f_.jumps_end > 0 && slide_) watch_hold(turned, y, step_);

@@ -98,36 +98,18 @@ class Tangents {
     if (any(several_)) several_stages_[stages - 1].keep_on(f_, several_ & (step > P(0.0)), x, s);
   }
 
-  // From one jump to the other side of it, or onto it to slide: where `before` and `after` differ. With G = h_x S + h_theta, S
-  // grows by (f_after - f_before) G / (h_x f_before). The trajectory is taken onto the surface for it, and back in time.
-  // Returns where the jump is grazed: S grows past all bounds there. Several jumps at once are passed one after the other.
-  [[gnu::noinline]] mask_of_lanes<P> pass(const Side& before, const Side& after) {
-    auto grazes = lanes_of<P>::none(), once = grazes, several = grazes;
-    for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
-      const auto here = meets(m, before, after);
-      several = several | (once & here);
-      once = once | here;
-    });
-    for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
-      const auto here = meets(m, before, after) & !several;
-      if (any(here)) grazes = grazes | pass_jump(m, here, before, after);
-    });
-    return any(several) ? grazes | pass_several(several, before, after) : grazes;
-  }
+  // At jumps: passing.hpp.
+  //
+  // From one jump to the other side of it, or onto it to slide: where `before` and `after` differ. Returns where the jump is
+  // grazed: S grows past all bounds there.
+  [[gnu::noinline]] Mask pass(const Side& before, const Side& after);
 
   // Where S would be another one if the jumps that were met in one instant had been met in another order.
-  const mask_of_lanes<P>& hangs_on_order() const { return hangs_on_order_; }
+  const Mask& hangs_on_order() const { return hangs_on_order_; }
 
   // S for the case in which a jump that the trajectory ends next to was met before the end, where it was not, or was not met,
   // where it was: on the sides `other` in the place of `last`. Returns where that is grazed.
-  [[gnu::noinline]] mask_of_lanes<P> exchange(const Side& last, const Side& other) {
-    for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
-      const auto entered = slides(last[m]) & !slides(other[m]);  // a slide, which has forgotten from where
-      if (!any(entered) || entered_.empty()) return;
-      for (std::size_t e = 0; e < s.size(); ++e) s[e] = select(entered, entered_[e], s[e]);
-    });
-    return pass(last, other);
-  }
+  [[gnu::noinline]] Mask exchange(const Side& last, const Side& other);
 
   // By the scales of the states, entries that are alike in both S as far as `share` of their columns' sizes: those of `other`
   // get the same bits. Returns where any are not.
@@ -160,139 +142,11 @@ class Tangents {
     });
   }
 
-  // Lanes that meet jump m: they cross it or begin to slide. One that has ended to hold them is left behind without a change.
-  static Mask meets(auto m, const Side& before, const Side& after) {
-    return !slides(before[m]) & (abs(after[m] - before[m]) > P(0.5));
-  }
-
-  // In the order of the jumps, and in the other one: which of them is first may hang on a parameter.
-  [[gnu::noinline]] mask_of_lanes<P> pass_several(const Mask& lanes, const Side& before, const Side& after) {
-    auto otherwise = *this;
-    const auto grazes = pass_in_order(lanes, before, after, false) | otherwise.pass_in_order(lanes, before, after, true);
-    hangs_on_order_ = hangs_on_order_ | (lanes & differs(otherwise, 1e-4));
-    return grazes;
-  }
-
-  mask_of_lanes<P> pass_in_order(const Mask& lanes, const Side& before, const Side& after, bool backwards) {
-    auto grazes = lanes_of<P>::none();
-    P left(0.0);  // of the jumps
-    for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { left += select(lanes & meets(m, before, after), P(1.0), P(0.0)); });
-    Side from = before;
-    for (int k = 0; k < f_.jumps_end; ++k) {
-      const int m = backwards ? f_.jumps_end - 1 - k : k;
-      const Mask here = lanes & meets(m, before, after);
-      if (!any(here)) continue;
-      left -= select(here, P(1.0), P(0.0));
-      Side to = from;
-      to[m] = select(here, after[m], from[m]);
-      // What held before is left with the last jump.
-      for_each_index(f_.sides, [&](auto i) { to[i] = select(here & (left < P(0.5)), after[i], to[i]); });
-      grazes = grazes | pass_jump(m, here, from, to);
-      from = to;
-    }
-    return grazes;
-  }
-
-  mask_of_lanes<P> pass_jump(auto m, const mask_of_lanes<P>& here, const Side& before, const Side& after) {
-    const auto in_time = [&](const P& time, const Side& side) { advance_briefly(select(here, time, P(0.0)), side); };
-    const auto growth = [&](const JumpGradient<M, P>& h, const State& rate) {
-      P sum(0.0);
-      for_each_index(f_.states, [&](auto i) { sum += h.by_state[i] * rate[i]; });
-      return sum;
-    };
-    // What begins to slide is taken onto the surface along f_behind - f_before, wherever it comes from: with f on the other
-    // side in the place of f_behind, that is the formula where h_x f_before may be zero.
-    // Where another jump lets go in that instant, f is not on a line between these sides: there it is the formula as it stands.
-    auto released = lanes_of<P>::none();
-    for_each_index(Count<0>{}, f_.jumps_end,
-                   [&](auto other) { released = released | (slides(before[other]) & !slides(after[other])); });
-    const auto begins = here & slides(after[m]), slides_on = begins & !released, goes_through = here & !slides_on;
-    Side beyond = after;
-    beyond[m] = select(slides_on, -before[m], after[m]);
-    State rate, rate_behind;
-    fit_all_two(rate, rate_behind);
-    const auto off = f_.jump(m, x);
-    rates(x, before, rate);
-    const P growth_off = growth(off, rate);
-    rates(x, after, rate_behind);
-    const auto passes = goes_through & (abs(growth_off) > alike_rates * abs(growth(off, rate_behind)));
-    const P time = select(passes, -off.value / growth_off, P(0.0));
-    in_time(time, before);
-
-    const auto h = f_.jump(m, x);
-    rates(x, before, rate);
-    rates(x, beyond, rate_behind);
-    const P fall = growth(h, rate), fall_behind = growth(h, rate_behind);
-    // What leaves a rest takes S with it, and what comes to rest stays on the surface.
-    const auto leaves_rest = here & !begins & !(abs(fall) > alike_rates * abs(fall_behind));
-    const auto rests = here & !begins & !leaves_rest & (abs(fall_behind) <= alike_rates * abs(fall)), stays = begins | rests;
-    const P weight = select(here & !leaves_rest, 1.0 / select(slides_on, fall - fall_behind, fall), P(0.0));
-    const P height = select(slides_on, h.value, P(0.0));
-    if (any(begins)) {
-      entered_.resize(s.size(), P(0.0));
-      for (std::size_t e = 0; e < s.size(); ++e) entered_[e] = select(begins, s[e], entered_[e]);
-    }
-    for_each_index(f_.states, [&](auto i) { x[i] += (rate_behind[i] - rate[i]) * (height * weight); });
-    for (int j = 0; j < f_.parameters; ++j) {
-      P* const column = &s[f_.dependence.column_start[j]];
-      P shift = h.by_theta[j];
-      for_each_row(j, [&](int i, int at) { shift += h.by_state[i] * column[at]; });
-      for_each_row(j, [&](int i, int at) { column[at] += (rate_behind[i] - rate[i]) * (shift * weight); });
-    }
-    const Mask on_several = f_.jumps_end > 1 && any(begins) ? begins & several_slides<P>(f_, after) : lanes_of<P>::none();
-    if (any(on_several)) {
-      SeveralStage<M, P> stage;
-      Jacobian<M, P> unused = jacobian_[0];
-      State there = rate;
-      f_.linearise(x, beside<P>(f_, after, 1.0), there, unused);
-      stage.linearise(f_, x, after, P(0.0), on_several, there, unused);
-      stage.keep_on(f_, on_several, x, s);
-    }
-    if (any(stays & !on_several)) {
-      State d;
-      fit(d, f_.states);
-      for_each_index(f_.states, [&](auto i) { d[i] = rate_behind[i] - rate[i]; });
-      const auto on = f_.jump(m, x);
-      Pivot<M, P> pivot;
-      pivot.fit_to(f_);
-      pivot.choose(f_, stays & !on_several, on.by_state, d);
-      keep_on(on, pivot);
-    }
-    // What the state's error makes of `fall` by the time the jump is met.
-    P size(0.0);
-    for_each_index(f_.states, [&](auto i) { size += abs(h.by_state[i]) * (1.0 / f_.inverse_scale(i)); });
-    State ahead = x;
-    const P span = 1e-6 * size / (abs(fall) + P(1e-300));
-    for_each_index(f_.states, [&](auto i) { ahead[i] += span * rate[i]; });
-    State rate_ahead = rate;
-    rates(ahead, before, rate_ahead);
-    const P bend = abs(growth(f_.jump(m, ahead), rate_ahead) - fall) / span;
-    in_time(-time, after);
-    return goes_through & !leaves_rest & !(fall * fall > graze * tolerance_ * size * bend);
-  }
-
-  // By the midpoint rule, for a time so short that the error of a jump's place is all that is left of the trajectory.
-  [[gnu::noinline]] void advance_briefly(const P& time, const Side& side) {
-    see_slides(side);
-    State rate, middle;
-    fit_all_two(rate, middle);
-    linearise_briefly(x, side, time, rate, 0);
-    for_each_index(f_.states, [&](auto i) { middle[i] = x[i] + 0.5 * rate[i]; });
-    linearise_briefly(middle, side, time, rate, 1);
-    for_each_index(f_.states, [&](auto i) { x[i] += rate[i]; });
-    for_each_index(f_.parameters, [&](auto j) {
-      if (f_.dependence.leader(j) != j) return;
-      for (int k = j; k < f_.parameters; k = f_.dependence.next_alike(k)) {
-        const auto rows = f_.dependence.rows(j);
-        P* const column = &s[f_.dependence.column_start[k]];
-        for_each_variable(rows, [&](auto i) { middle[i] = column[detail::below(rows, i)]; });
-        column_rate(j, k, 0, middle, rate);
-        for_each_variable(rows, [&](auto i) { middle[i] += 0.5 * rate[i]; });
-        column_rate(j, k, 1, middle, rate);
-        for_each_variable(rows, [&](auto i) { column[detail::below(rows, i)] += rate[i]; });
-      }
-    });
-  }
+  static Mask meets(auto m, const Side& before, const Side& after);
+  [[gnu::noinline]] Mask pass_several(const Mask& lanes, const Side& before, const Side& after);
+  Mask pass_in_order(const Mask& lanes, const Side& before, const Side& after, bool backwards);
+  Mask pass_jump(auto m, const Mask& here, const Side& before, const Side& after);
+  [[gnu::noinline]] void advance_briefly(const P& time, const Side& side);
 
   // Where f_x has no bounds, it counts as zero for so short a time.
   void linearise_briefly(const State& at, const Side& side, const P& time, State& rate, int s) {
@@ -478,3 +332,5 @@ class Tangents {
 };
 
 }  // namespace fisherpoint
+
+#include "fisherpoint/integration/passing.hpp"

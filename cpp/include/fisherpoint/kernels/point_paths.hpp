@@ -34,7 +34,7 @@ struct PointPath {
   std::vector<Run> runs;
   // The sides from which the trajectory comes, and to which S belongs at its start. Where it ends as near to a jump as the
   // tolerance can tell: the sides on which it is if the end comes on the other side of that instant, or `between` where it
-  // meets several jumps then, or one that it grazes.
+  // grazes one then, or turns twice.
   typename ArraysOf<M, double>::Sides start, other;
   bool ends_on_jump = false, between = false;
   Variables starts_on = 0;  // surfaces where f_x has no bounds, on which it starts, and `at_limit`

@@ -146,7 +146,7 @@ template <class P, class M, class Equation>
     const double doubts = lanes_of<P>::get(count, lane);
     if (path.runs.empty() || doubts == 0.0) continue;
     path.ends_on_jump = true;
-    path.between = doubts > 1.0 || lanes_of<P>::get(grazes, lane) || turns_at_once(path, lanes_of<P>::get(room, lane));
+    path.between = lanes_of<P>::get(grazes, lane) || turns_at_once(path, lanes_of<P>::get(room, lane));
     for (int m = 0; m < jumps; ++m) path.other[m] = lanes_of<P>::get(other[m], lane);
   }
 }

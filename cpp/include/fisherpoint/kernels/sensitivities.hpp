@@ -115,7 +115,7 @@ template <class P, class Method, class M>
     set_lane(other, lane, path.between ? path.runs.back().side.data() : path.other.data());
   }
   auto otherwise = tangents;
-  between = between | (otherwise.exchange(last, other) & doubtful);
+  between = between | ((otherwise.exchange(last, other) | otherwise.hangs_on_order()) & doubtful);
   auto matters = between;
   const auto differs = tangents.differs(otherwise, alike) & doubtful;
   if (!outputs_alone) matters = matters | differs;
@@ -299,7 +299,8 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
     beside = ends_beside<P, Method, M>(equation, tangents, dy, rows, paths, carried, carried || !out.dx_dtheta);
   for (int lane = 0; lane < pack.used; ++lane) {
     const std::size_t k = rows[lane];
-    if (lanes_of<P>::get(beside, lane) && (!carried || carried->measured[k])) {
+    const bool without = lanes_of<P>::get(beside, lane);  // a derivative of the outputs
+    if (without && !carried) {
       paths[k] = PointPath<M>();
       out.status[k] = Status::on_jump;
       continue;
@@ -323,7 +324,8 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
     get_lane(tangents.x, lane, out.x + k * n_x);
     get_lane(y, lane, out.y + k * n_y);
     if (out.dx_dtheta) get_lane(dx, lane, out.dx_dtheta + k * n_x * p);
-    get_lane(dy, lane, out.dy_dtheta + k * n_y * p);
+    // A sample of a run that has none tells nothing; behind it the run goes on.
+    if (!without || !carried->measured[k]) get_lane(dy, lane, out.dy_dtheta + k * n_y * p);
   }
 }
 

@@ -1,0 +1,76 @@
+"""A sample in the instant of a jump that its outputs feel has no derivative; the others of its run, and its fit, have theirs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fisherpoint as fp
+from several_cases import infusions
+
+pytestmark = [pytest.mark.kernels, pytest.mark.filterwarnings("ignore:.* expected its natural size")]
+
+NAMES = ("T1", "s2", "T2", "R1", "R2", "k")
+TRUTH = {"T1": 2.0, "s2": 2.0, "T2": 1.0, "R1": 0.5, "R2": 1.0, "k": 0.3}
+
+
+def model() -> fp.SymbolicModel:
+    return fp.SymbolicModel(
+        ["1", "where(clock < T1, R1, 0) + where((clock >= s2) and (clock < s2 + T2), R2, 0) - k*c"],
+        ["c"],
+        {"clock": "s", "c": "1"},
+        {},
+        dict.fromkeys(NAMES, "1"),
+        check_units=False,
+        nominal=TRUTH,
+    )
+
+
+def right(t: float) -> tuple[float, np.ndarray]:
+    theta, step = np.array([*TRUTH.values()]), 1e-6
+    slopes = [(infusions(*(theta + step * e), t) - infusions(*(theta - step * e), t)) / (2 * step) for e in np.eye(6)]
+    return infusions(*theta, t), np.array(slopes)
+
+
+@pytest.mark.parametrize("dt", [0.1, 0.2, 0.25, 0.5])
+def test_samples_of_a_run(dt: float) -> None:
+    """Two infusions meet at 2 s, the second ends at 3 s; both are instants of samples."""
+    n = round(5 / dt)
+    runs = fp.Runs([[0.0, 0.0]], np.empty((1, n, 0)), dt, [[True] * n])
+    done = fp.sensitivities(model(), runs, TRUTH)
+    assert done.status[0] == fp.Status.ok and done.reached[0] == n
+    for k in range(n):
+        t = (k + 1) * dt
+        y, slopes = right(t)
+        assert done.y[0, k, 0] == pytest.approx(y, abs=1e-6)
+        if min(abs(t - 2), abs(t - 3)) < 1e-9:
+            assert not done.dy_dtheta[0, k].any()
+        else:
+            np.testing.assert_allclose(done.dy_dtheta[0, k, 0], slopes, rtol=2e-5, atol=1e-6)
+
+
+def test_a_design_of_such_runs_is_evaluated() -> None:
+    prior = fp.GaussianPrior(TRUTH, relative_std=dict.fromkeys(NAMES, 0.2))
+    problem = fp.DesignProblem(model(), prior, noise_std={"y": 0.01})
+    n = 25
+    every = fp.Runs([[0.0, 0.0]], np.empty((1, n, 0)), 0.2, [[True] * n])
+    without = fp.Runs([[0.0, 0.0]], np.empty((1, n, 0)), 0.2, [[k not in (9, 14) for k in range(n)]])
+    both = [fp.evaluate_design(problem, runs) for runs in (every, without)]
+    assert both[0].log_det == pytest.approx(both[1].log_det - 6 * np.log(2 / 25 / (2 / 23)) * 0, abs=2.0)
+    for name in NAMES:
+        assert both[0].standard_errors[name] == pytest.approx(both[1].standard_errors[name], rel=1e-6)
+
+
+def test_a_fit_may_start_there() -> None:
+    """Samples at 2 s and 3 s, where the infusions are said to meet and to end at the start of the search."""
+    one, times = model(), np.arange(1, 26) * 0.2
+    points = fp.Experiments(np.zeros((25, 2)), np.empty((25, 0)), times)
+    truth = TRUTH | {"T1": 1.93, "s2": 2.06, "T2": 1.05}
+    y = np.array([infusions(*truth.values(), t) for t in times])
+    for data in (
+        fp.Measurements(points, y[:, None]),
+        fp.Record(np.append(0.0, times), np.empty((26, 0)), np.append(0.0, y)[:, None], x0={"clock": 0.0, "c": 0.0}),
+    ):
+        fit = fp.estimate(one, data, start=TRUTH, noise_std={"y": 0.01})
+        for name in NAMES:
+            assert fit.estimate[name] == pytest.approx(truth[name], rel=1e-4), name
