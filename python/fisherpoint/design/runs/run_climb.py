@@ -17,9 +17,9 @@ from .run_objective import RunObjective
 ITERATIONS = 8
 """Of an ascent, between two looks at the plants."""
 
-STRETCH_GAIN, LEAST_GAIN, ROUGH_GAIN = 0.05, 1e-4, 2e-2
+STRETCH_GAIN, LEAST_GAIN, ROUGH_GAIN = 0.05, 1e-4, 5e-3
 """What an ascent must gain in log det F for another one to follow before single changes are tried; what both must gain for the
-climb to go on; and the same where the work is much."""
+climb to go on; and the same where the work is much, by parameter: half a percent of D-efficiency."""
 
 MUCH = 500_000
 """Segments of work that are much."""
@@ -82,12 +82,16 @@ class Climb:
         """By which climbs are compared before they have ended: whether the last runs are regular, and what they are worth."""
         return (False, -np.inf) if self.last is None else (self.last.regular, self.last.worth[2])
 
+    @property
+    def _least(self) -> float:
+        """What must be gained to go on."""
+        return ROUGH_GAIN * self._objective.problem.n_unknowns if self._objective.work > MUCH else LEAST_GAIN
+
     def step(self) -> None:
         """An ascent; where it gains little, single changes; and a look at the plants, by which the distance from limits changes."""
         objective, self._steps = self._objective, self._steps + 1
         objective.kappa = self._kappa
-        least = ROUGH_GAIN if objective.work > MUCH else LEAST_GAIN
-        before = self._value
+        least, before = self._least, self._value
         peak = ascend(objective, self._z, self._selected, ITERATIONS, self._rng, self._reach)
         self._z, self._value, self._reach = peak.z, peak.value, peak.reach
         tired = self._moved or peak.done or not peak.value > before + STRETCH_GAIN
@@ -129,5 +133,4 @@ class Climb:
             self._selected, self._value, self._reach, self._lost, self.ended = self.best.selected, -np.inf, FIRST, 0, False
             while not self.ended:
                 self.step()
-            least = ROUGH_GAIN if self._objective.work > MUCH else LEAST_GAIN
-            hops = 0 if self.best.worth > (*before[:2], before[2] + least) else hops + 1
+            hops = 0 if self.best.worth > (*before[:2], before[2] + self._least) else hops + 1

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from .run_climb import Climb
 from .run_objective import RunObjective
 
-RUNG, KEPT = 900_000, 3
+RUNG, KEPT = 600_000, 3
 """Segments that all climbs of a rung take together, each an equal share; and one in so many goes on to the next rung."""
 
 
