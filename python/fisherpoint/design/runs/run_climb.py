@@ -28,9 +28,9 @@ EXPLORED = 4
 """Steps near the limits, whether enough plants can run what they lead to or not: from there it is not far to the best that enough
 can. Fewer where they gain little."""
 
-MOST_LOST, MOST_HOPS, MOST_STEPS = 2, 2, 60
+MOST_LOST, MOST_HOPS, MOST_STEPS, MOST_LAST = 2, 2, 60, 5
 """How often in a row too few plants may be able to run what a climb comes to, after enough could; how often it goes on, in vain,
-from its best runs by changes that do not gain at once; and its steps altogether."""
+from its best runs by changes that do not gain at once; its steps altogether; and the last ascents, without changes."""
 
 
 class Climb:
@@ -123,7 +123,7 @@ class Climb:
         self._reach = max(self._reach, FIRST / 4)
 
     def go_on(self) -> None:
-        """From the best runs by changes that do not gain at once, up again, until that is in vain."""
+        """From the best runs by changes that do not gain at once, up again, until that is in vain; then to the very top."""
         assert self.best is not None
         hops = 0
         while hops < MOST_HOPS and self._steps < MOST_STEPS:
@@ -134,3 +134,19 @@ class Climb:
             while not self.ended:
                 self.step()
             hops = 0 if self.best.worth > (*before[:2], before[2] + self._least) else hops + 1
+        if self._least > LEAST_GAIN:
+            self._refine()
+
+    def _refine(self) -> None:
+        """Ascents alone from the best runs, while they gain anything: where the work is much, steps end before."""
+        assert self.best is not None
+        self._objective.kappa = self._best_kappa
+        z, selected, reach, value = self.best.z, self.best.selected, FIRST / 4, -np.inf
+        for _ in range(MOST_LAST):
+            peak = ascend(self._objective, z, selected, ITERATIONS, self._rng, reach)
+            found = self._tried(peak.z, selected)
+            if found.worth > self.best.worth:
+                self.best = found
+            if peak.done or not peak.value > value + LEAST_GAIN:
+                break
+            z, reach, value = peak.z, peak.reach, peak.value
