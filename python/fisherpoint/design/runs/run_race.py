@@ -16,8 +16,8 @@ RUNG, KEPT = 600_000, 3
 """Segments that all climbs of a rung take together, each an equal share; and one in so many goes on to the next rung."""
 
 
-def race(objective: RunObjective, climbs: list[Climb], told: Callable[[Climb], None]) -> None:
-    """Let climbs go on until one is left, or all that are left have ended; each is `told` of after its turn."""
+def race(objective: RunObjective, climbs: list[Climb], report: Callable[[Climb], None]) -> None:
+    """Let climbs go on until one is left, or all that are left have ended; `report` is called after each turn."""
     going = climbs
     while True:
         for one in going:
@@ -25,7 +25,7 @@ def race(objective: RunObjective, climbs: list[Climb], told: Callable[[Climb], N
             while not one.ended and (one.last is None or objective.work < end):
                 objective.clock.check()
                 one.step()
-            told(one)
+            report(one)
         going = sorted(going, key=lambda one: one.worth, reverse=True)
         if len(going) == 1 or all(one.ended for one in going):
             return

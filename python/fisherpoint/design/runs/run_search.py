@@ -208,7 +208,7 @@ class RunSearch:
     def _climb(self, progress: Callable[[RunProgress], None] | None) -> None:
         """A race of the best starts, of which the best goes on to its end, and from there."""
 
-        def told(one: Climb) -> None:
+        def report(one: Climb) -> None:
             if progress is not None and one.last is not None:
                 progress(RunProgress(len(self.ends), self.n_starts, one.last.value, self.best.value, self.clock.seconds))
 
@@ -220,7 +220,7 @@ class RunSearch:
         self._climbs = [Climb(self.objective, self.guard, starts[k], *ways) for k in order]
         self.clock.share = SHARES_OF_TIME[2]
         try:
-            race(self.objective, self._climbs, told)
+            race(self.objective, self._climbs, report)
         except OutOfTime:
             self.clock.share = 1.0
             self.clock.check()
@@ -228,8 +228,8 @@ class RunSearch:
         for one in sorted(self._climbs, key=lambda one: one.worth, reverse=True):
             while not one.ended:
                 one.step()
-            if self.best.feasible:
-                break
+            if one.best is not None and one.best.feasible:
+                break  # otherwise another one may come to runs that enough plants can run
         max(self._climbs, key=lambda one: (-np.inf,) if one.best is None else one.best.worth).go_on()
 
     def _worth(self, z: Array) -> float:
