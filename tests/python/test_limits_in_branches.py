@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -73,9 +75,12 @@ def test_limit_is_passed_where_its_branch_is_not_taken(kind: str, speed: float) 
     end = 5 / speed
     done = fp.sensitivities(model, fp.Experiments([[0.0, 0.0, 0.0]], [[speed]], [end]), {"a": 0.7}, rtol=1e-9)
     pieces, x = [0.0, 0.25, 0.5, 1.0, end], 0.0
-    for start, stop in zip(pieces, pieces[1:], strict=False):
-        inside = lambda t, s=start, e=stop: min(max(t, s + 1e-12), e - 1e-12)  # noqa: E731
-        x = solve_ivp(lambda t, _: [TAKEN[kind](inside(t), speed * t)], (start, stop), [x], rtol=1e-11, atol=1e-12).y[0, -1]
+    for start, stop in itertools.pairwise(pieces):
+
+        def rate(t: float, _: np.ndarray, start: float = start, stop: float = stop) -> list[float]:
+            return [TAKEN[kind](min(max(t, start + 1e-12), stop - 1e-12), speed * t)]
+
+        x = solve_ivp(rate, (start, stop), [x], rtol=1e-11, atol=1e-12).y[0, -1]
     assert done.status[0] == 0
     assert abs(done.y[0, 0] - x) < 1e-8
 

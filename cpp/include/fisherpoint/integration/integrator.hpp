@@ -376,6 +376,7 @@ class Integrator {
   [[gnu::noinline]] void note_rests(const Mask& lanes, const State& y);
   [[gnu::noinline]] Mask moves_none(auto m, const P& rate, const State& y) const;
   [[gnu::noinline]] Mask starts_at(auto m, const State& y) const;
+  [[gnu::noinline]] Mask goes_back(auto m, const Mask& lanes, const State& y) const;
   [[gnu::noinline]] Mask is_met(auto m) const;
   [[gnu::noinline]] void keep_resting(Surfaces& middle_value);
   Mask rests_along(auto m) const;

@@ -30,6 +30,15 @@ auto Integrator<Equation, Method>::is_met(auto m) const -> Mask {
          (abs(end_value_[m]) <= briefest * tolerance_.relative * natural_height(f_, m, end_));
 }
 
+// Where f leads back from surface m to the side from which these lanes have come: a flow was about to stop, and goes on.
+template <class Equation, class Method>
+auto Integrator<Equation, Method>::goes_back(auto m, const Mask& lanes, const State& y) const -> Mask {
+  State rates;
+  fit(rates, f_.states);
+  derivative(y, rates);
+  return lanes & (side_[m] * f_.surface_rates(y, rates)[m] > P(0.0));
+}
+
 // Which of these lanes, that have just started or turned, rest on surfaces: their height is rounding and counts as zero. Lanes
 // that something moves off a jump from now on, back to where they came from, pass it.
 template <class Equation, class Method>

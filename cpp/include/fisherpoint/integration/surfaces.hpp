@@ -84,7 +84,9 @@ void Integrator<Equation, Method>::turn(const State& y, const Mask& taken) {
   Mask turned = Lanes::none();
   for_each_index(f_.jumps_end, f_.kinks_end, [&](auto m) {
     const Mask here = landed_[m] & taken & running_;
-    side_[m] = select(here, -side_[m], side_[m]);
+    Mask stays = Lanes::none();
+    if (f_.dependence.steep(m) && any(here)) stays = goes_back(m, here, y);
+    side_[m] = select(here & !stays, -side_[m], side_[m]);
     turned = turned | here;
   });
   const Side held = side_;
