@@ -104,8 +104,10 @@ def drawn(case: Case, rng: np.random.Generator) -> tuple[list[float], list[float
         value = rng.uniform(low, high)
         return float([round(value, 1), round(4 * value) / 4, value][rng.integers(3)])
 
-    theta = [nice(0.3, 1.5) for _ in case[2]]
+    theta = [nice(0.3, 1.0) for _ in case[2]]
     start = [0.0, nice(0.0, 1.5), nice(0.0, 1.5)]
+    if len(theta) > 2 and start[1] == theta[2]:  # where the surface depends on theta, finite differences start off it
+        start[1] += 0.25
     return start, theta, nice(1.0, 8.0)
 
 
