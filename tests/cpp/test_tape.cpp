@@ -64,7 +64,9 @@ TapeModel ball(Kind kind, double floor, bool pole = false) {
                     {true},
                     std::vector<bool>(kind != Kind::limit, true),
                     std::vector<bool>(kind == Kind::jump, true),
-                    std::vector<bool>(kind != Kind::limit, false)});
+                    std::vector<bool>(kind != Kind::limit, false),
+                    std::vector<bool>(kind != Kind::limit, false),
+                    std::vector<bool>(kind == Kind::limit && !pole, false)});
 }
 
 struct Throws {
