@@ -49,28 +49,33 @@ def test_samples_of_a_run(dt: float) -> None:
             np.testing.assert_allclose(done.dy_dtheta[0, k, 0], slopes, rtol=2e-5, atol=1e-6)
 
 
+FOUND = [name for name in NAMES if name != "s2"]
+"""What one run determines: with s2, two of the times act in the same way."""
+
+
 def test_a_design_of_such_runs_is_evaluated() -> None:
-    prior = fp.GaussianPrior(TRUTH, relative_std=dict.fromkeys(NAMES, 0.2))
-    problem = fp.DesignProblem(model(), prior, noise_std={"y": 0.01})
+    """It is worth as much as without these samples."""
+    prior = fp.GaussianPrior({name: TRUTH[name] for name in FOUND}, relative_std=dict.fromkeys(FOUND, 0.2))
+    problem = fp.DesignProblem(model().fix(s2=2.0), prior, None, noise_std={"y": 0.01})
     n = 25
     every = fp.Runs([[0.0, 0.0]], np.empty((1, n, 0)), 0.2, [[True] * n])
     without = fp.Runs([[0.0, 0.0]], np.empty((1, n, 0)), 0.2, [[k not in (9, 14) for k in range(n)]])
-    both = [fp.evaluate_design(problem, runs) for runs in (every, without)]
-    assert both[0].log_det == pytest.approx(both[1].log_det - 6 * np.log(2 / 25 / (2 / 23)) * 0, abs=2.0)
-    for name in NAMES:
-        assert both[0].standard_errors[name] == pytest.approx(both[1].standard_errors[name], rel=1e-6)
+    errors = [fp.evaluate_design(problem, runs).standard_errors for runs in (every, without)]
+    for name in FOUND:
+        assert errors[0][name] == pytest.approx(errors[1][name], rel=1e-6)
 
 
-def test_a_fit_may_start_there() -> None:
+@pytest.mark.parametrize("kind", ["points", "record"])
+def test_a_fit_may_start_there(kind: str) -> None:
     """Samples at 2 s and 3 s, where the infusions are said to meet and to end at the start of the search."""
-    one, times = model(), np.arange(1, 26) * 0.2
-    points = fp.Experiments(np.zeros((25, 2)), np.empty((25, 0)), times)
-    truth = TRUTH | {"T1": 1.93, "s2": 2.06, "T2": 1.05}
+    times = np.arange(1, 26) * 0.2
+    truth = TRUTH | {"T1": 1.93, "T2": 1.05}
     y = np.array([infusions(*truth.values(), t) for t in times])
-    for data in (
-        fp.Measurements(points, y[:, None]),
-        fp.Record(np.append(0.0, times), np.empty((26, 0)), np.append(0.0, y)[:, None], x0={"clock": 0.0, "c": 0.0}),
-    ):
-        fit = fp.estimate(one, data, start=TRUTH, noise_std={"y": 0.01})
-        for name in NAMES:
-            assert fit.estimate[name] == pytest.approx(truth[name], rel=1e-4), name
+    data: fp.Measurements | fp.Record = fp.Measurements(fp.Experiments(np.zeros((25, 2)), np.empty((25, 0)), times), y[:, None])
+    if kind == "record":
+        t = np.append(0.0, times)
+        data = fp.Record(t, np.empty((26, 0)), np.append(0.0, y)[:, None], x0={"clock": 0.0, "c": 0.0})
+    start = {name: TRUTH[name] for name in FOUND}
+    fit = fp.estimate(model().fix(s2=2.0), data, start=start, noise_std={"y": 0.01})
+    for name in FOUND:
+        assert fit.estimate[name] == pytest.approx(truth[name], rel=1e-4), name
