@@ -22,7 +22,7 @@ def core_values(program: Program, x: np.ndarray) -> np.ndarray:
     x_leaf = Program(none.literals, none.setup, none.stage, np.array([1, 1, 1], np.int32), 7)
     model = _core.TapeModel(
         [1.0, 1.0, 1.0],
-        *(0, 1, 1, 0, 0, 0, 0),
+        *(0, 1, 1, 0, 0, 0, 0, 0),
         *map(to_core, (x_leaf, program, none, none, none, x_leaf, program, none)),
         [],
         [],
@@ -30,6 +30,8 @@ def core_values(program: Program, x: np.ndarray) -> np.ndarray:
         [],
         [True, True, True],
         [True],
+        [],
+        [],
         [],
         [],
         [],
