@@ -125,6 +125,7 @@ class TapeModel:
         kinks: typing.SupportsInt | typing.SupportsIndex,
         poles: typing.SupportsInt | typing.SupportsIndex,
         limits: typing.SupportsInt | typing.SupportsIndex,
+        measured: typing.SupportsInt | typing.SupportsIndex,
         rates: Program,
         output: Program,
         surfaces: Program,
@@ -150,9 +151,11 @@ class TapeModel:
         varying_surfaces: collections.abc.Sequence[bool],
         crossable: collections.abc.Sequence[bool],
         rough: collections.abc.Sequence[bool],
+        steep: collections.abc.Sequence[bool],
+        closed: collections.abc.Sequence[bool],
     ) -> None:
         """
-        Scales of the states, how many there are of what (the poles among the limits), and the programs with their entries.
+        Scales of the states, how many there are of what (the poles and what is measured among the limits), and the programs with their entries.
         """
     def limits(
         self,
