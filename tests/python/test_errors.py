@@ -255,7 +255,7 @@ def test_prior_rule_and_region(name: str, call: Call) -> None:
         ("rule", {"rule": 3}),
         ("levels", {"rule": fp.TensorGrid({"a_tau": 3})}),
         ("noise_std", {"noise_std": [1.0] * 4}),
-        ("noise_std", {"noise_std": {"q": 1e-6}}),
+        ("noise_std", {"noise_std": {}}),
         ("noise_std", {"noise_std": NOISE | {"v": 1e-3}}),
         (r"noise_std\['q'\]", {"noise_std": NOISE | {"q": -5e-6}}),
         (r"noise_std\['q'\]", {"noise_std": NOISE | {"q": 0.0}}),
