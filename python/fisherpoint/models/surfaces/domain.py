@@ -24,8 +24,8 @@ from .zeros import normal_form, reduced
 class Limit:
     """What must stay positive, or other than zero for a pole. In a branch that is not taken its expression is 1.
 
-    One that g alone reads is `measured`: it is to hold where g is, and not on the way there. A `closed` one is of powers that have a
-    value at zero: trajectories may start there.
+    One that g alone reads is `measured`: it is to hold where g is, and not on the way there. A `closed` one is of powers that have
+    a value at zero: trajectories may start there.
     """
 
     name: str
@@ -153,7 +153,7 @@ class Domain:
             self._limits[key] = replace(limit, closed=False)
 
     def _where(self, condition: Any, taken: bool, expression: Any) -> Any:
-        """The expression where the condition holds, or does not, and 1 elsewhere; both branches count where a side is 0, on a slide."""
+        """The expression where the condition holds, or does not, and 1 elsewhere; both branches count on a slide."""
         side = condition if condition in self._written else -condition
         if side in self._written:
             return Select((condition if taken else -condition) + sympy.Rational(1, 2), expression, sympy.S.One)

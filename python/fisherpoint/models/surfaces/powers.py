@@ -1,8 +1,8 @@
 """Powers of what is zero on one side of an edge, as sqrt(max(h - c, 0)): they are zero there, with all derivatives.
 
 Written as a power of a branch they would have neither value nor derivative there, by the rule for a power. As a branch of powers
-they have both. The power is continued evenly past the edge, |h - c|**0.5, so that a step of the integrator may look beyond before it
-is cut off at the edge; so is one that stands in a branch which is taken on that side alone, as in where(h > c, sqrt(h - c), 0).
+they have both. The power is continued evenly past the edge, |h - c|**0.5, so that a step of the integrator may look beyond before
+it is cut off at the edge; so is one that stands in a branch which is taken on that side alone, as in where(h > c, sqrt(h - c), 0).
 """
 
 from __future__ import annotations

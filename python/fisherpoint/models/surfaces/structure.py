@@ -14,7 +14,7 @@ from ...basics.values import Array
 from ..tape.defined import Defined, value_of
 from ..tape.parts import parts, reads
 from ..tape.programs import Programs, build_programs
-from .branches import Branches
+from .branches import Branches, Surface
 from .domain import Domain, Limit
 from .evaluate import evaluate
 from .jumps import classified

@@ -104,8 +104,8 @@ def build_programs(
     rates, output : sequence of sympy.Expr
         f, one for each state, and g.
     surfaces : sequence of sympy.Expr
-        What is zero on jumps and kinks, in the order of `sides`, where a side is the sign of its surface's value; then what must stay
-        positive, where it is the side on which the trajectory runs.
+        What is zero on jumps and kinks, in the order of `sides`, where a side is the sign of its surface's value; then what must
+        stay positive, where it is the side on which the trajectory runs.
     states, inputs, parameters : sequence of sympy.Symbol
     sides : sequence of sympy.Symbol
         For each jump and kink the symbol that stands for the side it is on, +1 or -1, in the branches of f.
