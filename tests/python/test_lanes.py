@@ -30,8 +30,8 @@ REMAINDERS = {
 TROUBLE = {
     Status.met_jump: ("a_tau", 1e3),  # friction that stops the piston at once
     Status.left_domain: ("E_oil", 1e9),
-    Status.step_limit: ("b_tau", 1e30),
-    Status.not_finite: ("E_oil", 1e30),
+    Status.step_limit: ("b_tau", 1e200),
+    Status.not_finite: ("c_L", 1e300),
 }
 """What a parameter is multiplied by so that a trajectory ends with the status."""
 

@@ -52,9 +52,9 @@ def test_where_roots_are_zero_is_read_off_the_equations() -> None:
 
     assert [rough(rate) for rate in RATES.values()] == [(True,), (), (True,), (True,)]
     assert rough("max(x - p, 0) + q*abs(x - 1)") == (False, False)
-    assert rough("max(x - p, 0) + sqrt(q*abs(x - 1))") == (False, True)
+    assert rough("max(x - p, 0) + sqrt(q*abs(x - 1))") == (True, False)  # that of the root comes first
     assert rough("sqrt(1 + max(x - p, 0))") == (True,)
-    assert rough("sign(x - p)*sqrt(abs(x - p)) + abs(x)") == (True, False)  # that of the root comes first
+    assert rough("sign(x - p)*sqrt(abs(x - p)) + abs(x)") == (True, False)
 
 
 def test_compiled_models_are_as_right() -> None:

@@ -287,7 +287,7 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
     });
   });
   const mask_of_lanes<P> ends = finite<P>(tangents.x) & finite<P>(dx), known = finite<P>(y) & finite<P>(dy);
-  auto whole = ends & known;
+  mask_of_lanes<P> whole = ends & known;
   for (int lane = 0; carried && lane < pack.used; ++lane)
     if (!carried->measured[rows[lane]] && !lanes_of<P>::get(known, lane) && lanes_of<P>::get(ends, lane)) {
       for (P& entry : y) lanes_of<P>::set(entry, lane, 0.0);
