@@ -192,7 +192,14 @@ class _Run:
 
 
 def derivatives(
-    system: System, x0: Sequence[float], u: Sequence[float], p: Sequence[float], dt: float, nominal: Course, rtol: float = 1e-12
+    system: System,
+    x0: Sequence[float],
+    u: Sequence[float],
+    p: Sequence[float],
+    dt: float,
+    nominal: Course,
+    rtol: float = 1e-12,
+    follow: Callable[..., Course] = course,
 ) -> tuple[Array, Array]:
     """dx/dp (n_x, n_p) by extrapolated central differences, and their errors; NaN where neighbours meet other surfaces."""
     n = len(p)
@@ -204,7 +211,7 @@ def derivatives(
             for sign in (1, -1):
                 moved = np.array(p, dtype=float)
                 moved[j] += sign * step
-                end = course(system, x0, u, moved, dt, rtol)
+                end = follow(system, x0, u, moved, dt, rtol)
                 if end.met != nominal.met:
                     break
                 ends.append(end.x)

@@ -173,31 +173,3 @@ class _Modes:
             normals = self.normals(x, which) * self.system.size
             x = x - self.system.size * np.linalg.lstsq(normals, self.h(x)[which], rcond=1e-10)[0]
         return x
-
-
-def derivatives_of_several(
-    system: System, x0: Sequence[float], u: Sequence[float], p: Sequence[float], dt: float, nominal: Course, rtol: float = 1e-12
-) -> tuple[Array, Array]:
-    """dx/dp (n_x, n_p) by extrapolated central differences, and their errors; NaN where neighbours meet other surfaces."""
-    n = len(p)
-    found, error = np.full((len(nominal.x), n), np.nan), np.full((len(nominal.x), n), np.nan)
-    for j in range(n):
-        central = []
-        for step in (1e-3 * (abs(p[j]) or 1.0) * 2.0**-k for k in range(3)):
-            ends = []
-            for sign in (1, -1):
-                moved = np.array(p, dtype=float)
-                moved[j] += sign * step
-                end = course_of_several(system, x0, u, moved, dt, rtol)
-                if end.met != nominal.met:
-                    break
-                ends.append(end.x)
-            if len(ends) < 2:
-                break
-            central.append((ends[0] - ends[1]) / (2 * step))
-        if len(central) < 3:
-            continue
-        once = [(4 * b - a) / 3 for a, b in itertools.pairwise(central)]
-        twice = (16 * once[1] - once[0]) / 15
-        found[:, j], error[:, j] = twice, np.abs(twice - once[1])
-    return found, error

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from filippov import NoAnswer
-from filippov_several import course_of_several, derivatives_of_several
+from filippov import NoAnswer, derivatives
+from filippov_several import course_of_several
 from several_cases import CASES, infusions
 
 pytestmark = [pytest.mark.kernels, pytest.mark.filterwarnings("ignore:.* expected its natural size")]
@@ -42,7 +42,7 @@ def test_joints_and_legs_start_from_rest_and_come_to_rest(name: str, few: int) -
         assert np.max(np.abs(done.x[k] - beside.x)) < 1e-8, k
         if name == "platform" and k % 4:
             continue
-        s, error = derivatives_of_several(case.system, x0[k], u[k], p[k], dt[k], beside)
+        s, error = derivatives(case.system, x0[k], u[k], p[k], dt[k], beside, follow=course_of_several)
         off = np.max(np.abs(done.dx_dtheta[k] - s) - 2 * error, axis=0)
         size = np.max(np.abs(s), axis=0)
         assert (off <= 1e-6 * size + 1e-8)[~np.isnan(off)].all(), (k, off, size)

@@ -48,7 +48,7 @@ class DesignProblem(InNotebooks):
         Where points, or runs, may lie. None is enough to evaluate given ones.
     noise_std : mapping of output name to float, optional
         Standard deviations of the sensor noise, SI units; R of (17) is their squares. An output that is not named is not
-        measured: no point tells anything by it, and data of it are left out.
+        measured: it adds no information, and data of it are left out.
     rule : TensorGrid, GaussHermite, SparseGaussHermite, Sobol, Unscented or Linearized
         How expectations over the prior are taken. Default: `SparseGaussHermite(2)`; the paper's cells are `TensorGrid()`.
     output_covariance : {"noise", "region", "pooled", "pointwise"}, optional

@@ -66,9 +66,9 @@ def limits_of(
     for i, text in enumerate(texts):
         place = f"along[{i}]"
         conditions = parse_limit(text, symbols, place)
-        told = [condition for condition in conditions if condition.free_symbols & moving]
+        moved = [condition for condition in conditions if condition.free_symbols & moving]
         # Of max(x, v) - min(x, v) < 1, some of the cases are 0 < 1.
-        if not told or not all(condition in told or condition.is_positive for condition in conditions):
+        if not moved or not all(condition in moved or condition.is_positive for condition in conditions):
             raise ValueError(f"{place}: expected a limit of states or inputs, given {shown(text)}")
-        found += [(text, replaced(condition, shift)) for condition in told]
+        found += [(text, replaced(condition, shift)) for condition in moved]
     return tuple(found)

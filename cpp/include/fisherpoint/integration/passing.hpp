@@ -27,7 +27,7 @@ auto Tangents<M, P, Method>::pass(const Side& before, const Side& after) -> Mask
 }
 
 // S for the case in which a jump that the trajectory ends next to was met before the end, where it was not, or was not met,
-// where it was: on the sides `other` in the place of `last`. Returns where that is grazed.
+// where it was: on the sides `other` instead of `last`. Returns where that is grazed.
 template <class M, class P, class Method>
 auto Tangents<M, P, Method>::exchange(const Side& last, const Side& other) -> Mask {
   for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
@@ -83,7 +83,7 @@ auto Tangents<M, P, Method>::pass_jump(auto m, const mask_of_lanes<P>& here, con
     return sum;
   };
   // What begins to slide is taken onto the surface along f_behind - f_before, wherever it comes from: with f on the other
-  // side in the place of f_behind, that is the formula where h_x f_before may be zero.
+  // side instead of f_behind, that is the formula where h_x f_before may be zero.
   // Where another jump lets go in that instant, f is not on a line between these sides: there it is the formula as it stands.
   auto released = lanes_of<P>::none();
   for_each_index(Count<0>{}, f_.jumps_end,

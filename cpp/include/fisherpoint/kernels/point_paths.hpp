@@ -15,7 +15,7 @@
 
 namespace fisherpoint {
 
-// In the place of a surface: a limit at which f has a value.
+// Instead of a surface: a limit at which f has a value.
 inline constexpr Variables at_limit = Variables{1} << 63;
 
 // A run of one step onto a surface where f_x has no bounds, or off it, which S takes in its own way (steep_tangents.hpp).

@@ -324,7 +324,7 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
     get_lane(tangents.x, lane, out.x + k * n_x);
     get_lane(y, lane, out.y + k * n_y);
     if (out.dx_dtheta) get_lane(dx, lane, out.dx_dtheta + k * n_x * p);
-    // A sample of a run that has none tells nothing; behind it the run goes on.
+    // A sample of a run that has none adds no information; behind it the run goes on.
     if (!without || !carried->measured[k]) get_lane(dy, lane, out.dy_dtheta + k * n_y * p);
   }
 }
