@@ -239,8 +239,8 @@ _PLACES = {
 """The modules that have these names. Each is imported when its name is asked for: what is not needed costs no time."""
 
 _FUNCTIONS = (
-    "abs", "acos", "asin", "atan", "atan2", "cos", "cosh", "exp", "heaviside", "log", "max", "min", "sign", "sin", "sinh", "sqrt",
-    "tan", "tanh", "where",
+    "abs", "acos", "asin", "atan", "atan2", "cos", "cosh", "exp", "heaviside", "latch", "log", "max", "min", "sign", "sin", "sinh",
+    "sqrt", "tan", "tanh", "where",
 )  # fmt: skip
 """The names of `fisherpoint.math`. They and `math` are not in `__all__`: Python has a `max` and a `math` of its own."""
 

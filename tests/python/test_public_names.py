@@ -14,7 +14,7 @@ import fisherpoint as fp
 from fisherpoint.basics.formulas import ARGUMENTS
 
 ROOT = Path(__file__).parents[2]
-ALIASES = set(ARGUMENTS)  # of equations as text
+ALIASES = {*ARGUMENTS, "latch"}  # of equations as text
 
 OPTIONAL_AND_POSITIONAL = {
     "approximate": ["candidates"],

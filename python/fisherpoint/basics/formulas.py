@@ -104,6 +104,9 @@ class Reader(ABC):
     The names that are `hidden` may occur too; messages do not list them.
     """
 
+    remembers = False
+    """Whether latch() may occur."""
+
     def __init__(self, formula: Formula, names: Mapping[str, Any], hidden: Mapping[str, Any] | None = None) -> None:
         self.formula, self.names, self.hidden = formula, names, hidden or {}
 
@@ -135,6 +138,10 @@ class Reader(ABC):
             self.formula.refuse("expected a comparison with <, <=, > or >=", tree)
         return self._condition(tree, 0)
 
+    def condition(self) -> Any:
+        """The formula, which is a condition."""
+        return self._condition(self.formula.tree, 0)
+
     def _term(self, node: ast.expr, depth: int) -> Any:
         if depth > MAX_DEPTH:
             self.formula.refuse(_TOO_DEEP, node)
@@ -148,6 +155,8 @@ class Reader(ABC):
                 return self.combined(node, "negative", value) if isinstance(sign, ast.USub) else value
             case ast.Call(ast.Name(name), arguments, []) if name in ARGUMENTS:
                 return self._call(node, name, arguments, depth + 1)
+            case ast.Call(ast.Name("latch"), _, _) if self.remembers:
+                return self._latch(node, depth + 1)
             case ast.Call(ast.Name(name), _, _) if name in _REPEATING and name not in self.names:
                 self.formula.refuse(REPEATED, node)
             case ast.BinOp(_, ast.Mod() | ast.FloorDiv(), _):
@@ -195,6 +204,14 @@ class Reader(ABC):
         values = [first(arguments[0], depth), *(self._term(argument, depth) for argument in arguments[1:])]
         return self.combined(node, name, *values)
 
+    def _latch(self, node: ast.Call, depth: int) -> Any:
+        start, named = node.args[2:], node.keywords
+        if not 2 <= len(node.args) <= 3 - len(named) or len(named) > 1 or any(one.arg != "start" for one in named):
+            self.formula.refuse("expected latch(on, off) or latch(on, off, start=1)", node)
+        conditions = [self._condition(argument, depth) for argument in node.args[:2]]
+        values = [self._term(argument, depth) for argument in (*start, *(one.value for one in named))]
+        return self.combined(node, "latch", *conditions, *values)
+
     def _condition(self, node: ast.expr, depth: int) -> Any:
         if depth > MAX_DEPTH:
             self.formula.refuse(_TOO_DEEP, node)
@@ -212,6 +229,8 @@ class Reader(ABC):
                 pairs = zip(ops, sides[:-1], sides[1:], strict=True)
                 comparisons = [self.combined(node, _COMPARISONS[type(op)], a, b) for op, a, b in pairs]
                 return comparisons[0] if len(comparisons) == 1 else self.combined(node, "and", *comparisons)
+            case ast.Call(ast.Name("latch"), _, _) if self.remembers:
+                return self.combined(node, "set", self._latch(node, depth + 1))
             case ast.Compare(_, ops, _) if any(isinstance(op, ast.Eq | ast.NotEq) for op in ops):
                 self.formula.refuse(_EQUAL, node)
         self.formula.refuse("expected a condition such as h > 0", node)

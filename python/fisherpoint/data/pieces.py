@@ -160,6 +160,11 @@ def pieces(
             f"model: expected one without the time {model.clock} in its equations, which would begin anew with each window, given"
             f" {model.name}: write it as an input, or as a state with the rate 1"
         )
+    if model.latches:
+        raise ValueError(
+            f"model: expected one without latch(), which would remember nothing at the start of each window, given {model.name}:"
+            " set a state of your own by resets"
+        )
     length = check_positive_int(length, "length", LEAST_LENGTH)
     if length > len(record):
         raise ValueError(f"length: expected at most the {len(record)} samples of the record, given {length}")

@@ -153,6 +153,16 @@ class TapeModel:
         rough: collections.abc.Sequence[bool],
         steep: collections.abc.Sequence[bool],
         closed: collections.abc.Sequence[bool],
+        reset_count: typing.SupportsInt | typing.SupportsIndex,
+        resets: Program,
+        reset_jacobian: Program,
+        reset_targets: collections.abc.Sequence[
+            tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex]
+        ],
+        reset_entries: collections.abc.Sequence[
+            tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex]
+        ],
+        reset_levels: collections.abc.Sequence[bool],
     ) -> None:
         """
         Scales of the states, how many there are of what (the poles and what is measured among the limits), and the programs with their entries.

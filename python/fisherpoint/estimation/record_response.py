@@ -106,7 +106,8 @@ class RecordResponse:
             kept = status[rows] == Status.ok
             rows, x = rows[kept], x[kept]
         if len(rows):
-            dy[rows], status[rows] = (self._carried if n_x else self._static)(theta[rows], x)
+            follow = self._static if not n_x else self._in_one if self.model.latches else self._carried  # latches remember
+            dy[rows], status[rows] = follow(theta[rows], x)
         finite = np.isfinite(dy).all(axis=(1, 2, 3))
         status[(status == Status.ok) & ~finite] = Status.not_finite
         y[status != Status.ok], dy[status != Status.ok] = 0.0, 0.0

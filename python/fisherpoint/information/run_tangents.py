@@ -94,6 +94,8 @@ def tangents_from(
     first = np.minimum(runs.first_difference(base.runs, own), n - 1)
     whole = (first == 0) | (runs.controlled if runs.rests is not None else False)  # how these start, base.dx may not have all of
     x, dx, dy, status = base.x[own], base.dx[own], base.dy[own], base.status[own]
+    if model.latches:  # what they remember at a sample is not kept
+        whole = np.ones_like(whole)
     if whole.any():
         done = checked_run_sensitivities(model, runs[whole], values[whole], settings, outputs_alone=outputs_alone)
         x[whole], dy[whole], status[whole] = done.x, done.dy_dtheta, done.status

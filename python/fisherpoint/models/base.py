@@ -48,6 +48,8 @@ class Model(ABC):
         The first of `domain`: divisors and the like, which may have either sign but must not change it.
     clock : sympy.Symbol or None
         The time since the start, where equations read it.
+    latches : int
+        How many conditions equations remember, see `fisherpoint.math.latch`.
     """
 
     name: str
@@ -62,6 +64,7 @@ class Model(ABC):
     poles: tuple[str, ...] = ()
     crossable: tuple[str, ...] = ()
     clock: Any = None
+    latches: int = 0
     along: tuple[str, ...] = ()
     offsets: Mapping[str, str] = FrozenMapping({})
     nominal: Mapping[str, float] = FrozenMapping({})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import CodeType
 from typing import Any
 
@@ -58,6 +58,7 @@ def model(
     constants: Mapping[str, Any] | None = None,
     name: str | None = None,
     nominal: Mapping[str, float] | None = None,
+    resets: Mapping[Any, Mapping[str, Any]] | Iterable[tuple[Any, Mapping[str, Any]]] = (),
     check_units: bool = True,
 ) -> Callable[[Callable[..., Any]], SymbolicModel]:
     """Make a model of a function ``(x, u, p) -> f, g`` or ``(x, u, p) -> f, g, domain``.
@@ -90,7 +91,9 @@ def model(
             Namespace("p", [*names["parameters"], *(q.name for q in known)]),
         )
         f, g, domain = _returned(function, spaces, own_name)
-        options: dict[str, Any] = dict(constants=constants, domain=domain, name=own_name, nominal=nominal, check_units=False)
+        options: dict[str, Any] = dict(
+            constants=constants, domain=domain, name=own_name, nominal=nominal, resets=resets, check_units=False
+        )
         made = SymbolicModel(f, g, states or {}, inputs or {}, parameters, outputs, **options)
         if check_flag(check_units, "check_units"):
             made.warn_of_units(stacklevel=3)

@@ -59,6 +59,14 @@ class Dependence:
     def __init__(self, structure: Structure, states: Names, inputs: Names, parameters: Names, outputs: Names) -> None:
         self._parameters, read = parameters, _Reader(structure, states, parameters)
         self._rates = dict(zip(states, map(read, structure.rates), strict=True))
+        for reset in structure.resets:  # which move a state as its rate does, at times that hang on their condition
+            event = read(reset.condition)
+            for x, value in reset.values:
+                name, by = states[structure.equations.states.index(x)], read(value)
+                old = self._rates[name]
+                self._rates[name] = Equation(
+                    old.states | by.states | event.states, old.parameters | by.parameters | event.parameters, frozenset()
+                )
         self._output = dict(zip(outputs, map(read, structure.output), strict=True))
         behind = {name: self._states_behind(equation.states) for name, equation in self._output.items()}
         reached = {

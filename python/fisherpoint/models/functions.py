@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 import sympy
-from sympy.logic.boolalg import Boolean
+from sympy.logic.boolalg import Boolean, BooleanAtom
 
 from ..basics.checks import as_float
 from ..basics.formulas import ARGUMENTS
 from ..basics.messages import shown
+from .tape.latch import as_condition, latched
 from .tape.parts import check_size
 from .terms import Term, applied, as_term, chosen
 
@@ -24,11 +25,28 @@ def where(condition: Any, a: Any, b: Any) -> Any:
     """a where the condition, a comparison or several joined by & and |, holds, else b."""
     one, other = _term(a, "where"), _term(b, "where")
     given = as_term(condition)
+    given = None if given is None else Term(as_condition(given.expression), given.lost)
     if given is None or not isinstance(given.expression, Boolean) or given.expression.is_Symbol:
         raise TypeError(f"where: expected a condition such as x.h > 0, given {shown(condition)}")
     value = chosen(given, one, other)
     check_size(value.expression, "where")
     return _as_given(value, condition, a, b)
+
+
+def latch(on: Any, off: Any, start: Any = 0) -> Any:
+    """1 from when the condition `on` holds until `off` does, which wins where both hold; `start` where neither does at first."""
+    conditions = [as_term(given) for given in (on, off)]
+    for name, given, condition in zip(("on", "off"), (on, off), conditions, strict=True):
+        if condition is None or not isinstance(condition.expression, Boolean) or condition.expression.is_Symbol:
+            raise TypeError(f"latch: {name}: expected a condition of equations, such as x.T < 20, given {shown(given)}")
+        if isinstance(condition.expression, BooleanAtom):
+            raise ValueError(f"latch: {name}: expected a condition that may hold or not, given {shown(given)}")
+    value = as_term(start)
+    if value is None or value.expression not in (0, 1, sympy.S.false, sympy.S.true):
+        raise ValueError(f"latch: start: expected 0 or 1, given {shown(start)}")
+    lost = tuple(part for condition in conditions if condition is not None for part in condition.lost)
+    both = [condition.expression for condition in conditions if condition is not None]
+    return Term(latched(*both, start=int(bool(value.expression))), lost)
 
 
 def _term(given: Any, name: str) -> Term:
@@ -83,5 +101,9 @@ _OF_TERMS: dict[str, Callable[..., Any]] = {
     "min": _extreme(sympy.Min, lambda given: reduce(lambda a, b: a if a <= b else b, given)),
     "max": _extreme(sympy.Max, lambda given: reduce(lambda a, b: a if a >= b else b, given)),
 }
-FUNCTIONS: dict[str, Callable[..., Any]] = {**{name: _of_terms(name, one) for name, one in _OF_TERMS.items()}, "where": where}
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    **{name: _of_terms(name, one) for name, one in _OF_TERMS.items()},
+    "where": where,
+    "latch": latch,
+}
 """By the name that equations use."""

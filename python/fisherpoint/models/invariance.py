@@ -29,15 +29,16 @@ def leaves_equations(model: SymbolicModel, theta: Array, change: Array, x: Array
 
     That is seen at the given states (K, n_x) and inputs (K, n_u), on random sides of all branches.
     """
-    equations, moved = model.equations, np.flatnonzero(change)
-    clock = [] if model.clock is None else [model.clock]
-    branches = Branches((*equations.states, *clock, *equations.inputs, *equations.parameters), by_side=True)
-    rewritten = [branches.rewrite(expression) for expression in (*equations.rates, *equations.output)]
+    equations, moved = model.structure.equations, np.flatnonzero(change)
+    own, hidden = equations.states[: x.shape[1]], equations.states[x.shape[1] :]
+    branches = Branches((*equations.states, *equations.inputs, *equations.parameters), by_side=True)
+    anew = [one for reset in equations.resets for one in (reset.condition, *(value for _, value in reset.values))]
+    rewritten = [branches.rewrite(expression) for expression in (*equations.rates, *equations.output, *anew)]
     expressions = [branches.merged(one) for one in (*rewritten, *(surface.expression for surface in branches.surfaces))]
     rng = np.random.default_rng(0)
     known: dict[Any, Any] = {surface.side: rng.choice([-1.0, 1.0], len(x)) for surface in branches.surfaces}
-    known |= dict(equations.constants) | {symbol: rng.uniform(size=len(x)) for symbol in clock}
-    known |= dict(zip(equations.states, x.T, strict=True)) | dict(zip(equations.inputs, u.T, strict=True))
+    known |= dict(equations.constants) | {symbol: rng.uniform(size=len(x)) for symbol in hidden}
+    known |= dict(zip(own, x.T, strict=True)) | dict(zip(equations.inputs, u.T, strict=True))
     slopes = np.zeros((len(moved), len(expressions), len(x)))
     for row, j in enumerate(moved):
         at = theta.astype(complex)

@@ -21,6 +21,7 @@ __all__ = [
     "cosh",
     "exp",
     "heaviside",
+    "latch",
     "log",
     "max",
     "min",
@@ -77,6 +78,15 @@ def exp(x: Any) -> Any:
 def heaviside(x: Any) -> Any:
     """0 up to 0 itself and 1 above; a jump at 0."""
     return _FUNCTIONS["heaviside"](x)
+
+
+def latch(on: Any, off: Any, start: int = 0) -> Any:
+    """1 from when the condition `on` holds until `off` does, which wins where both hold; `start` where neither does at first.
+
+    A relay with two thresholds is ``latch(x.T < 20, x.T > 22)``. It is a number and a condition. Rates and resets read it; outputs
+    and limits do not, which take a state that `resets` set.
+    """
+    return _FUNCTIONS["latch"](on, off, start)
 
 
 def log(x: Any) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import sympy
@@ -13,13 +13,15 @@ from .base import Model
 from .surfaces.structure import Equations
 
 
-def model_text(model: Model, rates: Sequence[str], output: Sequence[str]) -> str:
+def model_text(
+    model: Model, rates: Sequence[str], output: Sequence[str], resets: Sequence[tuple[str, Mapping[str, str]]] = ()
+) -> str:
     """The model as text, for `print`, with its equations as they were given."""
     lines = [model.name]
     for kind in ("states", "inputs", "parameters", "outputs"):
         lines += _table(kind, ((q, model.nominal.get(q.name)) for q in getattr(model, kind)))
     lines += _table("constants", ((q, model.constants[q.name]) for q in model.constant_quantities))
-    lines += ["", *_equations(model, rates, output), ""]
+    lines += ["", *_equations(model, rates, output), *_resets(resets), ""]
     limits = [f"{name} other than 0" for name in model.poles] + [f"{name} > 0" for name in model.domain[len(model.poles) :]]
     facts = {"jumps": [f"{name} = 0" for name in model.jumps], "kinks": [f"{name} = 0" for name in model.kinks], "domain": limits}
     facts["blocks"] = [f"{{{', '.join(block)}}}" for block in model.blocks]
@@ -44,6 +46,12 @@ def _equations(model: Model, rates: Sequence[str], output: Sequence[str]) -> Ite
     for quantity, text in zip(model.outputs, g, strict=True):
         if text != quantity.name:  # else an output that is a state or an input
             yield f"{quantity.name} = {text}"
+
+
+def _resets(resets: Sequence[tuple[str, Mapping[str, str]]]) -> Iterator[str]:
+    for when, values in resets:
+        told = ", ".join(f"{x} = {printable(' '.join(text.split()))}" for x, text in values.items())
+        yield f"when {printable(' '.join(when.split()))}: {told}"
 
 
 def latex(equations: Equations, outputs: Iterable[str]) -> str:

@@ -9,25 +9,39 @@ from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any
 
+import numpy as np
 import sympy
 
 from ..basics.checks import check_flag, check_known
+from ..basics.messages import shown
 from ..basics.quantity import Quantity, names_of
 from ..basics.values import Array, FrozenMapping
 from ..engine import _core
 from ..engine.levels import Kernels
-from .clock import ClockedCore, ClockedKernels, clock_names, clock_quantity, with_time
+from .clock import clock_names, clock_quantity
 from .compiled import compiled_model
 from .dependence import Dependence
 from .dimensions import mistakes_in_units, plain_rate_of, rate_of, stated
 from .expressions import symbol
-from .given_equations import check_count, condition_of, equation_of, limits_of, listed_equations
+from .given_equations import (
+    check_count,
+    checked_resets,
+    condition_of,
+    equation_of,
+    limits_of,
+    listed_equations,
+    reset_condition_of,
+    text_of,
+)
+from .hidden import HiddenCore, HiddenKernels
 from .model_text import latex, model_text
 from .quantities import Described, DescribedModel, check_counts, start_offsets
 from .surfaces.domain import MOST
+from .surfaces.memory import Reset, has_latch
 from .surfaces.printing import to_text
-from .surfaces.structure import Equations, Structure, with_clock
+from .surfaces.structure import Equations, Structure, followed
 from .tape.defined import value_of
+from .tape.latch import condition_of as condition_in
 from .tape.parts import replaced, symbols_of
 from .tape.program import Program, to_core
 from .tape.programs import LIMIT
@@ -60,6 +74,9 @@ class SymbolicModel(DescribedModel):
     name : str
     nominal : mapping of parameter name to float, optional
         Usual values.
+    resets : mapping of condition to mapping of state name to value, or sequence of such pairs, optional
+        States that get new values where a condition becomes true, as ``{"x < 0": {"v": "-e*v"}}`` of a mass that bounces.
+        Conditions and values are texts, expressions or terms; the values are of the states just before.
     along : sequence of str, optional
         Limits along the way, see `within`.
     offsets : mapping of parameter or constant name to state name, optional
@@ -86,6 +103,7 @@ class SymbolicModel(DescribedModel):
         domain: Iterable[Any] = (),
         name: str = "model",
         nominal: Mapping[str, float] | None = None,
+        resets: Mapping[Any, Mapping[str, Any]] | Iterable[tuple[Any, Mapping[str, Any]]] = (),
         along: Iterable[str] = (),
         offsets: Mapping[str, str] | None = None,
         check_units: bool = True,
@@ -112,19 +130,37 @@ class SymbolicModel(DescribedModel):
         rates = [equation_of(e, symbols, f"equations.{q.name}", clocks) for e, q in zip(given_f, self.states, strict=True)]
         output = [equation_of(e, symbols, self._place_of(q), clocks) for e, q in zip(given_g, self.outputs, strict=True)]
         conditions = [condition_of(e, symbols, f"domain[{i}]", clocks) for i, e in enumerate(given_domain)]
-        read = set().union(*map(symbols_of, (*rates, *output, *conditions)))
+        self._given_resets = checked_resets(resets, names_of(self.states))
+        anew = tuple(self._reset(condition, values, symbols, clocks) for condition, values in self._given_resets)
+        of_resets = [one for reset in anew for one in (reset.condition, *(value for _, value in reset.values))]
+        read = set().union(*map(symbols_of, (*rates, *output, *conditions, *of_resets)))
         self.clock = next((clock for clock in clocks.values() if clock in read), None)
         moving = {symbols[q.name] for q in (*self.states, *self.inputs)}
         limits_along = limits_of(self.along, symbols, self.offsets, moving)
         self._check_outputs(output, symbols)
         of = {kind: tuple(symbols[q.name] for q in getattr(self, kind)) for kind in ("states", "inputs", "parameters")}
         values = {symbols[n]: v for n, v in self.constants.items()}
-        self.equations = Equations(tuple(rates), tuple(output), tuple(conditions), **of, constants=values, along=limits_along)
+        self.equations = Equations(
+            tuple(rates), tuple(output), tuple(conditions), **of, constants=values, along=limits_along, resets=anew
+        )
         self.texts = tuple(
             tuple(e if isinstance(e, str) else to_text(new) for e, new in zip(given, news, strict=True))
             for given, news in ((given_f, rates), (given_g, output), (given_domain, conditions))
         )
-        self.structure = Structure(self.equations if self.clock is None else with_clock(self.equations, self.clock))
+        for place, expression in (
+            *zip(map(self._place_of, self.outputs), output, strict=True),
+            ("domain", sympy.Tuple(*conditions)),
+        ):
+            if has_latch(expression):
+                raise ValueError(
+                    f"{place}: expected no latch(), which rates and resets alone read: set a state of your own by resets"
+                )
+        self.reset_texts = tuple(
+            (text_of(given, condition_in(reset.condition)), {x.name: text_of(values[x.name], value) for x, value in reset.values})
+            for (given, values), reset in zip(self._given_resets, anew, strict=True)
+        )
+        self.structure = Structure(followed(self.equations, self.clock))
+        self.latches = len(self.structure.equations.latches)
         surfaces, limits = self.structure.surfaces, self.structure.limits
         self.jumps = tuple(surface.name for surface in surfaces if surface.jump)
         self.kinks = tuple(surface.name for surface in surfaces if not surface.jump)
@@ -163,21 +199,34 @@ class SymbolicModel(DescribedModel):
     def core(self) -> Any:
         """The model's programs, as the compiled kernels interpret them, or with kernels of its own."""
         core = self._tape if self._own_core is None else self._own_core
-        return core if self.clock is None else ClockedCore(core, len(self.states))
+        return HiddenCore(core, len(self.states), self._hidden_starts) if self._hidden_starts else core
 
     @property
     def kernels(self) -> Kernels:
         """What runs `core`."""
-        return super().kernels if self.clock is None else ClockedKernels(super().kernels)
+        return HiddenKernels(super().kernels) if self._hidden_starts else super().kernels
 
     def at(self, x: Array, t: Any) -> Array:
         """States (..., n_x) at the times t (...) as `core` and `kernels` take them; where they are not told, it is at the start."""
-        return x if self.clock is None else with_time(x, t)
+        if not self._hidden_starts:
+            return x
+        hidden = np.array(np.broadcast_to(self._hidden_starts, (*x.shape[:-1], len(self._hidden_starts))))
+        if self.clock is not None:
+            hidden[..., -1] = t
+        return np.concatenate([x, hidden], axis=-1)
+
+    @property
+    def _hidden_starts(self) -> tuple[float, ...]:
+        """Values at the start of what the core follows beside the states: what latches remember, and the clock."""
+        latches = tuple(float(start) for _, start in self.structure.equations.latches)
+        return latches if self.clock is None else (*latches, 0.0)
 
     @property
     def _followed(self) -> tuple[Quantity, ...]:
         """The states that the core follows."""
-        return self.states if self.clock is None else (*self.states, clock_quantity(self.clock.name))
+        latches = tuple(Quantity(symbol.name, "1", "what a latch remembers") for symbol, _ in self.structure.equations.latches)
+        clock = () if self.clock is None else (clock_quantity(self.clock.name),)
+        return (*self.states, *latches, *clock)
 
     def compile(self) -> SymbolicModel:
         """Return the model with kernels compiled for it, which are two to three times as fast as interpreted ones.
@@ -187,6 +236,9 @@ class SymbolicModel(DescribedModel):
         interpreted, and a warning says so. Where others could write to the cache, or it cannot be written at all, a warning says so
         too, and the kernels last as long as the process. Results differ by rounding; a pickled copy is interpreted again.
         """
+        if self.structure.resets:
+            warnings.warn("compile: expected a model without latch() and resets; the model stays interpreted", stacklevel=2)
+            return self
         compiled = copy.copy(self)
         compiled.__dict__.pop("core", None)
         compiled._own_core = compiled_model(compiled, self._followed, self.structure.programs, compiled._tape)
@@ -201,7 +253,8 @@ class SymbolicModel(DescribedModel):
     def shown_states(self) -> Mapping[str, str]:
         """For each state that is an output as it is, by its equation, the first such output."""
         shown = super().shown_states
-        return shown if self.clock is None else FrozenMapping({name: y for name, y in shown.items() if name != self.clock.name})
+        own = names_of(self.states)
+        return shown if not self._hidden_starts else FrozenMapping({name: y for name, y in shown.items() if name in own})
 
     @cached_property
     def _tape(self) -> Any:
@@ -254,9 +307,23 @@ class SymbolicModel(DescribedModel):
         shift = {symbol(name): symbol(name) + symbol(offset.name) for name, offset in zip(names, offsets, strict=True)}
         given = (self.equations.rates, self.equations.output, self.equations.conditions)
         equations = [[replaced(expression, shift) for expression in of] for of in given]
+        moved = dict(zip(names, offsets, strict=True))
+        # What is set anew is the state itself, of which the offset stays what it was.
+        resets = [
+            (
+                condition_of(replaced(reset.condition, shift)),
+                {
+                    x.name: replaced(value, shift) - (symbol(moved[x.name].name) if x.name in moved else 0)
+                    for x, value in reset.values
+                },
+            )
+            for reset in self.equations.resets
+        ]
         nominal = {**self.nominal, **dict.fromkeys(names_of(offsets), 0.0)}
         further = {**self.offsets, **dict(zip(names_of(offsets), names, strict=True))}
-        return self._changed(equations, (*self.parameters, *offsets), self._given_constants, nominal, offsets=further)
+        return self._changed(
+            equations, (*self.parameters, *offsets), self._given_constants, nominal, offsets=further, resets=resets
+        )
 
     def within(self, *limits: str) -> SymbolicModel:
         """Return the model with limits that its states keep on the way, as further limits of its domain.
@@ -280,6 +347,8 @@ class SymbolicModel(DescribedModel):
         states are its inputs, in this order.
         """
         check_known(names, names_of(self.states), "states", "names of states,")
+        if self.latches:
+            raise ValueError(f"model: expected one without latch(), on whose memory its rates depend, given {self.name}")
         start = {} if self.clock is None else {self.clock: sympy.S.Zero}
         by_name = zip(names_of(self.states), self.equations.rates, strict=True)
         rates = [(name, replaced(rate, start)) for name, rate in by_name if name in names]
@@ -323,7 +392,16 @@ class SymbolicModel(DescribedModel):
     def _options(self) -> dict[str, Any]:
         """What makes the same model, beside equations and quantities."""
         given: dict[str, Any] = dict(constants=self._given_constants, domain=self.texts[2], name=self.name, check_units=False)
-        return given | dict(nominal=dict(self.nominal), along=self.along, offsets=dict(self.offsets))
+        return given | dict(nominal=dict(self.nominal), along=self.along, offsets=dict(self.offsets), resets=self.reset_texts)
+
+    def _reset(self, condition: Any, values: Mapping[str, Any], symbols: Mapping[str, Any], clocks: Mapping[str, Any]) -> Reset:
+        """A reset of states, as it was given, in symbols."""
+        place = f"resets.{shown(condition)}"
+        moving = {symbols[q.name] for q in (*self.states, *self.inputs)} | set(clocks.values())
+        when = reset_condition_of(condition, symbols, place, clocks)
+        if not symbols_of(when) & moving:
+            raise ValueError(f"{place}: expected a condition of states, inputs or the time")
+        return Reset(when, tuple((symbols[x], equation_of(value, symbols, f"{place}.{x}", clocks)) for x, value in values.items()))
 
     def _quantities(self) -> tuple[tuple[Quantity, ...], ...]:
         return self.states, self.inputs, self.parameters, self.constant_quantities
@@ -346,7 +424,8 @@ class SymbolicModel(DescribedModel):
     def to_toml(self) -> str:
         """The model as the table [model] of a TOML file; `load_model` reads it back."""
         f, g, domain = self.texts
-        return equations_toml(self, f, g, [*domain, *(to_text(condition) for _, condition in self.equations.along)])
+        limits = [*domain, *(to_text(condition) for _, condition in self.equations.along)]
+        return equations_toml(self, f, g, limits, self.reset_texts)
 
     @cached_property
     def least(self) -> Mapping[str, float]:
@@ -361,7 +440,7 @@ class SymbolicModel(DescribedModel):
     def _identity(self) -> Hashable:
         equations = self.equations
         described = (self.outputs, tuple(self.constants.items()), frozenset(self.nominal.items()))
-        conditions = equations.conditions, equations.along
+        conditions = equations.conditions, equations.along, equations.resets
         return (self.name, equations.rates, equations.output, *conditions, *self._quantities(), *described)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -369,7 +448,7 @@ class SymbolicModel(DescribedModel):
         return (partial(SymbolicModel, **self._options), (f, g, self.states, self.inputs, self.parameters, self.outputs))
 
     def __str__(self) -> str:
-        return model_text(self, *self.texts[:2])
+        return model_text(self, *self.texts[:2], self.reset_texts)
 
     def _repr_latex_(self) -> str:
         return latex(self.equations, names_of(self.outputs))

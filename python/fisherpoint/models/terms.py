@@ -16,6 +16,7 @@ from ..basics.messages import shortened, shown
 from .surfaces.limits import left_out
 from .surfaces.printing import to_text
 from .tape.defined import Defined, defined
+from .tape.latch import as_condition
 from .tape.numbers import exact, exact_exponent
 from .tape.parts import cases, compared
 
@@ -38,6 +39,7 @@ def _term(given: Any) -> Term:
 
 def _condition(given: Any) -> Term:
     term = as_term(given)
+    term = None if term is None else Term(as_condition(term.expression), term.lost)
     if term is None or not isinstance(term.expression, Boolean) or term.expression.is_Symbol:
         raise Unwritable(f"{OF_CONDITIONS}; given {shown(given)}")
     return term

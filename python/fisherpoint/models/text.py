@@ -14,7 +14,8 @@ from sympy.core.relational import Relational
 
 from ..basics.formulas import ARGUMENTS, Formula, Reader
 from .expressions import MAX_EXPONENT, checked
-from .functions import FUNCTIONS
+from .functions import FUNCTIONS, latch
+from .tape.latch import as_condition, holds
 from .tape.numbers import exact, exact_exponent, is_number
 from .tape.parts import compared
 from .terms import Term, applied, divided
@@ -41,6 +42,13 @@ def parse_equation(
         For anything else: one line that names the place, and the column.
     """
     return checked(_read(Formula(text, place), symbols, hidden).term(), symbols, place, hidden)
+
+
+def parse_condition(
+    text: object, symbols: Mapping[str, sympy.Symbol], place: str, hidden: Mapping[str, sympy.Symbol] | None = None
+) -> Any:
+    """Turn a condition such as ``"x < 0 and v < 0"`` into an expression that is 1 where it holds, else 0."""
+    return checked(holds(_read(Formula(text, place), symbols, hidden).condition().expression), symbols, place, hidden)
 
 
 def parse_limit(text: object, symbols: Mapping[str, sympy.Symbol], place: str) -> tuple[Any, ...]:
@@ -78,12 +86,21 @@ def _read(formula: Formula, symbols: Mapping[str, sympy.Symbol], hidden: Mapping
 class _Equation(Reader):
     """Equations as terms, of which the numbers are taken as doubles: SymPy would work them out to the last digit."""
 
+    remembers = True
+
     def number(self, node: ast.expr, value: Any) -> Any:
         return Term(self._number(node, value))
 
     def combined(self, node: ast.expr, how: str, *values: Any) -> Any:
         if how == "where":
             return FUNCTIONS["where"](*values)
+        if how == "set":
+            return Term(as_condition(values[0].expression), values[0].lost)
+        if how == "latch":
+            try:
+                return latch(*values)
+            except ValueError as error:
+                self.formula.refuse(str(error), node)
         make = divided if how == "/" else applied
         return make(partial(self._combined, node, how), *values)
 

@@ -27,7 +27,15 @@ def model_of_table(table: ModelTable) -> SymbolicModel:
     f, g = _equations(table)
     kinds = (described[kind] for kind in ("states", "inputs", "parameters", "outputs"))
     return SymbolicModel(
-        f, g, *kinds, constants=constants, domain=table.domain, name=table.name, nominal=nominal, check_units=False
+        f,
+        g,
+        *kinds,
+        constants=constants,
+        domain=table.domain,
+        name=table.name,
+        nominal=nominal,
+        resets=table.resets,
+        check_units=False,
     )
 
 

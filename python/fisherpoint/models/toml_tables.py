@@ -55,6 +55,7 @@ class ModelTable(Table):
     outputs: dict[str, OutputEntry] = Field(default_factory=dict)
     equations: dict[str, str] | None = None
     domain: list[str] = Field(default_factory=list)
+    resets: dict[str, dict[str, str]] = Field(default_factory=dict)
     check_units: bool = True
 
     @model_validator(mode="after")
@@ -62,7 +63,11 @@ class ModelTable(Table):
         if self.equations is None:
             if self.name not in MODELS:
                 fail(f"model.name: expected one of {listed(MODELS)}, given {toml(self.name)}")
-            for key in (*(kind for kind, given in self.quantities.items() if given), *(["domain"] if self.domain else [])):
+            for key in (
+                *(kind for kind, given in self.quantities.items() if given),
+                *(["domain"] if self.domain else []),
+                *(["resets"] if self.resets else []),
+            ):
                 fail(f"model.{key}: expected only with a table [model.equations], given without")
         elif self.smooth is not None:
             fail("model.smooth: expected only with a built-in model, given with [model.equations]")

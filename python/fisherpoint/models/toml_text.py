@@ -17,7 +17,13 @@ def cylinder_toml(model: Model, smooth: Mapping[str, float]) -> str:
     return "\n".join([*lines, *_constants(model), ""])
 
 
-def equations_toml(model: Model, f: Sequence[str], g: Sequence[str], domain: Sequence[str]) -> str:
+def equations_toml(
+    model: Model,
+    f: Sequence[str],
+    g: Sequence[str],
+    domain: Sequence[str],
+    resets: Sequence[tuple[str, Mapping[str, str]]] = (),
+) -> str:
     """A model as the table [model]; its equations stand in it as they were given."""
     lines = _head(model)
     if domain:
@@ -30,7 +36,11 @@ def equations_toml(model: Model, f: Sequence[str], g: Sequence[str], domain: Seq
     lines += _table("outputs", [(q.name, _entry(q, equation=own.get(q.name))) for q in model.outputs])
     equations = [*zip(states, f, strict=True)]
     equations += [(q.name, text) for q, text in zip(model.outputs, g, strict=True) if q.name not in states]
-    return "\n".join([*lines, *_table("equations", [(name, _string(text)) for name, text in equations]), ""])
+    lines += _table("equations", [(name, _string(text)) for name, text in equations])
+    if resets:
+        lines += ["", "[model.resets]"]
+        lines += [f"{_string(when)} = {{ {', '.join(f'{x} = {_string(text)}' for x, text in of.items())} }}" for when, of in resets]
+    return "\n".join([*lines, ""])
 
 
 def _head(model: Model) -> list[str]:

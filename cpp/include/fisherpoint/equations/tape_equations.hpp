@@ -9,6 +9,15 @@
 
 namespace fisherpoint {
 
+// Resets of one instant are bits of a number: the lanes in which reset k is among them.
+template <class P>
+mask_of_lanes<P> has_reset(const P& which, int k) {
+  auto found = lanes_of<P>::none();
+  for (int lane = 0; lane < lanes_of<P>::width; ++lane)
+    lanes_of<P>::set(found, lane, (static_cast<std::uint64_t>(lanes_of<P>::get(which, lane)) >> k) & 1);
+  return found;
+}
+
 template <class P>
 class StateEquation<TapeModel, P> : public Shape<TapeModel> {
   using Array = HeapArray<P>;
@@ -21,6 +30,8 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
   using Theta = Array;
   using Input = Array;
   using Output = Array;
+
+  static constexpr bool with_resets = true;
 
   // `model` must outlive the equation, whose machines refer to what it holds.
   StateEquation(const StateEquation&) = delete;
@@ -54,6 +65,23 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
   Output output(const State& x) const {
     output_.run(x);
     return outputs_of(output_, outputs);
+  }
+
+  // Which conditions of resets hold on these sides: positive where they do.
+  State reset_conditions(const State& x, const Side& side) const {
+    if (!resets_) resets_.emplace(model_.resets().program, *this, theta_, u_);
+    resets_->run(x, side);
+    return outputs_of(*resets_, resets);
+  }
+  // Whether reset k counts at a start too where its condition holds.
+  bool resets_by_level(int k) const { return model_.resets().by_level[k]; }
+  // The states behind the resets that `which` numbers.
+  State reset(const State& x, const Side& side, const P& which) const {
+    reset_conditions(x, side);
+    State after = x;
+    int at = resets;
+    for (const auto [k, i] : model_.resets().targets) after[i] = select(has_reset(which, k), resets_->output(at++), after[i]);
+    return after;
   }
 
   double inverse_scale(int i) const { return model_.inverse_scale(i); }
@@ -96,7 +124,7 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
   Input u_;
   Side no_sides_;
   mutable Machine<P> rates_, output_, surfaces_, surface_rates_;  // each with its own registers: not for two threads
-  mutable std::optional<Machine<P>> slopes_;
+  mutable std::optional<Machine<P>> slopes_, resets_;
 };
 
 template <class P>
@@ -109,6 +137,8 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
   using Input = typename Plain::Input;
   using State = typename Plain::State;
 
+  static constexpr bool with_resets = true;
+
   // `model` must outlive the equation, whose machines refer to what it holds.
   VariationalEquation(const VariationalEquation&) = delete;
   VariationalEquation(const TapeModel& model, const Theta& theta, const Input& u)
@@ -120,6 +150,38 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
         rates_(model.programs().rate_jacobian, model.shape(), theta_, u_),
         output_(model.programs().output_jacobian, model.shape(), theta_, u_),
         jumps_(model.programs().jump_jacobian, model.shape(), theta_, u_) {}
+
+  // x and S behind the resets that `which` numbers.
+  void reset(const P& which, State& x, Columns<TapeModel, P>& s) const {
+    const TapeResets& given = model_.resets();
+    if (!resets_) resets_.emplace(given.jacobian, *this, theta_, u_);
+    resets_->run(x);
+    const Columns<TapeModel, P> before = s;
+    const auto entry = [&](auto& of, int i, int j) -> auto& {
+      return of[dependence.column_start[j] + detail::below(dependence.rows(j), i)];
+    };
+    const int targets = static_cast<int>(given.targets.size());
+    for (int t = 0; t < targets; ++t) {
+      const auto [k, i] = given.targets[t];
+      const auto here = has_reset(which, k);
+      x[i] = select(here, resets_->output(t), x[i]);
+      for (int j = 0; j < parameters; ++j) {
+        if (!dependence.depends(i, j)) continue;
+        P sum(0.0);
+        int at = targets;
+        for (const auto [row, variable] : given.entries) {
+          const P& slope = resets_->output(at++);
+          if (row != t) continue;
+          if (variable >= states)
+            sum += variable - states == j ? slope : P(0.0);
+          else if (dependence.depends(variable, j))
+            sum += slope * entry(before, variable, j);
+        }
+        P& column = entry(s, i, j);
+        column = select(here, sum, column);
+      }
+    }
+  }
 
   const Dependence<TapeModel>& dependence;
 
@@ -181,6 +243,7 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
   Theta theta_;
   Input u_;
   mutable Machine<P> rates_, output_, jumps_;
+  mutable std::optional<Machine<P>> resets_;
 };
 
 }  // namespace fisherpoint

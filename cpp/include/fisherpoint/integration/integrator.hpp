@@ -46,6 +46,12 @@ class Integrator {
   static constexpr int last = Method::stages - 1;  // the stage at the step's end
   static constexpr double infinity = std::numeric_limits<double>::infinity();
 
+  // That states were set anew before this step, by which resets, and on which jump (resets.hpp).
+  struct SetAnew {
+    std::size_t step;
+    P which, surface;
+  };
+
  public:
   Integrator(const Equation& equation, const Tolerance& tolerance)
       : f_(equation), tolerance_(tolerance), weight_(tolerance.step_weight()), landing_(0.1 * std::sqrt(tolerance.relative)) {
@@ -57,6 +63,10 @@ class Integrator {
     fit(resting_, f_.sides);
     fit(along_, f_.surfaces);
     fit(beside_, f_.surfaces);
+    if constexpr (has_resets<Equation>) {
+      held_.assign(f_.resets, P(-1.0));
+      put_on_.assign(f_.resets > 0 ? int{f_.jumps_end} : 0, Lanes::none());
+    }
   }
 
   // Integrates y over `duration`, a lane of duration 0 rests; y becomes the last state that was reached. Where `first_step` is
@@ -66,12 +76,15 @@ class Integrator {
                  const Mask& stiff = Lanes::none(), const Side* from = nullptr);
 
   const Side& sides() const { return side_; }
+  // Of every reset: whether its condition held before the start, -1 where that is not known, and now.
+  ShelfVector<P>& held() { return held_; }
+  const ShelfVector<SetAnew>& resets() const { return resets_; }
   // The sides on which such a run begins if it is on every jump that is `met`, 1 there and 0 elsewhere.
   Side sides_from(const State& y, const P& duration, const Side& from, const Side& met, Mask& stopped);
 
  private:
   // Where it starts: start.hpp.
-  FISHERPOINT_HOT void begin(const State& y, const P& duration, const P& first_step);
+  FISHERPOINT_HOT void begin(State& y, const P& duration, const P& first_step);
   P starting_step(const State& y);
 
   P squared_weight() const { return P(weight_); }
@@ -316,7 +329,7 @@ class Integrator {
     if (any_rest_) end_rests(taken);
     if (steps_) steps_->push_back({select(taken, step_, zero), side_, implicit_, growth});
     running_ = running_ & !(taken & ends_);
-    if (any(lands & taken & running_)) turn(y, taken);
+    if (any(lands & taken & running_)) turn(y, taken, duration);
     if (any(broken_ & running_)) approach_limits(duration);
   }
 
@@ -325,7 +338,7 @@ class Integrator {
   [[gnu::noinline]] Mask poorly_seen() const;
   [[gnu::noinline]] P growth_of_distance() const;
   [[gnu::noinline]] void settle(const Mask& taken);
-  [[gnu::noinline]] void turn(const State& y, const Mask& taken);
+  [[gnu::noinline]] void turn(State& y, const Mask& taken, const P& duration);
   [[gnu::noinline]] void enter_branches(const Mask& lanes, const State& y);
   [[gnu::noinline]] Surfaces rates_past(const State& y, const P& step) const;
   [[gnu::noinline]] Mask drowned(auto m, const State& y) const;
@@ -383,6 +396,17 @@ class Integrator {
   [[gnu::noinline]] void depart(auto m, const Mask& lanes, const State& y);
   [[gnu::noinline]] void end_rests(const Mask& taken);
 
+  // States that are set anew: resets.hpp.
+  [[gnu::noinline]] Mask anew_on_sides(const Mask& lanes, const State& y, const Side& side) const;
+  Mask sets_anew(auto m, const Mask& lanes, const State& y) const;
+  [[gnu::noinline]] Mask one_sets_anew(const Mask& lanes, const Retyped<Side, Mask>& met, const State& y, Mask& at_once);
+  [[gnu::noinline]] void end_turn(const Mask& lanes, const State& y);
+  [[gnu::noinline]] void start_resets(State& y, const P& duration);
+  [[gnu::noinline]] Mask set_anew(const Mask& lanes, State& y, const P& surface, const P& duration);
+  [[gnu::noinline]] void choose_sides(const Mask& lanes, const State& y, const Surfaces& before, const P& surface,
+                                      const P& duration);
+  [[gnu::noinline]] void take_places(const Mask& lanes, const State& y);
+
   void stop(const Mask& lanes, Status status) {
     if (!any(lanes)) return;
     for (int lane = 0; lane < Lanes::width; ++lane)
@@ -414,6 +438,12 @@ class Integrator {
   Retyped<Side, Mask> resting_;  // the trajectory lies on this surface, which does not move on the side where it is
   bool any_rest_ = false;
   P span_, first_try_;  // the duration, and the size of the first step that is tried
+
+  // Of models that set states anew (resets.hpp).
+  ShelfVector<P> held_;
+  ShelfVector<SetAnew> resets_;
+  ShelfVector<Mask> put_on_;         // the state lies on this jump since
+  P reset_on_, last_reset_, quick_;  // the jump that is met at the start; when it was last, and how often at once
 
   // Of stiff lanes.
   bool any_stiff_ = false;
@@ -463,6 +493,7 @@ auto Integrator<Equation, Method>::run(State& y, const P& duration, const P& fir
 
 #include "fisherpoint/integration/jumps.hpp"
 #include "fisherpoint/integration/limits.hpp"
+#include "fisherpoint/integration/resets.hpp"
 #include "fisherpoint/integration/rests.hpp"
 #include "fisherpoint/integration/settle_sides.hpp"
 #include "fisherpoint/integration/start.hpp"

@@ -30,7 +30,8 @@ auto Integrator<Equation, Method>::sides_from(const State& y, const P& duration,
                                               Mask& stopped) -> Side {
   from_ = &from;
   met_ = &met;
-  begin(y, duration, duration);
+  State start = y;
+  begin(start, duration, duration);
   stopped = (duration > P(0.0)) & !running_;
   return side_;
 }
@@ -137,13 +138,16 @@ void Integrator<Equation, Method>::go_on(const State& y, const P& duration) {
     landed_[m] = comes;
   });
   if (!any(next_to)) return;
-  const Mask several = f_.jumps_end > 1 ? on_several(landed_) & running_ : Lanes::none();
+  Mask several = f_.jumps_end > 1 ? on_several(landed_) & running_ : Lanes::none(), at_once = Lanes::none();
+  if (f_.resets > 0 && any(several)) several = several & !one_sets_anew(several, landed_, y, at_once);
   if (any(several)) settle_sides(several, landed_, y, duration, Status::two_jumps);
   for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
     const Mask comes = landed_[m] & running_ & !several;
     if (any(comes)) pass_jump(m, comes, y);
+    if (f_.resets > 0) reset_on_ = select(landed_[m] & running_, P(double(m)), reset_on_);
     landed_[m] = Lanes::none();
   });
+  if (f_.resets > 0) stop(anew_on_sides(at_once, y, side_), Status::two_jumps);
   see_slides();
   if (slide_) check_slides(next_to & running_, y, duration, Status::on_jump);
   start_anew(next_to, y, duration);
@@ -258,7 +262,12 @@ void Integrator<Equation, Method>::pass_jump(auto m, const Mask& lanes, const St
   }
   const P before = side * select(side > zero, rate[0], rate[1]), behind = side * select(side > zero, rate[1], rate[0]);
   const Mask comes = arrives & (before < zero), rests = comes & moves_none(m, behind, y);
-  const Mask through = comes & ((behind < zero) | rests), held = comes & (behind > zero) & !rests;
+  Mask through = comes & ((behind < zero) | rests), held = comes & (behind > zero) & !rests;
+  if (f_.resets > 0) {  // which are at once, whatever f is behind
+    const Mask anew = sets_anew(m, comes, y);
+    through = through | anew;
+    held = held & !anew;
+  }
   stop(arrives & !(through | held), Status::grazes_jump);
   side_[m] = select(through, -side, select(held, zero, side));
   side_[m] = select(leaves, select(abs(rate[0]) < abs(rate[1]), P(1.0), P(-1.0)), side_[m]);

@@ -96,6 +96,11 @@ auto Integrator<Equation, Method>::rests_along(auto m) const -> Mask {
 template <class Equation, class Method>
 void Integrator<Equation, Method>::depart(auto m, const Mask& lanes, const State& y) {
   if (!any(lanes)) return;
+  if (f_.resets > 0) {  // a mass on its stop that is pushed into it is set anew for ever; else it has no time of its own
+    const Mask anew = sets_anew(m, lanes, y);
+    stop(sets_anew(m, lanes, end_) & !anew, Status::chatters);
+    stop(anew, Status::grazes_jump);
+  }
   const P side = side_[m];
   State rates;
   fit(rates, f_.states);
@@ -108,6 +113,7 @@ void Integrator<Equation, Method>::depart(auto m, const Mask& lanes, const State
   leaving_[m] = leaving_[m] | lanes;
   turns_ += select(lanes, P(1.0), P(0.0));
   start_anew(lanes, y, span_);
+  if (f_.resets > 0) end_turn(lanes, y);
 }
 
 template <class Equation, class Method>

@@ -8,7 +8,7 @@
 namespace fisherpoint {
 
 template <class Equation, class Method>
-void Integrator<Equation, Method>::begin(const State& y, const P& duration, const P& first_step) {
+void Integrator<Equation, Method>::begin(State& y, const P& duration, const P& first_step) {
   outcome_ = {};
   running_ = duration > P(0.0);
   time_ = P(0.0);
@@ -22,6 +22,7 @@ void Integrator<Equation, Method>::begin(const State& y, const P& duration, cons
   slide_ = several_ = false;
   several_landed_ = Lanes::none();
   turns_ = P(0.0);
+  if (f_.resets > 0) reset_on_ = P(-1.0), quick_ = P(0.0), last_reset_ = P(-infinity);
   implicit_ = Lanes::none();
   stiff_signs_ = others_ = P(0.0);
   if (implicit_step_) implicit_step_->forget(!Lanes::none());
@@ -39,6 +40,7 @@ void Integrator<Equation, Method>::begin(const State& y, const P& duration, cons
   const auto on_it = [&](int m) { return !((value_[m] < P(0.0)) | (value_[m] > P(0.0))); };
   if (f_.jumps_end > 0 && starts_next_to_jump(duration)) start_on_jumps(y, duration);
   if (f_.jumps_end > 0 && from_) go_on(y, duration);
+  if (f_.resets > 0) start_resets(y, duration);
   for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
     if (!crosses(m)) on_jump = on_jump | on_it(m);
   });
@@ -69,6 +71,7 @@ void Integrator<Equation, Method>::begin(const State& y, const P& duration, cons
   });
   stop(running_ & outside, Status::left_domain);
   stop(running_ & on_jump, Status::met_jump);
+  if (f_.resets > 0) end_turn(running_, y);
   step_size_ = f_.states == 0 ? duration : min(select(first_step > P(0.0), first_step, starting_step(y)), duration);
   first_try_ = step_size_;
 }

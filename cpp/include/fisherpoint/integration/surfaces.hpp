@@ -80,7 +80,7 @@ auto Integrator<Equation, Method>::growth_of_distance() const -> P {
 
 // Turns the sides of the surfaces that were landed on, and takes stage 1 anew; the other lanes keep theirs to the last bit.
 template <class Equation, class Method>
-void Integrator<Equation, Method>::turn(const State& y, const Mask& taken) {
+void Integrator<Equation, Method>::turn(State& y, const Mask& taken, const P& duration) {
   Mask turned = Lanes::none();
   for_each_index(f_.jumps_end, f_.kinks_end, [&](auto m) {
     const Mask here = landed_[m] & taken & running_;
@@ -90,11 +90,12 @@ void Integrator<Equation, Method>::turn(const State& y, const Mask& taken) {
     turned = turned | here;
   });
   const Side held = side_;
-  Mask several = Lanes::none();
+  Mask several = Lanes::none(), at_once = several;
   if (f_.jumps_end > 1) {
     auto met = landed_;
     for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { met[m] = landed_[m] & taken & running_; });
     several = on_several(met);
+    if (f_.resets > 0 && any(several)) several = several & !one_sets_anew(several, met, y, at_once);
     if (any(several)) settle_sides(several, met, y, step_, Status::two_jumps);
     turned = turned | several;
   }
@@ -103,6 +104,13 @@ void Integrator<Equation, Method>::turn(const State& y, const Mask& taken) {
     if (any(here)) pass_jump(m, here, y);
     turned = turned | here;
   });
+  Mask changed = Lanes::none();
+  if (f_.resets > 0) {
+    P surface(-1.0);
+    for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { surface = select(landed_[m] & taken, P(double(m)), surface); });
+    stop(anew_on_sides(at_once, y, side_), Status::two_jumps);
+    changed = set_anew(turned, y, surface, duration);
+  }
   if (f_.jumps_end > 0 && slide_) check_slides(turned & running_, y, step_);
   behind_kink_ = behind_kink_ | turned;
   if (implicit_step_) implicit_step_->forget(turned);
@@ -115,13 +123,16 @@ void Integrator<Equation, Method>::turn(const State& y, const Mask& taken) {
     value_[m] = select(turned, value[m], value_[m]);
     rate_[m] = select(turned, rate[m], rate_[m]);
   });
+  if (f_.resets > 0) take_places(changed, y);
   if (f_.jumps_end > 0 && f_.kinks_end > f_.jumps_end) {
     Mask left = Lanes::none();
-    for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { left = left | (turned & slides(held[m]) & !slides(side_[m])); });
+    for_each_index(Count<0>{}, f_.jumps_end,
+                   [&](auto m) { left = left | (turned & !changed & slides(held[m]) & !slides(side_[m])); });
     if (any(left)) leave_with_kinks(left, held, y);
   }
   if (f_.jumps_end > 0 || f_.dependence.any_steep()) note_rests(turned, y);
-  if (f_.sided_limits) enter_branches(turned, y);
+  if (f_.sided_limits || any(changed)) enter_branches(f_.sided_limits ? turned : changed, y);
+  if (f_.resets > 0) end_turn(turned, y);
   if (f_.jumps_end > 0 && slide_) watch_hold(turned, y, step_);
 }
 

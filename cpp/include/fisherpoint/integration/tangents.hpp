@@ -107,6 +107,20 @@ class Tangents {
   // Where S would be another one if the jumps that were met in one instant had been met in another order.
   const Mask& hangs_on_order() const { return hangs_on_order_; }
 
+  // The same where states are set anew on the way (integration/resets.hpp). With t* the time of that, S + f_before dt*/dtheta
+  // is what the states there vary by, which goes through the resets; behind them f_after dt*/dtheta is taken off again.
+  mask_of_lanes<P> pass(const Side& before, const Side& after, const auto& resets) {
+    if constexpr (has_resets<Equation>) {
+      if (any(resets.lanes)) {
+        Side calm = before;
+        for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { calm[m] = select(resets.lanes, after[m], before[m]); });
+        const auto grazes = pass(calm, after);
+        return grazes | set_anew(resets, before, after);
+      }
+    }
+    return pass(before, after);
+  }
+
   // S for the case in which a jump that the trajectory ends next to was met before the end, where it was not, or was not met,
   // where it was: on the sides `other` in the place of `last`. Returns where that is grazed.
   [[gnu::noinline]] Mask exchange(const Side& last, const Side& other);
@@ -146,6 +160,7 @@ class Tangents {
   [[gnu::noinline]] Mask pass_several(const Mask& lanes, const Side& before, const Side& after);
   Mask pass_in_order(const Mask& lanes, const Side& before, const Side& after, bool backwards);
   Mask pass_jump(auto m, const Mask& here, const Side& before, const Side& after);
+  [[gnu::noinline]] Mask set_anew(const auto& resets, const Side& before, const Side& after);  // reset_tangents.hpp
   [[gnu::noinline]] void advance_briefly(const P& time, const Side& side);
 
   // Where f_x has no bounds, it counts as zero for so short a time.
@@ -334,3 +349,4 @@ class Tangents {
 }  // namespace fisherpoint
 
 #include "fisherpoint/integration/passing.hpp"
+#include "fisherpoint/integration/reset_tangents.hpp"

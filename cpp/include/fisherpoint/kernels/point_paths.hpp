@@ -20,6 +20,12 @@ inline constexpr Variables at_limit = Variables{1} << 63;
 
 // A run of one step onto a surface where f_x has no bounds, or off it, which S takes in its own way (steep_tangents.hpp).
 enum class Steep : char { no, towards, away };
+// States that are set anew at once, by the numbers of the resets as bits, where jump `surface` is met; by a change of the input
+// it is -1.
+struct ResetAt {
+  double which;
+  int surface;
+};
 
 // The steps that a point takes; none where nothing is to be done any more.
 template <class M>
@@ -29,9 +35,11 @@ struct PointPath {
     typename ArraysOf<M, double>::Sides side;
     bool implicit;
     Steep steep = Steep::no;
+    std::size_t first_reset = 0, resets_end = 0;  // at its start
   };
   std::vector<double> sizes;
   std::vector<Run> runs;
+  std::vector<ResetAt> resets;
   // The sides from which the trajectory comes, and to which S belongs at its start. Where it ends as near to a jump as the
   // tolerance can tell: the sides on which it is if the end comes on the other side of that instant, or `between` where it
   // grazes one then, or turns twice.
@@ -45,12 +53,16 @@ struct PointPath {
     PointPath none;
     none.start = start, none.other = other, none.ends_on_jump = ends_on_jump, none.between = between;
     none.starts_on = starts_on, none.fineness = fineness;
+    none.resets = resets;
     return none;
   }
-  void push_back(double size, const typename ArraysOf<M, double>::Sides& side, bool implicit, Steep steep = Steep::no) {
+  // With the resets before the step that the runs do not have yet.
+  void push_back(double size, const typename ArraysOf<M, double>::Sides& side, bool implicit, Steep steep = Steep::no,
+                 std::size_t resets_end = 0) {
+    const std::size_t known = runs.empty() ? 0 : runs.back().resets_end;
     if (runs.empty() || runs.back().side != side || runs.back().implicit != implicit || runs.back().steep != Steep::no ||
-        steep != Steep::no)
-      runs.push_back({0, side, implicit, steep});
+        steep != Steep::no || resets_end > known)
+      runs.push_back({0, side, implicit, steep, known, std::max(known, resets_end)});
     sizes.push_back(size);
     runs.back().end = sizes.size();
   }
@@ -62,7 +74,7 @@ bool meets_jump(const auto& shape, const PointPath<M>& path) {
   for (const auto& run : path.runs)
     for (int m = 0; m < shape.jumps_end; ++m)
       if (run.side[m] == 0.0 || run.side[m] != path.start[m]) return true;
-  return path.ends_on_jump;
+  return path.ends_on_jump || !path.resets.empty();
 }
 
 // The same path, of which the steps before and behind a surface where f_x has no bounds are one each: by so much as the
@@ -79,8 +91,11 @@ PointPath<M> with_steep_steps(const auto& shape, const auto& dependence, const P
   std::size_t first = 0;
   for (std::size_t r = 0; r < path.runs.size(); ++r) {
     const auto& run = path.runs[r];
-    const bool away = !run.implicit && (r > 0 ? meets(path.runs[r - 1].side, run.side) : path.starts_on != 0);
-    const bool towards = !run.implicit && r + 1 < path.runs.size() && meets(run.side, path.runs[r + 1].side);
+    // States that are set anew come to other sides without meeting the surface.
+    const auto set_anew = [](const auto& at) { return at.resets_end > at.first_reset; };
+    const bool away = !run.implicit && !set_anew(run) && (r > 0 ? meets(path.runs[r - 1].side, run.side) : path.starts_on != 0);
+    const bool towards =
+        !run.implicit && r + 1 < path.runs.size() && !set_anew(path.runs[r + 1]) && meets(run.side, path.runs[r + 1].side);
     double longest = 0.0, whole = 0.0;
     for (std::size_t n = first; n < run.end; ++n) longest = std::max(longest, path.sizes[n]), whole += path.sizes[n];
     const double least = std::min(0.5 * longest, 0.4 * whole);
@@ -91,9 +106,10 @@ PointPath<M> with_steep_steps(const auto& shape, const auto& dependence, const P
     if (towards)
       while (end > begin && before < least) before += path.sizes[--end];
     if (towards && before < least) before = least, behind -= least;
-    if (away) marked.push_back(behind, run.side, run.implicit, Steep::away);
-    for (std::size_t n = begin; n < end; ++n) marked.push_back(path.sizes[n], run.side, run.implicit);
-    if (towards) marked.push_back(before, run.side, run.implicit, Steep::towards);
+    if (away) marked.push_back(behind, run.side, run.implicit, Steep::away, run.resets_end);
+    for (std::size_t n = begin; n < end; ++n)
+      marked.push_back(path.sizes[n], run.side, run.implicit, Steep::no, run.resets_end);
+    if (towards) marked.push_back(before, run.side, run.implicit, Steep::towards, run.resets_end);
     first = run.end;
   }
   return marked;
@@ -147,7 +163,7 @@ PointPath<M> refined(const PointPath<M>& path, double factor) {
       finer.sizes.push_back(size + taken * path.sizes[n]);
       rest -= taken;
     }
-    finer.runs.push_back({finer.sizes.size(), run.side, run.implicit, run.steep});
+    finer.runs.push_back({finer.sizes.size(), run.side, run.implicit, run.steep, run.first_reset, run.resets_end});
     first = run.end;
   }
   return finer;
@@ -165,9 +181,10 @@ PointPath<M> graded(const PointPath<M>& path) {
       const bool before = n + 1 == run.end && r + 1 < path.runs.size() && !behind && run.steep == Steep::no &&
                           path.runs[r + 1].steep == Steep::no;
       constexpr std::array<double, 4> shares = {1.0 / 8, 1.0 / 8, 1.0 / 4, 1.0 / 2};
-      if (!behind && !before) finer.push_back(path.sizes[n], run.side, run.implicit, run.steep);
+      if (!behind && !before) finer.push_back(path.sizes[n], run.side, run.implicit, run.steep, run.resets_end);
       for (std::size_t part = 0; (behind || before) && part < shares.size(); ++part)
-        finer.push_back(path.sizes[n] * shares[behind ? part : shares.size() - 1 - part], run.side, run.implicit);
+        finer.push_back(path.sizes[n] * shares[behind ? part : shares.size() - 1 - part], run.side, run.implicit, Steep::no,
+                        run.resets_end);
     }
     first = run.end;
   }
@@ -204,9 +221,25 @@ void note_steep(const auto& shape, const PointPath<M>& path, std::size_t run, in
       if (path.starts_on >> m & 1) other[m] = -here.side[m];
   set_lane(kind.other, lane, other.data());
 }
+// What is set anew before a step, lane by lane: which states, of one reset after the other, and on which jump.
+template <class P>
+struct ResetsOfLanes {
+  mask_of_lanes<P> lanes = lanes_of<P>::none();
+  P surface{-1.0};
+  std::vector<P> which;
+
+  void add(int lane, std::span<const ResetAt> of_lane) {
+    for (std::size_t n = 0; n < of_lane.size(); ++n) {
+      lanes_of<P>::set(lanes, lane, true);
+      if (n == 0) lanes_of<P>::set(surface, lane, of_lane[n].surface);
+      if (which.size() == n) which.push_back(P(0.0));
+      lanes_of<P>::set(which[n], lane, of_lane[n].which);
+    }
+  }
+};
 
 // advance(size, side, kind) for every step of the paths of points[rows[0]], ...; of size 0 in the lanes whose path has ended.
-// Before it pass(before, after) where the sides of any lane change, those of jumps among them.
+// Before it pass(before, after, resets) where the sides of any lane change, those of jumps among them.
 template <class P, class M>
 void for_each_step(const Shape<M>& shape, std::span<const std::size_t> rows, const std::vector<PointPath<M>>& paths,
                    auto&& pass, auto&& advance) {
@@ -225,6 +258,7 @@ void for_each_step(const Shape<M>& shape, std::span<const std::size_t> rows, con
   for (std::size_t n = 0; n < longest; ++n) {
     P size(0.0);
     bool turned = false;
+    ResetsOfLanes<P> resets;
     for (int lane = 0; lane < used; ++lane) {
       const auto& path = paths[rows[lane]];
       if (n >= path.size()) continue;
@@ -235,6 +269,9 @@ void for_each_step(const Shape<M>& shape, std::span<const std::size_t> rows, con
         if (!turned) before = side;
         set_lane(side, lane, path.runs[run[lane]].side.data());
         if (n == 0 && shape.jumps_end > 0) set_lane(before, lane, path.start.data());
+        const auto& next_run = path.runs[run[lane]];
+        if (next_run.resets_end > next_run.first_reset)
+          resets.add(lane, std::span(path.resets).subspan(next_run.first_reset, next_run.resets_end - next_run.first_reset));
         lanes_of<P>::set(kind.implicit, lane, path.runs[run[lane]].implicit);
         run_end[lane] = path.runs[run[lane]++].end;
         turned = true;
@@ -245,7 +282,7 @@ void for_each_step(const Shape<M>& shape, std::span<const std::size_t> rows, con
       if (steep) note_steep(shape, path, run[lane] - 1, lane, kind);
       next[lane] = beside ? n + 1 : another ? run_end[lane] - 1 : run_end[lane];
     }
-    if (shape.jumps_end > 0 && turned) pass(before, side);
+    if (shape.jumps_end > 0 && turned) pass(before, side, resets);
     advance(size, side, kind);
   }
 }

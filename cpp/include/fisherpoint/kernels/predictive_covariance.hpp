@@ -196,7 +196,8 @@ Status prepare(const M& model, const Pilots& pilots, const Tolerance& tolerance,
   point.first_step = lanes_of<P>::get(outcome.first_step, 0);
   point.nominal_y = of_lane(equation.output(x), shape.outputs);
   if (lanes_of<P>::get(outside_of_output<P>(equation, x), 0)) return Status::left_domain;
-  point.plan = Planner<M, P, Method>(model, point.x0, point.u, pilots).plan(steps, tolerance.relative);
+  // Equal steps for all nodes have no places at which states are set anew.
+  if (shape.resets == 0) point.plan = Planner<M, P, Method>(model, point.x0, point.u, pilots).plan(steps, tolerance.relative);
   if (point.plan) point.nominal_y = point.plan->nominal_y;
   return finite<double>(point.nominal_y) ? Status::ok : Status::not_finite;
 }

@@ -90,8 +90,11 @@ void advance_runs(const M& model, const Runs& runs, const Parameters& parameters
       from = sides_of_ends<M, P>(model, equation, theta, x, u, used,
                                  [&](int lane) -> const SegmentEnd& { return progress.ends[lane]; });
     }
+    const auto end_of = [&](int lane) { return &progress.ends[lane]; };
+    if (shape.resets > 0) hold_conditions<P>(integrator.held(), used, end_of);
     const auto outcome =
         integrator.run(x, duration, progress.step, nullptr, progress.stiff, shape.jumps_end > 0 ? &from : nullptr);
+    if (shape.resets > 0) note_conditions<P>(integrator.held(), used, end_of);
     progress.step = outcome.next_step;
     progress.stiff = outcome.stiff;
     bool any_running = false;

@@ -28,6 +28,7 @@ struct SegmentEnd {
   bool doubtful = false;     // whether a jump was met before the end; then S (n_x, p) and the sides of the other case,
   bool between = false;      // or more than two cases
   std::vector<double> other_s, other_side;
+  std::vector<double> holds;  // whether the condition of every reset held at its end, 1 or 0; none before the first segment
 
   void note(const auto& sides, const auto& input, int jumps, int lane) {
     u.resize(input.size());
@@ -36,6 +37,22 @@ struct SegmentEnd {
     for (int m = 0; m < jumps; ++m) side.push_back(lanes_of<std::remove_cvref_t<decltype(sides[m])>>::get(sides[m], lane));
   }
 };
+
+// Of every lane, which conditions of resets held at its last end: into and out of the numbers of the integrator.
+template <class P>
+void hold_conditions(auto& held, int used, auto&& end_of) {
+  for (std::size_t k = 0; k < held.size(); ++k)
+    for (int lane = 0; lane < used; ++lane)
+      if (const auto* end = end_of(lane); !end->holds.empty()) lanes_of<P>::set(held[k], lane, end->holds[k]);
+}
+template <class P>
+void note_conditions(const auto& held, int used, auto&& end_of) {
+  for (int lane = 0; lane < used; ++lane) {
+    auto& holds = end_of(lane)->holds;
+    holds.clear();
+    for (const P& of : held) holds.push_back(lanes_of<P>::get(of, lane));
+  }
+}
 
 // The sides from which lanes come: those where they ended, but of a surface that a change of the input has moved.
 template <class M, class P, class Equation>
@@ -105,6 +122,17 @@ template <class P, class M, class Equation>
     set_lane(other, lane, before.side.data());
   }
   const P room = next_to_jump * tolerance.relative * duration;
+  // Beside the instant in which states are set anew they have two values.
+  auto anew = lanes_of<P>::none();
+  if constexpr (has_resets<Equation>) {
+    for (int lane = 0; lane < used; ++lane) {
+      const PointPath<M>& path = paths[rows[lane]];
+      if (path.runs.empty() || path.runs.back().resets_end == path.runs.back().first_reset) continue;
+      const int surface = path.resets.back().surface;
+      if (surface >= 0 && equation.dependence.switching_depends(surface)) lanes_of<P>::set(anew, lane, true);
+    }
+  }
+  anew = anew & (tail <= room);
   const auto turned = tail <= (tolerance.whole_first ? P(1e300) : room);
   if (!any(near | turned)) return;
 
@@ -127,6 +155,14 @@ template <class P, class M, class Equation>
     }
     next = next & (abs(value[m]) <= height);
     other[m] = select(just, other[m], last[m]);
+    if constexpr (has_resets<Equation>) {
+      if (equation.resets > 0 && any(next)) {
+        auto tried = last;
+        tried[m] = select(next, -last[m], last[m]);
+        const auto now = equation.reset_conditions(x, last), then = equation.reset_conditions(x, tried);
+        for (int k = 0; k < equation.resets; ++k) anew = anew | (next & (then[k] > P(0.0)) & !(now[k] > P(0.0)));
+      }
+    }
     if (equation.dependence.switching_depends(m)) {
       count += select(just | next, P(1.0), P(0.0));
       if (any(next)) {
@@ -144,9 +180,10 @@ template <class P, class M, class Equation>
   for (int lane = 0; lane < used; ++lane) {
     PointPath<M>& path = paths[rows[lane]];
     const double doubts = lanes_of<P>::get(count, lane);
-    if (path.runs.empty() || doubts == 0.0) continue;
+    const bool set = lanes_of<P>::get(anew, lane);
+    if (path.runs.empty() || (doubts == 0.0 && !set)) continue;
     path.ends_on_jump = true;
-    path.between = lanes_of<P>::get(grazes, lane) || turns_at_once(path, lanes_of<P>::get(room, lane));
+    path.between = set || lanes_of<P>::get(grazes, lane) || turns_at_once(path, lanes_of<P>::get(room, lane));
     for (int m = 0; m < jumps; ++m) path.other[m] = lanes_of<P>::get(other[m], lane);
   }
 }

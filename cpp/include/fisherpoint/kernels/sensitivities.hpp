@@ -187,7 +187,9 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
       if (equation.dependence.closed(m)) starts_at_limit = starts_at_limit | is_on(m);
     });
   }
+  if (goes_on) hold_conditions<P>(integrator.held(), pack.used, [&](int lane) { return carried->ends[rows[lane]]; });
   const auto outcome = integrator.run(x, pack.dt, first, &steps, stiff, goes_on ? &from : nullptr);
+  if (goes_on) note_conditions<P>(integrator.held(), pack.used, [&](int lane) { return carried->ends[rows[lane]]; });
   store_ends<P>(x, equation.output(x), outcome.status, rows, out, outside_of_output<P>(equation, x),
                 carried ? carried->measured : nullptr);
   for (int lane = 0; carried && lane < pack.used; ++lane) {
@@ -201,11 +203,19 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
     if (out.status[k] != Status::ok) continue;
     taken.sizes.clear();
     taken.runs.clear();
+    taken.resets.clear();
+    auto reset = integrator.resets().begin();
+    std::size_t n = 0;
     for (const auto& step : steps) {
+      for (; reset != integrator.resets().end() && reset->step <= n; ++reset)
+        if (const double which = lanes_of<P>::get(reset->which, lane); which > 0.0)
+          taken.resets.push_back({which, static_cast<int>(lanes_of<P>::get(reset->surface, lane))});
+      ++n;
       const double size = lanes_of<P>::get(step.size, lane);
       if (size == 0.0) continue;
       for_each_part(lanes_of<P>::get(step.growth, lane), [&](double share) {
-        taken.push_back(share * size, of_lane(step.side, shape.sides, lane), lanes_of<P>::get(step.implicit, lane));
+        taken.push_back(share * size, of_lane(step.side, shape.sides, lane), lanes_of<P>::get(step.implicit, lane), Steep::no,
+                        taken.resets.size());
       });
     }
     taken.starts_on = lanes_of<P>::get(starts_at_limit, lane) ? at_limit : 0;
@@ -262,7 +272,10 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
     steep_tangents.emplace(equation, tangents);
   mask_of_lanes<P> grazes = lanes_of<P>::none();
   for_each_step<P, M>(
-      shape, rows, paths, [&](const auto& before, const auto& after) { grazes = grazes | tangents.pass(before, after); },
+      shape, rows, paths,
+      [&](const auto& before, const auto& after, const auto& resets) {
+        grazes = grazes | tangents.pass(before, after, resets);
+      },
       [&](P size, const auto& side, const auto& kind) {
         if (steep_tangents && any(kind.towards | kind.away)) {
           steep_tangents->leave(select(kind.away, size, P(0.0)), side, kind.other, kind.part);

@@ -31,6 +31,7 @@ struct Shape {
       requires(const M model, const std::array<double, S::states> x, const std::array<double, S::inputs> u,
                const std::array<double, S::parameters> theta,
                const std::array<double, S::sides> side) { model.limits(x, u, theta, side); };
+  static constexpr Count<0> resets{};
   // How loops over n stages are counted.
   template <int n>
   using Stages = Count<n>;
@@ -46,6 +47,13 @@ template <Model M>
 constexpr double inverse_scale(const M&, int i) {
   return 1.0 / M::states[i].scale;
 }
+
+// Of a model that sets states anew. Those of one instant are bits of a number that a double holds.
+inline constexpr int most_resets = 32;
+
+// Whether the equations of a model may set states anew (tape_equations.hpp).
+template <class Equation>
+inline constexpr bool has_resets = requires { Equation::with_resets; };
 
 template <class M, class T>
 struct ArraysOf {

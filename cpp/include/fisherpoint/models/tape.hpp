@@ -73,8 +73,9 @@ template <>
 struct Shape<TapeModel> {
   int states, inputs, outputs, parameters;
   int jumps_end, kinks_end, sides, surfaces;
-  bool sided_limits = false;         // limits read sides: they stand in branches
-  int measured = 0;                  // limits behind the surfaces, which hold where g is measured
+  bool sided_limits = false;  // limits read sides: they stand in branches
+  int measured = 0;           // limits behind the surfaces, which hold where g is measured
+  int resets = 0;
   static constexpr int values = -1;  // surfaces and what is measured, of a number that is not known here
   template <int n>
   using Stages = int;  // packs are so wide that unrolled loops would only overflow the instruction cache
@@ -162,12 +163,21 @@ struct TapePrograms {
       jump_jacobian;  // h of jumps and of steep kinks, which come first, then the entries of its derivatives in the same way
 };
 
+// What sets states anew, see integration/resets.hpp: the conditions, then the values of the targets.
+struct TapeResets {
+  Program program;             // reads sides in the conditions alone
+  Program jacobian;            // the targets' values, then their derivatives at the entries
+  std::vector<Entry> targets;  // (reset, state)
+  std::vector<Entry> entries;  // (target, variable)
+  std::vector<bool> by_level;  // of every reset, whether it counts at a start too where its condition holds
+};
+
 class TapeModel {
  public:
   // Throws std::invalid_argument where a list does not fit the shape.
   TapeModel(const Shape<TapeModel>& shape, std::vector<double> scales, TapePrograms programs, std::vector<Entry> state_entries,
             std::vector<Entry> rate_entries, std::vector<Entry> output_entries, std::vector<Entry> jump_entries,
-            Varying varying);
+            Varying varying, TapeResets resets = {});
 
   const Shape<TapeModel>& shape() const { return shape_; }
   const Dependence<TapeModel>& dependence() const { return dependence_; }
@@ -175,6 +185,7 @@ class TapeModel {
   const std::vector<Entry>& state_entries() const { return state_entries_; }
   const std::vector<Entry>& output_entries() const { return output_entries_; }
   const std::vector<Entry>& jump_entries() const { return jump_entries_; }
+  const TapeResets& resets() const { return resets_; }
   double inverse_scale(int i) const { return inverse_scales_[i]; }
   int gradients_end() const { return static_cast<int>(programs_.jump_jacobian.outputs.size() - jump_entries_.size()); }
 
@@ -183,6 +194,7 @@ class TapeModel {
   std::vector<double> inverse_scales_;
   TapePrograms programs_;
   std::vector<Entry> state_entries_, output_entries_, jump_entries_;
+  TapeResets resets_;
   Dependence<TapeModel> dependence_;
 };
 
@@ -238,16 +250,18 @@ inline void check(const Program& program, const Shape<TapeModel>& shape, std::si
 
 inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> scales, TapePrograms programs,
                             std::vector<Entry> state_entries, std::vector<Entry> rate_entries,
-                            std::vector<Entry> output_entries, std::vector<Entry> jump_entries, Varying varying)
+                            std::vector<Entry> output_entries, std::vector<Entry> jump_entries, Varying varying,
+                            TapeResets resets)
     : shape_(shape),
       inverse_scales_(std::move(scales)),
       programs_(std::move(programs)),
       state_entries_(std::move(state_entries)),
       output_entries_(std::move(output_entries)),
       jump_entries_(std::move(jump_entries)),
+      resets_(std::move(resets)),
       dependence_([&] {
         using detail::expect;
-        const auto [n_x, n_u, n_y, p, jumps_end, kinks_end, sides, surfaces, sided_limits, measured] = shape;
+        const auto [n_x, n_u, n_y, p, jumps_end, kinks_end, sides, surfaces, sided_limits, measured, n_resets] = shape;
         expect(sided_limits || !detail::reads_sides(programs_.surfaces, shape),
                "surfaces: expected sides to be read as the shape says");
         expect(n_x <= 64 && p <= 64, "model: expected at most 64 states and 64 parameters, given more");
@@ -294,6 +308,18 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
         detail::check(programs_.rate_jacobian, shape, n_x + rate_entries.size(), "rate_jacobian");
         detail::check(programs_.output_jacobian, shape, n_y + output_entries_.size(), "output_jacobian");
         detail::check(programs_.jump_jacobian, shape, steep_end + jump_entries_.size(), "jump_jacobian");
+        expect(0 <= n_resets && n_resets <= most_resets, "resets: expected at most 32, given more");
+        for (const auto [k, i] : resets_.targets)
+          expect(k >= 0 && k < n_resets && i >= 0 && i < n_x, "reset_targets: expected pairs of a reset and a state");
+        expect(static_cast<int>(resets_.by_level.size()) == n_resets, "reset_levels: expected one for every reset");
+        const std::size_t targets = resets_.targets.size();
+        for (const auto [t, k] : resets_.entries)
+          expect(t >= 0 && t < static_cast<int>(targets) && k >= 0 && k < n_x + p,
+                 "reset_entries: expected entries of the Jacobian");
+        if (n_resets > 0) {
+          detail::check(resets_.program, shape, n_resets + targets, "resets");
+          detail::check(resets_.jacobian, shape, targets + resets_.entries.size(), "reset_jacobian");
+        }
         return Dependence<TapeModel>(shape, rate_entries, std::move(varying));
       }()) {
   for (double& scale : inverse_scales_) scale = 1.0 / scale;

@@ -9,6 +9,7 @@ from sympy.printing.precedence import PRECEDENCE
 from sympy.printing.str import StrPrinter
 
 from ..tape.defined import Defined
+from ..tape.latch import condition_of
 
 
 class _EquationPrinter(StrPrinter):  # type: ignore[misc]
@@ -32,6 +33,11 @@ class _EquationPrinter(StrPrinter):  # type: ignore[misc]
         return (
             " + ".join([f"({self._print(value)}", *("0*" + self.parenthesize(other, PRECEDENCE["Mul"]) for other in others)]) + ")"
         )
+
+    def _print_Latch(self, call: Any) -> str:
+        on, off, start = call.args
+        conditions = ", ".join(self._print(condition_of(of)) for of in (on, off))
+        return f"latch({conditions}, start=1)" if start == 1 else f"latch({conditions})"
 
     def _print_Heaviside(self, call: Any) -> str:
         return self._call("heaviside", call.args[:1])

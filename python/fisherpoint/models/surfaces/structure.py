@@ -12,12 +12,13 @@ import sympy
 
 from ...basics.values import Array
 from ..tape.defined import Defined, value_of
-from ..tape.parts import parts, reads
+from ..tape.parts import parts, reads, symbols_of
 from ..tape.programs import Programs, build_programs
 from .branches import Branches, Surface
 from .domain import Domain, Limit
 from .evaluate import evaluate
 from .jumps import classified
+from .memory import Memory, Reset, remembered
 from .powers import Powers
 from .zeros import normal_form
 
@@ -34,11 +35,22 @@ class Equations:
     parameters: tuple[Any, ...]
     constants: Mapping[Any, float]
     along: tuple[tuple[str, Any], ...] = ()
+    resets: tuple[Reset, ...] = ()
+    latches: tuple[tuple[Any, int], ...] = ()
+    """States, among the others, that are what latches remember, with their values at first."""
 
 
-def with_clock(equations: Equations, clock: Any) -> Equations:
-    """The equations with a clock as their last state."""
-    return replace(equations, rates=(*equations.rates, sympy.S.One), states=(*equations.states, clock))
+def followed(equations: Equations, clock: Any = None) -> Equations:
+    """The equations as the core follows them, with further states: one for every latch, then a clock where there is one."""
+    memory = Memory()
+    rates = tuple(memory.without_latches(rate) for rate in equations.rates)
+    resets = remembered(equations.resets, memory)
+    hidden, rates_of_hidden = tuple(memory.starts), (sympy.S.Zero,) * len(memory.starts)
+    if clock is not None:
+        hidden, rates_of_hidden = (*hidden, clock), (*rates_of_hidden, sympy.S.One)
+    states = (*equations.states, *hidden)
+    latches = tuple(memory.starts.items())
+    return replace(equations, rates=(*rates, *rates_of_hidden), states=states, resets=resets, latches=latches)
 
 
 class Structure:
@@ -46,12 +58,18 @@ class Structure:
 
     def __init__(self, equations: Equations) -> None:
         self.equations = equations
-        by_side = Branches(equations.states, True, equations.inputs, equations.constants)
-        by_value = Branches(equations.states, by_side=False)
+        # What a latch remembers changes where states are set anew alone: it has no surface, and branches are by its value.
+        remembered = {state for state, _ in equations.latches}
+        states = tuple(state for state in equations.states if state not in remembered)
+        by_side = Branches(states, True, equations.inputs, equations.constants)
+        by_value = Branches(states, by_side=False)
         written = [by_side.rewrite(expression) for expression in equations.rates]
+        conditions_of_resets = [value_of(by_side.rewrite(reset.condition)) for reset in equations.resets]
         rates = [value_of(expression) for expression in written]
         known = [value_of(condition) for condition in (*equations.conditions, *(condition for _, condition in equations.along))]
-        told = classified(rates, by_side, equations.states, equations.constants, known)
+        told = classified(rates, by_side, states, equations.constants, known)
+        conditions_of_resets = [by_side.merged(condition) for condition in conditions_of_resets]
+        told = _with_jumps(told, conditions_of_resets)
         merged = [replace(surface, expression=by_side.merged(surface.expression)) for surface in told]
         powers = Powers(merged)
         whole_rates = [powers.rewrite(by_side.merged(rate)) for rate in written]
@@ -59,6 +77,14 @@ class Structure:
         surfaces = [replace(surface, expression=powers.rewrite(surface.expression)) for surface in merged]
         steep = dict(zip(surfaces, steep_ones(surfaces, self.rates), strict=True))
         self.surfaces = sorted(surfaces, key=lambda surface: (not surface.jump, not surface.jump and not steep[surface]))
+        self.resets = [
+            replace(
+                reset,
+                condition=value_of(powers.rewrite(condition)),
+                values=tuple((state, value_of(powers.rewrite(by_value.rewrite(value)))) for state, value in reset.values),
+            )
+            for reset, condition in zip(equations.resets, conditions_of_resets, strict=True)
+        ]
         whole_output = [powers.rewrite(by_value.rewrite(expression)) for expression in equations.output]
         self.output = [value_of(expression) for expression in whole_output]
 
@@ -130,6 +156,7 @@ class Structure:
             self.rough(),
             steep_ones(self.surfaces, self.rates),
             [limit.closed for limit in self.limits if not limit.pole and not limit.measured],
+            self.resets,
         )
 
 
@@ -140,6 +167,17 @@ def steep_ones(surfaces: Sequence[Surface], rates: Sequence[Any]) -> list[bool]:
     powers = [part for rate in rates for part in parts(rate) if part.is_Pow and isinstance(part.base, sympy.Abs)]
     forms = {normal_form(power.base.args[0])[0] for power in powers if not power.exp.is_number or 0 < power.exp < 1}
     return [normal_form(surface.expression)[0] in forms for surface in surfaces]
+
+
+def _with_jumps(surfaces: Sequence[Surface], conditions: Sequence[Any]) -> list[Surface]:
+    """Jumps first, among them all surfaces on whose sides states are set anew."""
+    read = set().union(*map(symbols_of, conditions))
+    # Those at which f has no jump move no other surface either.
+    told = [
+        replace(surface, jump=True, crossable=surface.crossable or not surface.jump) if surface.side in read else surface
+        for surface in surfaces
+    ]
+    return [surface for surface in told if surface.jump] + [surface for surface in told if not surface.jump]
 
 
 def _is_root(part: Any) -> bool:

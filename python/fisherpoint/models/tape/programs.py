@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import or_
-from typing import Any
+from typing import Any, Protocol
 
 from .differentiate import gradient, rates_along
 from .from_sympy import nodes_of
@@ -17,7 +17,21 @@ from .schedule import schedule
 LIMIT = 64
 """The most states, parameters and surfaces that the core takes."""
 
+MOST_RESETS = 32
+"""The most resets that the core takes."""
+
 Entries = tuple[tuple[int, int], ...]
+
+
+class ResetLike(Protocol):
+    """What sets states anew, see `build_programs`."""
+
+    @property
+    def condition(self) -> Any: ...
+    @property
+    def values(self) -> Sequence[tuple[Any, Any]]: ...
+    @property
+    def by_level(self) -> bool: ...
 
 
 @dataclass(frozen=True)
@@ -56,6 +70,14 @@ class Programs:
         How many of the domain limits, the first ones, are denominators of either sign.
     measured : int
         How many, the last ones, are of g alone.
+    reset_count : int
+        How often states are set anew by different conditions.
+    resets, reset_jacobian : Program
+        The conditions, by sides, positive where they hold, and then the values of the targets; these values and their derivatives.
+    reset_targets, reset_entries : tuple of (int, int)
+        (reset, state) of each target, and (target, variable) of each derivative.
+    reset_levels : tuple of bool
+        Whether each reset counts at a start too where its condition holds.
     """
 
     rates: Program
@@ -79,6 +101,12 @@ class Programs:
     closed: tuple[bool, ...]
     poles: int
     measured: int
+    reset_count: int
+    resets: Program
+    reset_jacobian: Program
+    reset_targets: Entries
+    reset_entries: Entries
+    reset_levels: tuple[bool, ...]
 
 
 def build_programs(
@@ -96,6 +124,7 @@ def build_programs(
     rough: Sequence[bool] = (),
     steep: Sequence[bool] = (),
     closed: Sequence[bool] = (),
+    resets: Sequence[ResetLike] = (),
 ) -> Programs:
     """Programs of x' = f(x, u, theta), y = g(x, u, theta).
 
@@ -123,6 +152,9 @@ def build_programs(
         For each, whether derivatives of f have no bounds there; none for nowhere. Such kinks come before others.
     closed : sequence of bool
         Of each domain limit that is no pole and not measured, whether f has a value where it is zero; none for nowhere.
+    resets : sequence with condition, values and by_level
+        Where states are set anew: what becomes positive, of sides, states with what they are set to, and whether it counts at a
+        start too.
 
     Raises
     ------
@@ -144,14 +176,16 @@ def build_programs(
         if _reads_any(graph, node, leaves.side):
             raise ValueError(f"output: expected no side of a surface, given {output[i]}")
 
-    variables = [*_reached(graph, f, h[: len(sides)]), *leaves.theta]
+    anew = _Resets(graph, resets, symbols, h[: len(sides)])
+    variables = [*_reached(graph, f, h[: len(sides)], anew), *leaves.theta]
     jumps = len(crossable)
-    through = [_read_through(graph, node, h[:jumps]) for node in f]
+    through = [_read_through(graph, node, h[:jumps]) | anew.read_through(i, node) for i, node in enumerate(f)]
     state_entries, state_nodes = _entries(graph, f, leaves.x)
     rate_entries, rate_nodes = _entries(graph, f, variables, through)
     output_entries, output_nodes = _entries(graph, g, variables)
     watched = jumps + sum(steep[jumps:])
     jump_entries, jump_nodes = _entries(graph, h[:watched], [*leaves.x, *leaves.theta])
+    reset_entries, reset_nodes = _entries(graph, anew.values, variables)
     return Programs(
         rates=schedule(graph, f),
         output=schedule(graph, g),
@@ -174,7 +208,61 @@ def build_programs(
         closed=tuple(closed) or (False,) * (len(surfaces) - len(sides) - poles - measured),
         poles=poles,
         measured=measured,
+        reset_count=len(resets),
+        resets=schedule(graph, anew.conditions + anew.values),
+        reset_jacobian=schedule(graph, anew.values + reset_nodes),
+        reset_targets=tuple(anew.targets),
+        reset_entries=reset_entries,
+        reset_levels=tuple(reset.by_level for reset in resets),
     )
+
+
+class _Resets:
+    """Nodes of what sets states anew, and what states depend on because of it."""
+
+    def __init__(self, graph: Graph, resets: Sequence[ResetLike], symbols: Mapping[Any, int], switching: Sequence[int]) -> None:
+        if len(resets) > MOST_RESETS:
+            raise ValueError(f"resets: expected at most {MOST_RESETS}, two for every latch, given {len(resets)}")
+        self._graph, self._switching = graph, switching
+        leaves = graph.leaves
+        self.conditions = nodes_of(graph, [reset.condition for reset in resets], symbols)
+        self.targets: list[tuple[int, int]] = []
+        self.values: list[int] = []
+        self._events: dict[int, int] = {}  # of every state that is set anew, what the times of that depend on
+        for k, reset in enumerate(resets):
+            event = _through_sides(graph, self.conditions[k], switching)
+            for state, value in reset.values:
+                (node,) = nodes_of(graph, [value], symbols)
+                self.targets.append((k, symbols[state] - leaves.x.start))
+                self.values.append(node)
+                self._events[symbols[state]] = self._events.get(symbols[state], 0) | event
+        self._values: dict[int, int] = {}
+        for (_, i), node in zip(self.targets, self.values, strict=True):
+            leaf = i + leaves.x.start
+            self._values[leaf] = self._values.get(leaf, 0) | graph.reads[node]
+
+    def read_through(self, state: int, rate: int) -> int:
+        """What a state depends on by its own resets, and by those of states that its rate reads."""
+        leaf = state + self._graph.leaves.x.start
+        read = _through_sides(self._graph, rate, self._switching)
+        events = (event for of, event in self._events.items() if of == leaf or read >> of & 1)
+        moves = rate != self._graph.zero or not self._constant(leaf)
+        return reduce(or_, events, self._values.get(leaf, 0)) if moves else 0
+
+    def _constant(self, leaf: int) -> bool:
+        """Whether all that a state is set to are numbers."""
+        return not self._values.get(leaf, 0)
+
+    def reads(self, leaf: int) -> int:
+        """What moves a state where it is set anew."""
+        return self._values.get(leaf, 0) | self._events.get(leaf, 0)
+
+
+def _through_sides(graph: Graph, node: int, switching: Sequence[int]) -> int:
+    """What a node reads, itself or by sides."""
+    bits = graph.reads[node]
+    sides = zip(graph.leaves.side, switching, strict=True)
+    return reduce(or_, (graph.reads[surface] for side, surface in sides if graph.reads[node] >> side & 1), bits)
 
 
 def _check(
@@ -211,16 +299,10 @@ def _reads_any(graph: Graph, node: int, leaves: Sequence[int]) -> bool:
     return any(graph.reads[node] >> leaf & 1 for leaf in leaves)
 
 
-def _reached(graph: Graph, rates: Sequence[int], switching: Sequence[int]) -> list[int]:
+def _reached(graph: Graph, rates: Sequence[int], switching: Sequence[int], anew: _Resets) -> list[int]:
     """Leaves of the states that a parameter reaches: through rates, and through surfaces, by the time at which f switches."""
     leaves = graph.leaves
-    reads = []
-    for node in rates:
-        bits = graph.reads[node]
-        for side, surface in zip(leaves.side, switching, strict=True):
-            if graph.reads[node] >> side & 1:
-                bits |= graph.reads[surface]
-        reads.append(bits)
+    reads = [_through_sides(graph, node, switching) | anew.reads(leaf) for leaf, node in zip(leaves.x, rates, strict=True)]
     reached, before = (1 << len(leaves.theta)) - 1, -1
     while reached != before:
         before = reached
