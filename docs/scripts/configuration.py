@@ -60,6 +60,8 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "equations": "By name: the rate of each state, and each output that is not simply a state. `t` is the time, where"
             " nothing else has the name; conditions are joined by `and`, `or`, `not`, or by `&`, `|`, `~` with brackets.",
             "domain": "Expressions that have to stay positive.",
+            "resets": 'By condition, such as `"x < 0"`: the states that get new values where it becomes true, with their equations,'
+            ' as `{ v = "-e*v" }`. [What they do](../how_to/models.md#memory-relays-stops-modes).',
             "check_units": "Whether a warning names places of the equations where"
             " [units do not fit](../how_to/models.md#units-that-do-not-fit).",
         },

@@ -56,6 +56,7 @@ def model_cases() -> dict[str, Case]:
             f=(RATES, *EQUATIONS),
             g=(OUTPUT, *EQUATIONS),
             domain=(["h"], NONE, *EQUATIONS),
+            resets=({"h < 0": {"h": "0"}}, MAP, NONE, NAMES, ARRAY),
             **quantities,
         ),
         "CallableModel": case(
@@ -126,6 +127,12 @@ def model_cases() -> dict[str, Case]:
             f"{name}()": case(lambda a, b, name=name: getattr(fp, name)(a, b), a=(0.5, NUMBER, TERM), b=(1, NUMBER, TERM))
             for name in ("min", "max", "atan2")
         },
+        "latch()": case(
+            lambda on, off, start: fp.latch(on, off, start),
+            on=(sympy.Symbol("T") < 20,),
+            off=(sympy.Symbol("T") > 22,),
+            start=(0, FLAG),
+        ),
         "where()": case(
             lambda condition, a, b: fp.where(condition, a, b),
             condition=(sympy.Symbol("x") > 0, FLAG),

@@ -58,7 +58,7 @@ def condition_of(given: Any, symbols: Mapping[str, Any], place: str, clocks: Map
 
 def checked_resets(given: Any, states: Sequence[str]) -> tuple[tuple[Any, Mapping[str, Any]], ...]:
     """Conditions with the states that they set, of a mapping or a sequence of pairs."""
-    pairs = list(given.items()) if isinstance(given, Mapping) else list(given or ())
+    pairs = list(given.items()) if isinstance(given, Mapping) else [] if given is None else as_sequence(given, "resets", "pairs")
     for pair in pairs:
         if not isinstance(pair, tuple) or len(pair) != 2 or not isinstance(pair[1], Mapping) or not pair[1]:
             raise TypeError(

@@ -406,11 +406,13 @@ class Integrator {
   [[gnu::noinline]] void choose_sides(const Mask& lanes, const State& y, const Surfaces& before, const P& surface,
                                       const P& duration);
   [[gnu::noinline]] void take_places(const Mask& lanes, const State& y);
+  [[gnu::noinline]] void name_pile_up(const Mask& lanes);
 
   void stop(const Mask& lanes, Status status) {
     if (!any(lanes)) return;
     for (int lane = 0; lane < Lanes::width; ++lane)
       if (Lanes::get(lanes, lane)) outcome_.status[lane] = status;
+    if (f_.resets > 0 && (status == Status::grazes_jump || status == Status::step_limit)) name_pile_up(lanes);
     running_ = running_ & !lanes;
   }
 
@@ -442,8 +444,10 @@ class Integrator {
   // Of models that set states anew (resets.hpp).
   ShelfVector<P> held_;
   ShelfVector<SetAnew> resets_;
-  ShelfVector<Mask> put_on_;         // the state lies on this jump since
-  P reset_on_, last_reset_, quick_;  // the jump that is met at the start; when it was last, and how often at once
+  ShelfVector<Mask> put_on_;  // the state lies on this jump since
+  P reset_on_;                // the jump that is met at the start
+  P last_reset_, interval_;   // when it was last, and how long after the one before
+  P quick_, shorter_;         // how often in a row at once, and ever sooner
 
   // Of stiff lanes.
   bool any_stiff_ = false;

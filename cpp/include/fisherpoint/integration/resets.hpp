@@ -141,6 +141,8 @@ auto Integrator<Equation, Method>::set_anew(const Mask& lanes, State& y, const P
     }
     // One after the other in no time, as of a mass that comes to rest on its stop.
     const P since = time_ - last_reset_;
+    shorter_ = select(changed, select(since < interval_, shorter_ + 1.0, P(0.0)), shorter_);
+    interval_ = select(changed, since, interval_);
     quick_ = select(changed, select(since <= brief * duration, quick_ + 1.0, P(0.0)), quick_);
     last_reset_ = select(changed, time_, last_reset_);
     stop(changed & (quick_ > P(many_turns)), Status::chatters);
@@ -202,10 +204,18 @@ void Integrator<Equation, Method>::choose_sides(const Mask& lanes, const State& 
       // A mass that has lost all its velocity would fall through the stop that it lies on, and be stopped again at once.
       const Mask open = here & !(up | down | held | rests | rises);
       stop(open & met, Status::chatters);
-      stop(open, Status::grazes_jump);
+      stop(open & !met, Status::grazes_jump);
     });
     see_slides();
   }
+}
+
+// Of lanes that have just ended: where they were set anew ever sooner, until rounding hid what was in between.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::name_pile_up(const Mask& lanes) {
+  const Mask piled = lanes & (shorter_ >= P(few_resets)) & (interval_ <= soon * span_) & (time_ - last_reset_ <= soon * span_);
+  for (int lane = 0; lane < Lanes::width; ++lane)
+    if (Lanes::get(piled, lane)) outcome_.status[lane] = Status::chatters;
 }
 
 // Of the surfaces on which states were put, h is zero, whatever rounding makes of it.

@@ -22,7 +22,12 @@ void Integrator<Equation, Method>::begin(State& y, const P& duration, const P& f
   slide_ = several_ = false;
   several_landed_ = Lanes::none();
   turns_ = P(0.0);
-  if (f_.resets > 0) reset_on_ = P(-1.0), quick_ = P(0.0), last_reset_ = P(-infinity);
+  if (f_.resets > 0) {
+    reset_on_ = P(-1.0);
+    quick_ = shorter_ = P(0.0);
+    last_reset_ = P(-infinity);
+    interval_ = P(infinity);
+  }
   implicit_ = Lanes::none();
   stiff_signs_ = others_ = P(0.0);
   if (implicit_step_) implicit_step_->forget(!Lanes::none());

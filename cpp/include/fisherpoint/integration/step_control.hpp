@@ -77,6 +77,10 @@ inline constexpr double same_instant = 1e-9;
 // A trajectory that gets stuck after so many jumps meets them in ever shorter times.
 inline constexpr int many_turns = 25;
 
+// Resets pile up where so many in a row have followed one another ever sooner, the last within this share of the duration.
+inline constexpr int few_resets = 3;
+inline constexpr double soon = 1e-3;
+
 // A surface's value is nothing but rounding where it is below this share of what it changes by if a state is taken twice.
 inline constexpr double noise = 1e-13;
 

@@ -252,13 +252,14 @@ void for_each_step(const Shape<M>& shape, std::span<const std::size_t> rows, con
   StepKind<M, P> kind;
   fit(kind.other, shape.sides);
   kind.other = side;
+  ResetsOfLanes<P> resets;
   const bool steep = std::any_of(rows.begin(), rows.end(), [&](auto k) { return meets_steep(paths[k]); });
   // Of every lane: which run is next, where the current one ends, and the step at which something changes.
   std::array<std::size_t, lanes_of<P>::width> run{}, run_end{}, next{};
   for (std::size_t n = 0; n < longest; ++n) {
     P size(0.0);
     bool turned = false;
-    ResetsOfLanes<P> resets;
+    if (!resets.which.empty()) resets = {};
     for (int lane = 0; lane < used; ++lane) {
       const auto& path = paths[rows[lane]];
       if (n >= path.size()) continue;
@@ -282,7 +283,7 @@ void for_each_step(const Shape<M>& shape, std::span<const std::size_t> rows, con
       if (steep) note_steep(shape, path, run[lane] - 1, lane, kind);
       next[lane] = beside ? n + 1 : another ? run_end[lane] - 1 : run_end[lane];
     }
-    if (shape.jumps_end > 0 && turned) pass(before, side, resets);
+    if (goes_on_from_ends(shape) && turned) pass(before, side, resets);
     advance(size, side, kind);
   }
 }

@@ -60,7 +60,7 @@ class RunTeam {
         step_[i] = step_of_[k - first_];
         stiff_[i] = stiff_of_[k - first_];
         measured_[i] = start.measured[k * n + segment_];
-        if (shape.jumps_end > 0) ends_[i] = &end_of_[k - first_];
+        if (goes_on_from_ends(shape)) ends_[i] = &end_of_[k - first_];
       }
       const Carried carried{s_before_.data(), step_.data(), stiff_.data(), measured_.data(), ends_.data()};
       sensitivity_packs<P, Method>(model, Points{count, x0_.data(), u_.data(), dt_.data()}, Parameters{theta_.data(), true},
@@ -79,7 +79,7 @@ class RunTeam {
         std::copy_n(s_after_.data() + i * n_x * p, n_x * p, s_.data() + (k - first_) * n_x * p);
         step_of_[k - first_] = step_[i];
         stiff_of_[k - first_] = stiff_[i];
-        if (shape.jumps_end > 0) end_of_[k - first_].u.assign(u_.data() + i * n_u, u_.data() + (i + 1) * n_u);
+        if (goes_on_from_ends(shape)) end_of_[k - first_].u.assign(u_.data() + i * n_u, u_.data() + (i + 1) * n_u);
       }
       std::erase_if(active_, [&](auto k) { return out.status[k] != Status::ok; });
     }

@@ -85,7 +85,7 @@ void advance_runs(const M& model, const Runs& runs, const Parameters& parameters
     const Equation equation(model, theta, u);
     Integrator<Equation, Method> integrator(equation, tolerance);
     typename Equation::Side from;
-    if (shape.jumps_end > 0) {
+    if (goes_on_from_ends(shape)) {
       progress.ends.resize(used);
       from = sides_of_ends<M, P>(model, equation, theta, x, u, used,
                                  [&](int lane) -> const SegmentEnd& { return progress.ends[lane]; });
@@ -93,7 +93,7 @@ void advance_runs(const M& model, const Runs& runs, const Parameters& parameters
     const auto end_of = [&](int lane) { return &progress.ends[lane]; };
     if (shape.resets > 0) hold_conditions<P>(integrator.held(), used, end_of);
     const auto outcome =
-        integrator.run(x, duration, progress.step, nullptr, progress.stiff, shape.jumps_end > 0 ? &from : nullptr);
+        integrator.run(x, duration, progress.step, nullptr, progress.stiff, goes_on_from_ends(shape) ? &from : nullptr);
     if (shape.resets > 0) note_conditions<P>(integrator.held(), used, end_of);
     progress.step = outcome.next_step;
     progress.stiff = outcome.stiff;
@@ -102,7 +102,7 @@ void advance_runs(const M& model, const Runs& runs, const Parameters& parameters
       const bool ran = lasts(lane);
       get_lane(x, lane, state(lane, segment + 1));
       if (!ran) continue;
-      if (shape.jumps_end > 0) progress.ends[lane].note(integrator.sides(), u, shape.jumps_end, lane);
+      if (goes_on_from_ends(shape)) progress.ends[lane].note(integrator.sides(), u, shape.jumps_end, lane);
       out.status[rows[lane]] = outcome.status[lane];
       out.reached[rows[lane]] += running(lane);
       any_running = any_running || running(lane);

@@ -165,7 +165,7 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
   }
   Integrator<Equation, Method> integrator(equation, tolerance);
   typename Equation::Side from;
-  const bool goes_on = shape.jumps_end > 0 && carried;
+  const bool goes_on = goes_on_from_ends(shape) && carried;
   if (goes_on) {
     from = sides_of_ends<M, P>(model, equation, pack.theta, pack.x0, pack.u, pack.used,
                                [&](int lane) -> const SegmentEnd& { return *carried->ends[rows[lane]]; });

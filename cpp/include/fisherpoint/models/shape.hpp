@@ -51,6 +51,9 @@ constexpr double inverse_scale(const M&, int i) {
 // Of a model that sets states anew. Those of one instant are bits of a number that a double holds.
 inline constexpr int most_resets = 32;
 
+// Whether a segment of a run has to know how the last one ended.
+constexpr bool goes_on_from_ends(const auto& shape) { return shape.jumps_end > 0 || shape.resets > 0; }
+
 // Whether the equations of a model may set states anew (tape_equations.hpp).
 template <class Equation>
 inline constexpr bool has_resets = requires { Equation::with_resets; };

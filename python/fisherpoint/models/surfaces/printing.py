@@ -9,7 +9,7 @@ from sympy.printing.precedence import PRECEDENCE
 from sympy.printing.str import StrPrinter
 
 from ..tape.defined import Defined
-from ..tape.latch import condition_of
+from ..tape.latch import Latch, condition_of
 
 
 class _EquationPrinter(StrPrinter):  # type: ignore[misc]
@@ -65,6 +65,8 @@ class _EquationPrinter(StrPrinter):  # type: ignore[misc]
         return f"not ({self._print(condition.args[0])})"
 
     def _print_Relational(self, comparison: Any) -> str:
+        if isinstance(comparison.lhs, Latch):  # as a condition
+            return str(self._print(comparison.lhs))
         return f"{self._print(comparison.lhs)} {comparison.rel_op} {self._print(comparison.rhs)}"
 
 
