@@ -46,7 +46,7 @@ def latch(on: Any, off: Any, start: Any = 0) -> Any:
         raise ValueError(f"latch: start: expected 0 or 1, given {shown(start)}")
     lost = tuple(part for condition in conditions if condition is not None for part in condition.lost)
     both = [condition.expression for condition in conditions if condition is not None]
-    return Term(latched(*both, start=int(bool(value.expression))), lost)
+    return Term(latched(both[0], both[1], int(bool(value.expression))), lost)
 
 
 def _term(given: Any, name: str) -> Term:
