@@ -153,7 +153,7 @@ class Domain:
             self._limits[key] = replace(limit, closed=False)
 
     def _where(self, condition: Any, taken: bool, expression: Any) -> Any:
-        """The expression where the condition holds, or does not, and 1 elsewhere; both branches count on a slide."""
+        """The expression where the condition holds, or does not, and 1 elsewhere; on a slide both branches count."""
         side = condition if condition in self._written else -condition
         if side in self._written:
             return Select((condition if taken else -condition) + sympy.Rational(1, 2), expression, sympy.S.One)
