@@ -311,7 +311,7 @@ class SymbolicModel(DescribedModel):
         # What is set anew is the state itself, of which the offset stays what it was.
         resets = [
             (
-                condition_of(replaced(reset.condition, shift)),
+                condition_in(replaced(reset.condition, shift)),
                 {
                     x.name: replaced(value, shift) - (symbol(moved[x.name].name) if x.name in moved else 0)
                     for x, value in reset.values

@@ -31,6 +31,8 @@ mask_of_lanes<P> Tangents<M, P, Method>::set_anew(const auto& resets, const Side
   advance_briefly(time, before);
   rates(x, before, rate);
   ShelfVector<P> shift(f_.parameters, P(0.0));  // of the time of the event, by every parameter
+  auto unknown = lanes_of<P>::none();           // a slide that opens has no h that tells its time
+  for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { unknown = unknown | (met(m) & slides(before[m])); });
   for_each_met([&](const auto& here, const auto& h) {
     const P speed = growth(h, rate);
     fall = select(here, speed, fall);
@@ -64,7 +66,7 @@ mask_of_lanes<P> Tangents<M, P, Method>::set_anew(const auto& resets, const Side
   rates(x, after, rate_behind);
   move(rate_behind, -1.0);
   advance_briefly(-time, after);
-  return resets.lanes & (bend > P(0.0)) & !(fall * fall > graze * tolerance_ * size * bend);
+  return unknown | (resets.lanes & (bend > P(0.0)) & !(fall * fall > graze * tolerance_ * size * bend));
 }
 
 }  // namespace fisherpoint

@@ -74,12 +74,14 @@ template <class Equation, class Method>
 void Integrator<Equation, Method>::start_resets(State& y, const P& duration) {
   if constexpr (has_resets<Equation>) {
     Side came = side_;
-    Mask several = Lanes::none();
+    Mask several = Lanes::none(), slow = several;
     for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
       const Mask on = running_ & !((value_[m] < P(0.0)) | (value_[m] > P(0.0)));
       came[m] = select(on, -side_[m], side_[m]);
       if (!any(on)) return;
-      const Mask other = on & !moves_none(m, rate_[m], y) & !(abs(reset_on_ - P(double(m))) < P(0.5));
+      const Mask still = moves_none(m, rate_[m], y);
+      slow = slow | (on & still);
+      const Mask other = on & !still & !(abs(reset_on_ - P(double(m))) < P(0.5));
       several = several | (other & (reset_on_ >= P(0.0)));
       reset_on_ = select(other & (reset_on_ < P(0.0)), P(double(m)), reset_on_);
     });
@@ -93,7 +95,13 @@ void Integrator<Equation, Method>::start_resets(State& y, const P& duration) {
     Mask by_jump = Lanes::none();
     for (int k = 0; k < f_.resets; ++k) by_jump = by_jump | ((now[k] > P(0.0)) & !(before[k] > P(0.0)) & !(held_[k] > P(0.5)));
     reset_on_ = select(by_jump, reset_on_, P(-1.0));
-    stop(anew_on_sides(running_ & several & by_jump, y, side_), Status::two_jumps);
+    const Mask at_once = anew_on_sides(running_ & by_jump, y, side_), falls = running_ & slow & by_jump & !at_once;
+    stop(at_once & several, Status::two_jumps);
+    if (any(falls)) {  // what is at rest on its stop changes only as it falls through, and would be set anew for ever
+      State ahead = y;
+      for_each_index(f_.states, [&](auto i) { ahead[i] += brief * duration * stage_[0][i]; });
+      stop(anew_on_sides(falls, ahead, side_), Status::chatters);
+    }
     const Mask changed = set_anew(running_, y, reset_on_, duration);
     if (!any(changed)) return;
     start_anew(changed, y, duration);
@@ -160,6 +168,7 @@ void Integrator<Equation, Method>::choose_sides(const Mask& lanes, const State& 
     Mask outside = Lanes::none();
     const auto moved = [&](int m) { return lanes & ((value[m] < before[m]) | (value[m] > before[m])); };
     for_each_index(f_.sides, [&](auto m) {
+      resting_[m] = resting_[m] & !moved(m);
       const Mask sided = moved(m) & ((value[m] < zero) | (value[m] > zero));
       side_[m] = select(sided, select(value[m] < zero, P(-1.0), P(1.0)), side_[m]);
     });
@@ -196,13 +205,15 @@ void Integrator<Equation, Method>::choose_sides(const Mask& lanes, const State& 
         next[which] = f_.surface_rates(ahead, rates)[m];
       }
       const Mask up = (rate[0] > zero) & (rate[1] > zero), down = (rate[0] < zero) & (rate[1] < zero),
-                 held = (rate[0] < zero) & (rate[1] > zero), still = !(up | down | held);
+                 below = (rate[0] < zero) & moves_none(m, rate[1], y), above = (rate[1] > zero) & moves_none(m, rate[0], y),
+                 held = (rate[0] < zero) & (rate[1] > zero) & !below & !above, still = !(up | down | below | above | held);
       const Mask rests = still & !(abs(next[0]) > zero) & !(abs(next[1]) > zero);
       const Mask rises = still & (next[0] > zero) & (next[1] > zero);
       const P came = select(met, -side_[m], side_[m]);
-      side_[m] = select(here, select(up | rises, P(1.0), select(down, P(-1.0), select(held, zero, came))), side_[m]);
+      side_[m] =
+          select(here, select(up | above | rises, P(1.0), select(down | below, P(-1.0), select(held, zero, came))), side_[m]);
       // A mass that has lost all its velocity would fall through the stop that it lies on, and be stopped again at once.
-      const Mask open = here & !(up | down | held | rests | rises);
+      const Mask open = here & still & !(rests | rises);
       stop(open & met, Status::chatters);
       stop(open & !met, Status::grazes_jump);
     });
