@@ -30,10 +30,11 @@ class HiddenCore:
 
     def started(self, x: Any) -> Array:
         """States with the hidden ones."""
-        x = np.asarray(x, dtype=np.float64)
-        if x.shape[-1] > self.n_x:
-            return x
-        return np.concatenate([x, np.broadcast_to(self.starts, (*x.shape[:-1], len(self.starts)))], axis=-1)
+        states: Array = np.asarray(x, dtype=np.float64)
+        if states.shape[-1] > self.n_x:
+            return states
+        hidden = np.broadcast_to(self.starts, (*states.shape[:-1], len(self.starts)))
+        return np.concatenate([states, hidden], axis=-1)
 
     def rhs(self, x: Any, u: Any, theta: Any) -> Array:
         rates = np.asarray(self.whole.rhs(self.started(x), u, theta))

@@ -448,7 +448,8 @@ class SymbolicModel(DescribedModel):
         return (partial(SymbolicModel, **self._options), (f, g, self.states, self.inputs, self.parameters, self.outputs))
 
     def __str__(self) -> str:
-        return model_text(self, *self.texts[:2], self.reset_texts)
+        rates, output, _ = self.texts
+        return model_text(self, rates, output, self.reset_texts)
 
     def _repr_latex_(self) -> str:
         return latex(self.equations, names_of(self.outputs))
