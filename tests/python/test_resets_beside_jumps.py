@@ -155,3 +155,19 @@ def test_a_mass_at_rest_on_its_stop_does_not_fall_through() -> None:
             assert (done.status[0] == fp.Status.ok) == lasts, (force, done.x)
             if lasts:
                 np.testing.assert_allclose(done.x[0, -1], [1.0, 2.0], rtol=1e-8)
+
+
+def test_new_values_are_made_of_the_states_just_before() -> None:
+    """Derivatives too, where a state is set to another one, or to a multiple of itself."""
+    states, parameters = {"x": "1", "z": "1"}, {"A": "1", "tau": "s", "a": "1/s"}
+    model = fp.SymbolicModel(
+        ["-a*x", "0.5"], ["x"], states, {}, parameters, {"x": "1"}, resets={"t > tau": {"x": "A*z", "z": "A*x"}}, check_units=False
+    )
+    done = fp.sensitivities(model, points_of([2.0, 3.0], [], 1.5), [0.3, 1.0, 0.7], rtol=1e-10)
+    x, z, lasts = 2 * np.exp(-0.7), 3.5, np.exp(-0.35)
+    np.testing.assert_allclose(done.x[0], [0.3 * z * lasts, 0.3 * x + 0.25], rtol=1e-8)
+    expected = [
+        [z * lasts, 0.3 * lasts * (0.5 + 0.7 * z), -0.3 * z * 0.5 * lasts],
+        [x, -0.3 * 0.7 * x - 0.5, -0.3 * x],
+    ]
+    np.testing.assert_allclose(done.dx_dtheta[0], expected, rtol=1e-7)

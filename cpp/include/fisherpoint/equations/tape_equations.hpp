@@ -155,7 +155,9 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
   void reset(const P& which, State& x, Columns<TapeModel, P>& s) const {
     const TapeResets& given = model_.resets();
     if (!resets_) resets_.emplace(given.jacobian, *this, theta_, u_);
-    resets_->run(x);
+    // What the machine gives may be a state itself, which is about to change.
+    const State at_event = x;
+    resets_->run(at_event);
     const Columns<TapeModel, P> before = s;
     const auto entry = [&](auto& of, int i, int j) -> auto& {
       return of[dependence.column_start[j] + detail::below(dependence.rows(j), i)];
