@@ -123,8 +123,7 @@ class Integrator {
     end_value_ = f_.surface_values(end_, side_);
     end_rate_ = f_.surface_rates(end_, stage_[last], side_);
     if (f_.measured > 0) judge_measured(y);
-    if (f_.jumps_end > 0 && slide_) hold(middle, middle_value);
-    if (any_rest_) keep_resting(middle_value);
+    if ((f_.jumps_end > 0 && slide_) || any_rest()) keep_on_surfaces(middle, middle_value);
     const auto along = [&](int m, const P& side) {
       along_[m] = Quartic<P>::through(side * value_[m], side * step_ * rate_[m], side * middle_value[m], side * end_value_[m],
                                       side * step_ * end_rate_[m]);
@@ -144,10 +143,14 @@ class Integrator {
 
   // The stages, the end and the middle of a step, and its error.
   void attempt_explicit(const State& y, State& middle) {
+    const bool slide = f_.jumps_end > 0 && slide_;
+    const Side at = slide ? beside<P>(f_, side_, 1.0) : side_;
     for_each_index(counted<Equation, last>(), [&](auto previous) {
       const auto s = after(previous);
       for_each_index(f_.states, [&](auto i) { end_[i] = y[i] + step_ * weighted_sum(s, Method::a[s], stage_, i); });
-      derivative(end_, stage_[s]);
+      f_.derivative(end_, at, stage_[s]);
+      if (slide) [[unlikely]]
+        this->slide(end_, side_, stage_[s]);
     });
     State error;
     fit(error, f_.states);
@@ -216,7 +219,7 @@ class Integrator {
       } else if (m < f_.jumps_end && crosses(m)) {
         const P slope = 4.0 * (h.b4 - h.b3);
         Mask rests = Lanes::none();
-        if (any_rest_) {
+        if (any_rest()) {
           rests = resting_[m] & rests_along(m);
           const Mask departs = good & resting_[m] & crossed & !rests;
           if (any(departs)) {
@@ -326,7 +329,7 @@ class Integrator {
       value_[m] = select(taken, end_value_[m], value_[m]);
     });
     for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { leaving_[m] = leaving_[m] & !taken; });
-    if (any_rest_) end_rests(taken);
+    if (any_rest()) end_rests(taken);
     if (steps_) steps_->push_back({select(taken, step_, zero), side_, implicit_, growth});
     running_ = running_ & !(taken & ends_);
     if (any(lands & taken & running_)) turn(y, taken, duration);
@@ -364,7 +367,11 @@ class Integrator {
   [[gnu::noinline]] void go_on(const State& y, const P& duration);
   [[gnu::noinline]] P side_past(auto m, const State& y, const P& duration);
   void start_anew(const Mask& lanes, const State& y, const P& duration);
-  [[gnu::noinline]] void hold(const State& middle, Surfaces& middle_value);
+  [[gnu::noinline]] void keep_on_surfaces(const State& middle, Surfaces& middle_value) {
+    if (f_.jumps_end > 0 && slide_) hold(middle, middle_value);
+    if (any_rest()) keep_resting(middle_value);
+  }
+  void hold(const State& middle, Surfaces& middle_value);
   P hold_rate(const State& x, const State& rates, const P& span) const;
   [[gnu::noinline]] void watch_hold(const Mask& lanes, const State& y, const P& span);
   [[gnu::noinline]] Mask land_on_first(const Mask& lanes, const P& duration, P& next_cap);
@@ -391,7 +398,8 @@ class Integrator {
   [[gnu::noinline]] Mask starts_at(auto m, const State& y) const;
   [[gnu::noinline]] Mask goes_back(auto m, const Mask& lanes, const State& y) const;
   [[gnu::noinline]] Mask is_met(auto m) const;
-  [[gnu::noinline]] void keep_resting(Surfaces& middle_value);
+  bool any_rest() const { return (f_.jumps_end > 0 || f_.dependence.any_steep()) && any_rest_; }
+  void keep_resting(Surfaces& middle_value);
   Mask rests_along(auto m) const;
   [[gnu::noinline]] void depart(auto m, const Mask& lanes, const State& y);
   [[gnu::noinline]] void end_rests(const Mask& taken);

@@ -46,13 +46,9 @@ void Integrator<Equation, Method>::note_rests(const Mask& lanes, const State& y)
   any_rest_ = false;
   Mask moved = Lanes::none();
   for_each_index(Count<0>{}, f_.kinks_end, [&](auto m) {
+    if (m >= f_.jumps_end ? !f_.dependence.steep(m) : !crosses(m)) return;
     Mask here = lanes & running_;
-    if (m < f_.jumps_end) {
-      here = here & !slides(side_[m]);
-      if (!crosses(m)) here = Lanes::none();
-    } else if (!f_.dependence.steep(m)) {
-      here = Lanes::none();
-    }
+    if (m < f_.jumps_end) here = here & !slides(side_[m]);
     const Mask was = resting_[m];
     here = here & (abs(rate_[m]) * span_ <= P(1e-6)) & (was | landed_[m] | (abs(value_[m]) <= P(1e-6)));
     if (any(here)) {

@@ -94,8 +94,7 @@ class Tangents {
       if (f_.dependence.leader(j) != j) return;
       for (int k = j; k < f_.parameters; k = f_.dependence.next_alike(k)) advance_column(j, k);
     });
-    if (slide_) keep_on(slid_surface(f_, x, side), sliding_[stages - 1].pivot.within(step > P(0.0)));
-    if (any(several_)) several_stages_[stages - 1].keep_on(f_, several_ & (step > P(0.0)), x, s);
+    if (slide_) keep_on_slides(step, side);
   }
 
   // At jumps: passing.hpp.
@@ -145,7 +144,7 @@ class Tangents {
 
  private:
   // What slides: x on its surface, and S with h_x S = -h_theta.
-  [[gnu::noinline]] void keep_on(const JumpGradient<M, P>& h, const Pivot<M, P>& pivot) {
+  void keep_on(const JumpGradient<M, P>& h, const Pivot<M, P>& pivot) {
     pivot.settle(f_, h, x);
     for_each_index(f_.parameters, [&](auto j) {
       P* const column = &s[f_.dependence.column_start[j]];
@@ -193,10 +192,18 @@ class Tangents {
   // What slides on these sides.
   void see_slides(const Side& side) {
     slide_ = f_.jumps_end > 0 && any(any_slides<P>(f_, side));
-    several_ = slide_ && f_.jumps_end > 1 ? several_slides<P>(f_, side) : lanes_of<P>::none();
+    if (slide_ && f_.jumps_end > 1) several_ = several_slides<P>(f_, side);
     if (slide_ && sliding_.empty()) prepare_slides();
-    if (any(several_) && several_stages_.empty()) several_stages_.resize(stages);
+    if (any_several() && several_stages_.empty()) several_stages_.resize(stages);
   }
+
+  [[gnu::noinline]] void keep_on_slides(const P& step, const Side& side) {
+    const Mask moving = step > P(0.0);
+    keep_on(slid_surface(f_, x, side), sliding_[stages - 1].pivot.within(moving));
+    if (any_several()) several_stages_[stages - 1].keep_on(f_, several_ & moving, x, s);
+  }
+
+  bool any_several() const { return f_.jumps_end > 1 && slide_ && any(several_); }
 
   [[gnu::noinline]] void prepare_slides() {
     sliding_.resize(stages);
@@ -210,7 +217,7 @@ class Tangents {
       f_.linearise(at, side, rate, jacobian);
     } else {  // the same code whether a neighbour slides or not, and so the same bits
       f_.linearise(at, slide_ ? beside<P>(f_, side, 1.0) : side, rate, jacobian);
-      if (any(several_)) several_stages_[s].linearise(f_, at, side, step, several_, rate, jacobian);
+      if (any_several()) several_stages_[s].linearise(f_, at, side, step, several_, rate, jacobian);
       if (slide_) slide_linearised(f_, at, side, step, rate, jacobian, sliding_[s], several_);
     }
     for (P& entry : rate) entry *= step;
@@ -311,7 +318,7 @@ class Tangents {
 
   [[gnu::noinline]] void slide_column(auto rows, const State& column, int k, int s, State& rate) {
     const SlidingStage<M, P>& stage = sliding_[s];
-    const P of_several = any(several_) ? several_stages_[s].correct(f_, rows, column, k, rate) : P(0.0);
+    const P of_several = any_several() ? several_stages_[s].correct(f_, rows, column, k, rate) : P(0.0);
     P sum = stage.drift[k], cancelled(0.0);
     for_each_variable(rows, [&](auto i) { sum += stage.normal[i] * rate[i] + stage.turn[i] * column[i]; });
     const P share = -sum * stage.inverse;

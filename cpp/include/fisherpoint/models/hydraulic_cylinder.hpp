@@ -46,6 +46,7 @@ struct HydraulicCylinder {
   auto dynamics(const auto& theta) const {
     const auto& [a_tau, b_tau, m_q, E_oil, p_t, B_v, c_L, V_0A, V_0B] = theta;
     const auto per_mass = 1.0 / m_q;
+    const double spool_rate = 1.0 / T_1;
     return [=, *this](const auto& x, const auto& inputs, const auto& side) {
       const auto& [q, v, p_A, p_B, x_v] = x;
       const auto& [u] = inputs;
@@ -65,7 +66,7 @@ struct HydraulicCylinder {
 
       return std::tuple{v,  // (19a)
                         per_mass * (A_A * p_A - A_B * p_B - tau_f), E_oil / V_A * (Q_A + Q_LA - v * A_A),
-                        E_oil / V_B * (Q_B + Q_LB + v * A_B), (k_u * u - x_v) * (1.0 / T_1)};
+                        E_oil / V_B * (Q_B + Q_LB + v * A_B), (k_u * u - x_v) * spool_rate};
     };
   }
 
