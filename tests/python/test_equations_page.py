@@ -109,13 +109,25 @@ ENDS = {
     "1/x": ("-a - b/x", 0.5, "left_domain"),
 }
 
+#: A triangle and a saw between -a and a at the speed b, and a mass that bounces, by their first event and what follows.
+MEMORY: dict[str, Callable[[], tuple[fp.SymbolicModel, Callable[[float, float], float]]]] = {
+    "latch(x < -a, x > a)": lambda: (
+        model("b*(2*latch(x < -a, x > a) - 1)"),
+        lambda a, b: 2 * a - abs((b * 3.7 - 0.2 - a) % (4 * a) - 2 * a) - a,
+    ),
+    'resets={"x < -a": {"x": "a"}}': lambda: (
+        model("-b", resets={"x < -a": {"x": "a"}}),
+        lambda a, b: a - (b * 3.7 - 0.2 - a) % (2 * a),
+    ),
+}
+
 #: Rows that are refused, with what the message proposes.
 REFUSED = {"floor(x)": "where", "x % a": "where", "x == a": r"abs\(a - b\) < width"}
 
 
-def model(f: str, g: str = "x") -> fp.SymbolicModel:
+def model(f: str, g: str = "x", resets: dict[str, dict[str, str]] | None = None) -> fp.SymbolicModel:
     given = dict.fromkeys(THETA, "1")
-    return fp.SymbolicModel([f], [g], {"x": "1"}, {}, given, {"y": "1"}, constants=CONSTANTS, check_units=False)
+    return fp.SymbolicModel([f], [g], {"x": "1"}, {}, given, {"y": "1"}, constants=CONSTANTS, resets=resets, check_units=False)
 
 
 def alone(x0: float, duration: float) -> fp.Experiments:
@@ -138,6 +150,30 @@ def test_a_row_is_right(name: str) -> None:
     np.testing.assert_allclose(done.dy_dtheta[0, 0], slopes, rtol=1e-5, atol=1e-6)
 
 
+@pytest.mark.parametrize("name", MEMORY)
+def test_a_row_of_memory_is_right(name: str) -> None:
+    remembers, right = MEMORY[name]()
+    done = fp.sensitivities(remembers, alone(0.2, 3.7), THETA, rtol=1e-10)
+    a, b = THETA.values()
+    h = 1e-5
+    slopes = [(right(a + h, b) - right(a - h, b)) / (2 * h), (right(a, b + h) - right(a, b - h)) / (2 * h)]
+    assert str(done.statuses[0]) == "ok"
+    assert done.y[0, 0] == pytest.approx(right(a, b), abs=1e-8)
+    np.testing.assert_allclose(done.dy_dtheta[0, 0], slopes, rtol=1e-5, atol=1e-6)
+
+
+def test_a_stop_with_restitution_is_right_until_impacts_pile_up() -> None:
+    ball = fp.SymbolicModel(
+        ["v", "-g"], ["x"], {"x": "m", "v": "m/s"}, {}, {"g": "m/s2", "e": "1"}, resets={"x < 0": {"v": "-e*v"}}
+    )
+    points = fp.Experiments([[1.0, 0.0]] * 2, np.empty((2, 0)), [1.0, 10.0])
+    done = fp.simulate(ball, points, {"g": 8.0, "e": 0.5})
+    falls, speed = 0.5, 4.0  # of x = 1 - 4 t^2
+    rest = 1.0 - falls
+    assert done.x[0, 0] == pytest.approx(0.5 * speed * rest - 4.0 * rest**2, abs=1e-8)
+    assert [str(status) for status in done.statuses] == ["ok", "chatters"]
+
+
 @pytest.mark.parametrize("name", ENDS)
 def test_a_row_ends_with_its_status(name: str) -> None:
     f, x0, status = ENDS[name]
@@ -153,6 +189,7 @@ def test_a_row_is_refused(name: str) -> None:
 def test_every_row_of_the_page_is_tested() -> None:
     rows = [cell for line in PAGE.read_text().splitlines() if line.startswith("| `") for cell in [line.split("|")[1]]]
     written = [name for cell in rows for name in re.findall("`([^`]+)`", cell)]
-    tested = [*CASES, *ENDS, *REFUSED]
+    tested = [*CASES, *MEMORY, *ENDS, *REFUSED]
     others = {"min(x, a)", "max(x, a)", "heaviside(x - a)"}  # beside another of the same kind
+    others |= {'resets={"x < 0": {"v": "-e*v"}}'}  # it has two states
     assert set(written) - others == set(tested)
