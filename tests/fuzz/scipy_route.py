@@ -372,7 +372,9 @@ class _Walk:
         for a, b in beside:
             if a is not None and b is not None:
                 size = np.maximum(size, np.abs(a) + np.abs(b))
-        return bool(np.any(np.abs(here - there) > SAME * size + ROUNDING * self.fastest()))
+        if not np.any(np.abs(here - there) > SAME * size + ROUNDING * self.fastest()):
+            return False
+        return not self.meets(dense, before, at, now, after)  # a root makes much of how little the surface is missed by
 
     def on_both(self, first: Floats, second: Floats, after: list[int]) -> tuple[Floats | None, Floats | None]:
         """f at two states, the first on the sides that hold now, the second on those `after` a surface."""

@@ -160,3 +160,19 @@ def test_a_limit_that_is_met_with_a_kink_is_left_open(base: str, ends: str) -> N
         given=(([[1.175, -0.083, 0.0]], [[0.9616]], [1.0]), [[1.0]]),
     )
     assert Bench(case, Figures()).course(0).end is End[ends]
+
+
+@pytest.mark.parametrize(
+    ("flow", "jumps"), [("sqrt(max(max(x1 - 1, 0) - 1.2, 0))", False), ("heaviside(max(x1 - 1, 0) - 1.2)", True)]
+)
+def test_a_root_is_no_jump_where_its_surface_is_missed_by_rounding(flow: str, jumps: bool) -> None:
+    """Rounding of the time alone leaves a root a millionth of its size, where it was zero all the time before."""
+    case = At(
+        ("1000*(p1/0.001)", "1000*(-(p1/0.001)*x2)", f"0.001*({flow})", "1e9*((p1/0.001) - (x4/1e6))"),
+        ("x1",),
+        (1.0, 1.0, 1e-6, 1e6),
+        (1e-6,),
+        (1e-3,),
+        given=(([[1.072, 1.906, 3.739e-07, 1902000.0]], [[3.013e-07]], [0.00193]), [[1e-3]]),
+    )
+    assert (Bench(case, Figures()).course(0).end is End.jump) == jumps
