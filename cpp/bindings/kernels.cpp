@@ -155,7 +155,8 @@ void bind_model(py::module_& m) {
   m.def(
       "run_sensitivities",
       [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& theta, double rtol, bool cross_kinks,
-         bool cross_jumps, const std::string& method, int threads, const Flags& measured, const Input& s, bool outputs_alone) {
+         bool cross_jumps, const std::string& method, int threads, const Flags& measured, const Input& s, bool outputs_alone,
+         bool doubts) {
         const auto [n_x, n_y, p] = sizes_of(model);
         const Runs runs = checked_runs(model, x0, u, dt);
         const auto count = static_cast<py::ssize_t>(runs.count), segments = static_cast<py::ssize_t>(runs.segments);
@@ -167,7 +168,8 @@ void bind_model(py::module_& m) {
         auto dx = empty({outputs_alone ? 0 : count, segments, n_x, p});
         py::array_t<std::int32_t> status(count);
         py::array_t<std::int64_t> reached(count);
-        const RunStart start{s.size() > 0 ? s.data() : nullptr, reinterpret_cast<const unsigned char*>(measured.data())};
+        const RunStart start{s.size() > 0 ? s.data() : nullptr, reinterpret_cast<const unsigned char*>(measured.data()),
+                             doubts};
         const SensitiveRuns out{x.mutable_data(),
                                 y.mutable_data(),
                                 outputs_alone ? nullptr : dx.mutable_data(),
@@ -180,9 +182,10 @@ void bind_model(py::module_& m) {
         return py::make_tuple(x, y, dx, dy, status, reached);
       },
       "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "cross_jumps"_a, "method"_a, "threads"_a,
-      "measured"_a, "s"_a, "outputs_alone"_a = false,
+      "measured"_a, "s"_a, "outputs_alone"_a = false, "doubts"_a = false,
       "x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, "
-      "empty for zero; at an end that is not `measured` no derivative need exist.");
+      "empty for zero; at an end that is not `measured` no derivative need exist. With `doubts`, entries of dx_dtheta are NaN "
+      "that hang on whether a jump is met before an end or behind it.");
 
   m.def(
       "predictive_covariance",

@@ -79,3 +79,21 @@ def test_a_fit_may_start_there(kind: str) -> None:
     fit = fp.estimate(model().fix(s2=2.0), data, start=start, noise_std={"y": 0.01})
     for name in FOUND:
         assert fit.estimate[name] == pytest.approx(truth[name], rel=1e-4), name
+
+
+@pytest.mark.parametrize("before", [3, 10, 30])
+@pytest.mark.parametrize("dt", [0.1, 0.25, 0.5])
+@pytest.mark.parametrize("r", [1.0, 2.0, 3.0])
+def test_a_sample_of_a_record_at_a_jump_that_it_feels_adds_no_information(before: int, dt: float, r: float) -> None:
+    """The counter starts in the instant of a sample, whichever side rounding puts that on: dy/dr jumps from 0 to x0/r^2 there."""
+    model = fp.SymbolicModel(
+        ["-r", "where(level <= 0, b, 0)"], ["n"], {"level": "1", "n": "1"}, {}, {"r": "1/s", "b": "1/s"}, {"y": "1"}
+    )
+    start, t = r * before * dt, dt * np.arange(2 * before + 1)
+    y = np.maximum(t - before * dt, 0.0)
+    record = fp.Record(t, np.empty((len(t), 0)), y[:, None], x0={"level": start, "n": 0.0})
+    fit = fp.estimate(model, record, start={"r": r, "b": 1.0}, noise_std={"y": 0.01})
+    behind = np.arange(len(t)) > before
+    slopes = np.column_stack([behind * start / r**2, y]) / 0.01
+    expected = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
+    np.testing.assert_allclose([fit.standard_errors[name] for name in ("r", "b")], expected, rtol=1e-5)

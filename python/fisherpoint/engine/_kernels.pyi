@@ -123,6 +123,7 @@ def run_sensitivities(
     measured: typing.Annotated[numpy.typing.ArrayLike, numpy.bool],
     s: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     outputs_alone: bool = False,
+    doubts: bool = False,
 ) -> tuple[
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.float64],
@@ -132,7 +133,7 @@ def run_sensitivities(
     numpy.typing.NDArray[numpy.int64],
 ]:
     """
-    x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, empty for zero; at an end that is not `measured` no derivative need exist.
+    x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, empty for zero; at an end that is not `measured` no derivative need exist. With `doubts`, entries of dx_dtheta are NaN that hang on whether a jump is met before an end or behind it.
     """
 
 @typing.overload
@@ -150,6 +151,7 @@ def run_sensitivities(
     measured: typing.Annotated[numpy.typing.ArrayLike, numpy.bool],
     s: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     outputs_alone: bool = False,
+    doubts: bool = False,
 ) -> tuple[
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.float64],
@@ -159,7 +161,7 @@ def run_sensitivities(
     numpy.typing.NDArray[numpy.int64],
 ]:
     """
-    x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, empty for zero; at an end that is not `measured` no derivative need exist.
+    x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, empty for zero; at an end that is not `measured` no derivative need exist. With `doubts`, entries of dx_dtheta are NaN that hang on whether a jump is met before an end or behind it.
     """
 
 @typing.overload
@@ -177,6 +179,7 @@ def run_sensitivities(
     measured: typing.Annotated[numpy.typing.ArrayLike, numpy.bool],
     s: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     outputs_alone: bool = False,
+    doubts: bool = False,
 ) -> tuple[
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.float64],
@@ -186,7 +189,7 @@ def run_sensitivities(
     numpy.typing.NDArray[numpy.int64],
 ]:
     """
-    x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, empty for zero; at an end that is not `measured` no derivative need exist.
+    x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, empty for zero; at an end that is not `measured` no derivative need exist. With `doubts`, entries of dx_dtheta are NaN that hang on whether a jump is met before an end or behind it.
     """
 
 @typing.overload

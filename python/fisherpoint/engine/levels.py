@@ -43,7 +43,8 @@ class Kernels(Protocol):
         self, model: Any, x0: Any, u: Any, dt: Any, theta: Any, *settings: Any, **options: Any
     ) -> tuple[Any, ...]:
         """x (K, N + 1, n_x), y, dx_dtheta and dy_dtheta (K, N, ...), status, reached; with the options `measured`,
-        the flags of the ends, `s`, dx_dtheta at the starts or empty, and `outputs_alone`."""
+        the flags of the ends, `s`, dx_dtheta at the starts or empty, `outputs_alone`, and `doubts`, by which entries of
+        dx_dtheta are NaN that hang on whether a jump is met before an end or behind it."""
 
     def predictive_covariance(
         self, model: Any, x0: Any, u: Any, dt: Any, theta: Any, nodes: _core.PriorNodes, *settings: Any, **options: Any

@@ -146,16 +146,20 @@ class RecordResponse:
             u, dt = (np.repeat(of[None], n, axis=0) for of in (self.record.u[:-1], np.diff(self.record.t)))
             measured = np.zeros(dt.shape, dtype=bool)
             _, _, dx, _, status[rows], _ = model.kernels.run_sensitivities(
-                model.core, x[rows, 0], u, dt, values, *self._settings, measured=measured, s=np.empty(0)
+                model.core, x[rows, 0], u, dt, values, *self._settings, measured=measured, s=np.empty(0), doubts=True
             )
             s = np.concatenate([np.zeros((n, 1, n_x, dx.shape[3])), dx], axis=1)[..., columns]
             s[..., self._free, len(self.columns) + np.arange(len(self.starts))] += 1.0
             points = x[rows].reshape(-1, n_x), np.tile(self.record.u, (n, 1)), np.repeat(values, samples, axis=0)
             offsets = np.column_stack([points[2][:, :p], np.zeros((len(points[2]), n_x))])
             g = self._shifted.core.output_jacobian(*points[:2], offsets).reshape(n, samples, -1, p + n_x)
+            doubtful = np.isnan(s)
             with np.errstate(all="ignore"):  # what overflows is given a status
-                dy[rows] = g[..., p:] @ s
+                dy[rows] = g[..., p:] @ np.where(doubtful, 0.0, s)
                 dy[rows, ..., : len(self.columns)] += g[..., self.columns]
+            # A sample whose outputs feel a jump that is met in its instant has no derivative, and adds no information.
+            felt = ((g[..., p:] != 0).astype(float) @ doubtful).any(axis=(-2, -1))
+            dy[rows][felt] = 0.0
         return dy, status
 
     @cached_property

@@ -7,7 +7,9 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdint>
+#include <limits>
 #include <numeric>
+#include <span>
 #include <vector>
 
 #include "fisherpoint/kernels/runs.hpp"
@@ -26,6 +28,7 @@ struct SensitiveRuns {
 struct RunStart {
   const double* s;                // (count, n_x, p), dx/dtheta; none for zero
   const unsigned char* measured;  // (count, segments), at which ends a derivative must exist
+  bool doubts = false;  // entries of dx_dtheta that hang on whether a jump comes before a segment's end or behind it are NaN
 };
 
 // Some of the runs, which one thread takes along at a time. Sensitivities are those of runs[first], runs[first + 1], ...
@@ -75,6 +78,8 @@ class RunTeam {
         if (status_[i] != Status::ok) continue;
         ++out.reached[k];
         if (out.dx_dtheta) std::copy_n(s_after_.data() + i * n_x * p, n_x * p, out.dx_dtheta + at * n_x * p);
+        if (out.dx_dtheta && start.doubts && goes_on_from_ends(shape))
+          mark_doubts(end_of_[k - first_], std::span(out.dx_dtheta + at * n_x * p, n_x * p));
         std::copy_n(dy_.data() + i * n_y * p, n_y * p, out.dy_dtheta + at * n_y * p);
         std::copy_n(s_after_.data() + i * n_x * p, n_x * p, s_.data() + (k - first_) * n_x * p);
         step_of_[k - first_] = step_[i];
@@ -103,6 +108,12 @@ class RunTeam {
     step_of_.assign(active_.size(), 0.0);
     end_of_.assign(active_.size(), SegmentEnd{});
     stiff_of_.assign(active_.size(), 0);
+  }
+
+  static void mark_doubts(const SegmentEnd& end, std::span<double> s) {
+    if (!end.doubtful) return;
+    for (std::size_t e = 0; e < s.size(); ++e)
+      if (end.between || s[e] != end.other_s[e]) s[e] = std::numeric_limits<double>::quiet_NaN();
   }
 
   void resize(std::size_t count, std::size_t n_x, std::size_t n_y, std::size_t n_u, std::size_t p) {

@@ -157,8 +157,12 @@ def run_sensitivities(
     measured: NDArray[np.bool_],
     s: Array,
     outputs_alone: bool = False,
+    doubts: bool = False,
 ) -> tuple[Array, Array, Array, Array, IntArray, NDArray[np.int64]]:
-    """x (K, N + 1, n_x), y, dx_dtheta and dy_dtheta (K, N, ...) at the segments' ends, status, segments that were completed."""
+    """x (K, N + 1, n_x), y, dx_dtheta and dy_dtheta (K, N, ...) at the segments' ends, status, segments that were completed.
+
+    Nothing is crossed, so that there are no `doubts` of it.
+    """
     count, segments, n_x, p = len(x0), dt.shape[-1], model.n_x, theta.shape[-1]
     rows = _rows(theta, count)
     u, dt = np.broadcast_to(u, (count, *u.shape[-2:])), np.broadcast_to(dt, (count, segments))
