@@ -97,3 +97,29 @@ def test_a_sample_of_a_record_at_a_jump_that_it_feels_adds_no_information(before
     slopes = np.column_stack([behind * start / r**2, y]) / 0.01
     expected = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
     np.testing.assert_allclose([fit.standard_errors[name] for name in ("r", "b")], expected, rtol=1e-5)
+
+
+def test_a_point_in_the_instant_of_a_jump_counts_no_information() -> None:
+    """A design of points is evaluated, and validated, as without it; a warning names it."""
+    infusion = fp.SymbolicModel(
+        ["where(t < t_end, r, 0) - k*c"], ["c"], {"c": "1"}, {}, {"r": "1/s", "k": "1/s", "t_end": "s"}, {"y": "1"}
+    )
+    prior = fp.GaussianPrior({"r": 1.2, "k": 0.3, "t_end": 2.0}, relative_std={"r": 0.1, "k": 0.1, "t_end": 0.05})
+    region = fp.ExperimentRegion({"c": (0.0, 1.0), "dt": (0.1, 6.0)})
+    problem = fp.DesignProblem(infusion, prior, region, noise_std={"y": 0.01})
+    points = fp.Experiments(np.zeros((8, 1)), np.empty((8, 0)), [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0])
+    with pytest.warns(UserWarning, match=r"points\[3\] in the instant"):
+        whole = fp.evaluate_under_noise(problem, points)
+    others = fp.evaluate_under_noise(problem, points[[0, 1, 2, 4, 5, 6, 7]])
+    assert whole.log_det == pytest.approx(others.log_det + 3 * np.log(7 / 8), rel=1e-12)  # F is the mean over the points
+    with pytest.warns(UserWarning, match="in the instant"):
+        validated = fp.validate(problem, {"design": points}, runs=20)
+    assert validated.designs["design"].failed == 0
+
+
+def test_a_point_that_starts_on_a_jump_that_nothing_decides_is_refused() -> None:
+    runaway = fp.SymbolicModel(["a*sign(x)"], ["x"], {"x": "1"}, {}, {"a": "1/s"}, {"y": "1"})
+    prior = fp.GaussianPrior({"a": 1.0}, relative_std={"a": 0.1})
+    problem = fp.DesignProblem(runaway, prior, fp.ExperimentRegion({"x": (-1.0, 1.0), "dt": (0.1, 1.0)}), noise_std={"y": 0.01})
+    with pytest.raises(ValueError, match=r"points\[1\] \(on_jump"):
+        fp.evaluate_under_noise(problem, fp.Experiments([[0.5], [0.0]], np.empty((2, 0)), [1.0, 1.0]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -196,6 +197,8 @@ def _second_moments(rule: Rule, prior: GaussianPrior, names: tuple[str, ...], va
 def point_information(problem: DesignProblem, points: Experiments, grid: bool, threads: int | None) -> PointInformation:
     """Information of given points; every one must be an experiment point.
 
+    A sample in the instant of a jump that the outputs feel has no derivative: it counts no information, and a warning names it.
+
     Raises
     ------
     ValueError
@@ -203,6 +206,8 @@ def point_information(problem: DesignProblem, points: Experiments, grid: bool, t
     """
     checked_arguments(problem.model, points, problem.theta, problem.rtol, threads, problem.kinks, problem.jumps, None)
     information, status = point_sensitivities(problem, points, threads)
+    if (status == Status.on_jump).any():
+        status = _without_derivatives(problem, points, status, threads)
     if grid and not status.any():
         information, status = with_covariance(problem, information, threads)
     bad = np.flatnonzero(status)
@@ -214,3 +219,18 @@ def point_information(problem: DesignProblem, points: Experiments, grid: bool, t
             f"points: expected trajectories that are ok, given {listed}{' ...' if len(bad) > 5 else ''}. {first.advice}"
         )
     return information
+
+
+def _without_derivatives(problem: DesignProblem, points: Experiments, status: IntArray, threads: int | None) -> IntArray:
+    """The statuses, where points that end on a jump need no derivative: they are ok if they have a trajectory."""
+    model, rows = problem.limited, np.flatnonzero(status == Status.on_jump)
+    given = points[rows]
+    theta = np.tile(problem.theta, (len(rows), 1))
+    _, _, ended, _ = model.kernels.simulate(model.core, given.x0, given.u, given.dt, theta, *_settings(problem, threads))
+    some = rows[ended == Status.ok]
+    if len(some):
+        listed = ", ".join(f"points[{k}]" for k in some[:5]) + (" ..." if len(some) > 5 else "")
+        warnings.warn(f"points: expected samples beside jumps, given {listed} in the instant of one: no information", stacklevel=4)
+    status = status.copy()
+    status[rows] = ended
+    return status
