@@ -3,8 +3,6 @@
 // The trajectory is taken onto the jump that is met, through the resets, and back in time. Returns where the jump is grazed.
 #pragma once
 
-#include "fisherpoint/integration/tangents.hpp"
-
 namespace fisherpoint {
 
 template <class M, class P, class Method>
