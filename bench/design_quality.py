@@ -31,7 +31,7 @@ from fisherpoint.estimation.starts import spread_starts
 from fisherpoint.estimation.unknowns import checked_bounds, prior_factor, unknowns_of
 from fisherpoint.estimation.weighting import WeightedResiduals, noise_covariance
 from fisherpoint.information.draws import drawn_from_prior
-from fisherpoint.points.settings import resolve_threads
+from fisherpoint.points.settings import Integration, resolve_threads
 from fisherpoint.validation.fits import Estimator
 from fisherpoint.validation.searches import Searched
 from fisherpoint.validation.truths import TRUTH_RTOL, Rig, Streams
@@ -121,7 +121,7 @@ def measured(candidate: Candidate, case: Case, noise: float, theta: Array) -> tu
     one = candidate.data
     x0 = np.tile([one.x0[state.name] for state in MODEL.states], (len(theta), 1))
     true = fp.HydraulicCylinder(**constants, smooth=SMOOTH)
-    _, y, status, _ = record_trajectories(true, theta, x0, one.t, one.u, (TRUTH_RTOL, True, True, "fastest", resolve_threads(None)))
+    _, y, status, _ = record_trajectories(true, theta, x0, one.t, one.u, Integration(TRUTH_RTOL, threads=resolve_threads(None)))
     return y + np.array(list((asked.noise_std or {}).values())) * streams.noise.standard_normal(y.shape) + 0 * one.y, status
 
 

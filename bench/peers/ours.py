@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 
 import fisherpoint as fp
+from fisherpoint.points.settings import Integration
 from fisherpoint.points.trajectories import checked_sensitivities
 
 from ..covariances import covariances, grid_outputs
@@ -32,7 +33,7 @@ class Fisherpoint(Peer):
 
     def sensitivities(self, pairs: Pairs, rtol: float) -> Solution:
         theta = np.ascontiguousarray(pairs.theta)
-        result = checked_sensitivities(MODEL, pairs.points, theta, (rtol, True, False, "fastest", 1), outputs_alone=True)
+        result = checked_sensitivities(MODEL, pairs.points, theta, Integration(rtol, cross_jumps=False), outputs_alone=True)
         return Solution(result.y, result.dy_dtheta)
 
     def states_task(self, pairs: Pairs, rtol: float) -> tuple[int, Callable[[], object]]:

@@ -21,9 +21,10 @@ from fisherpoint.design.runs.run_pictures import limits_of
 from fisherpoint.design.runs.run_profiles import PROFILES, draw_runs
 from fisherpoint.design.runs.run_slopes import linear_rows
 from fisherpoint.points.run_region import RunCoordinates
+from fisherpoint.points.settings import Integration
 from fit_cases import EXAMPLES
 
-FINE: Any = (1e-9, True, True, "fastest", 1)
+FINE = Integration(1e-9)
 
 
 def problem_of(

@@ -15,8 +15,9 @@ from fisherpoint.design.configuration import load_config
 from fisherpoint.design.optimality.aims import aim_of
 from fisherpoint.design.runs.run_objective import RunObjective
 from fisherpoint.design.runs.run_slopes import linear_rows
+from fisherpoint.points.settings import Integration
 
-FINE: Any = (1e-9, True, True, "fastest", 1)
+FINE = Integration(1e-9)
 QUICK: dict[str, Any] = {"n_starts": 2, "n_candidates": 60}
 OTHERS = ("A", "E", "ME", "c", "Ds", "I")
 

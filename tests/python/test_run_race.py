@@ -16,7 +16,6 @@ from fisherpoint.design.runs.run_moves import moved_runs
 from fisherpoint.design.runs.run_objective import RunObjective
 from fisherpoint.design.runs.run_profiles import draw_runs
 from fisherpoint.design.runs.run_race import KEPT, RUNG, race
-from fisherpoint.information.run_information import run_settings
 from fisherpoint.points.run_region import RunCoordinates
 
 
@@ -71,7 +70,7 @@ def objective_of(problem: fp.DesignProblem) -> RunObjective:
     p = problem.n_unknowns
     theta, there = problem.theta[None], np.zeros((1, p, p))
     coordinates = region.coordinates(problem.model)
-    return RunObjective(problem, coordinates, theta, Average.of_all(1), there, [], run_settings(problem, 2))
+    return RunObjective(problem, coordinates, theta, Average.of_all(1), there, [], problem.integration(2))
 
 
 @pytest.mark.parametrize("make", [lambda: cart(2.0, segments=8), lambda: rests(6)])

@@ -13,7 +13,7 @@ from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
 from ..models import Model
 from ..points.natural_sizes import warn_of_small_states
-from ..points.settings import Settings, check_rtol
+from ..points.settings import Integration, check_rtol
 from ..points.status import Status
 from ..show.first_rows import first_rows, numbered
 from ..show.numbers import counted
@@ -86,15 +86,13 @@ def simulate_record(
     if inputs.shape[1] != len(model.inputs):
         raise ValueError(f"u: expected shape ({len(times)}, {len(model.inputs)}), given {inputs.shape}")
     start = in_order(x0, names, "x0") if isinstance(x0, Mapping) else as_floats_of_shape(x0, (len(names),), "x0")
-    x, y, status, reached = record_trajectories(
-        model, theta[None], start[None], times - times[0], inputs, (rtol, True, True, "fastest", 1)
-    )
+    x, y, status, reached = record_trajectories(model, theta[None], start[None], times - times[0], inputs, Integration(rtol))
     warn_of_small_states(model, "the trajectory keeps", x[0, : reached[0] + 1])
     return RecordTrajectory(x[0], y[0], Status(int(status[0])), int(reached[0]))
 
 
 def record_trajectories(
-    model: Model, theta: Array, x0: Array, t: Array, u: Array, settings: Settings
+    model: Model, theta: Array, x0: Array, t: Array, u: Array, settings: Integration
 ) -> tuple[Array, Array, IntArray, IntArray]:
     """x (B, N, n_x), y (B, N, n_y), status (B,) and last sample reached (B,) for B starts and parameter sets, at times t of f."""
     count, samples = len(theta), len(t)

@@ -14,7 +14,7 @@ from ..information.assumed import assumed_covariance, assumed_of
 from ..models import Model
 from ..points.experiments import Experiments
 from ..points.runs import Runs
-from ..points.settings import Settings
+from ..points.settings import Integration
 from ..points.status import Status
 from ..prior.rules import Linearized, Rule
 from .run_error import RunError, run_errors
@@ -92,5 +92,5 @@ class KnownNoise:
         if self.rule is not None and not isinstance(self.rule, Linearized):
             raise ValueError(f"assumed_rule: expected tangents, None, for runs, given {self.rule}")
         assumed = assumed_of(self.model, None, self.varies, self.initial_state_std)
-        settings: Settings = self.rtol, True, True, "fastest", self.threads
+        settings = Integration(self.rtol, threads=self.threads)
         return run_errors(assumed, data, theta, settings, np.sqrt(np.diag(self.sensors)), first)

@@ -14,7 +14,7 @@ from ..models import Model
 from ..points.experiments import Experiments
 from ..points.runs import Runs
 from ..points.sense import sensible
-from ..points.settings import Settings, checked_arguments
+from ..points.settings import Integration, checked_arguments
 from ..points.status import Status
 from .record_response import RecordResponse
 from .response import Response, measurements_response, runs_response
@@ -139,7 +139,7 @@ class Observed:
 _Respond = Callable[[Array, Array], Response]
 
 
-def _points_response(model: Model, points: Experiments, columns: list[int], settings: Settings) -> _Respond:
+def _points_response(model: Model, points: Experiments, columns: list[int], settings: Integration) -> _Respond:
     """The response of points, of which replicates are simulated once."""
     first, replicate = points.distinct()
     distinct = points[first]
@@ -151,7 +151,7 @@ def _points_response(model: Model, points: Experiments, columns: list[int], sett
     return respond
 
 
-def _runs_response(model: Model, runs: Runs, columns: list[int], settings: Settings) -> _Respond:
+def _runs_response(model: Model, runs: Runs, columns: list[int], settings: Integration) -> _Respond:
     """The response of runs, of which replicates are simulated once."""
     first, replicate = runs.distinct()
     distinct = runs[first]

@@ -14,7 +14,7 @@ from ..data.record import Record
 from ..data.record_trajectory import first_failure, record_trajectories
 from ..models import Model
 from ..points.sense import sensible
-from ..points.settings import Settings, check_rtol, resolve_threads
+from ..points.settings import Integration, check_rtol, resolve_threads
 from ..points.status import Status
 from .response import Response
 
@@ -74,7 +74,7 @@ class RecordResponse:
             raise ValueError(f"columns: expected different indices below {p}, given {self.columns.tolist()}")
         self._free = np.array([i for i, name in enumerate(names_of(model.states)) if name not in record.x0], dtype=np.intp)
         self.starts = tuple(names_of(model.states)[i] for i in self._free)
-        self._settings: Settings = (rtol, True, True, "fastest", resolve_threads(threads))
+        self._settings = Integration(rtol, threads=resolve_threads(threads))
 
     def __call__(self, theta: Array, x0: Array) -> Response:
         """Respond to B sets of unknowns.

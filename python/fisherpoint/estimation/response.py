@@ -12,7 +12,7 @@ from ..models import Model
 from ..points.experiments import Experiments
 from ..points.run_trajectories import checked_run_sensitivities
 from ..points.runs import Runs
-from ..points.settings import Settings
+from ..points.settings import Integration
 from ..points.status import Status
 
 MOST_POINTS = 200_000
@@ -30,7 +30,7 @@ class Response(NamedTuple):
     status: IntArray
 
 
-def measurements_response(model: Model, points: Experiments, theta: Array, columns: list[int], settings: Settings) -> Response:
+def measurements_response(model: Model, points: Experiments, theta: Array, columns: list[int], settings: Integration) -> Response:
     """The response of K points to parameters theta (B, p), by those in `columns`; settings are known to be good.
 
     A sample just at a jump has no derivative: it is zero there.
@@ -59,7 +59,7 @@ def measurements_response(model: Model, points: Experiments, theta: Array, colum
     return Response(y, dy, first_failure(status))
 
 
-def runs_response(model: Model, runs: Runs, theta: Array, columns: list[int], settings: Settings) -> Response:
+def runs_response(model: Model, runs: Runs, theta: Array, columns: list[int], settings: Integration) -> Response:
     """The same of the S samples of K runs, run after run."""
     count, (n_runs, segments), n_y = len(theta), runs.dt.shape, len(model.outputs)
     n_samples, each = int(runs.measured.sum()), max(1, MOST_POINTS // (n_runs * segments))

@@ -14,7 +14,7 @@ from ..information.assumed import Assumed
 from ..information.common_error import CommonError
 from ..information.run_tangents import moves_of_runs
 from ..points.runs import Runs
-from ..points.settings import Settings
+from ..points.settings import Integration
 from ..points.status import Status
 
 
@@ -53,7 +53,7 @@ class RunError:
 
 
 def run_errors(
-    assumed: Assumed, data: Measurements, theta: Array, settings: Settings, std: Array, first: int = 0
+    assumed: Assumed, data: Measurements, theta: Array, settings: Integration, std: Array, first: int = 0
 ) -> Iterator[RunError]:
     """The errors of measured runs, of which the first sample has this number; std (n_y,) is that of the noise.
 

@@ -22,7 +22,7 @@ from ..basics.values import Array, FrozenMapping, IntArray
 from ..models import Model
 from ..points.experiments import Experiments
 from ..points.predictive import PredictiveCovariance, covariance_over_nodes, nodes_of
-from ..points.settings import Settings, checked_arguments
+from ..points.settings import Integration, checked_arguments
 from ..points.status import Status, only_finite
 from ..points.trajectories import checked_sensitivities
 from ..prior.gaussian import GaussianPrior
@@ -97,7 +97,7 @@ class Assumed:
             product: Array = spread @ spread.transpose(0, 2, 1)
             return (product + product.transpose(0, 2, 1)) / 2
 
-    def predictive(self, points: Experiments, theta: Array, rule: Rule, settings: Settings) -> PredictiveCovariance:
+    def predictive(self, points: Experiments, theta: Array, rule: Rule, settings: Integration) -> PredictiveCovariance:
         """The predictive covariance (16) over what is drawn anew, at parameters (p,) of the model."""
         nodes = nodes_of(rule, self.prior(theta), names_of(self.model.parameters), self.names)
         return covariance_over_nodes(self.model, points, self.theta(theta), nodes, rule, settings)

@@ -20,7 +20,7 @@ from ..points.broken_limits import checked_broken_limits
 from ..points.experiments import Experiments
 from ..points.run_trajectories import checked_run_trajectories
 from ..points.runs import Runs
-from ..points.settings import Settings, check_jumps, check_kinks, checked_arguments, finer, resolve_threads
+from ..points.settings import Integration, checked_arguments
 from ..points.status import Status
 from ..show.numbers import counted, percent
 from ..show.section import Report, Section
@@ -217,9 +217,7 @@ def feasibility_within(
         raise ValueError("points: expected at least one point, given none")
     count = check_positive_int(draws, "draws", most=MOST_DRAWS)
     checked_arguments(problem.model, points, problem.theta, problem.rtol, threads, problem.kinks, problem.jumps, None)
-    settings: Settings = (
-        float(problem.rtol), check_kinks(problem.kinks), check_jumps(problem.jumps), "fastest", resolve_threads(threads)
-    )  # fmt: skip
+    settings = problem.integration(threads)
     seed = check_positive_int(seed, "seed", 0)
     plants, left_out = drawn_plants(problem, count, np.random.default_rng([seed, 0]))
     of_starts = np.random.default_rng([seed, 1])
@@ -245,7 +243,7 @@ def feasibility_within(
 class _Tally:
     """Counts reasons over plants that are added."""
 
-    def __init__(self, problem: DesignProblem, points: Experiments | Runs, settings: Settings) -> None:
+    def __init__(self, problem: DesignProblem, points: Experiments | Runs, settings: Integration) -> None:
         self._points, self._settings = points, settings
         assumed = problem.assumed
         self._model = problem.limited if assumed is None else assumed.model
@@ -264,7 +262,7 @@ class _Tally:
         status = self._statuses(many, theta, self._settings)
         near = np.flatnonzero(status == Status.grazes_jump)
         if len(near):
-            status[near] = self._statuses(many[near], theta[near], finer(self._settings))
+            status[near] = self._statuses(many[near], theta[near], self._settings.finer())
         bad = np.flatnonzero(status != Status.ok)
         self.unable += len(np.unique(bad // k))
         met = set()
@@ -274,7 +272,7 @@ class _Tally:
             met.add((row // k, reason))
         self.reasons.update(reason for _, reason in met)
 
-    def _statuses(self, points: Experiments | Runs, theta: Array, settings: Settings) -> IntArray:
+    def _statuses(self, points: Experiments | Runs, theta: Array, settings: Integration) -> IntArray:
         if isinstance(points, Runs):
             return checked_run_trajectories(self._model, points, theta, settings).status
         done = self._model.kernels.simulate(self._model.core, points.x0, points.u, points.dt, theta, *settings)

@@ -14,7 +14,7 @@ from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
 from ..points.experiments import Experiments
 from ..points.predictive import nodes_of
-from ..points.settings import Settings
+from ..points.settings import Integration
 from ..points.status import Status
 from ..prior.rules import Linearized
 from .longest import longest
@@ -50,13 +50,13 @@ class NodeSieve:
     Parameters
     ----------
     problem : DesignProblem
-    settings : Settings
+    settings : Integration
         Of the trajectories.
     plants : ndarray, (m, p), optional
         Parameters of `problem.assumed.model`, if there is one, with which all points have to be ok.
     """
 
-    def __init__(self, problem: DesignProblem, settings: Settings, plants: Array | None = None) -> None:
+    def __init__(self, problem: DesignProblem, settings: Integration, plants: Array | None = None) -> None:
         self._problem, self._settings, rule = problem, settings, problem.rule
         self.allowed = LOSS * rule.max_lost_weight
         """What the nodes that are lost may weigh."""
@@ -170,9 +170,9 @@ class NodeSieve:
     def _on_nodes(self, points: Experiments, nodes: NDArray[np.intp]) -> tuple[IntArray, Array]:
         """Roughly, of points on some nodes."""
         assert self._theta is not None
-        return self._at(points, self._theta[nodes], (max(self._settings[0], ROUGH), *self._settings[1:]))
+        return self._at(points, self._theta[nodes], self._settings._replace(rtol=max(self._settings.rtol, ROUGH)))
 
-    def _at(self, points: Experiments, parameters: Array, settings: Settings) -> tuple[IntArray, Array]:
+    def _at(self, points: Experiments, parameters: Array, settings: Integration) -> tuple[IntArray, Array]:
         """Statuses (K, n), and until when each could be followed; infinite where none of `FATAL` ended it."""
         model, count = self.model, len(parameters)
         rows = np.repeat(np.arange(len(points)), count)

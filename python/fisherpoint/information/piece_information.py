@@ -17,7 +17,7 @@ from ..points.status import failures_of
 from .assumed import starts_near
 from .point_information import PointInformation
 from .problem import DesignProblem
-from .run_information import MOST_SEGMENTS, checked_problem, run_rows, run_settings
+from .run_information import MOST_SEGMENTS, checked_problem, run_rows
 
 Places = NDArray[np.intp]
 
@@ -106,7 +106,7 @@ def _white_rows(
     rows, runs, y = rows[kept], runs[kept], y[kept]
     if not len(rows):
         return rows, np.empty((0, 1, problem.n_unknowns))
-    found = run_rows(problem, runs, problem.theta, run_settings(problem, threads), np.isfinite(y))
+    found = run_rows(problem, runs, problem.theta, problem.integration(threads), np.isfinite(y))
     lost.update(failures_of(found.status))
     ok = found.status == 0
     white = found.sensitivity[ok] / np.sqrt(np.diag(problem.noise_covariance))[:, None]
@@ -117,6 +117,6 @@ def picked_information(problem: DesignProblem, pieces: Pieces, rows: Places, thr
     """Information of windows that are ok, a sample after the other."""
     runs, y = told_runs(*pieces.cut(rows))
     told = np.isfinite(y)
-    samples, _ = run_rows(problem, runs, problem.theta, run_settings(problem, threads), told).samples(runs)
+    samples, _ = run_rows(problem, runs, problem.theta, problem.integration(threads), told).samples(runs)
     n_y = samples.shape[1]
     return PointInformation(runs, samples, np.zeros((len(samples), n_y, n_y)), measured=told[runs.measured])

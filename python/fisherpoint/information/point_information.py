@@ -16,7 +16,7 @@ from ..points.broken_limits import statuses_in_words
 from ..points.experiments import Experiments
 from ..points.predictive import PredictiveCovariance, covariance_over_nodes, linearized, nodes_of
 from ..points.runs import Runs
-from ..points.settings import Settings, check_jumps, check_kinks, checked_arguments, resolve_threads
+from ..points.settings import Integration, checked_arguments, resolve_threads
 from ..points.status import NoTrajectory, Status, only_finite
 from ..points.trajectories import checked_sensitivities
 from ..prior.gaussian import GaussianPrior
@@ -115,7 +115,7 @@ def point_sensitivities(problem: DesignProblem, points: Experiments, threads: in
 
     The points must be the problem's model's and off its switching surfaces: a search asks hundreds of times.
     """
-    settings, assumed = _settings(problem, threads), problem.assumed
+    settings, assumed = problem.integration(threads), problem.assumed
     if assumed is None:
         result = checked_sensitivities(problem.limited, points, problem.theta, settings, outputs_alone=True)
     else:  # one run of the extended model has the tangents by the parameters too
@@ -138,7 +138,7 @@ def sensitivities_at(
 
     Kinks and jumps are crossed, as in fits. Where the status is not ok the sensitivities are zero.
     """
-    settings: Settings = float(problem.rtol), True, True, "fastest", resolve_threads(threads)
+    settings = Integration(float(problem.rtol), threads=resolve_threads(threads))
     count, each = len(points), max(1, MOST_POINTS // len(points))
     model = problem.limited
     if problem.n_nuisance and problem.assumed is not None:
@@ -153,10 +153,6 @@ def sensitivities_at(
         for part in range(len(rows)):
             some = slice(part * count, (part + 1) * count)
             yield scaled[some], status[some]
-
-
-def _settings(problem: DesignProblem, threads: int | None) -> Settings:
-    return float(problem.rtol), check_kinks(problem.kinks), check_jumps(problem.jumps), "fastest", resolve_threads(threads)
 
 
 def with_covariance(problem: DesignProblem, given: PointInformation, threads: int | None) -> tuple[PointInformation, IntArray]:
@@ -176,7 +172,7 @@ def statuses_over_nodes(problem: DesignProblem, points: Experiments, threads: in
 
 def _over_nodes(problem: DesignProblem, points: Experiments, threads: int | None, nearest: bool) -> PredictiveCovariance:
     nodes = nodes_of(problem.rule, problem.prior, names_of(problem.model.parameters), problem.estimated)
-    settings = _settings(problem, threads)
+    settings = problem.integration(threads)
     return covariance_over_nodes(problem.model, points, problem.theta, nodes, problem.rule, settings, nearest)
 
 
@@ -213,7 +209,7 @@ def point_information(problem: DesignProblem, points: Experiments, grid: bool, t
     bad = np.flatnonzero(status)
     if len(bad):
         first, told = Status(status[bad[0]]), bad[:5].tolist()
-        words = statuses_in_words(problem.limited, points, problem.theta, _settings(problem, threads), status, told)
+        words = statuses_in_words(problem.limited, points, problem.theta, problem.integration(threads), status, told)
         listed = ", ".join(f"points[{k}] ({word})" for k, word in zip(told, words, strict=True))
         raise NoTrajectory(
             f"points: expected trajectories that are ok, given {listed}{' ...' if len(bad) > 5 else ''}. {first.advice}"
@@ -226,7 +222,7 @@ def _without_derivatives(problem: DesignProblem, points: Experiments, status: In
     model, rows = problem.limited, np.flatnonzero(status == Status.on_jump)
     given = points[rows]
     theta = np.tile(problem.theta, (len(rows), 1))
-    _, _, ended, _ = model.kernels.simulate(model.core, given.x0, given.u, given.dt, theta, *_settings(problem, threads))
+    _, _, ended, _ = model.kernels.simulate(model.core, given.x0, given.u, given.dt, theta, *problem.integration(threads))
     some = rows[ended == Status.ok]
     if len(some):
         listed = ", ".join(f"points[{k}]" for k in some[:5]) + (" ..." if len(some) > 5 else "")

@@ -19,7 +19,7 @@ from ..points.status import Status, failures_of
 from .output_covariance import needs_covariances
 from .point_information import PointInformation, point_sensitivities, with_covariance
 from .problem import DesignProblem
-from .run_information import checked_problem, run_rows, run_settings
+from .run_information import checked_problem, run_rows
 
 
 class HasPoints(Protocol):
@@ -116,7 +116,7 @@ def _of_runs(problem: DesignProblem, runs: Runs, y: Array | None, threads: int |
     lost = Counter({f"starts on {surface} = 0": len(rows) for surface, rows in starts.items()})
     kept = np.setdiff1d(np.arange(len(runs)), np.concatenate([[], *starts.values()]).astype(int))
     checked_problem(problem)
-    rows = run_rows(problem, runs[kept], problem.theta, run_settings(problem, threads), None if told is None else told[kept])
+    rows = run_rows(problem, runs[kept], problem.theta, problem.integration(threads), None if told is None else told[kept])
     lost.update(failures_of(rows.status))
     kept, sensitivity = kept[rows.status == Status.ok], rows.sensitivity[rows.status == Status.ok]
     there = runs.measured[kept]

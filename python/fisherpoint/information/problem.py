@@ -19,7 +19,7 @@ from ..models import Model
 from ..points.natural_sizes import warn_of_small_states
 from ..points.region import ExperimentRegion
 from ..points.run_region import RunRegion
-from ..points.settings import check_jumps, check_kinks, check_rtol, crossed_surfaces
+from ..points.settings import Integration, check_jumps, check_kinks, check_rtol, crossed_surfaces, resolve_threads
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import DEFAULT_RULE, Rule
 from ..show.first_rows import InNotebooks
@@ -179,6 +179,10 @@ class DesignProblem(InNotebooks):
                 raise ValueError(
                     f"rule: expected one without names of parameters for assumed_covariance='predictive': {error}"
                 ) from error
+
+    def integration(self, threads: int | None) -> Integration:
+        """How the problem's trajectories are integrated, in so many threads; None for as many as there are cores."""
+        return Integration(self.rtol, check_kinks(self.kinks), check_jumps(self.jumps), threads=resolve_threads(threads))
 
     def replace(self, **changes: Any) -> DesignProblem:
         """Return a copy with some arguments changed; options that were not given are derived again from the others."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..basics.values import Array, IntArray
 from ..points.broken_limits import statuses_in_words
 from ..points.runs import Runs
-from ..points.settings import Settings, check_jumps, check_kinks, checked_arguments, resolve_threads
+from ..points.settings import Integration, checked_arguments, resolve_threads
 from ..points.status import NoTrajectory, Status
 from .point_information import PointInformation
 from .problem import DesignProblem
@@ -30,7 +30,7 @@ def checked_problem(problem: DesignProblem) -> DesignProblem:
 
 
 def run_rows(
-    problem: DesignProblem, runs: Runs, theta: Array, settings: Settings, told: NDArray[np.bool_] | None = None
+    problem: DesignProblem, runs: Runs, theta: Array, settings: Integration, told: NDArray[np.bool_] | None = None
 ) -> RunRows:
     """The rows of runs that fit the problem's model, at parameters (p,) or (K, p) of it.
 
@@ -50,7 +50,7 @@ def run_information(problem: DesignProblem, runs: Runs, threads: int | None) -> 
     """
     checked_problem(problem)
     checked_arguments(problem.model, runs, problem.theta, problem.rtol, threads, problem.kinks, problem.jumps, None)
-    settings = run_settings(problem, threads)
+    settings = problem.integration(threads)
     rows = run_rows(problem, runs, problem.theta, settings)
     bad = np.flatnonzero(rows.status)
     if len(bad):
@@ -75,7 +75,7 @@ def run_samples_at(
     if measured is not None:
         told = np.zeros((*runs.dt.shape, measured.shape[1]), dtype=bool)
         told[runs.measured] = measured
-    settings: Settings = float(problem.rtol), True, True, "fastest", resolve_threads(threads)
+    settings = Integration(float(problem.rtol), threads=resolve_threads(threads))
     count, each = len(runs), max(1, MOST_SEGMENTS // runs.dt.size)
     for first in range(0, len(theta), each):
         some = theta[first : first + each]
@@ -85,11 +85,6 @@ def run_samples_at(
         for part in range(len(some)):
             own = slice(part * count, (part + 1) * count)
             yield RunRows(rows.sensitivity[own], rows.status[own]).samples(runs)
-
-
-def run_settings(problem: DesignProblem, threads: int | None) -> Settings:
-    """Settings of the trajectories at the prior mean."""
-    return float(problem.rtol), check_kinks(problem.kinks), check_jumps(problem.jumps), "fastest", resolve_threads(threads)
 
 
 def information_matrices(problem: DesignProblem, sensitivity: Array) -> Array:

@@ -17,7 +17,7 @@ from ..basics.values import Array, IntArray
 from ..models import Model
 from ..points.run_trajectories import checked_run_sensitivities
 from ..points.runs import Runs
-from ..points.settings import Settings
+from ..points.settings import Integration
 from ..points.status import Status, only_finite
 from .assumed import Assumed
 from .common_error import CommonError
@@ -71,7 +71,9 @@ class RunTangents(NamedTuple):
         return RunRows(scaled, status)
 
 
-def run_tangents(problem: DesignProblem, runs: Runs, theta: Array, settings: Settings, outputs_alone: bool = False) -> RunTangents:
+def run_tangents(
+    problem: DesignProblem, runs: Runs, theta: Array, settings: Integration, outputs_alone: bool = False
+) -> RunTangents:
     """States and sensitivities along runs."""
     model, values = _extended(problem, theta)
     result = checked_run_sensitivities(model, runs, values, settings, outputs_alone=outputs_alone)
@@ -85,7 +87,7 @@ def tangents_from(
     own: NDArray[np.intp],
     runs: Runs,
     theta: Array,
-    settings: Settings,
+    settings: Integration,
     outputs_alone: bool = True,
 ) -> RunTangents:
     """The same for runs that are base.runs[own] up to some segment; they are computed from there on."""
@@ -127,7 +129,7 @@ def _extended(problem: DesignProblem, theta: Array) -> tuple[Model, Array]:
     return (problem.limited, theta) if assumed is None else (assumed.model, assumed.theta(theta))
 
 
-def moves_of_runs(assumed: Assumed, runs: Runs, theta: Array, settings: Settings) -> tuple[Array, IntArray]:
+def moves_of_runs(assumed: Assumed, runs: Runs, theta: Array, settings: Integration) -> tuple[Array, IntArray]:
     """By how much outputs move with a standard deviation of all that is drawn anew, (K, N, n_y, q), and statuses (K,).
 
     Zero where nothing is measured, and where the status is not ok; theta is (p,).

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from ..basics.values import Array, IntArray
 from ..points.experiments import Experiments
-from ..points.settings import check_jumps, check_kinks, resolve_threads
 from ..points.status import Status
 from .longest import SHORT
 from .node_sieve import NodeSieve, fatal, lasting
@@ -31,7 +30,7 @@ class Validity:
 
     def __init__(self, problem: DesignProblem, threads: int | None, covariances: bool = True) -> None:
         self._problem, self._threads, self._covariances = problem, threads, covariances
-        settings = float(problem.rtol), check_kinks(problem.kinks), check_jumps(problem.jumps), "fastest", resolve_threads(threads)
+        settings = problem.integration(threads)
         self._settings = settings
         self._sieve = NodeSieve(problem, settings)
         self._known: dict[bytes, bool] = {}  # by the numbers of a point

@@ -13,7 +13,7 @@ from ..models import Model
 from .experiments import Experiments
 from .run_trajectories import checked_run_trajectories
 from .runs import Runs
-from .settings import Settings, checked_arguments
+from .settings import Integration, checked_arguments
 from .status import Status
 
 HALVINGS = 30
@@ -52,7 +52,7 @@ def broken_limits(
 
 
 def checked_broken_limits(
-    model: Model, points: Experiments | Runs, theta: Array, settings: Settings, named: Model | None = None
+    model: Model, points: Experiments | Runs, theta: Array, settings: Integration, named: Model | None = None
 ) -> tuple[str | None, ...]:
     """The same, of arguments that are known to be good; `named` has the same limits and says what they are called."""
     if isinstance(points, Runs):
@@ -76,7 +76,7 @@ def checked_broken_limits(
 
 
 def statuses_in_words(
-    model: Model, points: Experiments | Runs, theta: Array, settings: Settings, status: IntArray, rows: Sequence[int]
+    model: Model, points: Experiments | Runs, theta: Array, settings: Integration, status: IntArray, rows: Sequence[int]
 ) -> list[str]:
     """Names of the statuses of some points or runs, with the limit that ended them."""
     given = points[np.array(rows, dtype=np.intp)]
@@ -93,7 +93,7 @@ def statuses_in_words(
 
 
 def _first_limits(
-    model: Model, x: Array, u: Array, dt: Array, since: Array, theta: Array, settings: Settings
+    model: Model, x: Array, u: Array, dt: Array, since: Array, theta: Array, settings: Integration
 ) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
     """Places (n,) of the limits that trajectories reach first, and whether they start outside; `since` (n,) is the time of x."""
     values, poles = _values(model, model.at(x, since), u, theta), len(model.poles)

@@ -17,7 +17,7 @@ from ..prior.rules import Linearized, Rule
 from ..show.numbers import counted
 from .experiments import Experiments
 from .natural_sizes import warn_of_small_states
-from .settings import Settings, checked_arguments
+from .settings import Integration, checked_arguments
 from .shown_trajectories import counted_statuses
 from .status import Status, named, only_finite
 from .trajectories import checked_sensitivities
@@ -127,9 +127,15 @@ def predictive_covariance(
 
 
 def covariance_over_nodes(
-    model: Model, points: Experiments, theta: Array, nodes: _core.PriorNodes, rule: Rule, settings: Settings, nearest: bool = True
+    model: Model,
+    points: Experiments,
+    theta: Array,
+    nodes: _core.PriorNodes,
+    rule: Rule,
+    settings: Integration,
+    nearest: bool = True,
 ) -> PredictiveCovariance:
-    """As `predictive_covariance`, of arguments that are known to be good; semidefinite in any case where the `nearest` is asked."""
+    """As `predictive_covariance`, of checked arguments; with `nearest` it is semidefinite in any case."""
     covariance, status, *_, lost_weight = model.kernels.predictive_covariance(
         model.core, points.x0, points.u, points.dt, theta, nodes, *settings, max_lost=rule.max_lost_weight
     )

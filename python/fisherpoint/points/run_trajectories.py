@@ -14,7 +14,7 @@ from ..models import Model
 from ..show.text import to_html
 from .rest_starts import RunStarts, starts_of
 from .runs import Runs
-from .settings import Settings
+from .settings import Integration
 from .shown_trajectories import of_runs, summary
 from .status import Status, named, only_finite
 
@@ -69,7 +69,7 @@ class RunSensitivities(NamedTuple):
         return to_html(of_runs(repr(self), self.x, self.y, self.status, self.reached))
 
 
-def checked_run_trajectories(model: Model, runs: Runs, theta: Array, settings: Settings) -> RunTrajectories:
+def checked_run_trajectories(model: Model, runs: Runs, theta: Array, settings: Integration) -> RunTrajectories:
     """Simulate runs, of arguments that are known to be good."""
     points, (count, segments) = runs.points, runs.dt.shape
     if points is not None:
@@ -88,7 +88,7 @@ def checked_run_trajectories(model: Model, runs: Runs, theta: Array, settings: S
 
 
 def checked_run_sensitivities(
-    model: Model, runs: Runs, theta: Array, settings: Settings, outputs_alone: bool = False
+    model: Model, runs: Runs, theta: Array, settings: Integration, outputs_alone: bool = False
 ) -> RunSensitivities:
     """The same with sensitivities; with `outputs_alone` without dx_dtheta, which may take less time."""
     points = runs.points
@@ -108,7 +108,7 @@ def checked_run_sensitivities(
 
 
 def _by_kernel(
-    model: Model, runs: Runs, x0: Array, s: Array, theta: Array, settings: Settings, outputs_alone: bool
+    model: Model, runs: Runs, x0: Array, s: Array, theta: Array, settings: Integration, outputs_alone: bool
 ) -> tuple[Any, ...]:
     """x, y, dx, dy, status and reached of runs from known starts x0, which move with theta by s."""
     options = {"measured": runs.measured, "s": s, "outputs_alone": outputs_alone}
@@ -116,7 +116,7 @@ def _by_kernel(
 
 
 def _from_controlled(
-    model: Model, runs: Runs, x0: Array, s: Array, theta: Array, settings: Settings, outputs_alone: bool
+    model: Model, runs: Runs, x0: Array, s: Array, theta: Array, settings: Integration, outputs_alone: bool
 ) -> tuple[Any, ...]:
     """The same where a controller makes starts depend on parameters that the states themselves never see, as a valve's on leakage.
 

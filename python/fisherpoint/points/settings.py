@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +18,6 @@ from .runs import Runs
 
 MAX_THREADS = 4096
 
-Settings = tuple[float, bool, bool, str, int]
-"""rtol, whether kinks and jumps are crossed, the method and the number of threads, as the kernels take them."""
-
-
 FINEST, COARSEST = 1e-13, 0.1
 """The least tolerance that doubles can keep, and the largest that is one."""
 
@@ -28,9 +25,29 @@ FINER = 1e-3
 """Times the tolerance, where it decides whether a trajectory touches a surface or passes beside it."""
 
 
-def finer(settings: Settings) -> Settings:
-    """The same with a tolerance that tells whether a trajectory touches a surface or passes beside it."""
-    return max(FINER * settings[0], FINEST), *settings[1:]
+class Integration(NamedTuple):
+    """How trajectories are integrated, in the order of the kernels' arguments.
+
+    Attributes
+    ----------
+    rtol : float
+        Relative tolerance of a state, of its natural size.
+    cross_kinks, cross_jumps : bool
+        Whether trajectories go on behind a kink, and behind a jump.
+    method : str
+        "RK45", "DOP853", "Radau", or "fastest", which chooses.
+    threads : int
+    """
+
+    rtol: float
+    cross_kinks: bool = True
+    cross_jumps: bool = True
+    method: str = "fastest"
+    threads: int = 1
+
+    def finer(self) -> Integration:
+        """With a tolerance that decides whether a trajectory touches a surface or passes beside it."""
+        return self._replace(rtol=max(FINER * self.rtol, FINEST))
 
 
 def resolve_threads(threads: int | None) -> int:
@@ -49,8 +66,8 @@ def checked_arguments(
     kinks: str,
     jumps: str,
     method: str | None,
-) -> Settings:
-    """Check points and settings; return the settings as the kernels take them."""
+) -> Integration:
+    """Check points and settings."""
     if not isinstance(points, Experiments | Runs):
         raise TypeError(f"points: expected Experiments or Runs, given {type(points).__name__}")
     n_x, n_u = len(model.states), len(model.inputs)
@@ -70,7 +87,7 @@ def checked_arguments(
         refuse_starts_on_surfaces(model, starts, theta, crossed_surfaces(model, *crosses))
     if method is not None:
         method = check_choice(method, ("RK45", "DOP853", "Radau"), "method")
-    return rtol, *crosses, method or "fastest", resolve_threads(threads)
+    return Integration(rtol, *crosses, method or "fastest", resolve_threads(threads))
 
 
 def check_rtol(rtol: float) -> float:

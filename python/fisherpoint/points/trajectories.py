@@ -15,7 +15,7 @@ from .experiments import Experiments
 from .natural_sizes import warn_of_small_states
 from .run_trajectories import RunSensitivities, RunTrajectories, checked_run_sensitivities, checked_run_trajectories
 from .runs import Runs
-from .settings import Settings, checked_arguments
+from .settings import Integration, checked_arguments
 from .shown_trajectories import of_points, summary
 from .status import Status, named
 from .unstable import warn_of_unstable
@@ -198,7 +198,7 @@ def sensitivities(
 
 
 def checked_sensitivities(
-    model: Model, points: Experiments, theta: Array, arguments: Settings, outputs_alone: bool = False
+    model: Model, points: Experiments, theta: Array, arguments: Integration, outputs_alone: bool = False
 ) -> Sensitivities:
     """As `sensitivities`, of arguments that are known to be good; with `outputs_alone` sooner and without dx_dtheta."""
     given = (points.x0, points.u, points.dt, theta, *arguments)

@@ -24,7 +24,7 @@ from ..estimation.unknowns import Unknowns, checked_bounds, prior_factor, unknow
 from ..estimation.weighting import WeightedResiduals, noise_covariance
 from ..information.point_information import point_information
 from ..information.problem import DesignProblem
-from ..information.run_information import run_information, run_settings
+from ..information.run_information import run_information
 from ..points.experiments import Experiments
 from ..points.runs import Runs
 from ..points.status import Status
@@ -117,7 +117,7 @@ class Estimator:
             run_information(problem, points, threads)  # which must be there
             if problem.assumed is not None and problem.assumed.columns:
                 std = np.sqrt(np.diag(covariance))
-                common = tuple(run_errors(problem.assumed, data, problem.theta, run_settings(problem, threads), std))
+                common = tuple(run_errors(problem.assumed, data, problem.theta, problem.integration(threads), std))
         else:
             information = point_information(problem, points, False, threads)
             if information.assumed is not None:

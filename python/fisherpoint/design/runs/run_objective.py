@@ -19,7 +19,7 @@ from ...information.run_tangents import RunTangents, run_tangents, tangents_from
 from ...points.run_region import RunCoordinates
 from ...points.run_trajectories import checked_run_trajectories
 from ...points.runs import Runs
-from ...points.settings import Settings
+from ...points.settings import Integration
 from ...points.status import Status
 from ..average import Average
 from ..optimality.aims import Aim
@@ -80,7 +80,7 @@ class RunObjective:
         Information that is there without the runs.
     aims : sequence of Aim
         What is maximised on each plant.
-    settings : Settings
+    settings : Integration
         Of the trajectories.
     clock : Clock, optional
         Between parts of its work `OutOfTime` is raised where this says so.
@@ -103,7 +103,7 @@ class RunObjective:
         average: Average,
         previous: Array,
         aims: Sequence[Aim],
-        settings: Settings,
+        settings: Integration,
         clock: Clock | None = None,
     ) -> None:
         self.clock = Clock(None) if clock is None else clock
@@ -112,7 +112,7 @@ class RunObjective:
         self.kappa, self.looks, self.settings = 0.0, LOOKS, settings
         self.margins, self.work = RunMargins(problem), 0
         native = problem.model.in_core
-        self._threads = settings[4] if native else 1  # functions of Python need not bear several threads
+        self._threads = settings.threads if native else 1  # functions of Python need not bear several threads
         self._rows = (LEAST_ROWS, MOST_ROWS) if native else (1, 1)
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
 
@@ -137,7 +137,7 @@ class RunObjective:
             own = runs[some]
             many, theta = self.on_plants(own)
             lanes = np.repeat(np.arange(len(self.plants)), len(own))
-            settings = (*self.settings[:4], 1)
+            settings = self.settings._replace(threads=1)
             there = tangents_from(self.problem, base, lanes, many, theta, settings, outputs_alone=not self.costly)
             return self._judged(there, len(own))
 
@@ -222,7 +222,7 @@ class RunObjective:
             assumed = self.problem.assumed
             model = self.problem.limited if assumed is None else assumed.model
             values = theta if assumed is None else assumed.theta(theta)
-            done = checked_run_trajectories(model, many, values, (*self.settings[:4], 1))
+            done = checked_run_trajectories(model, many, values, self.settings._replace(threads=1))
             ends = np.where(done.status == Status.ok, runs.dt.shape[1] + 1, np.minimum(done.reached, runs.dt.shape[1]))
             ends, status = (array.reshape(len(self.plants), -1) for array in (ends, done.status))
             first, each = np.argmin(ends, axis=0), np.arange(len(runs))
@@ -241,7 +241,7 @@ class RunObjective:
         """Of runs on every plant, plant after plant."""
         many, theta = self.on_plants(runs)
         alone = not self.costly if outputs_alone is None else outputs_alone
-        settings = (*self.settings[:4], threads or self.settings[4])
+        settings = self.settings._replace(threads=threads or self.settings.threads)
         return run_tangents(self.problem, many, theta, settings, outputs_alone=alone)
 
     def _judged(self, tangents: RunTangents, count: int) -> Judged:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from ...basics.quantity import names_of
 from ...basics.values import Array
 from ...information.problem import DesignProblem
-from ...information.run_information import run_rows, run_settings
+from ...information.run_information import run_rows
 from ...points.run_trajectories import checked_run_trajectories
 from ...points.runs import Runs
 from ...points.status import Status
@@ -32,7 +32,7 @@ MOST_SHOWN = 6
 
 def plot_runs(problem: DesignProblem, runs: Runs) -> Figure:
     """Inputs, and outputs at the prior mean with samples, and where 90 % of the prior's plants are; limits are dashed."""
-    model, settings = problem.model, run_settings(problem, None)
+    model, settings = problem.model, problem.integration(None)
     shown = runs[: min(len(runs), MOST_SHOWN)]
     shares = shares_of(shown.dt.shape[1])
     fine, looks_each = shown.divided(shares), len(shares)
@@ -82,7 +82,7 @@ def plot_runs(problem: DesignProblem, runs: Runs) -> Figure:
 
 def plot_information(problem: DesignProblem, runs: Runs) -> Figure:
     """The share of each sample in the information about each parameter by itself, run after run."""
-    rows = run_rows(problem, runs, problem.theta, run_settings(problem, None))
+    rows = run_rows(problem, runs, problem.theta, problem.integration(None))
     told = _told(problem, rows.sensitivity[rows.status == Status.ok], runs.measured[rows.status == Status.ok])
     share = told / np.maximum(told.sum(axis=0), 1e-300)
     with mpl.rc_context(STYLE | {"axes.grid": False}):

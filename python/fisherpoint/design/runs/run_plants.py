@@ -10,7 +10,7 @@ from ...information.draws import drawn_plants
 from ...information.problem import DesignProblem
 from ...points.run_trajectories import checked_run_trajectories
 from ...points.runs import Runs
-from ...points.settings import Settings, finer
+from ...points.settings import Integration
 from ...points.status import Status
 
 
@@ -22,11 +22,11 @@ class RunPlants:
     problem : DesignProblem
     count : int
     rng : numpy.random.Generator
-    settings : Settings
+    settings : Integration
         Of the trajectories.
     """
 
-    def __init__(self, problem: DesignProblem, count: int, rng: np.random.Generator, settings: Settings) -> None:
+    def __init__(self, problem: DesignProblem, count: int, rng: np.random.Generator, settings: Integration) -> None:
         self._theta, _ = drawn_plants(problem, count, rng)
         assumed = problem.assumed
         self._model, self._settings = problem.limited if assumed is None else assumed.model, settings
@@ -49,7 +49,7 @@ class RunPlants:
         y, status = done.y, done.status
         near = np.flatnonzero(status == Status.grazes_jump)
         if len(near):
-            again = checked_run_trajectories(self._model, many[near], theta[near], finer(self._settings))
+            again = checked_run_trajectories(self._model, many[near], theta[near], self._settings.finer())
             y[near], status[near] = again.y, again.status
         shape = len(plants), len(runs)
         return y.reshape(*shape, *y.shape[1:]), status.reshape(shape) == Status.ok

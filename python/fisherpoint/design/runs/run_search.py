@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ...information.problem import DesignProblem
-from ...information.run_information import run_rows, run_settings
+from ...information.run_information import run_rows
 from ...points.run_region import RunCoordinates, RunRegion
 from ...points.runs import Runs
 from ..average import Average
@@ -122,8 +122,8 @@ class RunSearch:
         self.clock, self.seed, self.threads, self._confidence = clock, seed, threads, confidence
         self.problem, self.region, self.n_runs, self.n_starts = problem, region, n_runs, n_starts
         self.coordinates: RunCoordinates = region.coordinates(problem.model)
-        self._settings = run_settings(problem, threads)
-        finer = (min(self._settings[0], FINE), *self._settings[1:])
+        self._settings = problem.integration(threads)
+        finer = self._settings._replace(rtol=min(self._settings.rtol, FINE))
         self.objective = RunObjective(problem, self.coordinates, plants, average, previous, aims, finer, clock)
         self._rng = np.random.default_rng(seed)
         of_search = RunPlants(problem, PLANTS, np.random.default_rng([seed, 1]), self._settings)

@@ -65,7 +65,7 @@ def linear_rows(
             moved[np.arange(len(own)), number[some]] += step[some]
             many, theta = objective.on_plants(objective.tried(moved, None if selected is None else selected[own]))
             lanes = (own[:, None] + count * np.arange(len(objective.plants))).T.ravel()  # of `along`, plant after plant
-            settings = (*objective.settings[:4], 1)
+            settings = objective.settings._replace(threads=1)
             there = tangents_from(objective.problem, along, lanes, many, theta, settings, outputs_alone=not objective.costly)
             return _parts(objective, there, told)
 

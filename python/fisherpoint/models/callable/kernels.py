@@ -14,7 +14,7 @@ from .core import CallableCore
 from .integration import NOT_FINITE, OK, STEP_LIMIT, integrate, static_status
 from .tangents import rounding, tangents
 
-Settings = tuple[float, bool, str]
+KernelSettings = tuple[float, bool, str]
 
 MOST_ROUNDING = 1e-3
 """Share of a sensitivity that differences may lose."""
@@ -73,7 +73,7 @@ def sensitivities(
 
 
 def _sensed(
-    model: CallableCore, x0: Array, s0: Array, u: Array, dt: float, theta: Array, settings: Settings, by_complex_step: bool
+    model: CallableCore, x0: Array, s0: Array, u: Array, dt: float, theta: Array, settings: KernelSettings, by_complex_step: bool
 ) -> tuple[Array, Array, Array, int]:
     """x, dx_dtheta, dy_dtheta and status at the end, from a start with dx_dtheta s0 (n_x, p)."""
     n_x, p = s0.shape
@@ -233,7 +233,7 @@ def predictive_covariance(
 
 
 def _over_nodes(
-    model: CallableCore, x0: Array, u: Array, dt: float, theta: Array, settings: Settings, stop: bool
+    model: CallableCore, x0: Array, u: Array, dt: float, theta: Array, settings: KernelSettings, stop: bool
 ) -> tuple[Array, IntArray]:
     """Outputs (R, n_y) and statuses (R,) of one point; with `stop` only up to the first that is not ok."""
     y, status = np.zeros((len(theta), model.n_y)), np.zeros(len(theta), dtype=np.int32)
@@ -245,7 +245,7 @@ def _over_nodes(
     return y, status
 
 
-def _end(model: CallableCore, x0: Array, u: Array, dt: float, theta: Array, settings: Settings) -> tuple[Array, int]:
+def _end(model: CallableCore, x0: Array, u: Array, dt: float, theta: Array, settings: KernelSettings) -> tuple[Array, int]:
     if not model.n_x:
         return x0, static_status(model, x0, u, theta)
 
