@@ -29,7 +29,7 @@ def main() -> None:
         if heard:
             signal.signal(signal.SIGINT, signal.default_int_handler)
         run()
-    except KeyboardInterrupt:  # between two of these lines, or once more while the first one is told
+    except KeyboardInterrupt:  # between two of these lines, or once more while the first one is reported
         leave()
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done

@@ -1,4 +1,4 @@
-"""``fisherpoint campaign``: the next batch to measure, and what the measured ones tell."""
+"""``fisherpoint campaign``: the next batch to measure, and the results of the measured ones."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def campaign(
     if output is not None:
         free_for_campaign(output, fp.Campaign.is_in)
     if check:
-        return _tell(config, settings, file, output, data)
+        return _check(config, settings, file, output, data)
     assert output is not None
     with drawers(None if no_plots else "fisherpoint.campaign.pictures") as drawing:
         begin_writing(output)
@@ -106,7 +106,7 @@ def _settings(config: Config, size: int | None, seed: int | None) -> dict[str, A
         raise config.error("region", "missing; expected a table with bounds of every state, every input and dt")
     settings, table = config.exchange_settings() if config.runs is None else config.run_settings(), config.campaign
     if "time_limit" in settings:
-        raise config.error("design.time_limit", "expected none with a campaign, of which each run has to come to the same points")
+        raise config.error("design.time_limit", "expected none with a campaign, as each run has to come to the same points")
     settings.pop("n_experiments" if config.runs is None else "n_runs", None)
     for name, value in (("batch", table.batch), ("batch", size), ("seed", seed)):
         if value is not None:
@@ -114,11 +114,11 @@ def _settings(config: Config, size: int | None, seed: int | None) -> dict[str, A
     return settings | {"targets": table.targets}
 
 
-def _tell(config: Config, settings: dict[str, Any], file: Path, output: Path | None, data: Path | None) -> int:
+def _check(config: Config, settings: dict[str, Any], file: Path, output: Path | None, data: Path | None) -> int:
     """Look at the campaign that there is, or would be, and at the data."""
     from fisherpoint.show.numbers import counted, percent
 
-    from .checked import run_rows, search_rows, settings_of, tell
+    from .checked import run_rows, search_rows, settings_of, show_plan
 
     rows, files = [("campaign", "a new one")], [file]
     if output is not None and fp.Campaign.is_in(output):
@@ -137,7 +137,7 @@ def _tell(config: Config, settings: dict[str, Any], file: Path, output: Path | N
         rows += search_rows(run.problem, settings_of(run.problem, given))[1:]
     else:
         rows += run_rows(run.problem, given)
-    return tell(run.problem, files, rows, output)
+    return show_plan(run.problem, files, rows, output)
 
 
 def _opened(config: Config, settings: dict[str, Any], directory: Path, threads: int | None) -> fp.Campaign:

@@ -18,7 +18,7 @@ from .terminal import show
 Row = tuple[str, str]
 
 
-def tell(problem: fp.DesignProblem, files: Sequence[Path], work: Iterable[Row], output: Path | None) -> int:
+def show_plan(problem: fp.DesignProblem, files: Sequence[Path], work: Iterable[Row], output: Path | None) -> int:
     """Print what a command would do, and return its exit code."""
     rows = [*problem_rows(problem), *work]
     if output is not None:
@@ -59,13 +59,13 @@ def about(trajectories: float, what: str = "") -> Row:
 
 def settings_of(problem: fp.DesignProblem, given: Mapping[str, Any]) -> fp.ExchangeSettings:
     """The settings of a search for points, with its defaults for what is not given; raise as the search does."""
-    from fisherpoint.design.settings import check_asked, most_iterations
+    from fisherpoint.design.settings import check_goal, most_iterations
 
-    asked = {one.name: given[one.name] for one in fields(fp.ExchangeSettings) if one.name in given}
-    method = asked.get("method", fp.ExchangeSettings.method)
-    asked["max_iterations"] = most_iterations(asked.get("max_iterations"), method, problem)
-    settings = fp.ExchangeSettings(**asked)
-    check_asked(settings, problem)
+    chosen = {one.name: given[one.name] for one in fields(fp.ExchangeSettings) if one.name in given}
+    method = chosen.get("method", fp.ExchangeSettings.method)
+    chosen["max_iterations"] = most_iterations(chosen.get("max_iterations"), method, problem)
+    settings = fp.ExchangeSettings(**chosen)
+    check_goal(settings, problem)
     return settings
 
 

@@ -47,8 +47,8 @@ app = typer.Typer(
 )
 
 
-def _version(asked: bool) -> None:
-    if asked:
+def _version(requested: bool) -> None:
+    if requested:
         print(f"fisherpoint {fp.__version__}")
         raise typer.Exit
 
@@ -120,7 +120,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         try:
             stream.flush()
         except OSError:
-            # It was told; without this Python complains once more when it flushes at exit.
+            # It was reported; without this Python complains once more when it flushes at exit.
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     sys.exit(code)
 
@@ -158,9 +158,9 @@ def _run(arguments: list[str]) -> int:
     except KeyboardInterrupt:
         return _interrupted()
     except typer.TyperException as error:
-        from .usage import told
+        from .usage import usage_error
 
-        return _fail(told(error))
+        return _fail(usage_error(error))
     except ImportError as error:
         if _came_of_an_interrupt(error):
             return _interrupted()

@@ -30,7 +30,7 @@ def compare(
     force: Force = False,
     quiet: Quiet = False,
 ) -> int:
-    """Tell what designs take and what they are worth, beside each other.
+    """Compare the effort and the worth of designs.
 
     With -o, writes comparison.csv, report.txt, comparison.png, and report.html, which shows all of it in a browser.
     """
@@ -39,7 +39,7 @@ def compare(
         from fisherpoint.basics.files import write_together
 
         from .alive import alive
-        from .checked import about, points_row, size_of, tell
+        from .checked import about, points_row, show_plan, size_of
         from .drawing import drawers
         from .results import free_directory, make_directory, remove_old
         from .runs import read_points
@@ -48,7 +48,7 @@ def compare(
     config = read_config(file)
     problem = config.problem()
     if problem.noise_std is None:
-        raise config.error("noise_std", "missing; expected the noise of every output, by which designs are compared")
+        raise config.error("noise_std", "missing; expected the noise of every output, as designs are compared by it")
     points = {name: read_data(path, "points", read_points, problem.model) for name, path in named_files(designs).items()}
     for path, given in zip(designs, points.values(), strict=True):
         warn_of_outside(problem, path, given)
@@ -56,7 +56,7 @@ def compare(
     if check:
         size = sum(map(size_of, points.values())) * DRAWS
         rows = [*(points_row(name, given) for name, given in points.items()), about(size, f"{DRAWS} plants, seed {seed}")]
-        return tell(problem, [file, *designs], rows, output)
+        return show_plan(problem, [file, *designs], rows, output)
     with drawers(None if output is None or no_plots else "fisherpoint.design.compare_picture") as drawing:
         with alive("comparing"):
             found = fp.compare(problem, points, seed=seed, threads=threads)

@@ -1,4 +1,4 @@
-"""``fisherpoint design``: the points, or the runs, that tell most."""
+"""``fisherpoint design``: the most informative points, or runs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Method(StrEnum):
 
 
 class Over(StrEnum):
-    """What `fisherpoint design` maximises over the prior, in the place of log det F at its mean."""
+    """What `fisherpoint design` maximises over the prior, instead of log det F at its mean."""
 
     log = "log"
     worst = "worst"
@@ -74,10 +74,10 @@ def design(
         from fisherpoint.design.plots import plots_of
         from fisherpoint.points.outside import few, outside
 
-        from .checked import points_row, search_rows, settings_of, tell
+        from .checked import points_row, search_rows, settings_of, show_plan
         from .drawing import drawers
         from .results import free_directory, make_directory, needed, remove_old
-        from .runs import design_of_runs, read_told
+        from .runs import design_of_runs, read_previous
         from .terminal import as_file, read_config, read_data, say, show
         from .written import write_shown
     needed(output, check)
@@ -102,7 +102,7 @@ def design(
             raise ConfigError(f"{keep}: expected points of the region, given {few(places)}")
         files.append(keep)
     if previous:
-        settings["previous"] = [read_data(path, "points or measurements", read_told, problem.model) for path in previous]
+        settings["previous"] = [read_data(path, "points or measurements", read_previous, problem.model) for path in previous]
         files += previous
     planned = settings_of(problem, settings)
     if keep is not None and not len(kept) < planned.n_experiments:
@@ -110,15 +110,15 @@ def design(
     old = [] if output is None else free_directory(output, force)
     if check:
         given = [points_row(f"kept, of {keep}", kept)] if keep is not None else []
-        return tell(problem, files, [*given, *search_rows(problem, planned)], output)
+        return show_plan(problem, files, [*given, *search_rows(problem, planned)], output)
     assert output is not None
     if planned.confidence is not None or isinstance(problem.rule, fp.Sobol):
         with importing():
             import scipy.special  # noqa: F401  not where it is needed, in the middle of the search, which Ctrl-C is to end in order
     with drawers(None if no_plots else "fisherpoint.design.pictures") as drawing:
-        found, told = None, {name: settings.get(name) for name in ("previous", "keep")}
+        found, earlier = None, {name: settings.get(name) for name in ("previous", "keep")}
         try:
-            for found in designs(problem, planned, **told, threads=threads, progress=not quiet):
+            for found in designs(problem, planned, **earlier, threads=threads, progress=not quiet):
                 drawing.begin(plots_of(found))  # but for the criterion's, which shows what is compared in the end
         except KeyboardInterrupt:
             if found is None:

@@ -16,7 +16,7 @@ from .options import Check, Force, Noise, NoPlots, Output, Quiet, Threads
 from .standard_input import from_standard_input, one_from_standard_input
 
 STARTS, ITERATIONS = 8, 20
-"""Of an estimate: by default, and about."""
+"""Starts of an estimate by default, and about how many iterations each takes."""
 
 
 def estimate(
@@ -49,7 +49,7 @@ def estimate(
     force: Force = False,
     quiet: Quiet = False,
 ) -> int:
-    """Estimate the parameters from measured data, and tell how good the fit is.
+    """Estimate the parameters from measured data, and report how good the fit is.
 
     Writes estimate.csv, residuals.csv, fit.json, report.txt, pictures, and report.html, which shows all of it in a browser.
     """
@@ -63,7 +63,7 @@ def estimate(
         from fisherpoint.estimation.plots import plots_of
 
         from .alive import alive
-        from .checked import about, tell
+        from .checked import about, show_plan
         from .drawing import drawers
         from .results import free_directory, make_directory, needed, remove_old
         from .terminal import as_file, read_config, read_data, say, show
@@ -84,7 +84,7 @@ def estimate(
         rows.append(("noise in the fit", "as given" if known else "estimated from the residuals"))
         rows.append(("prior in the fit", "as a start alone" if no_prior else "as information"))
         size = sum(1 if isinstance(part, fp.Record) else int(np.isfinite(part.samples).any(axis=-1).sum()) for part in parts)
-        return tell(problem, [file, *data], [*rows, about(size * STARTS * ITERATIONS, f"{STARTS} starts")], output)
+        return show_plan(problem, [file, *data], [*rows, about(size * STARTS * ITERATIONS, f"{STARTS} starts")], output)
     assert output is not None
     with drawers(None if no_plots else "fisherpoint.estimation.pictures") as drawing:
         fit = _estimate(problem, parts, no_prior, known, noise_std, threads, progress=not quiet)

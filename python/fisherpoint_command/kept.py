@@ -18,8 +18,8 @@ class Writing:
     ----------
     directory : Path
     old : collection of str
-        What is shown of a result there that is replaced.
-    before : mapping of name to what tells one file from another
+        Files that show a result there, which is replaced.
+    before : mapping of name to what distinguishes one file from another
     """
 
     directory: Path

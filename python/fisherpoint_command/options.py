@@ -31,7 +31,7 @@ Previous = Annotated[
     typer.Option(
         metavar="DATA.csv",
         callback=from_standard_input,
-        help="What is already measured, or planned besides: adds to what designs tell.",
+        help="What is already measured, or planned besides: adds to the information of designs.",
     ),
 ]
 
@@ -52,7 +52,7 @@ Designs = Annotated[
 
 
 class Noise(StrEnum):
-    """Whether the file's [noise_std] counts, or the residuals tell the noise."""
+    """Whether the file's [noise_std] counts, or the noise is estimated from the residuals."""
 
     known = "known"
     estimated = "estimated"

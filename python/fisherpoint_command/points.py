@@ -25,7 +25,7 @@ def evaluate(
     force: Force = False,
     quiet: Quiet = False,
 ) -> int:
-    """Tell what given experiment points are worth: standard errors, correlation, what they do not determine.
+    """Report what given experiment points are worth: standard errors, correlation, what they do not determine.
 
     With -o, writes parameters.csv, report.txt, pictures, and report.html, which shows all of it in a browser.
     """
@@ -38,7 +38,7 @@ def evaluate(
         from fisherpoint.points.outside import few, outside
 
         from .alive import alive
-        from .checked import about, points_row, size_of, tell
+        from .checked import about, points_row, show_plan, size_of
         from .drawing import drawers
         from .results import free_directory, make_directory, remove_old
         from .runs import RUN_PICTURES, evaluate_runs, read_points
@@ -51,7 +51,7 @@ def evaluate(
     if check:
         nodes = problem.rule.size(problem.prior)
         trajectories = about(size_of(experiments) * (2 + nodes), f"{nodes} nodes of the prior, and the mean")
-        return tell(problem, [file, points], [points_row("points", experiments), trajectories], output)
+        return show_plan(problem, [file, points], [points_row("points", experiments), trajectories], output)
     if output:
         with importing(), needed_for("tables and pictures"):
             from fisherpoint.design.frames import parameter_frame
@@ -110,7 +110,7 @@ def simulate(
         from fisherpoint.design.report import simulation_report
 
         from .alive import alive
-        from .checked import about, points_row, size_of, tell
+        from .checked import about, points_row, show_plan, size_of
         from .runs import read_points, run_report, run_simulation_csv
         from .terminal import check_file, read_config, read_data, show
         from .virtual import measured
@@ -130,7 +130,9 @@ def simulate(
         check_file(output, force)
     if check:
         virtual = [("noise", f"by [noise_std], seed {seed or 0}")] if noise else []
-        return tell(problem, [file, points], [points_row("points", experiments), *virtual, about(size_of(experiments))], output)
+        return show_plan(
+            problem, [file, points], [points_row("points", experiments), *virtual, about(size_of(experiments))], output
+        )
     if noise:
         text, headline = measured(problem, experiments, seed or 0)
         if not quiet and not to_standard_output and output is not None:

@@ -1,4 +1,4 @@
-"""Results that stand in a directory: none is replaced unless it is asked for, and nothing of it stays beside the new one."""
+"""Results that stand in a directory: none is replaced without --force, and nothing of it stays beside the new one."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .written import PAGE
 CAMPAIGN = "campaign.json"
 
 MAIN = ("design.json", "fit.json", CAMPAIGN, "report.txt")
-"""Files of which one stands wherever there is a result."""
+"""Files that mark a result: one of them is wherever there is one."""
 
 SHOWN = dict.fromkeys(
     ("report.txt", PAGE, *OF_POINTS, *OF_RUNS, *OF_A_FIT, "validation.png", "comparison.png", "campaign.png", "sweep.png")

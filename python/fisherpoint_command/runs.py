@@ -18,7 +18,7 @@ from fisherpoint.points.run_files import RUN, SEGMENT
 from fisherpoint.points.run_trajectories import RunTrajectories
 from fisherpoint.show.section import Report
 
-from .checked import run_rows, tell
+from .checked import run_rows, show_plan
 from .drawing import Drawers, drawers
 from .exits import INTERRUPTED, complain
 from .results import free_directory, make_directory, remove_old
@@ -51,7 +51,7 @@ def design_of_runs(
             settings[name] = value
     old = [] if output is None else free_directory(output, force)
     if check:
-        return tell(problem, [file], run_rows(problem, settings), output)
+        return show_plan(problem, [file], run_rows(problem, settings), output)
     assert output is not None
     with drawers(None if no_plots else RUN_PICTURES) as drawing:
         try:
@@ -117,7 +117,7 @@ def run_simulation_csv(model: fp.Model, runs: fp.Runs, done: RunTrajectories) ->
     return csv_text((RUN.name, SEGMENT.name, "t", *names, "status"), rows)
 
 
-def read_told(path: Path, model: fp.Model) -> fp.Experiments | fp.Runs | fp.Measurements:
+def read_previous(path: Path, model: fp.Model) -> fp.Experiments | fp.Runs | fp.Measurements:
     """Measurements where the file has a column of an output, else points or runs that are planned."""
     if any(name.startswith("y_") for name in CsvTable(path).names):
         return fp.Measurements.from_csv(path, model)

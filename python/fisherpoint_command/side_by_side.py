@@ -26,7 +26,7 @@ LATER = 5
 
 
 class Helpers:
-    """Forks of this process that make themselves ready, and then do what they are asked to.
+    """Forks of this process that make themselves ready, and then do the work that they are given.
 
     Where there is one core, no fork, or too little memory for it, this process does all of it itself.
 

@@ -31,5 +31,5 @@ def one_from_standard_input(context: typer.Context, given: Path | None) -> Path 
 
 
 def from_standard_input(context: typer.Context, given: list[Path] | None) -> list[Path] | None:
-    """The same for several paths."""
+    """Replace "-" by standard input among several paths."""
     return given and [one_from_standard_input(context, path) or path for path in given]

@@ -16,7 +16,7 @@ from .options import Check, Force, NoPlots, Output, Previous, Quiet, Seed, Threa
 from .standard_input import one_from_standard_input
 
 MOST_SIZES = 1000
-"""Of one sweep."""
+"""Most sizes of one sweep."""
 
 SETTINGS = (
     *("n_candidates", "max_iterations", "seed", "time_limit", "method", "singular"),
@@ -45,7 +45,7 @@ def sweep(
     force: Force = False,
     quiet: Quiet = False,
 ) -> int:
-    """Find designs of several sizes, and tell what more experiments add, and cost.
+    """Find designs of several sizes, and report what more experiments add, and cost.
 
     Writes sweep.csv, sweep.json, report.txt, design_<size>.csv, sweep.png and report.html. Ctrl-C keeps the sizes that are done,
     or of the first one the best design so far.
@@ -59,10 +59,10 @@ def sweep(
         from fisherpoint.design.configuration import ConfigError
         from fisherpoint.points.experiments import points_csv
 
-        from .checked import search_rows, settings_of, tell
+        from .checked import search_rows, settings_of, show_plan
         from .drawing import drawers
         from .results import free_directory, make_directory, needed, remove_old
-        from .runs import read_told
+        from .runs import read_previous
         from .terminal import as_file, read_config, read_data, say, show
         from .written import PAGE, write_shown
     needed(output, check)
@@ -71,7 +71,7 @@ def sweep(
         raise config.error("region", "expected bounds of every state, every input and dt, without a table [runs]")
     problem, cost = config.problem(), config.build_cost()
     if problem.noise_std is None:
-        raise config.error("noise_std", "missing; expected the noise of every output, by which sizes are compared")
+        raise config.error("noise_std", "missing; expected the noise of every output, as sizes are compared by it")
     if budget is not None and not budget >= 0:
         raise ConfigError(f"--budget: expected a cost of at least 0, given {budget:g}")
     if budget is not None and cost is None:
@@ -82,17 +82,17 @@ def sweep(
     counts = _sizes(sizes)
     if counts is None:
         raise ConfigError(f"--sizes: expected whole numbers, at most {MOST_SIZES} of them, as 9:30 or 6,9,12; given {sizes}")
-    told = [read_data(path, "points or measurements", read_told, problem.model) for path in previous or []]
+    earlier = [read_data(path, "points or measurements", read_previous, problem.model) for path in previous or []]
     planned = settings_of(problem, settings | {"n_experiments": counts[-1]})
     old = free_directory(output, force)
     if check:
         *_, method, (_, each) = search_rows(problem, planned)
         rows = [("sizes", f"{len(counts)}, from {counts[0]} to {counts[-1]} points"), method, ("trajectories of a size", each)]
-        return tell(problem, [file, *(previous or [])], rows, output)
+        return show_plan(problem, [file, *(previous or [])], rows, output)
     assert output is not None
     with drawers(None if no_plots else "fisherpoint.design.sweep_picture") as drawing:
         try:
-            found = fp.sweep(problem, counts, cost=cost, threads=threads, progress=not quiet, previous=told or None, **settings)
+            found = fp.sweep(problem, counts, cost=cost, threads=threads, progress=not quiet, previous=earlier or None, **settings)
         except KeyboardInterrupt:
             complain("interrupted before there was a design; nothing was saved")
             return INTERRUPTED
@@ -112,7 +112,7 @@ def sweep(
         print()
         if budget is not None:
             size = found.within(budget)
-            enough = f"the design of {size} points tells most" if size else "none of these sizes is enough"
+            enough = f"the design of {size} points has the most information" if size else "none of these sizes is enough"
             say(f"Within a budget of {budget:g}: {enough}.")
         say(f"Written to {output}: {', '.join([*written, tables_told])}")
     remove_old(output, old, written, quiet)

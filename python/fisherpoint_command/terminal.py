@@ -42,7 +42,7 @@ def show(report: Report) -> None:
 
 
 def say(line: str) -> None:
-    """Print a line that names files, of which some may have control characters in their names."""
+    """Print a line with names of files, which may contain control characters."""
     print(printable(line), flush=True)
 
 
@@ -87,7 +87,7 @@ def read_data(path: Path, what: str, read: Callable[[Path, fp.Model], Read], mod
 
 
 def named_files(paths: list[Path]) -> dict[str, Path]:
-    """Paths by the shortest names that tell them apart: file names, or with the directories."""
+    """Paths by the shortest names that distinguish them: file names, or with the directories."""
     for name in (lambda path: path.stem, lambda path: f"{path.parent.name}/{path.stem}", str):
         named = {printable(name(path)): path for path in paths}
         if len(named) == len(paths):

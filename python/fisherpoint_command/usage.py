@@ -10,7 +10,7 @@ from typing import Any
 from typer import TyperException
 
 
-def told(error: TyperException) -> str:
+def usage_error(error: TyperException) -> str:
     """What is wrong with the options or arguments, in one line, and where help is."""
     context = getattr(error, "ctx", None)
     command = str(getattr(context, "command_path", None) or "fisherpoint")

@@ -16,7 +16,7 @@ from .options import Check, Designs, Force, Noise, NoPlots, Output, Quiet, Threa
 from .standard_input import one_from_standard_input
 
 ITERATIONS = 8
-"""Of a fit, about."""
+"""About how many iterations a fit takes."""
 
 
 class Truth(StrEnum):
@@ -45,7 +45,7 @@ def validate(
     force: Force = False,
     quiet: Quiet = False,
 ) -> int:
-    """Measure designs virtually many times, fit each time, and tell whether the designs keep their promises.
+    """Measure designs virtually many times, fit each time, and report whether the designs keep their promises.
 
     Writes validation.csv, report.txt, validation.png, and report.html, which shows all of it in a browser. Ctrl-C stops early
     and keeps what was found by then.
@@ -56,7 +56,7 @@ def validate(
         import fisherpoint.validation.validate  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_together
 
-        from .checked import about, points_row, size_of, tell
+        from .checked import about, points_row, show_plan, size_of
         from .drawing import drawers
         from .results import free_directory, make_directory, needed, remove_old
         from .runs import read_points
@@ -75,7 +75,9 @@ def validate(
         rows = [points_row(name, given) for name, given in points.items()]
         rows.append(("virtual experiments", f"{runs} of each, seed {seed}, noise {noise.value} to the fits"))
         size = sum(map(size_of, points.values())) * runs
-        return tell(problem, [file, *designs], [*rows, about(size * ITERATIONS, f"{ITERATIONS} iterations of each fit")], output)
+        return show_plan(
+            problem, [file, *designs], [*rows, about(size * ITERATIONS, f"{ITERATIONS} iterations of each fit")], output
+        )
     assert output is not None
     with drawers(None if no_plots else "fisherpoint.validation.pictures") as drawing:
         found = fp.validate(

@@ -32,7 +32,9 @@ def write_shown(
     return write_page(report, result._asked(), directory, drawing, result._plots() if plots is None else plots, file)
 
 
-def write_page(report: Report, asked: Sequence[Section], directory: Path, drawing: Drawers, plots: Plots, file: Path) -> list[str]:
+def write_page(
+    report: Report, settings: Sequence[Section], directory: Path, drawing: Drawers, plots: Plots, file: Path
+) -> list[str]:
     """Write pictures, as PNG, and after them a page with the text of the TOML file that was given; return their names.
 
     Ctrl-C ends the drawing: it is raised once there is a page without the pictures that are missing.
@@ -49,10 +51,10 @@ def write_page(report: Report, asked: Sequence[Section], directory: Path, drawin
         missing = [name for name in plots if f"{name}.png" not in pictures]
         for name in missing:
             (directory / f"{name}.png").unlink(missing_ok=True)  # of one that was just written
-        told = f"Interrupted while pictures were drawn; missing: {', '.join(missing)}."
-        report = replace(report, warnings=[*report.warnings, told])
+        warning = f"Interrupted while pictures were drawn; missing: {', '.join(missing)}."
+        report = replace(report, warnings=[*report.warnings, warning])
     sources = {str(file): read_bytes(file).decode(errors="replace")}
-    page = to_page(report, asked=asked, pictures=pictures.values(), command=repeated(), sources=sources)
+    page = to_page(report, asked=settings, pictures=pictures.values(), command=repeated(), sources=sources)
     write_whole(directory / PAGE, page)
     if interrupted:
         raise KeyboardInterrupt

@@ -184,7 +184,7 @@ def test_what_cannot_be_estimated_is_named() -> None:
     assert null["a"] * 2.0 + null["b"] * 1.0 == pytest.approx(0, abs=1e-6) and "K" not in null
     assert "undetermined" in str(design) and len(design.points) == 2
     assert fp.approximate(twice, inputs(np.linspace(0.1, 5, 50)), criterion="c", of="a*b").efficiency > 0.999
-    with pytest.raises(ValueError, match=r"^candidates: expected some that determine what is asked"):
+    with pytest.raises(ValueError, match=r"^candidates: expected some that determine criterion"):
         fp.approximate(twice, inputs(np.linspace(0.1, 5, 50)), criterion="c", of="a")
     one = fp.approximate(MICHAELIS, inputs([1.0]))
     assert len(one.null_directions) == 1 and one.weights == pytest.approx([1.0])

@@ -112,7 +112,7 @@ def test_the_certificate_of_a_region_fails_where_the_support_is_kept_from_the_be
 def _own(work: Any) -> Any:
     chosen = work.weights.chosen
     points, rows = work.points[chosen], work.pool.rows[chosen]
-    alone = optimal_weights(CandidateRows(rows), work.asked, tolerance=1e-7, space=work.space)
+    alone = optimal_weights(CandidateRows(rows), work.criterion, tolerance=1e-7, space=work.space)
     return continuous._Support(points, rows, alone)
 
 

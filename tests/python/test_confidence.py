@@ -51,7 +51,7 @@ def test_the_cylinder_can_be_asked_for_a_share() -> None:
     free, kept = (fp.exchange(CYLINDER, 12, n_candidates=20, references=False, confidence=asked) for asked in (None, 0.97))
     assert share(CYLINDER, free) < 0.95
     assert share(CYLINDER, kept) >= 0.97
-    assert "asked for" in str(kept) and "asked for" not in str(free)
+    assert "required" in str(kept) and "required" not in str(free)
 
 
 def test_uncertain_constants_are_of_the_plants() -> None:
@@ -122,7 +122,7 @@ def test_where_the_share_is_missed_the_first_warning_says_so() -> None:
     found = fp.exchange(GROWTH, 3, n_candidates=20, references=False)
     missed = fp.Design(**{**vars(found), "settings": replace(found.settings, confidence=0.99)})
     assert not missed.feasible
-    assert "where 99.0 % was asked for" in str(missed)
+    assert "where 99.0 % was required" in str(missed)
 
 
 def test_the_share_is_in_files(tmp_path: Path) -> None:

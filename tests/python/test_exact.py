@@ -223,7 +223,7 @@ def test_the_prior_is_added_once() -> None:
     rows = rows_of_quadratic(GRID) / 3.0
     every = np.eye(6) + np.einsum("dk,ki,kj->dij", every_design(9, 3).astype(float), rows, rows)
     assert design.value == pytest.approx(np.linalg.slogdet(every)[1].max(), abs=1e-9)
-    with pytest.raises(ValueError, match=r"^n_experiments: expected enough to determine what criterion 'D' asks, given 3"):
+    with pytest.raises(ValueError, match=r"^n_experiments: expected enough to determine criterion 'D', given 3"):
         fp.exact(problem, inputs(GRID), 3)
 
 

@@ -163,7 +163,7 @@ def test_criteria_of_all_parameters_ask_for_what_is_estimable(name: str) -> None
     best = {"A": 1 / (5 * w) + 4 / (1 - w), "E": 5 * w, "ME": 1.0}[name] * {"A": 1 / 6, "E": 6, "ME": 1}[name]
     assert design.value == pytest.approx(best, rel=0.02)
     report = str(design.report())
-    assert "tell about 1.00 a - 0.50 b (in prior std)" in " ".join(report.split()) and "not determined (in prior std)" in report
+    assert "information on 1.00 a - 0.50 b (in prior std)" in " ".join(report.split()) and "not determined (in prior std)" in report
     if name != "ME":
         assert design.efficiency is not None and design.efficiency.at_least is not None
         assert 0.97 < design.efficiency.at_least <= 1 + 1e-9
@@ -175,7 +175,7 @@ def test_a_function_of_what_is_estimable_has_its_design_and_another_one_error() 
     assert design.value == pytest.approx(1 / (design.points.u[:, 0] ** 2).sum(), rel=1e-3)
     assert design.value == pytest.approx(1 / 4, rel=0.01)
     assert design.efficiency is not None and design.efficiency.at_least == pytest.approx(1, abs=0.01)
-    with pytest.raises(ValueError, match=r"^region: .*criterion 'c' asks, given none that tell about 1.00 a - 0.50 b"):
+    with pytest.raises(ValueError, match=r"^region: .*criterion 'c', given none with information on 1.00 a - 0.50 b"):
         fp.exchange(given, 4, criterion="c", of="a - b", **QUICK)
     with pytest.raises(ValueError, match=r"^region: .*criterion 'Ds'"):
         fp.exchange(given, 4, criterion="Ds", of=["a", "c"], **QUICK)
@@ -188,7 +188,7 @@ def test_too_few_points_for_criteria_of_all_parameters_are_chosen_by_log_det(nam
     assert design.evaluation.rank == 1 and design.too_few and design.efficiency is not None
     assert design.efficiency.at_least is None and design.efficiency.at_most is None
     assert f"enough for criterion {name}, points are chosen by log det F" in " ".join(str(design).split())
-    with pytest.raises(ValueError, match=r"^region: .*singular = 'error'.* tell about 1.00 a - 0.50 b"):
+    with pytest.raises(ValueError, match=r"^region: .*singular = 'error'.* information on 1.00 a - 0.50 b"):
         fp.exchange(blind(), 6, criterion=name, singular="error", **QUICK)
 
 

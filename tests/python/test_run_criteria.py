@@ -168,18 +168,16 @@ def test_what_can_be_told_is_told_and_the_rest_is_named() -> None:
     product = fp.design_runs(unidentifiable(["k", "a"]), criterion="c", of="k * a", **QUICK)
     assert np.isfinite(product.value) and product.evaluation.rank == 1
     assert np.abs(product.runs.u).min() == pytest.approx(1.0)  # as much as goes, one way or the other
-    assert "the runs determine what criterion c asks, but not all parameters" in str(product.report())
+    assert "the runs determine criterion c, but not all parameters" in str(product.report())
     rest = fp.design_runs(unidentifiable(["k", "a"]), criterion="A", **QUICK)
     assert np.isfinite(rest.log_det) and rest.value == pytest.approx(np.exp(-rest.log_det), rel=1e-4)
 
 
 def test_what_no_run_tells_is_an_error_that_names_it() -> None:
-    with pytest.raises(
-        ValueError, match=r"region: expected runs that determine what criterion 'c' asks, given none that tell about"
-    ):
+    with pytest.raises(ValueError, match=r"region: expected runs that determine criterion 'c', given none with information on"):
         fp.design_runs(unidentifiable(["k", "a"]), criterion="c", of="k / a", **QUICK)
     one = problem(1).replace(region=fp.RunRegion({"x": 0.0, "v": 0.0, "u": (-1, 1), "dt": (0.2, 2.0)}, 1))
-    with pytest.raises(ValueError, match=r"n_runs: expected runs enough to determine .* given 1"):
+    with pytest.raises(ValueError, match=r"n_runs: expected enough runs to determine .* given 1"):
         fp.design_runs(one, criterion="A", **QUICK)
     with_prior = fp.design_runs(one, criterion="A", prior_information=True, **QUICK)
     assert np.isfinite(with_prior.log_det) and with_prior.evaluation.rank == 2

@@ -52,7 +52,7 @@ def test_a_design_of_an_unidentifiable_model_is_for_the_rest(method: str, tmp_pa
     assert efficiency.at_least == pytest.approx(np.exp((by_hand(design.points) - efficiency.at_most) / 2), rel=1e-9)
     assert efficiency.vs_random is not None and efficiency.vs_random > 1
     told = words(design)
-    assert "No point of the region was found to tell about 1.00 a - 0.50 b (in prior std)" in told
+    assert "No point of the region was found with information on 1.00 a - 0.50 b (in prior std)" in told
     assert "log det F of the rest" in told and "docs/how_to/singular.md" in told
     assert design.ridge == (0.0 if method == "auto" else 1e-9) and ("added to F while singular" in told) == bool(design.ridge)
     design.save(tmp_path)
@@ -64,7 +64,7 @@ def test_a_design_of_an_unidentifiable_model_is_for_the_rest(method: str, tmp_pa
 def test_without_references_it_is_named_too() -> None:
     for method in ("auto", "paper"):
         design = fp.exchange(blind(), 6, method=method, references=False, **QUICK)
-        assert len(design.not_told) == 1 and "tell about 1.00 a - 0.50 b" in words(design)
+        assert len(design.not_told) == 1 and "information on 1.00 a - 0.50 b" in words(design)
 
 
 def test_over_the_prior_what_is_determined_is_of_each_scenario() -> None:
@@ -90,7 +90,7 @@ def test_nothing_at_all_is_an_error() -> None:
     model = fp.SymbolicModel([], ["a*u"], {}, {"u": "1"}, {"a": "1"}, {"y": "1"})
     prior = fp.GaussianPrior(mean={"a": 1.0}, std={"a": 1.0})
     given = fp.DesignProblem(model, prior, fp.ExperimentRegion({"u": (0, 0)}), noise_std={"y": 1.0})
-    with pytest.raises(ValueError, match=r"^region: expected points that determine what criterion 'D' asks.* about 1.00 a"):
+    with pytest.raises(ValueError, match=r"^region: expected points that determine criterion 'D'.* on 1.00 a"):
         fp.exchange(given, 2, **QUICK)
 
 
@@ -128,7 +128,9 @@ def test_previous_points_close_what_few_points_leave_open() -> None:
 @pytest.mark.parametrize("method", ("auto", "paper"))
 def test_one_error_says_what_is_open_and_what_helps(method: str) -> None:
     asked: dict[str, Any] = QUICK | {"method": method, "singular": "error", "references": False}
-    with pytest.raises(ValueError, match=r"^region: .*'error'.* tell about 1.00 a - 0.50 b, in prior std: estimate fewer.*outputs"):
+    with pytest.raises(
+        ValueError, match=r"^region: .*'error'.* information on 1.00 a - 0.50 b, in prior std: estimate fewer.*outputs"
+    ):
         fp.exchange(blind(), 6, **asked)
     identified = blind().replace(parameters=["a", "c"])
     with pytest.raises(ValueError, match=r"^n_experiments: .*2 parameters.*given 1, which leave some.*take more points"):
@@ -140,12 +142,12 @@ def test_one_error_says_what_is_open_and_what_helps(method: str) -> None:
 
 
 def test_approximate_designs_and_sweeps_raise_it_too() -> None:
-    with pytest.raises(ValueError, match=r"^candidates: .*'error'.* tell about 1.00 a - 0.50 b, in prior std"):
+    with pytest.raises(ValueError, match=r"^candidates: .*'error'.* information on 1.00 a - 0.50 b, in prior std"):
         fp.approximate(blind(), n_candidates=50, starts=5, singular="error")
     for method in ("auto", "paper"):
-        with pytest.raises(ValueError, match=r"^region: .*'error'.* tell about 1.00 a - 0.50 b"):
+        with pytest.raises(ValueError, match=r"^region: .*'error'.* information on 1.00 a - 0.50 b"):
             fp.sweep(blind(), (4, 6), singular="error", method=method, **QUICK)
-    with pytest.raises(ValueError, match=r"^region: .*'error'.* tell about 1.00 a - 0.50 b"):
+    with pytest.raises(ValueError, match=r"^region: .*'error'.* information on 1.00 a - 0.50 b"):
         fp.Campaign(blind(), 4, singular="error", **QUICK).next()
 
 
@@ -171,7 +173,7 @@ def test_a_sweep_is_of_what_can_be_estimated(method: str, tmp_path: Path) -> Non
         assert at_least is not None and (0.85 if method == "auto" else 0.5) < at_least <= 1 + 1e-9
     assert found.knee is not None and found.n_candidates > 100
     told = words(found)
-    assert "rank 1 of 2 that are possible" in told and "tell about 1.00 a - 0.50 b (in prior std)" in told and "-inf" in told
+    assert "rank 1 of 2 that are possible" in told and "information on 1.00 a - 0.50 b (in prior std)" in told and "-inf" in told
     found.save(tmp_path / "sweep.json")
     assert str(fp.Sweep.load(tmp_path / "sweep.json")) == str(found)
 

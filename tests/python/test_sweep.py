@@ -257,9 +257,9 @@ def test_sizes_are_those_of_exchange(options: dict[str, Any], tmp_path: Path) ->
 
 def test_sizes_that_cannot_tell_what_is_asked_are_an_error() -> None:
     problem = fp.load_problem(EXAMPLES / "michaelis_menten.toml")
-    with pytest.raises(ValueError, match="n_experiments: expected points enough to determine"):
+    with pytest.raises(ValueError, match="n_experiments: expected enough points to determine"):
         fp.sweep(problem, [1, 2], criterion="c", of="V / K", n_candidates=20, max_iterations=20)
-    with pytest.raises(ValueError, match="n_experiments: expected points enough to determine 2 parameters, as singular = 'error'"):
+    with pytest.raises(ValueError, match="n_experiments: expected enough points to determine 2 parameters, as singular = 'error'"):
         fp.sweep(problem, [1, 2], criterion="A", singular="error", n_candidates=20, max_iterations=20)
     with pytest.raises(ValueError, match='over: expected method = "auto"'):
         fp.sweep(problem, [2], over=fp.OverPrior("log"), method="paper")
@@ -319,7 +319,7 @@ def test_the_command_writes_every_size(tmp_path: Path, capsys: pytest.CaptureFix
         "design_3.csv",
         "design_4.csv",
     }
-    assert "Within a budget of 10: the design of 3 points tells most." in printed.out
+    assert "Within a budget of 10: the design of 3 points has the most information." in printed.out
     again = fp.Sweep.load(out / "sweep.json")
     assert again.sizes == (2, 3, 4) and again[3].cost == 9.0
 

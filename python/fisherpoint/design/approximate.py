@@ -99,10 +99,10 @@ def approximate(
     n_experiments : int, optional
         For `prior_information`, and where constants are uncertain: what is known beforehand counts once beside so many.
     singular : {"estimable", "error"}
-        Where no candidate tells about some combinations of parameters, "D", "A" and "E" ask for the others, and the result names
-        what is left open; or that is an error.
+        Where no candidate has information on some combinations of parameters, "D", "A" and "E" are of the others, and the result
+        names what is left open; or that is an error.
     over : OverPrior, optional
-        An average of the criterion over scenarios in the place of its value at the prior mean, as for :func:`fisherpoint.exchange`:
+        An average of the criterion over scenarios instead of its value at the prior mean, as for :func:`fisherpoint.exchange`:
         of log det F, or log phi of "Ds", "A", "c" and "I". Points must be valid in every scenario.
     n_candidates : int
         Candidates that are drawn in the region first; those that are no points are left out.
@@ -134,8 +134,8 @@ def approximate(
         raise ValueError("criterion: expected one with a concave form, given 'ME': no bound holds for the condition number")
     check_choice(singular, SINGULAR, "singular")
     nuisance = problem.n_nuisance
-    asked: Criterion = criterion_of(problem, criterion, of=of, conditions=conditions, scale=scale, threads=threads)
-    asked = asked.beside_nuisance(nuisance)
+    goal: Criterion = criterion_of(problem, criterion, of=of, conditions=conditions, scale=scale, threads=threads)
+    goal = goal.beside_nuisance(nuisance)
     starts = check_positive_int(starts, "starts", 1, MOST_CANDIDATES)
     n_candidates = check_positive_int(n_candidates, "n_candidates", 1, MOST_CANDIDATES)
     seed, threads = check_positive_int(seed, "seed", 0), resolve_threads(threads)
@@ -155,12 +155,12 @@ def approximate(
             criterion_of(one, criterion, of=of, conditions=conditions, scale=scale, threads=threads).beside_nuisance(nuisance)
             for one in scenarios.problems
         ]
-        asked = Averaged(there, scenarios.average, [problem.n_unknowns] * len(there))
-    with following(progress, "approximate", _step, counted=False) as hears:
+        goal = Averaged(there, scenarios.average, [problem.n_unknowns] * len(there))
+    with following(progress, "approximate", _step, counted=False) as callback:
 
-        def tell(doing: str, candidates: int) -> None:
-            if hears is not None:
-                hears(ApproximateProgress(doing, candidates, time.perf_counter() - started))
+        def report(doing: str, candidates: int) -> None:
+            if callback is not None:
+                callback(ApproximateProgress(doing, candidates, time.perf_counter() - started))
 
         elsewhere = () if scenarios is None else scenarios.problems
         source = PointRows(problem, threads, elsewhere)
@@ -170,36 +170,38 @@ def approximate(
             _check_region(problem)
             given = _drawn(problem, n_candidates, rng)
             if fast and criterion != "c":
-                given = Experiments.join([given, *_searched(problem, seed, threads, scenarios, tell)])
+                given = Experiments.join([given, *_searched(problem, seed, threads, scenarios, report)])
         rows, places = source.valid(given)
         if not len(rows):
-            told = ", ".join(f"{reason} {count}" for reason, count in source.rejected.items())
-            raise ValueError(f"candidates: expected valid points, given none: {told or 'no points at all'}")
+            refused_text = ", ".join(f"{reason} {count}" for reason, count in source.rejected.items())
+            raise ValueError(f"candidates: expected valid points, given none: {refused_text or 'no points at all'}")
         points, pool = given[places], CandidateRows(rows, constant)
         spaces = [estimable(part.triangle()) for part in pool.parts]
         space, least = spaces[0] if over is None else EstimableOver.of(spaces), min(spaces, key=lambda one: one.rank)
         null = not_told(problem, least)
         refused = singular == "error" and criterion in OF_ALL and null
         if not refused and len({one.rank for one in spaces}) > 1:
-            told = combinations(null)
+            open_text = combinations(null)
             raise ValueError(
-                f"over: expected scenarios that tell about the same, given some in which no candidate tells about {told}"
+                f"over: expected scenarios with information on the same, given some without information on {open_text}"
             )
-        if refused or not determined(problem, least) or asked.outside(space) > NOT_TOLD:
-            told = combinations(null)
-            what = "all parameters, as singular = 'error' asks" if refused else "what is asked"
-            raise ValueError(f"candidates: expected some that determine {what}, given none that tell about {told}, in prior std")
+        if refused or not determined(problem, least) or goal.outside(space) > NOT_TOLD:
+            open_text = combinations(null)
+            what = "all parameters, as singular = 'error' asks" if refused else f"criterion {criterion!r}"
+            raise ValueError(
+                f"candidates: expected some that determine {what}, given none with information on {open_text}, in prior std"
+            )
         left_out = FrozenMapping(dict(+source.rejected))
-        tell("weighing", len(pool))
-        weights = optimal_weights(pool, asked, tolerance=tolerance, seed=seed, space=space)
+        report("weighing", len(pool))
+        weights = optimal_weights(pool, goal, tolerance=tolerance, seed=seed, space=space)
         found = Refinement(points[weights.chosen], rows[weights.chosen], weights, len(rows), 0)
         if candidates is None:
             climb = Climbs(problem, rng, threads, elsewhere).run if fast else None
-            found = refined(source, points, pool, asked, weights, starts, tolerance, rng, climb, tell)
+            found = refined(source, points, pool, goal, weights, starts, tolerance, rng, climb, report)
     weights = found.weights
     information = CandidateRows(found.rows, constant).information(np.arange(len(found.rows)), weights.weights)
     inside = space.span.T @ information @ space.span if len(space.null) else information
-    told_by = asked if not len(space.null) else asked.within(space.orthonormal)
+    inner = goal if not len(space.null) else goal.within(space.orthonormal)
     return ApproximateDesign(
         problem=problem,
         criterion_name=criterion,
@@ -212,10 +214,10 @@ def approximate(
         points=found.points,
         weights=weights.weights,
         information=information if over is None else parted(information, len(spaces)),
-        value=told_by.value(inside),
+        value=inner.value(inside),
         efficiency=weights.efficiency,
         largest=weights.largest,
-        level=asked.within(space).level,
+        level=goal.within(space).level,
         half=weights.half,
         estimable=space,
         null_directions=null,
@@ -229,7 +231,7 @@ def approximate(
 
 
 def _scenarios(problem: DesignProblem, over: OverPrior, criterion: str) -> Scenarios:
-    """The problem at each of the scenarios, of which there may not be too many."""
+    """The problem at each of the scenarios; too many are an error."""
     check_type(over, OverPrior, "over")
     if criterion == "E":
         raise ValueError("criterion: expected 'D', 'Ds', 'A', 'c' or 'I' with over, given 'E', which has kinks of its own")
@@ -268,7 +270,7 @@ def _step(now: ApproximateProgress) -> Step:
 
 
 def _searched(
-    problem: DesignProblem, seed: int, threads: int, scenarios: Scenarios | None, tell: Callable[[str, int], None]
+    problem: DesignProblem, seed: int, threads: int, scenarios: Scenarios | None, report: Callable[[str, int], None]
 ) -> list[Experiments]:
     """The best candidates of searches for exact designs: they look on every scale near good points, where peaks may be narrow.
 
@@ -282,7 +284,7 @@ def _searched(
     )
     for k in range(SEARCHES):
         search = AutoSearch(problem, replace(settings, seed=seed + k), threads, scenarios=scenarios)
-        if search.run(lambda now: tell("searching", now.drawn)) == "interrupted":
+        if search.run(lambda now: report("searching", now.drawn)) == "interrupted":
             raise KeyboardInterrupt
         seen = search.seen.best(search.best.information, None, SEARCHED)
         if seen is not None:

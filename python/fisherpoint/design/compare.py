@@ -1,4 +1,4 @@
-"""`fp.compare`: designs beside each other, by what they tell under the sensor noise."""
+"""`fp.compare`: designs beside each other, by their information under the sensor noise."""
 
 from __future__ import annotations
 
@@ -100,13 +100,13 @@ class DesignComparison(Shown, Kept):
     def efficiency(self) -> Mapping[str, float]:
         """D-efficiency of each design against the best of them, (det ratio)^(1/p); 0 where F is singular.
 
-        The best one, repeated that share of times, tells as much as the other.
+        The best one, repeated that share of times, has as much information as the other.
         """
         return self._against_the_best({name: of.log_det for name, of in self.designs.items()})
 
     @property
     def efficiency_per_sample(self) -> Mapping[str, float]:
-        """The same of the information in a sample."""
+        """D-efficiency of each design by the information in a sample, against the best of them."""
         p = len(self.problem.estimated)
         return self._against_the_best({name: of.log_det - p * np.log(of.samples) for name, of in self.designs.items()})
 
@@ -150,7 +150,7 @@ class DesignComparison(Shown, Kept):
         return {"comparison": self.plot}
 
     def report(self) -> Report:
-        """What each design takes and tells, and the standard errors beside each other."""
+        """Effort and information of each design, and the standard errors beside each other."""
         whole, each = self.efficiency, self.efficiency_per_sample
         rows = []
         for name, of in self.designs.items():
@@ -161,15 +161,15 @@ class DesignComparison(Shown, Kept):
         columns = ("design", "size", "samples", "duration [s]", "log det F, sum", "D-efficiency", "per sample", "plants that can")
         notes = (
             "log det F: standardised, under the sensor noise. D-efficiency: against the best of these, that is the share of times"
-            " that one would be repeated to tell as much.",
+            " that one would be repeated for as much information.",
             "Plants that can: of those that the prior allows, which reach the end of every point or run.",
         )
         first = Section("Designs", columns, rows, notes=notes)
         errors = []
         for parameter in self.problem.estimated:
             std = self.problem.prior.std[parameter]
-            told = (None if of.standard_errors is None else of.standard_errors[parameter] / std for of in self.designs.values())
-            errors.append((parameter, *("-" if share is None else percent(share) for share in told)))
+            shares = (None if of.standard_errors is None else of.standard_errors[parameter] / std for of in self.designs.values())
+            errors.append((parameter, *("-" if share is None else percent(share) for share in shares)))
         second = Section("Standard errors, of the prior std", ("parameter", *self.designs), errors)
         title = f"{counted(len(self.designs), 'design')} for {self.problem.model.name} beside each other"
         warnings = [f"No information of {name}: {of.without}" for name, of in self.designs.items() if of.without]
@@ -185,7 +185,7 @@ def compare(
     threads: int | None = None,
     progress: bool | Callable[[CompareProgress], None] | None = None,
 ) -> DesignComparison:
-    """Compare designs by what they tell under the sensor noise, and by how many plants can run them.
+    """Compare designs by their information under the sensor noise, and by how many plants can run them.
 
     Parameters
     ----------
@@ -213,7 +213,7 @@ def compare(
     check_type(problem, DesignProblem, "problem")
     check_progress(progress)
     if problem.noise_std is None:
-        raise ValueError("noise_std: expected the sensor noise, by which designs are compared, given None")
+        raise ValueError("noise_std: expected the sensor noise, as designs are compared by it, given None")
     named, threads = named_designs(designs), resolve_threads(threads)
     draws, seed = check_positive_int(draws, "draws"), check_positive_int(seed, "seed", 0)
     started = perf_counter()
@@ -222,13 +222,13 @@ def compare(
     def step(now: CompareProgress) -> Step:
         return Step(now.designs, now.n_designs, now.name)
 
-    with following(progress, "comparing designs", step) as told:
+    with following(progress, "comparing designs", step) as report:
         for name, points in named.items():
-            if told is not None:
-                told(CompareProgress(len(found), len(named), name, perf_counter() - started))
+            if report is not None:
+                report(CompareProgress(len(found), len(named), name, perf_counter() - started))
             found[name] = _compared(problem, name, points, draws, seed, threads)
-        if told is not None:
-            told(CompareProgress(len(found), len(named), "", perf_counter() - started))
+        if report is not None:
+            report(CompareProgress(len(found), len(named), "", perf_counter() - started))
     return DesignComparison(problem, FrozenMapping(found))
 
 
@@ -277,6 +277,6 @@ def named_designs(given: Any) -> dict[str, Experiments | Runs]:
 
 
 def _points_of(design: Any) -> Experiments | Runs | None:
-    """The points or runs of a design; None where it is none, or has weights in the place of whole numbers of points."""
+    """The points or runs of a design; None where it is none, or has weights instead of whole numbers of points."""
     points = design if isinstance(design, Experiments | Runs) else getattr(design, "points", None)
     return points if isinstance(points, Experiments | Runs) and not hasattr(design, "weights") else None

@@ -49,7 +49,7 @@ def _valid(kind: Any, given: Any) -> Any:
 
 
 def mistakes_between(tables: Mapping[str, Any], model: Model) -> Iterator[str]:
-    """A line for each mistake; tables that are missing here are wrong in themselves, which is told elsewhere."""
+    """A line for each mistake; tables that are missing here are wrong in themselves, which is reported elsewhere."""
     parameters = list(names_of(model.parameters))
     design, campaign, rule = (tables.get(name) for name in ("design", "campaign", "rule"))
     if (prior := tables.get("prior")) is not None:

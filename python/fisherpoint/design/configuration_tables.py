@@ -58,7 +58,7 @@ class PriorEntry(Table):
         if (self.std is None) == (self.relative_std is None):
             raise PydanticCustomError("expected", "exactly one of std and relative_std")
         if self.mean == 0 and self.relative_std is not None:
-            raise PydanticCustomError("expected", "std in the place of relative_std, as the mean is 0")
+            raise PydanticCustomError("expected", "std instead of relative_std, as the mean is 0")
         if self.log and not self.mean > 0:
             raise PydanticCustomError("expected", "a mean > 0 with log = true")
         return self
@@ -158,7 +158,7 @@ def _in_units(table: Mapping[str, Constant], quantities: Iterable[Quantity]) -> 
 
 
 class RunsTable(Table):
-    """Runs of several segments in the place of points: how many, of what length, and what of them may vary."""
+    """Runs of several segments instead of points: how many, of what length, and what of them may vary."""
 
     segments: Count
     n_runs: Count | None = None

@@ -1,4 +1,4 @@
-"""What a design was asked for, in words and in units of the criterion."""
+"""The goal of a design, in words and in units of the criterion."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 
 from ..information.evaluation import Evaluation
 from ..show.numbers import computed, percent_down
-from .optimality.asked import Asked, named
+from .optimality.asked import CriterionSettings, named
 from .optimality.criteria import Criterion
 from .over_prior import OverPrior
 
 
-class Settings(Asked, Protocol):
+class Settings(CriterionSettings, Protocol):
     @property
     def over(self) -> OverPrior | None: ...
     @property
@@ -35,7 +35,7 @@ class ByCriterion(Protocol):
     def value(self) -> float: ...
 
 
-def asked_for(design: ByCriterion) -> str:
+def goal_text(design: ByCriterion) -> str:
     """The end of a headline; nothing for log det F, which is the usual one."""
     name, of = design.settings.criterion, design.settings.of
     return "" if name == "D" else f"; chosen by criterion {name}, {named(name, of)}"
@@ -47,7 +47,7 @@ def maximised(design: ByCriterion) -> str:
 
 
 def maximised_of(settings: Settings) -> str:
-    """The same by the settings of a search."""
+    """What is maximised, by the settings of a search."""
     over = settings.over
     what = "log det F"
     if settings.criterion != "D":
@@ -57,8 +57,8 @@ def maximised_of(settings: Settings) -> str:
     return what if over is None else over.described_with(what)
 
 
-def facts_asked(design: ByCriterion) -> Iterator[tuple[str, str]]:
-    """The criterion and its value, but for log det F, which is told anyway; and whether the prior counts."""
+def goal_facts(design: ByCriterion) -> Iterator[tuple[str, str]]:
+    """The criterion and its value, but for log det F, which is always shown; and whether the prior counts."""
     settings = design.settings
     if settings.prior_information:
         yield "prior information", "counts once beside the data, in the criterion, its bounds and the standard errors"
@@ -74,11 +74,11 @@ def facts_asked(design: ByCriterion) -> Iterator[tuple[str, str]]:
         value += ", parameters in units of their prior std"
     yield "its value with this design", value
     if settings.criterion in ("A", "E", "ME") and design.evaluation.null_directions:
-        yield "asked for", "what the design determines; what it leaves open stands below"
+        yield "restricted to", "what the design determines; what it leaves open stands below"
 
 
-def told(design: ByCriterion, value: float) -> str:
-    """What is maximised at the prior mean, (7), as the criterion tells it for all measurements."""
+def in_units(design: ByCriterion, value: float) -> str:
+    """A value of the objective at the prior mean, (7), in units of the criterion for all measurements."""
     if design.settings.criterion == "D":
         return f"{value:.4f}"
     criterion = design.criterion
@@ -92,11 +92,11 @@ def at_least(share: float) -> str:
 
 
 def bound_of(design: ByCriterion, value: float) -> str:
-    """The bound of what is maximised, as the criterion tells it."""
+    """The bound of the objective, in units of the criterion."""
     settings = design.settings
     if settings.over is not None:
         return f"{maximised(design)} over the scenarios at most {value:.4f}"
     if settings.criterion == "D":
         return f"log det at most {value:.4f}"
     side = "at least" if settings.criterion in ("A", "c", "I") else "at most"
-    return f"{named(settings.criterion, settings.of)} {side} {told(design, value)}"
+    return f"{named(settings.criterion, settings.of)} {side} {in_units(design, value)}"

@@ -1,7 +1,7 @@
 """What a design is worth beside others: what bounds those of the same candidates, random ones, the bound of the pooled form.
 
 The value of the pooled criterion says little. To first order (7), (16) and (17) without noise give tr(Sigma_theta F) = 2 n_y for
-every design, and with noise, by which D is larger, less; so log det(Sigma_theta F) <= p log(2 n_y / p), whatever the points are.
+every design, and with noise, which makes D larger, less; so log det(Sigma_theta F) <= p log(2 n_y / p), whatever the points are.
 What counts is the information under the sensor noise. Here Sigma_theta is the covariance that the rule's nodes have, which is not
 quite the prior's.
 """
@@ -98,7 +98,7 @@ class Efficiency:
 def d_efficiency(log_det: float | None, reference: float | None, parameters: int) -> float | None:
     """(det ratio)^(1/p); None where a log det is missing or infinite, or the ratio overflows.
 
-    With the level of another criterion in the place of p, its efficiency.
+    With the level of another criterion instead of p, it is the efficiency by that criterion.
     """
     if log_det is None or reference is None or not np.isfinite(reference):
         return None
@@ -165,8 +165,8 @@ def random_designs(
     """Log dets (n,) under the sensor noise of random designs that share no point, each beside the previous points.
 
     Their points are valid at the prior mean: on all nodes of the rule a design's own have to be, at many times the cost. As many
-    are drawn as tell the median to `MEDIAN_ERROR`, up to the time limit in seconds or `MOST_RANDOM_POINTS`, but 25 at least.
-    Another `value` of F than log det F may be asked for.
+    are drawn as determine the median to `MEDIAN_ERROR`, up to the time limit in seconds or `MOST_RANDOM_POINTS`, but 25 at least.
+    `value` may be another function of F than log det F.
     """
     started, source = time.perf_counter(), CandidateSource(problem, np.random.default_rng([seed, 1]), threads)
     most = max(LEAST_RANDOM_DESIGNS, MOST_RANDOM_POINTS // n_experiments)

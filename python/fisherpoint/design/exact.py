@@ -26,7 +26,7 @@ from .optimality.told import NOT_TOLD, determined, not_told
 from .optimality.weights import optimal_weights
 
 TOLERANCE = 1e-6
-"""Of the best weights, from which the bounds begin."""
+"""Tolerance of the best weights, where the bounds begin."""
 
 MOST_EXPERIMENTS, MOST_NODES = 10_000, 10**9
 
@@ -69,7 +69,7 @@ def exact(
     prior_information : bool
         Whether the inverse of the prior's covariance is added to the information of the measurements.
     gap : float
-        The share of measurements by which a better design may stay unknown: the search ends where the efficiency is proven to be
+        The share of measurements that an unknown better design may save: the search ends where the efficiency is proven to be
         at least 1 - gap; at least 1e-9.
     max_nodes : int
         Boxes of counts that are looked at.
@@ -91,7 +91,7 @@ def exact(
     ------
     TypeError, ValueError
         For misuse, an output covariance that is not additive, what the candidates cannot determine, with the combinations of
-        parameters that are left open, and too few measurements to determine what is asked.
+        parameters that are left open, and too few measurements to determine the criterion.
     """
     started = time.perf_counter()
     check_type(problem, DesignProblem, "problem")
@@ -100,8 +100,8 @@ def exact(
     n = check_positive_int(n_experiments, "n_experiments", 1, MOST_EXPERIMENTS)
     if check_choice(criterion, CRITERIA, "criterion") == "ME":
         raise ValueError("criterion: expected one with a concave form, given 'ME': no bound holds for the condition number")
-    asked = criterion_of(problem, criterion, of=of, conditions=conditions, scale=scale, threads=threads)
-    asked = asked.beside_nuisance(problem.n_nuisance)
+    goal = criterion_of(problem, criterion, of=of, conditions=conditions, scale=scale, threads=threads)
+    goal = goal.beside_nuisance(problem.n_nuisance)
     gap = as_positive(gap, "gap")
     if not 1e-9 <= gap <= 0.5:
         raise ValueError(f"gap: expected a share between 1e-9 and 0.5, given {gap:g}")
@@ -117,21 +117,23 @@ def exact(
     source = PointRows(problem, threads)
     rows, places = source.valid(candidates) if len(candidates) else (np.empty((0, 1, 1)), np.empty(0, dtype=np.intp))
     if not len(rows):
-        told = ", ".join(f"{reason} {count}" for reason, count in source.rejected.items())
-        raise ValueError(f"candidates: expected valid points, given none: {told or 'no points at all'}")
+        refused_text = ", ".join(f"{reason} {count}" for reason, count in source.rejected.items())
+        raise ValueError(f"candidates: expected valid points, given none: {refused_text or 'no points at all'}")
     pool = CandidateRows(rows, None if known is None else known / n)
     space = estimable(pool.triangle())
     null = not_told(problem, space)
-    if not determined(problem, space) or asked.outside(space) > NOT_TOLD:
-        told = combinations(null)
-        raise ValueError(f"candidates: expected some that determine what is asked, given none that tell about {told}")
-    weights = optimal_weights(pool, asked, tolerance=TOLERANCE, seed=seed, space=space)
+    if not determined(problem, space) or goal.outside(space) > NOT_TOLD:
+        open_text = combinations(null)
+        raise ValueError(
+            f"candidates: expected some that determine criterion {criterion!r}, given none with information on {open_text}"
+        )
+    weights = optimal_weights(pool, goal, tolerance=TOLERANCE, seed=seed, space=space)
     limits = Limits(-float(np.log1p(-gap)), max_nodes, time_limit, started)
-    search = ExactSearch(pool, asked.within(space), weights, n, limits, np.random.default_rng(seed))
+    search = ExactSearch(pool, goal.within(space), weights, n, limits, np.random.default_rng(seed))
     found = search.run(progress)
     if not found.efficiency > 0:
         raise ValueError(
-            f"n_experiments: expected enough to determine what criterion {criterion!r} asks, given {n}: the candidates determine "
+            f"n_experiments: expected enough to determine criterion {criterion!r}, given {n}: the candidates determine "
             f"{determined(problem, space)} combinations of parameters, and no design of so many measurements was found that "
             "determines it"
         )
@@ -139,7 +141,7 @@ def exact(
     counts = found.counts[chosen]
     information = pool.information(chosen, counts.astype(float))
     inside = space.span.T @ information @ space.span if len(null) else information
-    told_by = asked.within(space.orthonormal) if len(null) else asked
+    inner = goal.within(space.orthonormal) if len(null) else goal
     return ExactDesign(
         problem=problem,
         criterion_name=criterion,
@@ -151,7 +153,7 @@ def exact(
         chosen=places[chosen],
         counts=counts,
         information=information,
-        value=told_by.value(inside),
+        value=inner.value(inside),
         efficiency=found.efficiency,
         of_weights=float(np.exp(min(search.value - weights.log_bound - np.log(n), 0.0))),
         gap=gap,

@@ -29,7 +29,7 @@ MOST_LEFT = 50_000
 """Candidates that may be left for branch and bound."""
 
 COPIES = 1e-10
-"""Shares by which information matrices of candidates differ that are one to it."""
+"""Relative difference of information matrices up to which candidates count as copies."""
 
 
 @dataclass(frozen=True)
@@ -183,7 +183,7 @@ class ExactSearch:
                 return
 
     def _starts(self, among: NDArray[np.intp], columns: Array, known: Array) -> list[NDArray[np.intp]]:
-        """The rounded weights, the best so far, and designs of which half is any and the rest the best beside it."""
+        """The rounded weights, the best so far, and designs with a random half and the best rest beside it."""
         weights, n = self._weights, self._n
         places = np.searchsorted(among, weights.chosen)
         held = np.argsort(-weights.weights, kind="stable")[:n]

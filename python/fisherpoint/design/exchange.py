@@ -36,7 +36,7 @@ from .points.exchange_search import ExchangeSearch
 from .points.point_search import PointSearch, Progress
 from .result import Design
 from .search_steps import points_step
-from .settings import ExchangeSettings, check_asked, most_iterations, searched_by
+from .settings import ExchangeSettings, check_goal, most_iterations, searched_by
 
 
 def exchange(
@@ -113,13 +113,13 @@ def exchange(
         Points that the design must have, such as those that were chosen by hand, or of a design to which more are added. They are
         its first points, never leave, and count among the `n_experiments`.
     over : OverPrior, optional
-        A criterion over the prior in the place of log det F at its mean: for methods "auto" with D = R. The time is that of
+        A criterion over the prior instead of log det F at its mean: for methods "auto" with D = R. The time is that of
         "auto" times the scenarios up to four of them; with more, fewer candidates are drawn, and it grows less. A point must be
         valid in every scenario.
     criterion : {"D", "A", "E", "ME", "c", "Ds", "I"}
-        What the points are to be good for, beside "D" for method "auto" with D = R; :func:`fisherpoint.criterion` says what they
-        are, and what they need. Where no point tells about some parameters, "D", "A", "E" and "ME" ask for the others; where
-        points are too few for these, they are chosen by log det F.
+        The criterion of the design, others than "D" for method "auto" with D = R; :func:`fisherpoint.criterion` says what each one
+        is, and needs. Where no point has information on some parameters, "D", "A", "E" and "ME" are of the others; where points
+        are too few for these, they are chosen by log det F.
     of, conditions, scale
         What the criterion needs.
     confidence : float, optional
@@ -178,7 +178,7 @@ def designs(
     progress: bool | Callable[[Progress], None] | None = None,
 ) -> Iterator[Design]:
     """Yield the design as soon as it is found, and at last with what it is compared with; arguments are as of `exchange`."""
-    check_asked(settings, problem)
+    check_goal(settings, problem)
     check_progress(progress)
     threads = resolve_threads(threads)
     known, left_out = previous_information(problem, previous, threads)
@@ -187,9 +187,9 @@ def designs(
         known, kept = _with_kept(problem, keep, known, settings.n_experiments, threads)
     if settings.over is not None:
         scenarios = scenarios_of(problem, settings, previous, keep, known, threads)
-    with following(progress, "iteration", points_step(settings.criterion), "drawing the first points") as told:
+    with following(progress, "iteration", points_step(settings.criterion), "drawing the first points") as report:
         search = _search(problem, settings, threads, known, kept, scenarios)
-        stop_reason = search.run(told)
+        stop_reason = search.run(report)
         interrupted = stop_reason == "interrupted"
         if not interrupted:
             check_determined(search)
@@ -210,12 +210,12 @@ def designs(
 
 
 def check_determined(search: PointSearch) -> None:
-    """Raise where no points were found that determine what another criterion than log det F asks."""
-    asked, count = search.settings.criterion, search.settings.n_experiments
+    """Raise where no points were found that determine a criterion other than log det F."""
+    criterion, count = search.settings.criterion, search.settings.n_experiments
     if not np.isfinite(search.best.log_det) and not search.aims[0].of_all:
         raise ValueError(
-            f"n_experiments: expected points enough to determine what criterion {asked!r} asks, given {count}: the search has"
-            " found none that do"
+            f"n_experiments: expected enough points to determine criterion {criterion!r}, given {count}: no design that does was"
+            " found; increase n_experiments"
         )
 
 

@@ -101,7 +101,7 @@ def design_from_json(data: dict[str, Any]) -> dict[str, Any]:
     )
     design = FoundDesign(**fields)
     check_declared(design)
-    _ = design.criterion  # which says where what is asked for does not fit
+    _ = design.criterion  # raises where the settings of the criterion do not fit
     return fields
 
 

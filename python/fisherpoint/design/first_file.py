@@ -16,19 +16,19 @@ from ..points.status import Status
 from ..points.trajectories import simulate
 
 RELATIVE_STD = 0.2
-"""Of every parameter."""
+"""Relative standard deviation of every parameter."""
 
 NOISE = 0.01
-"""Of every sensor, as a share of the median output in the region."""
+"""Noise of every sensor, as a share of the median output in the region."""
 
 TRIED = 200
-"""Points of the region of which the outputs are looked at."""
+"""Number of points of the region whose outputs are looked at."""
 
 DIGITS = 3
 
 
 def first_file(path: Path, name: str) -> tuple[str, list[str]]:
-    """The text of a file, to be called `name`, for the model of another one, and what has to be set in it as nothing tells it.
+    """The text of a file, to be called `name`, for the model of another one, and what the user has to set in it.
 
     Raises
     ------

@@ -57,7 +57,7 @@ class FoundDesign:
     scenarios : ScenarioValues or None
         What the design is worth in the scenarios of a criterion over the prior; None where it is of the prior mean.
     efficiency : Efficiency or None
-        Against the references; None where they were not asked for.
+        Against the references; None where they were not requested.
     trace : tuple of TraceRecord
         The first is the random start; log_det never falls, but where `confidence` makes points keep further away from limits.
     rejected : mapping of reason to int
@@ -74,10 +74,10 @@ class FoundDesign:
     previous_left_out : mapping of reason to int
         Previous points that are not valid at the prior mean, and are not used.
     not_told : tuple of mappings of parameter name to float
-        Where F is singular: combinations of standardised parameters that no point of the region was found to tell about. Where
-        these are fewer than the `Evaluation.null_directions`, more or other points determine more.
+        Where F is singular: combinations of standardised parameters that no point of the region was found to have information
+        on. Where these are fewer than the `Evaluation.null_directions`, more or other points determine more.
     ridge : float
-        Share of the prior's information that was added to F while designs of the search were singular, to tell them apart; 0 where
+        Share of the prior's information that was added to F while designs of the search were singular, to compare them; 0 where
         none were. No figure of the design contains it.
     """
 
@@ -112,9 +112,9 @@ class FoundDesign:
 
     @cached_property
     def criterion(self) -> Criterion:
-        """What was asked for, as a function of information matrices.
+        """The criterion as a function of information matrices.
 
-        Where F is singular "D", "A", "E" and "ME" ask for what the points determine.
+        Where F is singular "D", "A", "E" and "ME" are of what the points determine.
         """
         return criterion_of_design(self.problem, self.settings, self.evaluation)
 
@@ -127,7 +127,7 @@ class FoundDesign:
     def feasibility(self) -> Feasibility | None:
         """Which plants of the prior can run all points, of `DRAWS` that the search has not seen.
 
-        None for models of Python functions, of which so many trajectories take minutes: `fp.feasibility` counts them too.
+        None for models of Python functions, where so many trajectories take minutes: `fp.feasibility` counts them too.
         """
         if not self.problem.model.in_core:
             return None
@@ -140,9 +140,9 @@ class FoundDesign:
 
     @property
     def feasible(self) -> bool:
-        """Whether no smaller share of the plants than the asked one can run all points, of those that `feasibility` has tried."""
-        asked, tried = self.settings.confidence, self.feasibility
-        return asked is None or (tried is not None and tried.share >= asked)
+        """Whether at least the required share of the plants can run all points, of those that `feasibility` has tried."""
+        required, tried = self.settings.confidence, self.feasibility
+        return required is None or (tried is not None and tried.share >= required)
 
     @property
     def distinct_points(self) -> int:

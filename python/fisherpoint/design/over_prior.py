@@ -25,7 +25,7 @@ MOST_SCENARIOS = 1024
 
 @dataclass(frozen=True)
 class OverPrior:
-    """What `exchange` maximises in the place of log det F at the prior mean.
+    """What `exchange` maximises instead of log det F at the prior mean.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class OverPrior:
         The mean of log det F over the scenarios, the smallest, or the mean of the worst `share` of them.
     scenarios : Rule or sequence of mappings of parameter name to float
         The nodes of a rule over the prior of the estimated parameters, with its weights, which must be positive; or values in SI
-        units of which each counts the same. Parameters that are left out of a mapping are at their mean, so that `{}` is the mean.
+        units that each count the same. Parameters that are left out of a mapping are at their mean, so that `{}` is the mean.
     share : float
         Of "cvar", between 0 and 1.
     """
@@ -94,7 +94,7 @@ class OverPrior:
         return self.described_with("log det F")
 
     def described_with(self, what: str) -> str:
-        """The same for another criterion."""
+        """What is maximised for another criterion, as part of a sentence."""
         of = {"log": f"the mean {what}", "worst": f"the smallest {what}"}
         return of.get(self.kind, f"the mean {what} of the worst {100 * self.share:g} %")
 
@@ -115,7 +115,7 @@ class OverPrior:
 class Scenarios:
     """The parameters for which a search evaluates its points.
 
-    A scenario is the design problem with its prior moved there. The standard deviations stay, by which parameters are standardised.
+    A scenario is the design problem with its prior moved there. The standard deviations that standardise parameters stay.
 
     Attributes
     ----------

@@ -11,7 +11,7 @@ from ..points.runs import Runs
 from ..points.trajectories import simulate
 
 FRACTIONS = np.unique(np.concatenate([[1e-6], np.geomspace(1e-4, 1.0, 17), np.linspace(0.0, 1.0, 41)[1:]]))
-"""Of a duration, at which trajectories are drawn: what is fast at the start is seen beside what is slow."""
+"""Fractions of a duration at which trajectories are drawn: what is fast at the start is seen beside what is slow."""
 
 
 def paths_of(problem: DesignProblem, points: Experiments, fractions: Array, theta: Array) -> tuple[Array, Array]:

@@ -26,14 +26,14 @@ from .pictures_responses import free_axis, plot_responses
 Floats = NDArray[np.float64]
 
 BEYOND = 0.08
-"""Of a logarithmic axis, the share that lies beyond the bounds on either side, as of the others."""
+"""Share of a logarithmic axis that lies beyond the bounds on either side, as on the others."""
 
 DIGIT, LINE, MOST_LINES = 4.8, 10.0, 4
-"""Of numbers, in points of 1/72 inch: how wide a character is, how high a line, and how many lines there are at most."""
+"""Size of numbers: the width of a character and the height of a line, in points of 1/72 inch, and the most lines."""
 
 AWAY, ROOM, BETWEEN = (6.0, 13.0), 4.0, 3.0
-"""Of numbers, in points of 1/72 inch: how far they are from their marker, the gap to other things that is enough, and how densely
-these are taken."""
+"""Place of numbers, in points of 1/72 inch: distances from their marker, the gap to other things that is enough, and how densely
+these are sampled."""
 
 SAME_PLACE = 3.0
 """Starts that are closer on paper, in points of 1/72 inch, share one label."""
@@ -220,7 +220,7 @@ def _coordinates(design: Evaluated, horizontal: Quantity, vertical: Quantity, va
 
 
 def _scale(design: Evaluated, quantity: Quantity, values: dict[str, Floats]) -> AxisScale:
-    """Of an axis, by the region's bounds and by the points; only durations of points are ever logarithmic."""
+    """Scale of an axis by the region's bounds and by the points; only durations of points are ever logarithmic."""
     limits = _limits(design, quantity, values)
     if quantity is DURATION:
         return axis_scale(quantity, limits, values[quantity.name])

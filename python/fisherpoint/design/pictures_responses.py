@@ -26,13 +26,13 @@ CURVE = 401
 """Places at which a curve is computed."""
 
 HARDLY_APART = 1 / 60
-"""Of the axis: points that are nearer share one label."""
+"""Share of the axis: points that are nearer share one label."""
 
 BEYOND = 0.05
-"""Of a logarithmic axis, the share that lies beyond the bounds on either side, as of others."""
+"""Share of a logarithmic axis that lies beyond the bounds on either side, as on others."""
 
 ABOVE, LIFTED, DIGIT = 6.0, 90.0, 4.8
-"""Of labels, in points of 1/72 inch: how far above the point they are, at least and at most, and how wide a character is."""
+"""Place of labels, in points of 1/72 inch: the least and largest height above the point, and the width of a character."""
 
 
 def free_axis(design: Evaluated) -> Quantity | None:

@@ -25,16 +25,16 @@ from .paths import FRACTIONS, paths_of
 Floats = NDArray[np.float64]
 
 DECADES = np.geomspace(1e-7, 1.0, 99)
-"""Of a duration, at which trajectories are drawn over a logarithmic time."""
+"""Fractions of a duration at which trajectories are drawn over a logarithmic time."""
 
 ALIKE = 0.01
-"""Points of which all numbers differ by less than this share of them have one row of trajectories."""
+"""Points whose numbers all differ by less than this share have one row of trajectories."""
 
 MOST_NUMBERS = 5
-"""Of points alike that are named beside their row."""
+"""Most numbers of equal points that are shown beside their row."""
 
 RANGE = (5.0, 95.0)
-"""Of the plants, in percent, that the shade shows."""
+"""Percentiles of the plants between which the shade lies."""
 
 
 class _Row(NamedTuple):
@@ -109,7 +109,7 @@ def plot_trajectories(design: Evaluated, max_points: int = 24, plants: int = 200
             figure.text(*place, label, ha="left", va="center", fontsize=11, fontweight="bold")
         for k, (panels, row) in enumerate(zip(grid, lines, strict=True)):
             for axes in panels:
-                # Of a label that is not there, it is not to be told how far off all numbers are: that takes its time.
+                # Without a label, its distance from all numbers must not be computed: that takes time.
                 axes.yaxis.set_label_coords(0.0, 0.5)
                 if one_unit and k + 1 < len(grid):
                     axes.xaxis.set_label_coords(0.5, 0.0)
@@ -181,7 +181,7 @@ def _told(group: Sequence[int], output: Quantity, ends: Sequence[float], dt: flo
 
 
 def _place(figure: Figure, grid: NDArray[Any], titles: Sequence[str], above: float, between: float) -> None:
-    """Give many small panels the room that their labels need, told by the number of characters.
+    """Give many small panels the room that their labels need, estimated from the number of characters.
 
     A layout engine would measure each label several times, which takes longer than all else that a command does with the design.
     Lengths are in inches.
@@ -209,7 +209,7 @@ def _label_length(axes: Axes) -> int:
 
 
 def _few_ticks(axes: Axes) -> None:
-    """Few ticks, and these alone: a locator is asked again and again, and names some out of sight, which are made all the same."""
+    """Few ticks, and these alone: a locator is called again and again, and names some out of sight, which are made all the same."""
     axes.margins(x=0.03, y=0.12)
     for axis, (low, high), most in ((axes.xaxis, axes.get_xlim(), 4), (axes.yaxis, axes.get_ylim(), 3)):
         axis.set_ticks([place for place in MaxNLocator(most).tick_values(low, high) if low <= place <= high])

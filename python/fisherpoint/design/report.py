@@ -21,7 +21,7 @@ from ..points.outside import few, outside
 from ..points.status import Status
 from ..show.numbers import column, computed, counted, number, percent
 from ..show.section import Report, Section
-from .criterion_report import asked_for, at_least, bound_of, facts_asked, maximised, told
+from .criterion_report import at_least, bound_of, goal_facts, goal_text, in_units, maximised
 from .efficiency import Efficiency
 from .evaluated import Evaluated
 from .found import FoundDesign
@@ -57,10 +57,10 @@ def design_report(design: FoundDesign, most: int = ROWS) -> Report:
 
 
 def plants_sections(feasibility: Feasibility, confidence: float | None = None) -> Iterator[Section]:
-    """Which plants can run a design, and why others cannot; `confidence` is the share that was asked for."""
+    """Which plants can run a design, and why others cannot; `confidence` is the required share."""
     first, *others = feasibility.report().sections
-    asked = [] if confidence is None else [("asked for", percent(confidence))]
-    yield Section("Plants that can run the design", (), [*first.rows, *asked], notes=["The search has not seen these plants."])
+    required = [] if confidence is None else [("required", percent(confidence))]
+    yield Section("Plants that can run the design", (), [*first.rows, *required], notes=["The search has not seen these plants."])
     yield from others
 
 
@@ -69,7 +69,7 @@ def _plants_warnings(design: FoundDesign) -> Iterator[str]:
     if feasibility is not None and not design.feasible:
         yield (
             f"Only {percent(feasibility.share)} of the plants that the prior allows can run all points, where"
-            f" {percent(design.settings.confidence or 0.0)} was asked for: narrow the region, or give the search more time."
+            f" {percent(design.settings.confidence or 0.0)} was required: narrow the region, or give the search more time."
         )
     elif feasibility is not None and design.settings.confidence is None and feasibility.share < USUAL:
         yield (
@@ -106,10 +106,10 @@ def _headline(evaluated: Evaluated) -> str:
     parameters, points = evaluated.evaluation.parameters, evaluated.points
     previous = getattr(evaluated, "n_previous", 0)
     beside = f" beside {previous} previous ones" if previous else ""
-    asked = asked_for(evaluated) if isinstance(evaluated, FoundDesign) else ""
+    goal = goal_text(evaluated) if isinstance(evaluated, FoundDesign) else ""
     return (
         f"{counted(len(points), 'experiment point')}{beside} for {evaluated.problem.model.name}, "
-        f"{counted(len(parameters), 'parameter')} to estimate: {', '.join(parameters)}{asked}"
+        f"{counted(len(parameters), 'parameter')} to estimate: {', '.join(parameters)}{goal}"
     )
 
 
@@ -164,8 +164,8 @@ def _parameter_table(evaluated: Evaluated) -> Section:
         mean, std = problem.prior.mean[name], problem.prior.std[name]
         error = (under_noise.standard_errors or {}).get(name, math.nan)
         rse = (under_noise.rse or {}).get(name, math.nan)
-        told = (name, units[name], number(mean), number(std), computed(error), percent(rse), percent(error / std))
-        rows.append(told if alone is None else (*told, computed(alone[name])))
+        row = (name, units[name], number(mean), number(std), computed(error), percent(rse), percent(error / std))
+        rows.append(row if alone is None else (*row, computed(alone[name])))
         if name in under_noise.weak_parameters:
             marked.append(k)
     notes = [] if alone is None else [WITH_PRIOR]
@@ -193,7 +193,7 @@ def _criterion(evaluated: Evaluated) -> Section:
         facts.append(("limits along the way", "; ".join(evaluated.problem.along)))
     facts += _assumed(evaluated.problem)
     if isinstance(evaluated, FoundDesign):
-        facts += facts_asked(evaluated)
+        facts += goal_facts(evaluated)
     facts += value_of_criterion(evaluation)
     if evaluated.under_noise is not None and evaluation.output_covariance_kind != "noise":
         facts.append(("log det F under the noise", f"{evaluated.under_noise.log_det:.4f}"))
@@ -242,7 +242,7 @@ def _efficiency(design: FoundDesign) -> Iterator[Section]:
     if efficiency.vs_random is not None:
         assert efficiency.random_median is not None
         what = "log det" if name == "D" else named(name, design.settings.of)
-        median = f"({what} {told(design, efficiency.random_median)})"
+        median = f"({what} {in_units(design, efficiency.random_median)})"
         facts.append(("of the median random design", f"{percent(efficiency.vs_random)} {median}"))
     if efficiency.vs_bound is not None:
         bound = f"(log det {efficiency.bound:.4f}, under the D of the criterion)"
@@ -334,17 +334,19 @@ def _warnings(evaluated: Evaluated) -> Iterator[str]:
 def _of_covariance(kind: str, efficiency: Efficiency | None) -> Iterator[str]:
     """What a D that is not that of the noise does to the estimates."""
     below = efficiency is not None and efficiency.below_random
-    told = "Under the sensor noise this design is worse than the median random design" if below else ""
+    sentence = "Under the sensor noise this design is worse than the median random design" if below else ""
     if kind == "pooled":
         if efficiency is not None and efficiency.vs_best is not None and not below:
-            told = f"Under the sensor noise this design has {percent(efficiency.vs_best)} of what another search with D = R found"
+            sentence = (
+                f"Under the sensor noise this design has {percent(efficiency.vs_best)} of what another search with D = R found"
+            )
         why = 'D = "pooled" ignores the size of the signals: the better it is optimised, the worse the estimates may be'
-        told += ". " * bool(told)
-        use = '"noise"' if told else '"region", or "noise" with noise_std'
-        yield f"{told}{why}. Use output_covariance = {use}; {GUIDE} says why."
+        sentence += ". " * bool(sentence)
+        use = '"noise"' if sentence else '"region", or "noise" with noise_std'
+        yield f"{sentence}{why}. Use output_covariance = {use}; {GUIDE} says why."
     elif below:
         yield (
-            f'{told}. The criterion\'s D ("{kind}") ignores the size of the signals; use output_covariance = "noise". '
+            f'{sentence}. The criterion\'s D ("{kind}") ignores the size of the signals; use output_covariance = "noise". '
             f"{GUIDE} says why."
         )
 
@@ -362,8 +364,9 @@ def _nearby_warnings(evaluated: Evaluated, nearby: Nearby) -> Iterator[str]:
             ways += ', jumps = "exclude", or a smooth form of what jumps'
         yield (
             f"The standard errors hold at the prior mean, but not {DISTANCE:g} of them away from it: there {errors}. It is worst "
-            f"at {where}, where {_losing(evaluated, nearby)} much less than at the mean, as behind a threshold. Estimates may be "
-            f"worse than promised, and fits may fail: validate before measuring (fisherpoint validate). What may help: {ways}."
+            f"at {where}, where {_losing(evaluated, nearby)} much less information than at the mean, as behind a threshold. "
+            "Estimates may be worse than promised, and fits may fail: validate before measuring (fisherpoint validate). What may "
+            f"help: {ways}."
         )
     if nearby.without_trajectory:
         lost = ", ".join(f"{name} {count}" for name, count in nearby.without_trajectory.items())
@@ -375,9 +378,9 @@ def _nearby_warnings(evaluated: Evaluated, nearby: Nearby) -> Iterator[str]:
 
 
 def _losing(evaluated: Evaluated, nearby: Nearby) -> str:
-    """The points that tell less there, as the report numbers them."""
+    """The points with less information there, as the report numbers them, and the verb."""
     previous = getattr(evaluated, "n_previous", 0)
     own = [str(k - previous + 1) for k in nearby.points if k >= previous]
     texts = [f"point{'s' * (len(own) > 1)} {' and '.join(own)}"] if own else []
     texts += ["previous points"] * (len(own) < len(nearby.points))
-    return f"{' and '.join(texts)} tell{'s' * (len(own) == len(nearby.points) == 1)}"
+    return f"{' and '.join(texts)} {'has' if len(own) == len(nearby.points) == 1 else 'have'}"

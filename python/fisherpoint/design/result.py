@@ -92,7 +92,7 @@ class Design(FoundDesign, Shown):
 
     @classmethod
     def load(cls, directory: str | Path) -> Design:
-        """Read a design that `save` wrote, of which design.json counts; warn where design.csv beside it has other points.
+        """Read a design that `save` wrote, from its design.json; warn where design.csv beside it has other points.
 
         Raises
         ------

@@ -9,7 +9,7 @@ from .points.point_search import Progress
 
 
 def points_step(criterion: str) -> Callable[[Progress], Step]:
-    """Of a search for points."""
+    """Steps of a progress bar for a search for points."""
     what = "log det" if criterion == "D" else "log of the criterion"
 
     def step(now: Progress) -> Step:
@@ -23,5 +23,5 @@ def points_step(criterion: str) -> Callable[[Progress], Step]:
 
 
 def sizes_step(sizes: list[int]) -> Callable[[int, Progress], Step]:
-    """Of searches for designs of these sizes."""
+    """Steps of a progress bar for searches for designs of these sizes."""
     return lambda size, now: Step(sizes.index(size), len(sizes), f"{size} points, log det {now.log_det:.3f}")

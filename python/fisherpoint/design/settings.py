@@ -33,7 +33,7 @@ SINGULAR = ("estimable", "error")
 """What is done where not all parameters can be determined: a design for those that can, or an error."""
 
 MOST_ITERATIONS = {"paper": 200, "auto": 800}
-"""Of a search by its method, where no other number is given; "auto" ends by itself where nothing gains any more."""
+"""Iterations of a search by its method, where no other number is given; "auto" ends earlier where nothing gains any more."""
 _LEAST = {"n_experiments": 1, "n_candidates": 1, "max_iterations": 0, "seed": 0, "patience": 1, "max_redraws": 0}
 MOST = {"n_experiments": 10**6, "n_candidates": 10**6, "max_iterations": 10**9, "patience": 10**9, "max_redraws": 10**6}
 MOST_OF_RUNS = {"n_runs": 1000, "n_starts": 10_000, "n_candidates": 10**6}
@@ -117,8 +117,8 @@ def most_iterations(given: int | None, method: str, problem: DesignProblem) -> i
     return MOST_ITERATIONS[searched_by(check_choice(method, METHODS, "method"), problem)]
 
 
-def check_asked(settings: ExchangeSettings, problem: DesignProblem) -> None:
-    """Raise where another criterion than log det F at the prior mean is asked for that no search has."""
+def check_goal(settings: ExchangeSettings, problem: DesignProblem) -> None:
+    """Raise where the settings ask for a goal that no search has: one other than log det F at the prior mean."""
     kind, method = str(problem.output_covariance), searched_by(settings.method, problem)
     if settings.confidence is not None and method != "auto":
         raise ValueError(
@@ -127,12 +127,12 @@ def check_asked(settings: ExchangeSettings, problem: DesignProblem) -> None:
         )
     if method == "auto" and kind == "noise":
         return
-    asked = {
+    goals = {
         "over": settings.over is not None,
         f"criterion {settings.criterion!r}": settings.criterion != "D",
         "prior_information": settings.prior_information,
     }
-    for name, given in asked.items():
+    for name, given in goals.items():
         if given:
             raise ValueError(
                 f'{name}: expected method = "auto", output_covariance = "noise" and a model of equations, '

@@ -1,4 +1,4 @@
-"""The settings of a search in words, as a page says what was asked; those that are as always are left out."""
+"""The settings of a search in words, for the page of a result; those with their usual value are left out."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ OF_RUNS: dict[str, tuple[str, Any]] = {
     "time_limit": ("time limit", None),
     "seed": ("seed", None),
 }
-"""What each setting is called, and the value with which it goes without saying."""
+"""What each setting is called, and the usual value, with which it is left out."""
 
 
 def settings_section(settings: ExchangeSettings | RunSettings) -> Section:
-    """What was asked of a search."""
+    """The settings of a search."""
     words = OF_RUNS if isinstance(settings, RunSettings) else OF_POINTS
     given = vars(settings)
     # What has no words yet is named as in Python.

@@ -25,10 +25,10 @@ def singular_warning(evaluated: Evaluated) -> str:
         )
     sentences = [f"F is singular: the points determine {rank} of {counted(p, 'parameter')}."]
     if evaluated.not_told:
-        told = combinations(evaluated.not_told)
+        left = combinations(evaluated.not_told)
         sentences.append(
-            f"No point of the region was found to tell about {told} (in prior std): measure other outputs, widen the region, or "
-            "leave parameters out (parameters = [...])."
+            f"No point of the region was found with information on {left} (in prior std): measure other outputs, widen the region, "
+            "or leave parameters out (parameters = [...])."
         )
     criterion = evaluated.settings.criterion
     if evaluated.too_few and criterion in OF_ALL:
@@ -46,7 +46,7 @@ def singular_warning(evaluated: Evaluated) -> str:
     elif criterion in OF_ALL:
         sentences.append("The design, its criterion and its efficiency are of the rest.")
     else:
-        sentences.append(f"What criterion {criterion} asks is determined all the same.")
+        sentences.append(f"Criterion {criterion} is determined all the same.")
     return f"{' '.join(sentences)} See {GUIDE}."
 
 
@@ -58,8 +58,8 @@ class Searched(Protocol):
 
 
 def ridge_facts(design: Searched, exchanged: bool = True) -> Iterator[tuple[str, str]]:
-    """What was added to F while designs of the search were singular; `exchanged` over candidates at hand."""
+    """What was added to F while designs of the search were singular; `exchanged` where exchanges add more."""
     if design.ridge:
-        more = ", and in exchanges up to 1e-4 of what candidates tell on average" if exchanged else ""
-        what = f"{number(design.ridge)} of the prior's information, to tell designs apart{more}; no figure here contains it"
+        more = ", and in exchanges up to 1e-4 of the candidates' average information" if exchanged else ""
+        what = f"{number(design.ridge)} of the prior's information, to compare designs{more}; no figure here contains it"
         yield "added to F while singular", what

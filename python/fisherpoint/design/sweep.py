@@ -37,7 +37,7 @@ from .points.point_search import PointSearch, Progress
 from .points.seen_candidates import SeenCandidates
 from .points.size_search import sized_searches
 from .search_steps import sizes_step
-from .settings import MOST, ExchangeSettings, check_asked, most_iterations
+from .settings import MOST, ExchangeSettings, check_goal, most_iterations
 from .sweep_report import sweep_report
 from .swept import SizedDesign, SweptDesigns, log_det_of
 
@@ -70,7 +70,7 @@ class Sweep(SweptDesigns, Shown, Kept):
         return {"sweep": self.plot}
 
     def report(self) -> Report:
-        """The designs by size: what they tell, what is proven of them, and what they cost."""
+        """The designs by size: their information, what is proven of them, and what they cost."""
         return sweep_report(self)
 
     def to_pandas(self) -> pd.DataFrame:
@@ -154,7 +154,7 @@ def sweep(
     started = time.perf_counter()
     check_type(problem, DesignProblem, "problem")
     if problem.noise_std is None:
-        raise ValueError("noise_std: expected the sensor noise, by which sizes are compared, given None")
+        raise ValueError("noise_std: expected the sensor noise, as sizes are compared by it, given None")
     if cost is not None:
         check_type(cost, Cost, "cost")
         cost.check(problem.model)
@@ -175,7 +175,7 @@ def sweep(
         scale=scale,
         prior_information=prior_information,
     )
-    check_asked(settings, problem)
+    check_goal(settings, problem)
     known, _ = previous_information(problem, previous, threads)
     scenarios = None if over is None else scenarios_of(problem, settings, previous, None, known, threads)
     seen = SeenCandidates(problem, threads, of_prior=information_of_prior(problem, settings.prior_information))
@@ -184,13 +184,13 @@ def sweep(
     search: PointSearch | None = None
     stop_reason = "done"
     try:
-        with following(progress, "sizes", sizes_step(sizes), "drawing the first points") as told:
+        with following(progress, "sizes", sizes_step(sizes), "drawing the first points") as report:
             for search in sized_searches(problem, settings, sizes, threads, known, seen, scenarios):
                 size = search.settings.n_experiments
                 if time_limit is not None:  # what is left of it
                     left = time_limit - (time.perf_counter() - started - search.seconds)
                     search.settings = replace(search.settings, time_limit=max(left, NO_TIME))
-                ended = search.run(None if told is None else partial(told, size))
+                ended = search.run(None if report is None else partial(report, size))
                 if ended == "interrupted":
                     raise KeyboardInterrupt
                 check_determined(search)
@@ -201,7 +201,7 @@ def sweep(
                         refuse_open(problem, space, size)
                 seen.include(search.seen)
                 aims = search.aims
-                seen.aims = (search.at_mean,)  # by which candidates for the next size are chosen, at the mean too
+                seen.aims = (search.at_mean,)  # candidates for the next size are chosen by it, at the mean too
                 ridge = max(ridge, search.ridge)
                 found.append(one)
                 if ended == "time_limit":
@@ -256,8 +256,8 @@ def _found(search: PointSearch) -> _Found:
     evaluation, aim, maximised = search.under_noise(), search.aims[0], search.best.log_det
     assert evaluation is not None
     if aim.criterion.name != search.settings.criterion:  # the points are too few for it, and chosen by log det F
-        aim, maximised = search.asked[0], -np.inf
-    usual = search.scenarios is None and search.asked[0].of_all
+        aim, maximised = search.goals[0], -np.inf
+    usual = search.scenarios is None and search.goals[0].of_all
     return _Found(search.best.information, evaluation, aim, None if usual else maximised)
 
 

@@ -8,7 +8,7 @@ from ..information.combinations import combinations
 from ..show.numbers import computed, counted, number, percent, percent_down
 from ..show.section import Report, Section
 from .criterion_report import maximised_of
-from .optimality.asked import OF_ALL
+from .optimality.settings import OF_ALL
 from .singular_report import GUIDE, ridge_facts
 from .swept import SweptDesigns
 
@@ -18,7 +18,7 @@ _LARGEST = 3
 
 _ERRORS = {
     "D": ("mean error", "det(F)^(-1/2p), the geometric mean over the directions of the parameters, in prior std"),
-    "Ds": ("mean error", "the geometric mean over the directions of the parameters that were asked for, in prior std"),
+    "Ds": ("mean error", "the geometric mean over the directions of the chosen parameters, in prior std"),
     "A": ("joint error", "the root of the trace of F^-1, of errors next to their scales"),
     "E": ("largest error", "that of the combination of parameters that is known worst, next to its scale"),
     "ME": ("error ratio", "the largest error of a combination of parameters over the smallest"),
@@ -30,19 +30,19 @@ _ERRORS = {
 
 def sweep_report(sweep: SweptDesigns) -> Report:
     """The designs by size."""
-    prior, asked = sweep.problem.prior.std, sweep.settings
-    name = "D" if asked is None else asked.criterion
-    error, what = _ERRORS.get(name, _ERRORS["D"]), "log det F" if asked is None else maximised_of(asked)
+    prior, settings = sweep.problem.prior.std, sweep.settings
+    name = "D" if settings is None else settings.criterion
+    error, what = _ERRORS.get(name, _ERRORS["D"]), "log det F" if settings is None else maximised_of(settings)
     written = computed if name in ("c", "I", "ME") else percent
     rows, marked, timed = [], [], bool(sweep.problem.model.states)
     most = len(sweep.problem.estimated) - len(sweep.not_told)
     for k, (size, of) in enumerate(zip(sweep.sizes, sweep.designs, strict=True)):
         errors = of.evaluation.standard_errors
-        told = np.isfinite(of.information)
+        regular = np.isfinite(of.information)
         if errors is None:
             rank = of.evaluation.rank
             worst = f"F is singular: rank {rank}{f' of {most} that are possible' if rank < most else ''}"
-            mean = written(of.mean_error) if told else "-"
+            mean = written(of.mean_error) if regular else "-"
         else:
             share = {one: errors[one] / prior[one] for one in sweep.problem.estimated}
             largest = sorted(share, key=lambda one: -share[one])[:_LARGEST]
@@ -52,7 +52,7 @@ def sweep_report(sweep: SweptDesigns) -> Report:
             marked.append(k)
         at_least = "-" if of.at_least is None else percent_down(of.at_least)
         cost = [] if sweep.cost is None else [number(of.cost or 0.0)]
-        information = computed(of.information, 5) if told else "-inf"
+        information = computed(of.information, 5) if regular else "-inf"
         lasting = [number(float(of.points.dt.sum()))] if timed else []
         rows.append((str(size), information, mean, worst, at_least, *lasting, *cost))
     lasting = ["duration [s]"] if timed else []
@@ -66,9 +66,9 @@ def sweep_report(sweep: SweptDesigns) -> Report:
     if sweep.knee is not None:
         notes.append(f"From {sweep.knee} points on, which are marked, more help little next to the first ones.")
     notes += [f"{fact}: {text}." for fact, text in ridge_facts(sweep)]
-    if asked is not None and asked.prior_information:
+    if settings is not None and settings.prior_information:
         notes.append("The prior's information counts once beside the data, in the criterion, its bounds and the errors.")
-    if asked is not None and asked.over is not None:
+    if settings is not None and settings.over is not None:
         notes.append("The errors of parameters are those at the prior mean.")
     table = Section("Designs by size", [*columns, *([] if sweep.cost is None else ["cost"])], rows, marked, notes)
     warnings = []
@@ -76,10 +76,10 @@ def sweep_report(sweep: SweptDesigns) -> Report:
         left = combinations(sweep.not_told)
         of_rest = f"{what}, {error[0]}s and efficiencies are of the rest"
         if name not in OF_ALL:
-            of_rest = f"what criterion {name} asks is determined all the same"
+            of_rest = f"criterion {name} is determined all the same"
         warnings.append(
-            f"No point of the region was found to tell about {left} (in prior std): {of_rest}. Measure other outputs, widen the"
-            f" region, or leave parameters out (parameters = [...]). See {GUIDE}."
+            f"No point of the region was found with information on {left} (in prior std): {of_rest}. Measure other outputs, widen"
+            f" the region, or leave parameters out (parameters = [...]). See {GUIDE}."
         )
     if sweep.stop_reason != "done":
         why = "The time limit is over" if sweep.stop_reason == "time_limit" else "Interrupted"

@@ -111,12 +111,12 @@ class SweptDesigns:
         Points that are added to every design; candidates that the searches have evaluated.
     stop_reason : {"done", "interrupted", "interrupted_first", "time_limit"}
         Where it is not "done", larger sizes are missing; with "time_limit" the search for the largest was cut short, and
-        "interrupted_first" came before the first size was done, of which this is the best design so far.
+        "interrupted_first" came before the first size was done, and this is its best design so far.
     seconds : float
     settings : ExchangeSettings or None
-        Of the search for the smallest design; the others differ in their size. None in older files.
+        Those of the search for the smallest design; the others differ in their size. None in older files.
     not_told : tuple of mappings of parameter name to float
-        Combinations of standardised parameters that no point of the region was found to tell about.
+        Combinations of standardised parameters that no point of the region was found to have information on.
     ridge : float
         As that of a design, of any of the searches.
     """
@@ -172,7 +172,7 @@ class SweptDesigns:
         return sizes[below] if x[below] + y[below] < 1 - 1e-9 and errors[-1] < errors[0] else None
 
     def within(self, budget: float) -> int | None:
-        """The size of the design that tells most of those that cost no more than a budget; None where all cost more.
+        """The size of the most informative design that costs no more than a budget; None where all cost more.
 
         Raises
         ------

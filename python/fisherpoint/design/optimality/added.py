@@ -31,8 +31,8 @@ def variances(fisher: Array, columns: Array, k: Array) -> Array:
         return _squares(lower, np.broadcast_to(h.T[:, :, None], (*h.T.shape, count)))
     lower = _factored(np.einsum("pnk,pmk->nmk", g, g) + np.eye(n)[:, :, None])
     before = float(np.square(h).sum())
-    told = _squares(lower, np.einsum("pq,pnk->qnk", h, g))
-    return np.maximum(before - told, np.finfo(float).eps * before)
+    reduction = _squares(lower, np.einsum("pq,pnk->qnk", h, g))
+    return np.maximum(before - reduction, np.finfo(float).eps * before)
 
 
 def smallest_at_most(fisher: Array, columns: Array) -> Array:

@@ -19,7 +19,7 @@ from .eigenvalue_criteria import ConditionNumber, OfEigenvalues, SmallestEigenva
 from .estimable import Estimable
 
 SOFTNESS = 0.02
-"""Of eigenvalues, as shares: where several are about the smallest, ascents need a derivative."""
+"""Relative distance of eigenvalues over which their minimum is smoothed, so that ascents have a derivative."""
 
 TINY = 1e-12
 """What ascents add to the diagonal of F, as a share: where a criterion does not ask for everything, F may be singular."""
@@ -34,7 +34,7 @@ class Aim(ABC):
     least, small : float
         Multiples of the identity that are added to an F of about the identity where a point leaves it, and where it is singular.
     bounded : bool
-        Whether `added` are upper bounds, of which `added_exactly` has the values.
+        Whether `added` are upper bounds; `added_exactly` has the values.
     """
 
     bounded = False
@@ -49,11 +49,11 @@ class Aim(ABC):
         return isinstance(self.criterion, Determinant) and self.criterion.of_all
 
     def value(self, fisher: Array) -> float:
-        """`level` log phi(F); -inf where F does not determine what is asked."""
+        """`level` log phi(F); -inf where F does not determine the criterion."""
         return self.level * self.criterion.log_phi(fisher)
 
     def values(self, fishers: Array) -> Array:
-        """The same of many F (..., p, p), (...)."""
+        """`value` of many F (..., p, p), (...)."""
         flat = fishers.reshape(-1, *fishers.shape[-2:])
         return np.asarray(self.level * self.criterion.log_phis(flat).reshape(fishers.shape[:-2]))
 
@@ -62,7 +62,7 @@ class Aim(ABC):
         """exp of the value at F + W W^T (N,) less `offset`, of columns (p, n, N)."""
 
     def added_exactly(self, fisher: Array, columns: Array) -> Array:
-        """The same where `added` are bounds."""
+        """Exact values where those of `added` are bounds."""
         return self.added(fisher, columns)
 
     def offset(self, fisher: Array, factor: Array) -> float:
@@ -71,7 +71,7 @@ class Aim(ABC):
 
     @abstractmethod
     def within(self, factor: Array) -> Aim:
-        """The same for matrices L^-1 F L^-T."""
+        """Return the aim as a function of matrices L^-1 F L^-T."""
 
     @abstractmethod
     def slope(self, fisher: Array, rows: Array) -> tuple[float, Array]:
@@ -213,7 +213,11 @@ class LogEigenvalue(Aim):
         return LogEigenvalue(kind(self._scaled.in_coordinates(factor)))
 
     def slope(self, fisher: Array, rows: Array) -> tuple[float, Array]:
-        """Of (sum_j lambda_j^-q)^(-1/q), which is concave as the smallest is, and of the like for the largest; q = 1 / softness."""
+        """The value and its derivative, smoothed.
+
+        The smallest eigenvalue becomes (sum_j lambda_j^-q)^(-1/q), which is concave as well, with q = 1 / softness; the largest
+        one likewise.
+        """
         values, vectors = np.linalg.eigh(self._scaled.of(fisher))
         if not values[0] > 0:
             raise np.linalg.LinAlgError("not positive definite")
@@ -250,11 +254,11 @@ def aim_of(criterion: Criterion) -> Aim:
     return LogEigenvalue(criterion)
 
 
-def restricted(asked: Aim, space: Estimable) -> Aim:
-    """The same of what is determined; itself where that is everything, or certain functions are asked for."""
-    criterion = asked.criterion.restricted(space.span)
-    if not len(space.null) or criterion is asked.criterion:
-        return asked
+def restricted(aim: Aim, space: Estimable) -> Aim:
+    """Return the aim restricted to what is estimable; itself where that is everything, or the criterion is of certain functions."""
+    criterion = aim.criterion.restricted(space.span)
+    if not len(space.null) or criterion is aim.criterion:
+        return aim
     if not isinstance(criterion, Determinant) or not criterion.whole:
         return aim_of(criterion)
     # Q^T F Q = T^T B^T F B T with T = (Q^T B)^-1, as F = Q (Q^T F Q) Q^T
@@ -271,7 +275,7 @@ def log_det_slopes(fishers: Array, rows: Array) -> tuple[Array, Array] | None:
 
 
 def slopes_of(aims: Sequence[Aim], fishers: Array, rows: Array) -> tuple[Array, Array] | None:
-    """The same for the aims of S scenarios."""
+    """Values (S,) of the aims of S scenarios, and their derivatives times rows (S, k, p); None where an F is singular."""
     if all(isinstance(aim, LogDet) for aim in aims):
         return log_det_slopes(fishers, rows)
     try:

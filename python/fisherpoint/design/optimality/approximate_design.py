@@ -54,7 +54,7 @@ class ApproximateDesign(Shown, Kept):
     problem : DesignProblem
     criterion_name : {"D", "A", "E", "c", "Ds", "I"}
     of : str, tuple of str or None
-        The function, parameters or output that was asked about.
+        The function, parameters or output that the criterion is about.
     conditions : Experiments or None
         Where the output is predicted.
     scale : mapping of parameter name to float, or None
@@ -157,8 +157,8 @@ class ApproximateDesign(Shown, Kept):
 
     def _criterion_at(self, problem: DesignProblem) -> Criterion:
         options = {"of": self.of, "conditions": self.conditions, "scale": self.scale}
-        asked = criterion(problem, self.criterion_name, **options)  # type: ignore[arg-type]
-        return asked.beside_nuisance(problem.n_nuisance)
+        found = criterion(problem, self.criterion_name, **options)  # type: ignore[arg-type]
+        return found.beside_nuisance(problem.n_nuisance)
 
     @cached_property
     def _scenarios(self) -> tuple[tuple[DesignProblem, ...], Average] | None:

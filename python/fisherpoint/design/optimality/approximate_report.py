@@ -88,9 +88,9 @@ def _support(design: Reported) -> Section:
 
 
 def _proof(design: Reported) -> Section:
-    asked = "" if design.of is None else f" of {design.of if isinstance(design.of, str) else ', '.join(design.of)}"
+    about = "" if design.of is None else f" of {design.of if isinstance(design.of, str) else ', '.join(design.of)}"
     facts = [
-        ("criterion", f"{design.criterion_name}{asked}"),
+        ("criterion", f"{design.criterion_name}{about}"),
         *_values(design),
         ("largest sensitivity met, the level at best", f"{design.level * design.largest:.7g}, level {design.level}"),
         ("efficiency by concavity", f"at least {floored(design.efficiency)}"),
@@ -133,7 +133,7 @@ def _warnings(design: Reported) -> Iterator[str]:
         )
     if design.efficiency < CLEARLY:
         if design.starts:
-            why = "the search ended while it still came to places that tell more. More candidates (n_candidates) may help"
+            why = "the search ended while it still found places that improve the design. More candidates (n_candidates) may help"
         else:
             why = "double precision has no more here"
         yield f"The efficiency is proven to be at least {floored(design.efficiency)} only: {why}."

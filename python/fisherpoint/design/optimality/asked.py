@@ -1,4 +1,4 @@
-"""What a design is asked for: a criterion by its name, with what it needs, for the parameters of a problem."""
+"""The goal of a design: a criterion by its name, with what it needs, for the parameters of a problem."""
 
 from __future__ import annotations
 
@@ -91,8 +91,8 @@ def criterion(
     return SmallestEigenvalue(scaled) if name == "E" else ConditionNumber(scaled)
 
 
-class Asked(Protocol):
-    """The settings of a search."""
+class CriterionSettings(Protocol):
+    """The settings of a search that define its criterion."""
 
     @property
     def criterion(self) -> str: ...
@@ -104,15 +104,17 @@ class Asked(Protocol):
     def scale(self) -> Mapping[str, float] | None: ...
 
 
-def criterion_of(problem: DesignProblem, asked: Asked, threads: int | None = None) -> Criterion:
-    """What the settings of a search ask for, of information about all unknowns: the parameters and the nuisance ones."""
-    found = criterion(problem, asked.criterion, of=asked.of, conditions=asked.conditions, scale=asked.scale, threads=threads)
+def criterion_of(problem: DesignProblem, settings: CriterionSettings, threads: int | None = None) -> Criterion:
+    """The criterion of a search as a function of information about all unknowns: the parameters and the nuisance ones."""
+    found = criterion(
+        problem, settings.criterion, of=settings.of, conditions=settings.conditions, scale=settings.scale, threads=threads
+    )
     return found.beside_nuisance(problem.n_nuisance)
 
 
-def criterion_of_design(problem: DesignProblem, asked: Asked, evaluation: Evaluation) -> Criterion:
-    """What they ask of F, (p, p); where that of a design is singular, "A", "E" and "ME" ask for the rest."""
-    found = criterion(problem, asked.criterion, of=asked.of, conditions=asked.conditions, scale=asked.scale)
+def criterion_of_design(problem: DesignProblem, settings: CriterionSettings, evaluation: Evaluation) -> Criterion:
+    """The criterion of a search as a function of F (p, p); where a design's F is singular, "A", "E" and "ME" are of the rest."""
+    found = criterion(problem, settings.criterion, of=settings.of, conditions=settings.conditions, scale=settings.scale)
     nulls = evaluation.null_directions
     if not nulls:
         return found

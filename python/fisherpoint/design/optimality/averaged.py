@@ -27,7 +27,7 @@ from .criteria import Criterion, Determinant, Slope
 from .estimable import Estimable
 
 LEAST_SOFTNESS = 1e-12
-"""Of the average, where none is asked for."""
+"""Smoothing of the average where none is required."""
 
 
 @dataclass(frozen=True, eq=False)

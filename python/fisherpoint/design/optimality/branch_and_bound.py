@@ -25,13 +25,13 @@ WHOLE = 1e-6
 """What a count may be away from a whole number that is taken for it."""
 
 MOST_GROUPED = 1000
-"""Candidates up to which groups of similar ones are formed by all their distances, of which the table grows with the square."""
+"""Number of candidates up to which groups of similar ones are formed from all distances; their table grows with the square."""
 
 TIGHT = 0.6
 """A group is parted as one where it is so much smaller than the distance to the next one; those of a coarse grid are not."""
 
 REPORTED = 50
-"""Nodes after which progress is told."""
+"""Number of nodes between reports of progress."""
 
 SOLVED = 0.02
 """To what share of the distance from the best design the relaxed problem is solved."""
@@ -103,7 +103,7 @@ class BranchAndBound:
         late: Callable[[], bool],
         progress: Callable[[ExactProgress], None] | None,
     ) -> str:
-        """Search a box, of which a bound is known, until nothing is open, or something ends it, and return what."""
+        """Search a box with a known bound until nothing is open, or something ends it, and return the reason."""
         self._doing = bound
         try:
             inside = box.tightened(self.relaxation.n)

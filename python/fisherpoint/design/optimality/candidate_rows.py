@@ -1,7 +1,7 @@
 """Candidates as rows: the information matrix of each is F_i = J_i^T J_i, to which a constant may be added.
 
-What all candidates are asked for, tr(G F_i) = |J_i Y|^2 with G = Y Y^T, is a product of matrices; F_i itself is formed for the few
-that are looked at more closely.
+tr(G F_i) = |J_i Y|^2 with G = Y Y^T, which is needed of all candidates, is a product of matrices; F_i itself is formed for the few
+that are examined more closely.
 """
 
 from __future__ import annotations

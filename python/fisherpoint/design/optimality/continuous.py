@@ -68,7 +68,7 @@ BACK = np.array([0.98, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2])
 
 
 Climb = Callable[[Callable[[PointInformation], Array], Experiments], Experiments]
-"""Of what is climbed, (K,) of points that are valid at the prior mean, and points to begin from: where they have come to."""
+"""Moves points uphill: takes the function to climb, (K,) of points valid at the prior mean, and starts; returns where they end."""
 
 
 class Refinement(NamedTuple):
@@ -82,7 +82,7 @@ class Refinement(NamedTuple):
 
 
 class _Support(NamedTuple):
-    """Points with their rows and weights, of which `chosen` counts within them where they were weighed alone."""
+    """Points with their rows and weights; `chosen` counts within them where they were weighed alone."""
 
     points: Experiments
     rows: Array
@@ -95,12 +95,12 @@ class _Refining:
         source: PointRows,
         points: Experiments,
         pool: CandidateRows,
-        asked: Criterion,
+        criterion: Criterion,
         weights: Weights,
-        tell: Callable[[str, int], None],
+        report: Callable[[str, int], None],
     ) -> None:
-        self.tell = tell
-        self.box, self.source, self.asked = UnitBox(source), source, asked
+        self.report = report
+        self.box, self.source, self.criterion = UnitBox(source), source, criterion
         self.points, self.pool, self.weights = points, pool, weights
         self.space = weights.estimable
 
@@ -118,7 +118,7 @@ class _Refining:
         """Where points have climbed to, some from the start, and the sensitivity there; again while none is above the level."""
         z, value = np.empty((0, len(self.box.free))), np.empty(0)
         for _ in range(QUIET):
-            self.tell("searching", len(self.pool))
+            self.report("searching", len(self.pool))
             reached = self.box.places(climb(lambda points: self._along(self.source.whitened(points)), start))
             z, value = np.concatenate([z, reached]), np.append(value, self.psi(reached, True))
             if value.max(initial=0.0) > 1.0 + ABOVE:
@@ -138,11 +138,11 @@ class _Refining:
         return z, value
 
     def solve(self, tolerance: float) -> None:
-        self.tell("weighing", len(self.pool))
+        self.report("weighing", len(self.pool))
         first = None
-        if isinstance(self.asked, Determinant) and self.asked.whole:  # optima of others may be singular, which is no start
+        if isinstance(self.criterion, Determinant) and self.criterion.whole:  # optima of others may be singular, which is no start
             first = np.union1d(self.weights.chosen, np.arange(max(0, len(self.pool) - LATEST), len(self.pool)))
-        new = optimal_weights(self.pool, self.asked, tolerance=tolerance, space=self.space, first=first)
+        new = optimal_weights(self.pool, self.criterion, tolerance=tolerance, space=self.space, first=first)
         if new.log_phi >= self.weights.log_phi - tolerance:  # what was found before is among the candidates still
             self.weights = new
 
@@ -215,10 +215,13 @@ class _Refining:
 
     def _of_function(self) -> _Support | None:
         """The support by Elfving's theorem, where it holds: of the fewest points that do not lose anything; None elsewhere."""
-        asked, pool = self.asked, self.pool
-        if not (isinstance(asked, Variance) and asked.k.shape[1] == 1 and pool.rows.shape[1] == 1) or pool.constant is not None:
+        criterion, pool = self.criterion, self.pool
+        if (
+            not (isinstance(criterion, Variance) and criterion.k.shape[1] == 1 and pool.rows.shape[1] == 1)
+            or pool.constant is not None
+        ):
             return None
-        inner = asked.within(self.space)
+        inner = criterion.within(self.space)
         assert isinstance(inner, Variance)
         c = inner.k[:, 0]
         program = self._program(c)
@@ -291,15 +294,15 @@ class _Refining:
         return half, largest, float(np.log(largest) - 2 * np.log(abs(float(inner.k[:, 0] @ y))))
 
     def _weights_of(self, points: Experiments, rows: Array, tolerance: float) -> _Support:
-        """The best weights of these points; where they do not determine what is asked, of some candidates beside them."""
+        """The best weights of these points; of some candidates too where the points alone do not determine what is estimated."""
         beside = _completing(CandidateRows(rows, self.pool.constant), self.pool, self.space)
         points, rows = Experiments.join([points, self.points[beside]]), np.concatenate([rows, self.pool.rows[beside]])
         pool = CandidateRows(rows, self.pool.constant)
-        weights = optimal_weights(pool, self.asked, tolerance=0.1 * tolerance, space=self.space)
+        weights = optimal_weights(pool, self.criterion, tolerance=0.1 * tolerance, space=self.space)
         return _Support(points[weights.chosen], rows[weights.chosen], weights)
 
     def _polished(self, support: _Support, tolerance: float) -> _Support:
-        """The same with its points where the sensitivity function has its maxima, to a precision at which that is flat."""
+        """Return a support with its points moved to maxima of the sensitivity function, to a precision at which that is flat."""
         for _ in range(POLISHING):
             before = self.weights
             self.weights, _ = self.bounding(support.weights)
@@ -320,21 +323,22 @@ def refined(
     source: PointRows,
     points: Experiments,
     pool: CandidateRows,
-    asked: Criterion,
+    criterion: Criterion,
     weights: Weights,
     starts: int,
     tolerance: float,
     rng: np.random.Generator,
     climb: Climb | None,
-    tell: Callable[[str, int], None],
+    report: Callable[[str, int], None],
 ) -> Refinement:
     """Move the support in the region until ascents from so many starts meet nothing above the level.
 
-    Before these, points `climb` at random along limits where ascents end. `tell` hears what is done, and over how many candidates.
+    Before these, points `climb` at random along limits where ascents end. `report` is called with the step and
+    the number of candidates.
 
     The bound of the efficiency is by the largest sensitivity among all candidates and wherever an ascent or a climb has ended.
     """
-    work = _Refining(source, points, pool, asked, weights, tell)
+    work = _Refining(source, points, pool, criterion, weights, report)
     if not len(work.box.free):
         return Refinement(points[weights.chosen], pool.rows[weights.chosen], weights, len(pool), 0)
     for search in range(MOST_SEARCHES):

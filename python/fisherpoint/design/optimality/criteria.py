@@ -86,11 +86,11 @@ class Criterion(InNotebooks):
 
     @abstractmethod
     def value(self, information: Array) -> float:
-        """The criterion at a matrix (p, p) as it is told: infinitely bad where the matrix does not determine what is asked."""
+        """The criterion at a matrix (p, p), in its own units: infinitely bad where the matrix does not determine it."""
 
     @abstractmethod
     def of_log_phi(self, log_phi: float) -> float:
-        """The criterion as `value` tells it, from log phi."""
+        """The criterion in the units of `value`, from log phi."""
 
     @abstractmethod
     def gradient(self, information: Array) -> Array:
@@ -98,7 +98,7 @@ class Criterion(InNotebooks):
 
     @abstractmethod
     def log_phi(self, information: Array) -> float:
-        """log phi; -inf where the matrix does not determine what is asked."""
+        """log phi; -inf where the matrix does not determine the criterion."""
 
     def log_phis(self, matrices: Array) -> Array:
         """log phi of many matrices (m, p, p), (m,)."""
@@ -115,7 +115,7 @@ class Criterion(InNotebooks):
         """phi of a matrix as a share of that of another: so many times fewer measurements would do with the other."""
         value, other = self.log_phi(information), self.log_phi(reference)
         if not np.isfinite(other):
-            raise ValueError(f"reference: expected information that determines what criterion {self.name!r} asks, given none")
+            raise ValueError(f"reference: expected information that determines criterion {self.name!r}, given none")
         return float(np.exp(value - other))
 
     def _of_regular(self, matrices: Array, of_solved: Callable[[Array], Array]) -> Array:
@@ -140,19 +140,19 @@ class Criterion(InNotebooks):
         raise NotImplementedError
 
     def within(self, estimable: Estimable) -> Criterion:
-        """The same as a function of matrices in the coordinates of what is estimable."""
+        """Return the criterion as a function of matrices in the coordinates of what is estimable."""
         raise NotImplementedError
 
     def restricted(self, span: Array) -> Criterion:
-        """The same of what is estimable, with this orthonormal basis (p, r); itself where it asks for certain functions."""
+        """Return the criterion of what is estimable, with an orthonormal basis (p, r); itself where it is of certain functions."""
         return self
 
     def outside(self, estimable: Estimable) -> float:
-        """The share of what is asked that is not estimable; 0 for criteria that ask for what is."""
+        """The share of the criterion's functions that is not estimable; 0 for criteria of all that is."""
         return 0.0
 
     def beside_nuisance(self, nuisance: int) -> Criterion:
-        """The same of the first parameters, of information about these and as many nuisance parameters behind them."""
+        """Return the criterion of the parameters as a function of information that has `nuisance` more rows, behind them."""
         raise NotImplementedError
 
 

@@ -51,7 +51,7 @@ class Scaled:
         return np.asarray(inverse - basis @ (basis.T @ inverse))
 
     def in_coordinates(self, factor: Array) -> Scaled:
-        """The same of matrices L^-1 M L^-T."""
+        """Return A as a function of matrices L^-1 M L^-T."""
         return (
             Scaled(np.asarray(np.linalg.solve(factor, self.k), dtype=np.float64), True)
             if self.marginal
@@ -59,7 +59,7 @@ class Scaled:
         )
 
     def within(self, estimable: Estimable) -> Scaled:
-        """The same of matrices B^T M B in the coordinates of what is estimable."""
+        """Return A as a function of matrices B^T M B, in the coordinates of what is estimable."""
         if self.marginal:
             k = self.restricted(estimable.span).k if len(estimable.null) else self.k
             return Scaled(estimable.into.T @ k, True)
@@ -80,7 +80,7 @@ class Scaled:
         return Scaled(np.asarray(np.linalg.solve(triangle.T, q.T).T, dtype=np.float64), True)
 
     def beside_nuisance(self, nuisance: int) -> Scaled:
-        """The same of information about as many nuisance parameters behind the others."""
+        """Return A as a function of information that has `nuisance` more rows, behind the parameters."""
         inverse = np.asarray(np.linalg.inv(self.k), dtype=np.float64)  # of the diagonal matrix S
         return Scaled(padded(inverse, nuisance), True)
 

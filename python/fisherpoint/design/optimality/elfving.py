@@ -1,9 +1,9 @@
-"""Optimal designs for one function of the parameters, where every point tells one number: Elfving's theorem.
+"""Optimal designs for one function of the parameters, where every point measures one number: Elfving's theorem.
 
 With rows f_i the variance of c^T theta is (sum_i |b_i|)^2 where sum_i b_i f_i = c, with weights |b_i| / sum |b_i|; the best design
-has the smallest such sum (Elfving, Ann. Math. Stat. 23, 1952). So few points, down to a single one, come out as they are, though
-their information matrix is singular and others tell all but the same: the sum is a linear program over candidates, and over places
-a smooth one.
+has the smallest such sum (Elfving, Ann. Math. Stat. 23, 1952). So a support of few points, down to one, is found exactly, though
+its information matrix is singular and other points have almost the same variance: the sum is a linear program over candidates, and
+a smooth one over places.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ import numpy as np
 from ...basics.values import Array
 
 LEAST_SHARE = 1e-7
-"""Of a sum of |b|, below which one is rounding."""
+"""Share of the sum of |b| below which a term is rounding."""
 
 UNNEEDED = 1e-5
-"""Of that sum, below which a point is tried to be left out when all have moved."""
+"""Share of that sum below which dropping the point is tried after all have moved."""
 
 MISSED = 3e-8
-"""By which share of c a sum may miss it: what is taken for the range of a singular matrix."""
+"""Largest relative error of a sum that should be c: what is taken for the range of a singular matrix."""
 
 
 def smallest_sum(rows: Array, c: Array) -> tuple[Array, Array] | None:

@@ -1,4 +1,4 @@
-"""What candidates tell together: the directions of the parameters that designs of them can determine, and those that none can."""
+"""Estimable space of candidates: directions of the parameters that designs of them can determine, and those that none can."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Estimable:
     null : ndarray, (p - r, p)
         Right singular vectors of the column-scaled sensitivities that belong to no information.
     length : ndarray, (p,)
-        By which the columns were divided for these.
+        Lengths by which the columns were divided before.
     """
 
     into: Array
@@ -44,7 +44,7 @@ class Estimable:
 
     @property
     def orthonormal(self) -> Estimable:
-        """The same directions in orthonormal coordinates, in which lengths are those of the parameters."""
+        """The estimable space in orthonormal coordinates, where lengths are those of the parameters."""
         return Estimable(self.span, self.span, self.null, self.length)
 
     def projected(self, k: Array) -> Array:
@@ -59,7 +59,7 @@ class Estimable:
 
 
 def estimable(triangle: Array) -> Estimable:
-    """Of R (p, p), with R^T R the mean of all information matrices, per prior standard deviation."""
+    """Return the estimable space of R (p, p), with R^T R the mean of all information matrices, per prior standard deviation."""
     values, directions, length = column_scaled_svd(without_rounding(triangle))
     rank = int((values > RANK_TOLERANCE * max(float(values.max()), 1e-300)).sum())
     size = np.where(length > 0, length, 1.0)[:, None]

@@ -38,7 +38,7 @@ class ExactDesign(Shown, Kept):
     problem : DesignProblem
     criterion_name : {"D", "A", "E", "c", "Ds", "I"}
     of : str, tuple of str or None
-        The function, parameters or output that was asked about.
+        The function, parameters or output that the criterion is about.
     conditions : Experiments or None
         Where the output is predicted.
     scale : mapping of parameter name to float, or None
@@ -64,7 +64,7 @@ class ExactDesign(Shown, Kept):
     stop_reason : {"proven", "max_nodes", "time_limit", "interrupted", "candidates"}
         "proven" where the efficiency is at least 1 - gap; "candidates" where too many were left for branch and bound.
     nodes : int
-        Boxes of counts of which a bound was computed.
+        Number of boxes of counts whose bound was computed.
     n_candidates, n_left : int
         Valid candidates, and those of them that better designs than what exchanges had found could have, copies counted once.
     null_directions : tuple of mappings of parameter name to float
@@ -118,8 +118,8 @@ class ExactDesign(Shown, Kept):
     def criterion(self) -> Criterion:
         """The criterion, as a function of information matrices."""
         options = {"of": self.of, "conditions": self.conditions, "scale": self.scale}
-        asked = criterion(self.problem, self.criterion_name, **options)  # type: ignore[arg-type]
-        return asked.beside_nuisance(self.problem.n_nuisance)
+        found = criterion(self.problem, self.criterion_name, **options)  # type: ignore[arg-type]
+        return found.beside_nuisance(self.problem.n_nuisance)
 
     def _check_content(self) -> None:
         _ = self.criterion

@@ -90,9 +90,9 @@ def _points(design: Reported) -> Section:
 
 
 def _proof(design: Reported) -> Section:
-    asked = "" if design.of is None else f" of {design.of if isinstance(design.of, str) else ', '.join(design.of)}"
+    about = "" if design.of is None else f" of {design.of if isinstance(design.of, str) else ', '.join(design.of)}"
     facts = [
-        ("criterion", f"{design.criterion_name}{asked}"),
+        ("criterion", f"{design.criterion_name}{about}"),
         (f"{WORDS[design.criterion_name]} of all measurements", computed(design.value, 7)),
         (f"efficiency against any {counted(len(design.points), 'measurement')}", f"at least {floored(design.efficiency)}"),
         ("against weights that need not be whole", f"at least {floored(design.of_weights)}"),

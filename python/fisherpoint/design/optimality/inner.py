@@ -3,7 +3,7 @@
 A criterion without kinks gives its derivatives. One with kinks is the least of many: phi(M) = min_y phi(M, y), over weights y = q
 of scenarios or over matrices y = N of unit trace, and its optimum is a saddle point. Its y is found along with the weights, by
 Newton steps on the conditions of both (the primal-dual method), so that nothing has to be smoothed: a smoothed minimum has
-curvatures that grow as the smoothing falls, and its value does not tell in double precision which of two close points is better.
+curvatures that grow as the smoothing falls, and in double precision its value does not decide which of two close points is better.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from .criteria import Criterion, Slope
 from .eigenvalue_criteria import SmallestEigenvalue
 
 BETWEEN = 0.5
-"""Of the way from the scenarios' own weights to those by which the smoothed average counts them, where the method begins."""
+"""Start of the method: share of the way from the scenarios' own weights to their weights in the smoothed average."""
 
 
 def mean_of(matrices: Array, weights: Array) -> Array:
@@ -77,7 +77,7 @@ class Inner(ABC):
         return ()
 
     def falling(self, direction: tuple[Array | float, ...]) -> float:
-        """The largest share by which what must stay positive falls on a whole step."""
+        """The largest relative fall on a whole step of a quantity that must stay positive."""
         return -np.inf
 
     @abstractmethod
@@ -89,7 +89,7 @@ class Inner(ABC):
 
 
 def inner_of(criterion: Criterion, matrices: Array, w: Array) -> Inner:
-    """The criterion at weights, of which the mean must be regular."""
+    """The criterion at weights; the mean matrix must be regular."""
     if isinstance(criterion, SmallestEigenvalue):
         return OfEigenvalue(criterion, matrices, w)
     if isinstance(criterion, Averaged) and criterion.kinked:
@@ -309,7 +309,7 @@ class OfEigenvalue(Inner):
 
 
 def _falling(matrix: Array, change: Array) -> float:
-    """The share by which a positive definite matrix falls at most, along any vector, when it changes."""
+    """The largest relative fall of a positive definite matrix, along any vector, when it changes."""
     lower = np.linalg.cholesky(matrix)
     relative = np.linalg.solve(lower, np.linalg.solve(lower, change).T)
     return -float(np.linalg.eigvalsh((relative + relative.T) / 2)[0])

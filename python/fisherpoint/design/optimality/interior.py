@@ -27,11 +27,11 @@ next to nothing, as they are not to become negative.
 
 TO_THE_BOUNDARY = 0.99
 SHRINKING = 0.1
-"""Of mu in each step."""
+"""Factor of mu in each step."""
 
 
 def best_weights(matrices: Array, criterion: Criterion, gap: float) -> tuple[Array, Slope]:
-    """Weights (m,) of matrices (m, p, p), of which the mean must be regular, until max_i tr(G F_i) <= 1 + gap; and the derivatives.
+    """Weights (m,) of matrices (m, p, p) with a regular mean, such that max_i tr(G F_i) <= 1 + gap; and the derivatives.
 
     Where rounding keeps the gap from being reached, the best weights that were met.
     """

@@ -27,7 +27,7 @@ MOST_STEPS = 40
 TO_THE_BOUNDARY, SHRINKING = 0.99, 0.1
 
 TOWARDS_THE_MIDDLE = 0.3
-"""Of the way from what solves the node before, so that the first point is well inside the bounds."""
+"""Share of the way from the previous node's solution to the middle, so that the first point is well inside the bounds."""
 
 WORKING, ROUNDS = 120, 4
 """Candidates that the method is given at first and how often others follow; the bound is over all."""

@@ -28,7 +28,7 @@ def symmetries(rows: Array, criterion: Criterion) -> Permutations:
     identity = np.arange(count)[None]
     if not 1 < count <= MOST_CANDIDATES or np.linalg.matrix_rank(rows) < rows.shape[1]:
         return identity
-    whitened = np.linalg.qr(rows)[0]  # of rows that are told badly M has lost too many digits to be factored
+    whitened = np.linalg.qr(rows)[0]  # where rows are nearly dependent, M has lost too many digits to be factored
     products = whitened @ whitened.T
     sizes = np.abs(products)
     base = _base(sizes)
@@ -54,7 +54,7 @@ def _keeps(criterion: Criterion, rows: Array, images: Array) -> bool:
 
 
 def _base(sizes: Array) -> list[int] | None:
-    """Few rows by their products with which all rows are told apart; None where there are none such."""
+    """A few rows whose products with all rows distinguish these; None where there are none such."""
     keys = _numbered(np.diag(sizes)[:, None])
     base: list[int] = []
     while keys.max() + 1 < len(sizes):
@@ -108,7 +108,7 @@ class _Search:
             self.found.append((permutation, signs))
 
     def _signs(self, moved: Array) -> Array:
-        """Of the rows, such that products keep theirs where that is possible."""
+        """Signs of the rows with which products keep their own signs, where that is possible."""
         signs = np.zeros(len(moved))
         for first in range(len(moved)):
             if signs[first]:

@@ -1,4 +1,4 @@
-"""What candidates can determine of what a criterion asks."""
+"""Estimability: which directions of the parameters candidates can determine, and criteria restricted to these."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from .candidate_rows import CandidateRows
 from .estimable import Estimable, estimable
 
 NOT_TOLD = 1e-6
-"""Share of what is asked that may be outside of what is told, as rounding."""
+"""Share of what a criterion is about that may lie outside of the estimable space, as rounding."""
 
 LOOKED_AT = 200
-"""Candidates of which is looked at first how many directions one of them tells about."""
+"""Number of candidates that are checked first for how many directions one of them determines."""
 
 POINTS, RUNS = ("n_experiments", "points"), ("n_runs", "runs")
 """What errors call the count, and what is counted."""
@@ -35,20 +35,20 @@ def told_aims(
     named: tuple[str, str] = POINTS,
     spaces: Sequence[Estimable] | None = None,
 ) -> tuple[tuple[Aim, ...], tuple[Estimable, ...]]:
-    """What to maximise with `count` points, or runs, of some candidates, and what these determine together, in each scenario.
+    """The objective for `count` points, or runs, and the space that the candidates determine together, in each scenario.
 
-    Criteria of all parameters ask for what the candidates determine alone. Where so few points cannot determine all of that, it is
-    log det F that tells designs apart once a little is added to F: other criteria see only what is added. Of runs, which are many
-    samples each, that is an error.
+    Criteria of all parameters are restricted to what the candidates determine. Where so few points cannot determine all of that,
+    the objective is log det F with a little added to F: other criteria would depend on the addition alone. For runs, which are
+    many samples each, that is an error.
 
     Parameters
     ----------
     problem : DesignProblem
     aims : sequence of Aim
     rows : ndarray, (S, K, n, p)
-        Of candidates in each scenario.
+        Whitened rows of the candidates in each scenario.
     known : ndarray, (S, p, p)
-        Information that is there without them.
+        Information available without them.
     count : int
     singular : {"estimable", "error"}
     named : (str, str)
@@ -59,8 +59,8 @@ def told_aims(
     Raises
     ------
     ValueError
-        Where they do not determine the functions or parameters that are asked for, or tell nothing at all; with "error" where they
-        do not determine all parameters, or so few points cannot.
+        Where they do not determine the functions or parameters of the criterion, or nothing at all; with "error" where they do
+        not determine all parameters, or so few points cannot.
     """
     size, kind = named
     result: list[Aim] = []
@@ -73,7 +73,7 @@ def told_aims(
         name = aim.criterion.name
         if not determined(problem, space) or aim.criterion.outside(space) > NOT_TOLD:
             raise ValueError(
-                f"region: expected {kind} that determine what criterion {name!r} asks, given none that tell about "
+                f"region: expected {kind} that determine criterion {name!r}, given none with information on "
                 f"{combinations(not_told(problem, space))}"
             )
         if aim.criterion.restricted(space.span) is aim.criterion:
@@ -86,8 +86,8 @@ def told_aims(
         if too_few and not aim.of_all:
             if named == RUNS:
                 raise ValueError(
-                    f"{size}: expected {kind} enough to determine {determined(problem, space)} parameters, all of which criterion "
-                    f"{name!r} asks for, given {count}, which determine {most - problem.n_nuisance} at most"
+                    f"{size}: expected enough {kind} to determine {determined(problem, space)} parameters, all of which criterion "
+                    f"{name!r} needs, given {count}, which determine {most - problem.n_nuisance} at most"
                 )
             aim = aim_of(criterion(problem, "D").beside_nuisance(problem.n_nuisance))
         result.append(restricted(aim, space))
@@ -99,13 +99,13 @@ def refuse_open(problem: DesignProblem, space: Estimable, count: int | None, nam
     size, kind = named
     if len(space.null):
         raise ValueError(
-            f"region: expected {kind} that determine all parameters, as singular = 'error' asks, given none that tell about "
+            f"region: expected {kind} that determine all parameters, as singular = 'error' asks, given none with information on "
             f"{combinations(not_told(problem, space))}, in prior std: estimate fewer parameters (parameters = [...]), measure "
             "other outputs, or widen the region"
         )
     if count is not None:
         raise ValueError(
-            f"{size}: expected {kind} enough to determine {determined(problem, space)} parameters, as singular = 'error' asks, "
+            f"{size}: expected enough {kind} to determine {determined(problem, space)} parameters, as singular = 'error' asks, "
             f"given {count}, which leave some of them open whatever the {kind} are: take more {kind}, or estimate fewer parameters "
             "(parameters = [...])"
         )
@@ -117,7 +117,7 @@ def determined(problem: DesignProblem, space: Estimable) -> int:
 
 
 def not_told(problem: DesignProblem, space: Estimable) -> tuple[Mapping[str, float], ...]:
-    """Combinations of standardised parameters that no candidate tells about."""
+    """Combinations of standardised parameters that no candidate has information on."""
     p = len(problem.estimated)  # nuisance parameters take no part in any: something is known of each
     return null_directions(space.null[:, :p], space.length[:p], problem.estimated)
 
@@ -126,7 +126,7 @@ def _most(rows: Array, known: Array, count: int, enough: int) -> int:
     """How many directions so many points can determine at most; no less than `enough` where they can determine these."""
     known = information_without_rounding(known)
     size = np.sqrt(np.maximum(np.diag(known), 0.0))
-    size = np.where(size > 0, size, 1.0)  # squares of what is told well and badly would differ by more than rounding
+    size = np.where(size > 0, size, 1.0)  # squares of well and badly determined parameters would differ by more than rounding
     most = int(np.linalg.matrix_rank(known / np.outer(size, size), hermitian=True))
     flat = without_rounding(rows.reshape(-1, rows.shape[2]))
     length = np.linalg.norm(flat, axis=0)

@@ -37,7 +37,7 @@ class UnitBox:
 
 
 def distinct(z: Array, value: Array, radius: float) -> Array:
-    """Of places closer than a radius to each other, that of the largest value."""
+    """Places without those closer than a radius to one with a larger value."""
     kept: list[int] = []
     for k in np.argsort(-value):
         if all(np.abs(z[k] - z[other]).max() > radius for other in kept):

@@ -2,7 +2,7 @@
 
 The weights of a working set are found by an interior point method; then the sensitivity function of all candidates says which of
 the others to take in, and how far from the optimum over all of them the weights are. Those with the largest are looked at alone
-until they have no more to give, before all are asked again. Candidates that cannot be part of any optimum are deleted on the way.
+until they improve nothing more, before all are evaluated again. Candidates that cannot be part of any optimum are deleted.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ FIRST, ADDED = 96, 48
 """Candidates of the first working set, and most that each round adds."""
 
 ENOUGH, LOOKS = 6, 3
-"""Candidates that a round adds at least, where so many that would help may have a weight; and how often it looks for some that are
+"""Least number of candidates that a round adds, where so many helpful ones are allowed; and how often it looks for some that are
 no copies of others."""
 
 HELPS = 1.0 - 1e-9
-"""Sensitivity of a candidate that may help, at least."""
+"""Least sensitivity of a candidate that may help."""
 
-MOST_ASKED = 768
-"""Candidates of which it is asked at once whether they may have a weight, at most, where most may not."""
+MOST_CHECKED = 768
+"""Batch size of the validity check when most candidates fail it."""
 
 ALIKE, MOST_ALIKE, SAME = 0.1, 0.01, 1e-9
 """Information matrices are taken for one in a working set where they differ by less than a share of themselves: so much of the gap,
@@ -42,10 +42,10 @@ A copy adds nothing, and the weights of many copies are not unique: the interior
 """
 
 NEAR, MUCH_CLOSER = 4096, 0.3
-"""Candidates that are looked at alone, and what they may leave of the gap of all before all are asked again."""
+"""Number of candidates that are looked at alone, and the share of the gap they may leave before all are evaluated again."""
 
 FEWER = 0.3
-"""Share of the candidates that is left when these are copied: all others are asked sooner than fewer are copied."""
+"""Compact the array once this share remains; scanning all is cheaper than copying oftener."""
 
 LARGE = 128
 """Candidates of a working set from which on those that hardly count leave it."""
@@ -115,18 +115,18 @@ def optimal_weights(
     ----------
     candidates : CandidateRows
     criterion : Criterion
-        With an information function; what it asks must be estimable from the candidates.
+        With an information function; what it needs must be estimable from the candidates.
     tolerance : float
         What the efficiency may lack of 1.
     seed : int
         Of the first candidates that are looked at.
     space : Estimable, optional
-        Coordinates of what the candidates tell together. Default: computed.
+        Coordinates of what the candidates determine together. Default: computed.
     first : ndarray of int, optional
         Candidates to begin with. Default: some at random.
     allowed : callable, optional
-        Of candidates that would have a weight, tells which may; the first may. What may not is left out, also of what bounds the
-        optimum. Default: all may.
+        Takes candidates that would have a weight and returns which of them may; the first may. Others are left out, of the bound of
+        the optimum too. Default: all may.
 
     Returns
     -------
@@ -171,10 +171,10 @@ class _Search:
             matrices = self.candidates.matrices(working, self.space.into)
             precision = self._precision(gap)
             weights, slope = best_weights(matrices, self.criterion, precision)
-            asked = near or _Near(self.stored, self.places)
-            along = asked.candidates.along(self.space.into @ slope.half)
-            along[self.excluded[asked.places]] = -np.inf
-            added = self._added(along, asked.places, working, slope)
+            evaluated = near or _Near(self.stored, self.places)
+            along = evaluated.candidates.along(self.space.into @ slope.half)
+            along[self.excluded[evaluated.places]] = -np.inf
+            added = self._added(along, evaluated.places, working, slope)
             gap = max(float(along.max()) - 1.0, 0.0)
             if near is None:
                 of_all = gap
@@ -192,12 +192,12 @@ class _Search:
                 working = working[kept]
             working = np.union1d(working, added)
             if np.array_equal(working, before):
-                if asked.candidates is self.stored and self._precision(gap) >= 0.5 * precision:
+                if evaluated.candidates is self.stored and self._precision(gap) >= 0.5 * precision:
                     return  # the same weights once more
                 near = None
 
     def _precision(self, gap: float) -> float:
-        """To which the weights of the next working set are computed."""
+        """Precision of the weights of the next working set."""
         return float(np.clip(0.03 * gap, 0.2 * self.tolerance, 0.01))
 
     def _near(self, along: Array) -> _Near | None:
@@ -208,7 +208,7 @@ class _Search:
         return _Near(CandidateRows(self.stored.rows[few], self.candidates.constant), self.places[few])
 
     def regular(self, working: Places) -> Places:
-        """Candidates of which the mean is regular: these, and where they do not do, what tells the rest."""
+        """Candidates with a regular mean: these, and where they do not suffice, others that determine the rest."""
         for _ in range(self.space.rank):
             matrix = self.candidates.matrices(working, self.space.into).mean(axis=0)
             values, vectors = np.linalg.eigh(matrix)
@@ -225,7 +225,7 @@ class _Search:
     def _added(self, along: Array, places: Places, working: Places, slope: Slope) -> Places:
         """Candidates that would help and may have a weight; what may not is -inf in `along` from now on.
 
-        Where most may not, more are asked for: without any the weights would stay as they are, and be computed once more.
+        Where most may not, more are tried: without any the weights would stay as they are, and be computed once more.
         """
         added, left = np.empty(0, dtype=np.intp), along.copy()
         share = float(np.clip(ALIKE * (along.max() - 1.0), SAME, MOST_ALIKE)) if self.deletes else SAME
@@ -244,7 +244,7 @@ class _Search:
                     break
                 looks += 1
             elif len(taken) < len(wanted) / 2:
-                many = min(2 * many, MOST_ASKED)
+                many = min(2 * many, MOST_CHECKED)
             left[wanted] = -np.inf
         along[self.excluded[places]] = -np.inf
         return added
@@ -330,7 +330,7 @@ class _Search:
 
 
 class _Near(NamedTuple):
-    """Candidates that are asked, and their places among all."""
+    """Candidates to be evaluated, and their places among all."""
 
     candidates: CandidateRows
     places: Places

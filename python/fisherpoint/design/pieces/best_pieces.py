@@ -24,7 +24,7 @@ from .piece_design import PieceDesign
 from .piece_search import PieceProgress, PieceSearch, piece_step
 
 RANDOM_CHOICES = 200
-"""Random choices of windows, of which the median is told."""
+"""Number of random choices of windows; the report shows their median."""
 
 
 def best_pieces(
@@ -47,18 +47,18 @@ def best_pieces(
     ----------
     problem : DesignProblem
         Of the model of the pieces; the region may be None. Starts have the standard deviations `initial_state_std`; those of states
-        that are not named there are the `noise_std` of the outputs that tell them. As candidates of a search do, windows start
+        that are not named there are the `noise_std` of the outputs that measure them. As candidates of a search do, windows start
         three of them away from jumps and limits of the model; limits along the way do not count.
     pieces : Pieces
     n_pieces : int
         How many windows are picked.
     seed : int
-        Of the random choices that the windows are compared with. What is picked does not depend on it.
+        For the random choices that the windows are compared with. What is picked does not depend on it.
     threads : int, optional
         Default: every core.
     singular : {"estimable", "error"}
-        Where so few windows leave parameters open: those that tell most of the others, with a report that names what is open; or an
-        error.
+        Where so few windows leave parameters open: those with the most information on the others, and a report that names what is
+        open; or an error.
     progress : bool or callable, optional
         True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `PieceProgress` when all
         windows are weighed, and after each exchange.
@@ -85,8 +85,8 @@ def best_pieces(
     with following(progress, "picking pieces", piece_step, "weighing all windows", counted=False) as heard:
         information = piece_information(problem, pieces, threads)
         if not len(information.rows):
-            told = ", ".join(f"{reason} {lost}" for reason, lost in information.left_out.items())
-            raise ValueError(f"pieces: expected windows with trajectories that are ok, given none: {told}")
+            reasons = ", ".join(f"{reason} {lost}" for reason, lost in information.left_out.items())
+            raise ValueError(f"pieces: expected windows with trajectories that are ok, given none: {reasons}")
         windows = Windows(pieces.first[information.rows], pieces.length)
         _refuse_more(count, windows)
         _refuse_open_directions(problem, information.factor)
@@ -98,10 +98,10 @@ def best_pieces(
         stop_reason = search.run(heard, started)
         design = _found(problem, pieces, information, search, stop_reason, seed, threads, started)
     if singular == "error" and design.evaluation.null_directions and stop_reason != "interrupted":
-        told = combinations(design.evaluation.null_directions)
+        open_text = combinations(design.evaluation.null_directions)
         raise ValueError(
-            f"n_pieces: expected windows enough to determine all parameters, as singular = 'error' asks, given {count}, which "
-            f"leave open {told}, in prior std: pick more, or longer ones"
+            f"n_pieces: expected enough windows to determine all parameters, as singular = 'error' asks, given {count}, which "
+            f"leave open {open_text}, in prior std: pick more, or longer ones"
         )
     return design
 
@@ -117,10 +117,10 @@ def _refuse_open_directions(problem: DesignProblem, factor: Array) -> None:
     values, directions, length = column_scaled_svd(without_rounding(factor))
     rank = int((values > RANK_TOLERANCE * max(values.max(), 1e-300)).sum()) - q
     if rank < len(names):
-        told = combinations(null_directions(directions[rank + q :, q:], length[q:], names))
+        open_text = combinations(null_directions(directions[rank + q :, q:], length[q:], names))
         raise ValueError(
             f"pieces: expected windows that together determine all parameters, given {rank} of {len(names)}; not determined, in"
-            f" prior std: {told}. Estimate fewer parameters, or take longer windows"
+            f" prior std: {open_text}. Estimate fewer parameters, or take longer windows"
         )
 
 

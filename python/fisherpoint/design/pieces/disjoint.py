@@ -44,7 +44,7 @@ class Windows(NamedTuple):
     def best(self, gains: Array, count: int) -> tuple[Places, float]:
         """Disjoint windows, `count` of them, of large gains (K,) >= 0, and what no `count` disjoint ones exceed together.
 
-        Each window has a price, which is set so that the best windows at that price are as many as asked for: for equal lengths
+        Each window has a price, which is set so that the best windows at that price are as many as required: for equal lengths
         there is such a price, and what they gain is the bound, but for windows of equal gains.
         """
         if not self.overlap:

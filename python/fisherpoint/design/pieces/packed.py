@@ -30,7 +30,7 @@ class Packed:
         return np.asarray(matrices[..., self._places[0], self._places[1]])
 
     def gradient(self, matrix: Array) -> Array:
-        """Of log det at a packed positive definite matrix M: what, times a packed F, is tr(G F), with G = M^-1 - M_cc^-1."""
+        """Gradient of log det at a packed positive definite M: its product with a packed F is tr(G F), G = M^-1 - M_cc^-1."""
         from scipy.linalg import cho_factor, cho_solve
 
         whole, q = self.whole(matrix), self.nuisance

@@ -71,7 +71,7 @@ class PieceDesign(Shown, Kept):
         "no_exchange": taking one window for another that shares no sample with the rest gains nothing, to 1e-7 in log det.
     seconds : float
     ridge : float
-        Share of the information in all windows that was added while the picked ones left F singular, to tell choices apart; 0 where
+        Share of the information in all windows that was added while the picked ones left F singular, to compare choices; 0 where
         they did not. No figure of the design contains it.
     """
 

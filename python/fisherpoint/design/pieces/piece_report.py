@@ -108,8 +108,8 @@ def _comparison(design: Reported) -> Section:
     rows = []
     for name, words in CHOICES.items():
         value, ratio = design.references[name], design.versus(name)
-        told = computed(value, 6) if np.isfinite(value) else "singular"
-        rows.append((words, told, "-" if ratio is None else f"{percent(ratio)}"))
+        text = computed(value, 6) if np.isfinite(value) else "singular"
+        rows.append((words, text, "-" if ratio is None else f"{percent(ratio)}"))
     columns = ("other choices", "log det F", "information of those picked, by D-efficiency")
     return Section("Next to other choices", columns, rows)
 
@@ -131,7 +131,7 @@ def _search(design: Reported) -> Section:
 
 def _added(design: Reported) -> Iterator[tuple[str, str]]:
     if design.ridge:
-        what = f"{number(design.ridge)} of what all windows tell, to tell choices apart; no figure here contains it"
+        what = f"{number(design.ridge)} of the information of all windows, to compare choices; no figure here contains it"
         yield "added to F while singular", what
 
 

@@ -102,20 +102,20 @@ class PieceSearch:
         gradient = self._packing.gradient(self._total(self.chosen))
         return np.asarray(self._f[self.chosen] @ gradient / self._packing.p)
 
-    def run(self, told: Callable[[PieceProgress], None] | None = None, started: float = 0.0) -> str:
+    def run(self, progress: Callable[[PieceProgress], None] | None = None, started: float = 0.0) -> str:
         """Search, and return how it ended: "no_exchange", "most_exchanges" or "interrupted"."""
 
-        def tell() -> None:
-            if told is not None:
-                told(PieceProgress(self.exchanges, max(0.0, self.bound - self._value), perf_counter() - started))
+        def report() -> None:
+            if progress is not None:
+                progress(PieceProgress(self.exchanges, max(0.0, self.bound - self._value), perf_counter() - started))
 
         try:
             self._weigh(self._f.sum(axis=0) * (self.count / len(self._f)) + self._known)
-            tell()
+            report()
             while True:
                 while self._exchange():
                     self.exchanges += 1
-                    tell()
+                    report()
                     if self.exchanges >= MOST_EXCHANGES:
                         return "most_exchanges"
                 before = self._value

@@ -1,8 +1,8 @@
 """The search of method "auto": exchange over pools of evaluated candidates, which climb to peaks, and an ascent of all numbers.
 
 Each of a few groups chooses one point after the other from a part of a pool, and exchanges them over it. Candidates of the pool
-that would raise the criterion and are far apart climb then, each to what is near it and would raise it more: a peak that tells
-much is mostly narrow, and a random candidate on its slope cannot compete with points that have been followed to their peaks. The
+that would raise the criterion and are far apart climb then, each to what is near it and would raise it more: an informative peak
+is mostly narrow, and a random candidate on its slope cannot compete with points that have been followed to their peaks. The
 design takes over what it can use of them, and in rounds candidates are drawn near its own points. All that the groups have found
 is the pool of one design, beside which candidates climb again: what would help the designs of the groups may not be what this one
 lacks. It is followed to its end by such rounds and ascents.
@@ -42,16 +42,16 @@ MERGED, MERGED_ROUNDS = 2, 8
 """How often candidates climb beside the design that is merged of all groups, and its rounds before that."""
 
 LEAST_ROUNDS = 28
-"""Iterations for each group, and each time that candidates climb later; with less there are fewer."""
+"""Iterations for each group, and for each later climb of candidates; a smaller budget allows fewer groups and climbs."""
 
 FOR_PLANTS = 2
-"""Times as many where a share of the plants is asked: the design is followed to its end for several sets of them."""
+"""Factor on these where a share of the plants is required: the design is followed to its end for several sets of plants."""
 
 AGREE, ALIKE = 3, 3e-4
-"""No more groups follow where so many are as good as the best of them but for so much for each parameter: the problem is easy."""
+"""Start no further group once AGREE groups lie within ALIKE (log det per parameter) of the best: the problem is easy."""
 
 TAUGHT = 1000
-"""Candidates of the pool that are tried on all nodes at the beginning, to learn which of the nodes tell most."""
+"""Number of the pool's candidates that are tried on all nodes at first, to learn which nodes reject most."""
 
 CYCLE = 16
 """Rounds after which all numbers ascend together."""
@@ -63,7 +63,7 @@ LEAST_GAIN, MOST_IDLE = 1e-3, 2
 """The search ends after so many cycles in a row that gain less for each parameter."""
 
 UNCONFIRMED = 3
-"""Rounds after which candidates that climb are tried on all nodes; between these few nodes tell which are none."""
+"""Rounds between checks of climbing candidates on all nodes; in between a few nodes reject invalid ones."""
 
 
 class AutoSearch(PoolSearch):
@@ -72,7 +72,7 @@ class AutoSearch(PoolSearch):
     def __post_init__(self) -> None:
         super().__post_init__()
         self._rounds = self._all_rounds()
-        self._enough: Incumbent | None = None  # the best design that as many plants can run as are asked
+        self._enough: Incumbent | None = None  # the best design that the required share of plants can run
 
     def _advance(self, iteration: int) -> bool | None:
         before = self.best
@@ -95,7 +95,7 @@ class AutoSearch(PoolSearch):
         ends, found, easy = list[PointInformation](), random[np.arange(len(first))], False
         while not easy and len(ends) < min(times, GROUPS):
             pool = self._with_edges(random, count)
-            self._ask_for_what_is_told(pool)
+            self._restrict_to_estimable(pool)
             design, peaks = yield from self._group(pool, at_random=len(ends) % 2 == 1)
             ends.append(design)
             found = found.with_more(peaks).with_more(self._pool(design, 1))

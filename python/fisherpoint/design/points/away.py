@@ -33,7 +33,7 @@ MOST, FACTORS = 5, (0.85, 1.2)
 """Changes of w, and by which factors it may change at once."""
 
 QUANTILE = NormalDist().inv_cdf
-"""Of the normal distribution; SciPy's would make the import slow."""
+"""Quantile function of the normal distribution; SciPy's would make the import slow."""
 
 CLOSE = 1.03
 """No w is tried between two as close as this."""
@@ -46,9 +46,9 @@ class Away:
     ----------
     problem : DesignProblem
     settings : ExchangeSettings
-        With the share that is asked, `confidence`.
+        With the required share of the plants, `confidence`.
     validity : Validity
-        That is asked for the plants.
+        Which plants can run which points.
     """
 
     def __init__(self, problem: DesignProblem, settings: ExchangeSettings, validity: Validity) -> None:

@@ -36,10 +36,10 @@ EARLIER = 4
 """Candidates near each point that are sampled earlier where some plants cannot run them to their end."""
 
 LEAST_CLIMB = 1 + 1e-6
-"""By which a candidate must exceed the point that it takes the place of."""
+"""Minimum relative gain for a candidate to replace a point."""
 
 Height = Callable[[PointInformation], Array]
-"""Of points that are valid at the prior mean, what they climb, (K,)."""
+"""The function to climb, (K,), of points that are valid at the prior mean."""
 
 
 def higher(
@@ -108,5 +108,5 @@ class Climbs:
         return PointInformation.join([points, found])[rows], np.append(now, height(found))[rows]
 
     def _numbers(self, points: PointInformation) -> Array:
-        """Of points, (K, d)."""
+        """The numbers of points, (K, d)."""
         return points.experiments.table[:, : len(self._width)]

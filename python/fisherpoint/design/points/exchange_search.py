@@ -70,7 +70,7 @@ class ExchangeSearch(PointSearch):
         return True
 
     def _move(self) -> bool:
-        """Draw candidates near the points; in the place of each point put the best of its own where that raises Phi."""
+        """Draw candidates near the points, and replace each point by its best candidate where that raises Phi."""
         settings, start = self.settings, self.best.information
         if not settings.local or not np.isfinite(self.best.log_det):
             return False
@@ -131,7 +131,7 @@ class ExchangeSearch(PointSearch):
     def _without_least(
         self, accumulator: _core.FisherAccumulator, candidate: PointInformation, ridge: float
     ) -> PointInformation | None:
-        """The design with the candidate in the place of the point that is missed least; None where that is the candidate."""
+        """The design where the candidate replaces the point that is missed least; None where that is the candidate."""
         added = self.criterion.prepare(candidate)
         sensitivity = np.concatenate([self.best.prepared.sensitivity, added.sensitivity])
         covariance = np.concatenate([self.best.prepared.covariance, added.covariance])

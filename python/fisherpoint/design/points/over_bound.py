@@ -26,13 +26,13 @@ ROUNDS, STEPS, ADDED = 30, 200, 32
 """Times that candidates are added, steps of the weights in each, and candidates that are added."""
 
 TOLERANCE = 0.01
-"""By which share max d_i may exceed 1."""
+"""Relative amount by which max d_i may exceed 1."""
 
 POWER = 0.5
-"""Of d_i by which weights are multiplied where the criterion is another than log det F: with 1 they may go to and fro."""
+"""Exponent of the factors d_i of the weights for criteria other than log det F: with 1 the weights may oscillate."""
 
 SMOOTH = 0.02
-"""Of a criterion with kinks, as a share of its value."""
+"""Smoothing of a criterion with kinks, as a share of its value."""
 
 LEAST_WEIGHT = 1e-5
 """A candidate with less leaves, but for those that stand first."""
@@ -46,7 +46,7 @@ def over_bound(
     allowed: Callable[[NDArray[np.intp]], NDArray[np.bool_]],
     aims: Sequence[Aim],
 ) -> float | None:
-    """The bound of what is maximised, of M_s + `known`; None where the first candidates do not determine what is asked.
+    """The bound of the objective at M_s + `known`; None where the first candidates do not determine the criterion.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def over_bound(
     first : int
         Candidates to begin with: the first so many, which may have weights.
     allowed : callable
-        Of candidates that would have a weight, tells which may; the others do not count.
+        Takes candidates that would have a weight and returns which of them may; the others do not count.
     aims : sequence of Aim
         In each scenario.
     """

@@ -26,10 +26,10 @@ from ..runs.linear_rows import LinearRows
 from ..runs.run_ascent import FIRST, LEAST, MOST, MOST_SMALL, REACHES, SHARES, SMALL_GAIN, trial_changes
 
 STEP = 1e-4
-"""Of a free number, for differences."""
+"""Step of a free number for difference quotients."""
 
 CONFIRMED = 4
-"""Steps whose points are tried on all nodes of the rule, at most."""
+"""Maximum number of steps whose points are tried on all nodes of the rule."""
 
 FURTHER = 1.5
 """By how much a step may be longer than the last one that was good."""
@@ -42,7 +42,7 @@ class PointAscent:
     ----------
     problem : DesignProblem
     source : CandidateSource
-        Tells which points are valid.
+        Determines which points are valid.
     criterion : Criterion
         With a D that does not depend on the other points.
     fixed : ndarray, (S, p, p)
@@ -124,7 +124,7 @@ class PointAscent:
         return None, 0.0
 
     def _linear(self, z: Array, rows: Array) -> LinearRows:
-        """The criterion to first order, by differences; a number by which there is none stays."""
+        """The criterion to first order, by differences; a number without a derivative stays."""
         count, d = len(z), len(self._free)
         slopes, known = np.zeros((d, count, len(rows), *rows.shape[2:])), np.zeros((d, count), dtype=bool)
         for side in (1.0, -1.0):
@@ -166,11 +166,11 @@ class PointAscent:
 
 
 def whitened_rows(criterion: Criterion, information: PointInformation) -> Array:
-    """Rows (K, n, p) of which the squares are the information of each point, for a D that does not depend on the others."""
+    """Rows (K, n, p) whose squares are the information of each point, for a D that does not depend on the others."""
     factor = cholesky_factor(criterion.given, criterion.names, criterion.kind)
     return whitened(factor, criterion.prepare(information).sensitivity)
 
 
 def scenario_rows(criterion: Criterion, information: PointInformation) -> Array:
-    """The same in each scenario, (S, K, n, p); at the prior mean where there are none."""
+    """Whitened rows of points in each scenario, (S, K, n, p); at the prior mean where there are none."""
     return np.stack([whitened_rows(criterion, one) for one in information.everywhere])

@@ -33,11 +33,11 @@ from .away import Away
 from .seen_candidates import SeenCandidates
 
 RIDGE = 1e-9
-"""Share of the prior's information that is added to F as long as a design is singular, so that singular designs can be told
-apart. Reports say where it was."""
+"""Share of the prior's information that is added to F as long as a design is singular, so that singular designs can be
+compared. Reports say where it was."""
 
 SAMPLE = 200
-"""Random points by which is seen, where a design is singular, whether others determine more."""
+"""Random points used to check whether another design would determine more parameters."""
 
 
 class Progress(NamedTuple):
@@ -76,10 +76,10 @@ class PointSearch:
         self._started = time.perf_counter()
         over = self.scenarios
         self.over = Scenarios((self.problem,), Average.of_all(1), (self.previous,)) if over is None else over
-        self.asked: tuple[Aim, ...] = tuple(map(self._aim, self.over.problems))
-        self.aims = self.asked  # or what of it the candidates can determine
-        self.space: Estimable | None = None  # what these determine, at the prior mean, where it was looked at
-        self.spaces: tuple[Estimable, ...] | None = None  # the same of the pools of a search, in each scenario
+        self.goals: tuple[Aim, ...] = tuple(map(self._aim, self.over.problems))
+        self.aims = self.goals  # later restricted to what the candidates can determine
+        self.space: Estimable | None = None  # what the candidates determine at the prior mean, once it was computed
+        self.spaces: tuple[Estimable, ...] | None = None  # what the pools of a search determine in each scenario
         self.ridge = 0.0  # what was added to F while designs were singular
         self.of_prior = prior_information(self.problem, self.settings.prior_information)
         self.seen = SeenCandidates(self.problem, self.threads, self.aims, self.of_prior)
@@ -101,8 +101,8 @@ class PointSearch:
         """What would be maximised at the prior mean alone."""
         if self.scenarios is None:
             return self.aims[0]
-        asked = self._aim(self.problem)
-        return asked if self.space is None else restricted(asked, self.space)
+        goal = self._aim(self.problem)
+        return goal if self.space is None else restricted(goal, self.space)
 
     @property
     def _ridge(self) -> float:
@@ -121,7 +121,7 @@ class PointSearch:
             size = np.sqrt(np.square(rows).mean(axis=(0, 2), keepdims=True))  # as F may be of another D than that of the noise
             self.space = estimable(CandidateRows(rows / np.where(size > 0, size, 1.0)).triangle())
             if self.scenarios is None:
-                self.aims = self.seen.aims = (restricted(self.asked[0], self.space),)
+                self.aims = self.seen.aims = (restricted(self.goals[0], self.space),)
         return self.space
 
     def _first(self) -> PointInformation:

@@ -1,4 +1,4 @@
-"""Candidates of which all is at hand that exchanges need."""
+"""Candidates with all that exchanges need."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ...basics.values import Array
 from ...information.point_information import PointInformation
 
 APART = 0.2
-"""Of the region's width in one of the numbers at least, by which peaks differ."""
+"""Least distance of two peaks, in one of their numbers, as a share of the region's width."""
 
 MOST_SORTED = 4000
 """Candidates among which peaks are looked for: those with the largest gains."""

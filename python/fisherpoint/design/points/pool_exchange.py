@@ -1,8 +1,8 @@
-"""Exchange of a design's points for those of a pool, of which all rows are at hand.
+"""Exchange of a design's points for those of a pool whose rows are all in memory.
 
 In each scenario, F is the sum of W W^T over the points, W (p, n) the whitened rows of a point as columns. Columns of all candidates
-lie side by side, (p, n, N); the criterion tells what F + W W^T is worth for all of them. What is compared is the average over the
-scenarios.
+lie side by side, (p, n, N); the criterion is evaluated at F + W W^T for all of them. The average over the scenarios is
+compared.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ SINGULAR = 1e-8
 """The pivot of F, as a share, below which a design is singular."""
 
 LOOKED_AT = 32
-"""Candidates of which the exact values are computed at once, where there are bounds for all."""
+"""Number of candidates whose exact values are computed at once, where there are bounds for all."""
 
 MOST_PASSES = 30
-"""Over all points of a design."""
+"""Maximum number of passes over all points of a design."""
 
 TINY = 1e-10
-"""What the diagonal of F keeps of itself where a point leaves it: with as few points as parameters it is singular then."""
+"""Relative diagonal shift of F while a point is removed; with as few points as parameters it would be singular."""
 
 
 class PoolExchange:
@@ -141,7 +141,7 @@ class _Part:
         own, least = columns[:, :, chosen], aim.least
         # In such coordinates the scales of F do not matter, nor what is added to it.
         factor = _factor(np.einsum("pnk,qnk->pq", own, own) + fixed)
-        if _singular(factor):  # then in those of the candidates, and with more of I, so that it can be told what is missing
+        if _singular(factor):  # then in those of the candidates, and with more of I, so that what is missing shows
             factor = _factor(np.einsum("pnk,qnk->pq", columns, columns) * len(chosen) / columns.shape[2] + fixed)
             least = aim.small
         self.columns = kernels.divided(factor, columns)

@@ -38,19 +38,19 @@ PART, LEAST_PART, MOST_WORK = 0.3, 300, 200_000
 """Share of the pool from which a group begins; how many at least; and points times candidates of an exchange at most."""
 
 TRIES = 6
-"""Choices of half of the points at random, for every second group; each is exchanged over the least part of the pool."""
+"""Number of random choices of half of the points, for every second group; each is exchanged over the least part of the pool."""
 
 PROMISING, LOOKS = 4, 2
-"""Candidates in the place of each point that are tried on all nodes, and how often more of them in each exchange."""
+"""Candidates to replace each point that are tried on all nodes, and how often more of them in each exchange."""
 
 EARLIER = 6
-"""Candidates in the place of each point that are sampled earlier where some plants cannot run them to their end."""
+"""Candidates to replace each point that are sampled earlier where some plants cannot run them to their end."""
 
 AS_MANY = 4
 """Scenarios up to which as many candidates are drawn as for one; with more they are fewer, so that as much is computed."""
 
 LEAST_SHARE = 0.1
-"""Of the candidates that are drawn however many scenarios there are."""
+"""Least share of the usual number of candidates, however many scenarios there are."""
 
 
 class PoolSearch(PointSearch):
@@ -82,10 +82,10 @@ class PoolSearch(PointSearch):
         fixed: Array = self._known + self._ridge * total / 2 * np.eye(self._known.shape[1])
         return fixed
 
-    def _ask_for_what_is_told(self, pool: Pool, spaces: Sequence[Estimable] | None = None) -> None:
-        """Where no candidate tells about some parameters, ask for the others; `spaces` are of more candidates, where there were."""
+    def _restrict_to_estimable(self, pool: Pool, spaces: Sequence[Estimable] | None = None) -> None:
+        """Restrict the aims to what the candidates determine; `spaces` are of more candidates, where there were."""
         rows, singular = pool.columns.transpose(0, 3, 2, 1), self.settings.singular
-        aims, self.spaces = told_aims(self.problem, self.asked, rows, self._known, self.count, singular, spaces=spaces)
+        aims, self.spaces = told_aims(self.problem, self.goals, rows, self._known, self.count, singular, spaces=spaces)
         if self.scenarios is None:
             self.space = self.spaces[0]
         if aims != self.aims:
@@ -94,7 +94,7 @@ class PoolSearch(PointSearch):
             self.best = self._incumbent(self.best.information)
 
     def _numbers(self, points: PointInformation) -> Array:
-        """Of points, (K, d)."""
+        """The numbers of points, (K, d)."""
         return points.experiments.table[:, : len(self._lower)]
 
     def _pool(self, information: PointInformation, valid: int = 0) -> Pool:
@@ -107,7 +107,7 @@ class PoolSearch(PointSearch):
         return self._worth(design, self._ridge)
 
     def _kept(self, design: PointInformation) -> PointInformation:
-        """The same, which is the best so far where it is better."""
+        """Return the design, and keep it as the best so far where it is better."""
         if self._value(design) > self._value(self.best.information):
             self.best = self._incumbent(design)
         return design
@@ -136,8 +136,8 @@ class PoolSearch(PointSearch):
     def _round(self, design: PointInformation, share: float = 1.0) -> PointInformation:
         """Draw candidates near all points, a share of the usual number, and exchange the points over all of them.
 
-        What tells most lies where some plants just can run it, and of what is near such a point the best is mostly beyond: the
-        best in the place of each point are sampled earlier where some plants cannot run them to their end.
+        The most informative points lie on the boundary of what all plants can run, and most candidates near them lie past it: the
+        best candidates for each point are sampled earlier where some plants cannot run them to their end.
         """
         points, count = design.experiments, len(design)
         places = np.sort(points.distinct()[0])
@@ -217,7 +217,7 @@ class PoolSearch(PointSearch):
         return exchange.gains(count + np.arange(columns.shape[3]))
 
     def _exchange(self, columns: Array, count: int) -> PoolExchange:
-        """Of a design whose points stand first."""
+        """The exchange of a design whose points stand first."""
         return PoolExchange(columns, np.arange(count), self._fixed, self.over.average, self.aims)
 
     def _ascended(self, design: PointInformation) -> PointInformation:

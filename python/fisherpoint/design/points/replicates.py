@@ -20,7 +20,7 @@ MOST = 300
 """Distinct points of a design that is looked at; pairs of more take long."""
 
 Evaluated = Callable[[Array], PointInformation]
-"""Of points as rows (K, d): those of them that are valid."""
+"""Evaluates points given as rows (K, d), and returns those that are valid."""
 
 
 def with_copies(
@@ -28,7 +28,7 @@ def with_copies(
 ) -> PointInformation:
     """The design with as few distinct points as its value allows, the nearest ones first.
 
-    Of two groups of copies one takes the place of the other, or both move to their mean, by whichever the value is larger. Where an
+    One of two groups of copies replaces the other, or both move to their mean, whichever value is larger. Where an
     ascent has come near to a maximum, a mean of points that it left around it is nearer.
 
     Parameters
@@ -80,7 +80,7 @@ def _merged(
     value: Callable[[PointInformation], float],
     least: float,
 ) -> PointInformation | None:
-    """The design with copies of one point in the place of two groups; None where its value is less than allowed."""
+    """The design with copies of one point for two groups; None where its value is less than allowed."""
     copies = np.flatnonzero((of == pair[0]) | (of == pair[1]))
     share = float((of[copies] == pair[0]).mean())
     mean = evaluated((share * points[pair[0]] + (1 - share) * points[pair[1]])[None])

@@ -18,7 +18,7 @@ from ...information.validity import Validity
 from ...points.experiments import Experiments
 from ..efficiency import Bound
 from ..optimality.aims import Aim, LogDet, LogDetWithin, aim_of
-from ..optimality.asked import criterion as criterion_asked
+from ..optimality.asked import criterion as criterion_named
 from ..optimality.candidate_rows import CandidateRows, Places
 from ..optimality.criteria import Determinant
 from ..optimality.eigenvalue_criteria import ConditionNumber
@@ -30,18 +30,18 @@ from .over_bound import over_bound
 from .point_ascent import scenario_rows, whitened_rows
 
 MOST_NUMBERS = 20_000_000
-"""Numbers of sensitivities that are kept, of 8 bytes each, of all scenarios; candidates after these are not."""
+"""Most sensitivities that are kept, of 8 bytes each, of all scenarios; candidates after these are not kept."""
 
 TOLERANCE = 5e-4
-"""By which share the sensitivity function may exceed its level over the candidates."""
+"""Share of its level by which the sensitivity function may exceed it over the candidates."""
 
 
 LOOKS = 60
-"""How often as many of the best candidates as are wanted are tried on the nodes, at most."""
+"""Maximum number of batches checked on all nodes."""
 
 
 class _Parts:
-    """The candidates of many parts as those of one, of which few are looked at; `join` would copy them all."""
+    """The candidates of many parts as those of one, for access to a few; `join` would copy them all."""
 
     def __init__(self, parts: Sequence[PointInformation]) -> None:
         self._parts, self._ends = parts, np.cumsum([len(part) for part in parts])
@@ -79,7 +79,7 @@ class SeenCandidates:
         self, problem: DesignProblem, threads: int, aims: Sequence[Aim] | None = None, of_prior: Array | float = 0.0
     ) -> None:
         self._problem, self._threads, self._of_prior = problem, threads, of_prior
-        d = criterion_asked(problem).beside_nuisance(problem.n_nuisance)
+        d = criterion_named(problem).beside_nuisance(problem.n_nuisance)
         self.aims = (aim_of(d),) if aims is None else tuple(aims)
         self._seen: list[PointInformation] = []
         self._numbers = 0
@@ -98,11 +98,11 @@ class SeenCandidates:
             self.add(information)
 
     def bound(self, design: PointInformation, previous: PointInformation | None) -> Bound | None:
-        """What bounds designs of as many points, beside the previous ones; None where no candidates determine what is asked.
+        """The bound of designs of as many points, beside the previous ones; None where no candidates determine the criterion.
 
-        Maximised is the criterion of M = sum_i w_i F_i over weights that sum to 1, which every design of these candidates is a case
-        of; the equivalence theorem bounds the maximum (Kiefer and Wolfowitz 1960, Pukelsheim 1993). Candidates that no design may
-        have, as plants of the prior cannot run them, are left out where they would have a weight. "ME" has no bound.
+        The criterion of M = sum_i w_i F_i is maximised over weights that sum to 1, and every design of these candidates is a case
+        of that; the equivalence theorem bounds the maximum (Kiefer and Wolfowitz 1960, Pukelsheim 1993). Candidates that plants
+        of the prior cannot run are left out where they would have a weight. "ME" has no bound.
         """
         best = self._best_weights(design, previous)
         if best is None:
@@ -116,7 +116,7 @@ class SeenCandidates:
         return Bound(float(value + level * np.log(2 * count / total) - level * np.log(found.efficiency)), len(everything) - count)
 
     def bound_over(self, design: PointInformation, previous: PointInformation | None, over: Scenarios) -> Bound | None:
-        """The same for a criterion over the prior."""
+        """The bound for a criterion over the prior, beside the previous points; None where none is known."""
         if isinstance(self.aims[0].criterion, ConditionNumber):
             return None
         parts, count = [design, *self._seen], len(design)
@@ -201,6 +201,6 @@ class SeenCandidates:
 
 
 def _without_covariances(information: PointInformation) -> PointInformation:
-    """The same without the memory of predictive covariances, which candidates have none of: zeros."""
+    """Information with zeros for the predictive covariances, which candidates do not have, so that they take no memory."""
     zero = np.broadcast_to(0.0, information.covariance.shape)
     return replace(information, covariance=zero, elsewhere=tuple(map(_without_covariances, information.elsewhere)))

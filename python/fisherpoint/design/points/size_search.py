@@ -40,8 +40,8 @@ class FollowingSearch(AutoSearch):
         pool, gain = self._pool(self.candidates), np.inf
         if self.last is not None:
             self.space = self.last.space
-        # What candidates can determine does not depend on the size; the best of them, which are few, may tell less.
-        self._ask_for_what_is_told(pool, None if self.last is None else self.last.spaces)
+        # What candidates can determine does not depend on the size; the best of them, which are few, may determine less.
+        self._restrict_to_estimable(pool, None if self.last is None else self.last.spaces)
         design = self.best.information
         while gain > LEAST_GAIN * self._level:
             before = self._value(design)
@@ -61,7 +61,7 @@ def sized_searches(
     seen: SeenCandidates,
     scenarios: Scenarios | None = None,
 ) -> Iterator[PointSearch]:
-    """Searches of ascending sizes, each to be run, and its candidates included in `seen`, before the next is asked for."""
+    """Searches of ascending sizes, each to be run, and its candidates included in `seen`, before the next is made."""
     last = candidates = None
     search: PointSearch
     for size in sizes:
@@ -75,7 +75,7 @@ def sized_searches(
             if candidates is None:
                 candidates = seen.best(design, previous, GOOD)
             known = [design] if candidates is None else [candidates, design]
-            more = np.arange(size) % len(design)  # repeated points give way to others where these tell more
+            more = np.arange(size) % len(design)  # repeated points give way to others where these have more information
             search = FollowingSearch(
                 problem,
                 own,

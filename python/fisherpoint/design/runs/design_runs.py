@@ -76,7 +76,7 @@ def design_runs(
     n_candidates : int
         Random runs to begin with.
     confidence : float or None
-        Share of the plants that the prior allows which must reach the ends of all runs. None asks it of the prior mean alone.
+        Share of the plants that the prior allows which must reach the ends of all runs. None requires it of the prior mean alone.
     seed : int
         The same seed gives the same design to the last bit, on any machine and with any number of threads, unless a time limit
         ends the search.
@@ -93,14 +93,14 @@ def design_runs(
         Runs that the design must have, such as those that were chosen by hand, or of a design to which more are added. They are its
         first, stay as they are, and count among the `n_runs`; they need not be of the region.
     over : OverPrior, optional
-        A criterion over the prior in the place of log det F at its mean; the time is that of one scenario times their number. Runs
+        A criterion over the prior instead of log det F at its mean; the time is that of one scenario times their number. Runs
         must reach their ends in every scenario.
     singular : {"estimable", "error"}
         Where so many runs, or any runs of the region, do not determine all parameters: "estimable" designs for those that can be
         determined, and the report names the rest; "error" raises.
     criterion : {"D", "A", "E", "ME", "c", "Ds", "I"}
-        What the runs are to be good for; :func:`fisherpoint.criterion` says what they are, and what they need. Where no run tells
-        about some parameters, "A", "E" and "ME" ask for the others.
+        The criterion of the design; :func:`fisherpoint.criterion` says what each one is, and needs. Where no run has information
+        on some parameters, "A", "E" and "ME" are of the others.
     of, conditions, scale
         What the criterion needs. The output of "I" is predicted at experiment points.
     prior_information : bool
@@ -117,7 +117,7 @@ def design_runs(
     ------
     TypeError, ValueError
         For misuse, where no run of the region is found that reaches its end, with the limits that end them, where the runs cannot
-        determine what a criterion other than "D" asks, and with ``singular="error"`` where parameters are left open.
+        determine a criterion other than "D", and with ``singular="error"`` where parameters are left open.
     """
     check_type(problem, DesignProblem, "problem")
     if not isinstance(problem.region, RunRegion):
@@ -154,7 +154,7 @@ def design_runs(
         kept = _kept(keep, problem.region, settings.n_runs)
         there = there + np.array([_information_of_kept(moved, kept, threads) for moved in problems])
     there = there + information_of_prior(problem, settings.prior_information)
-    with following(progress, "start", _step, "drawing the first runs") as told:
+    with following(progress, "start", _step, "drawing the first runs") as report:
         search = RunSearch(
             problem,
             problem.region,
@@ -171,19 +171,20 @@ def design_runs(
             clock=clock,
             kept=kept,
         )
-        with_prior, all_asked = settings.prior_information, settings.singular == "error" and criterion in OF_ALL
-        if all_asked and search.pool.singular:
-            _refuse("no run tells about", search.pool.open, "measure other outputs, estimate fewer parameters, or widen the region")
-        stop_reason = search.run(told)
+        with_prior, all_required = settings.prior_information, settings.singular == "error" and criterion in OF_ALL
+        if all_required and search.pool.singular:
+            advice = "measure other outputs, estimate fewer parameters, or widen the region"
+            _refuse("no run has information on", search.pool.open, advice)
+        stop_reason = search.run(report)
         if criterion != "D" and not np.isfinite(search.best.value):
             raise ValueError(
-                f"n_runs: expected runs enough to determine what criterion {criterion!r} asks, given {settings.n_runs}: the search "
+                f"n_runs: expected enough runs to determine criterion {criterion!r}, given {settings.n_runs}: the search "
                 "has found none that do"
             )
         end = _judged(search, kept, stop_reason)
         runs, stop_reason = _with_kept(kept, end.runs), end.stop_reason
         evaluation = evaluate_design(problem, runs, threads=threads, previous=previous, prior_information=with_prior)
-        if all_asked and evaluation.null_directions and stop_reason == "all_starts":
+        if all_required and evaluation.null_directions and stop_reason == "all_starts":
             _refuse("these runs leave open", evaluation.null_directions, "make more runs, or longer ones with more samples")
     scenarios = None
     if settings.over is not None:
@@ -192,8 +193,8 @@ def design_runs(
         ]
         of_mean = None  # of F as in (7)
         if criterion != "D":
-            asked = search.objective.aims[0]
-            of_mean = end.value - asked.level * asked.criterion.degree * float(np.log(evaluation.n_points / 2))
+            aim = search.objective.aims[0]
+            of_mean = end.value - aim.level * aim.criterion.degree * float(np.log(evaluation.n_points / 2))
         scenarios = scenario_values(problems, average, of_each, of_mean)
     return RunDesign(
         problem=problem,

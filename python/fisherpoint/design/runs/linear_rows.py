@@ -21,10 +21,10 @@ from ..optimality.aims import log_det_slopes
 from .run_margins import WEIGHT
 
 ITERATIONS, PAIRS = 50, 20
-"""Of the ascent to first order, which costs little; and the changes of place and slope that it remembers."""
+"""Iterations of the ascent to first order, which costs little; and the changes of place and slope that it remembers."""
 
 LENGTHS, ARMIJO = 4.0 ** -np.arange(8), 1e-4
-"""Of its steps, the first that gains more than a share of what the slope promises."""
+"""Step lengths, tried until one gains more than this share of what the slope promises."""
 
 LEAST_GAIN = 3e-3
 """The ascent ends where an iteration gains less, as a share of what was gained so far."""
@@ -125,7 +125,7 @@ class LinearRows:
         return step
 
     def within(self, reach: float) -> LinearRows:
-        """The same without the distances that no step by less than `reach` makes too short."""
+        """Return the rows without the distances that no step by less than `reach` makes too short."""
         least = self.distances - reach * np.abs(self.distance_slopes).sum(axis=1).swapaxes(0, 1)
         near = (least < self.kappa).any(axis=(0, 1))
         return LinearRows(
@@ -161,10 +161,10 @@ def _quasi_newton(slope: Array, free: NDArray[np.bool_], pairs: Iterable[tuple[A
 
 # Many small products, on threads of this project's own: BLAS would start threads for each.
 def _sum(weights: Array, of: Array) -> Array:
-    """Of (L, d, x), with weights (L, d)."""
+    """Sum over d of (L, d, x), with weights (L, d)."""
     return np.asarray(np.einsum("ld,ldx->lx", weights, of))
 
 
 def _products(of: Array, by: Array) -> Array:
-    """Of (L, d, x) with (L, x)."""
+    """Products over x of (L, d, x) with (L, x)."""
     return np.asarray(np.einsum("ldx,lx->ld", of, by))

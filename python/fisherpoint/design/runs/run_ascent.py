@@ -24,13 +24,13 @@ FIRST, LEAST, MOST = 0.1, 1e-5, 1.0
 """By how much each number may change at first, at least, and at most."""
 
 NEAR = 0.01
-"""Where slopes are taken by central differences: the maximum is about as near."""
+"""Distance at which slopes are taken by central differences: the maximum is about as near."""
 
 REACHES = 4.0 ** np.array([1, 0, -1, -2])
-"""Times that much, the distances within which the best step is asked for."""
+"""Factors on that, for the distances within which the best step is computed."""
 
 SHARES, MANY = np.array([1.0, 0.7, 0.4, 0.2]), 64
-"""Of these steps, the runs that are tried; only the whole steps where there are many runs on many plants, and no lanes free."""
+"""Shares of these steps that are tried; only the whole steps where many runs on many plants leave no lanes free."""
 
 SMALL_GAIN, MOST_SMALL = 1e-4, 4
 """The ascent ends after so many iterations in a row that gain less."""

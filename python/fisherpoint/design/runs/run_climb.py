@@ -15,7 +15,7 @@ from .run_moves import best_moves, hopped
 from .run_objective import RunObjective
 
 ITERATIONS = 8
-"""Of an ascent, between two looks at the plants."""
+"""Iterations of an ascent between two looks at the plants."""
 
 STRETCH_GAIN, LEAST_GAIN, ROUGH_GAIN = 0.05, 1e-4, 5e-3
 """What an ascent must gain in log det F for another one to follow before single changes are tried; what both must gain for the
@@ -47,7 +47,7 @@ class Climb:
     chosen : callable
         From free numbers to the samples that count.
     others : callable
-        Free numbers (K, d) of good runs, of which single changes take parts.
+        Free numbers (K, d) of good runs; single changes copy parts of them.
     rng : numpy.random.Generator
 
     Attributes
@@ -79,7 +79,7 @@ class Climb:
 
     @property
     def worth(self) -> tuple[bool, float]:
-        """By which climbs are compared before they have ended: whether the last runs are regular, and what they are worth."""
+        """Key for the comparison of climbs that have not ended: whether the last runs are regular, and what they are worth."""
         return (False, -np.inf) if self.last is None else (self.last.regular, self.last.worth[2])
 
     @property
@@ -88,7 +88,7 @@ class Climb:
         return ROUGH_GAIN * self._objective.problem.n_unknowns if self._objective.work > MUCH else LEAST_GAIN
 
     def step(self) -> None:
-        """An ascent; where it gains little, single changes; and a look at the plants, by which the distance from limits changes."""
+        """An ascent; where it gains little, single changes; and a look at the plants, which adapts the distance from limits."""
         objective, self._steps = self._objective, self._steps + 1
         objective.kappa = self._kappa
         least, before = self._least, self._value

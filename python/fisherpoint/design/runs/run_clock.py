@@ -20,7 +20,7 @@ class Clock:
     Attributes
     ----------
     share : float
-        Of the limit, by which the present part of the search has to end.
+        Share of the limit after which the present part of the search has to end.
     reserve : float
         Seconds that what follows the search will take.
     paused : bool

@@ -54,9 +54,9 @@ class RunDesign(Shown, Kept):
     log_det : float
         What was maximised: log det F in its sum form, parameters standardised by the prior, or its average over the scenarios of a
         criterion over the prior. -inf where no runs of the region determine all parameters. With another criterion than "D" log phi
-        times its `level` in the place of log det F, such as the negative logarithm of the trace of F^-1.
+        times its `level` instead of log det F, such as the negative logarithm of the trace of F^-1.
     ends : tuple of float
-        The same that each start of the search came to, in the order in which they were followed; some are given up on the way.
+        The value that each start of the search came to, in the order in which they were followed; some are given up on the way.
     again : int
         How many of them are as good as the best one.
     feasibility : Feasibility
@@ -76,8 +76,8 @@ class RunDesign(Shown, Kept):
     scenarios : ScenarioValues or None
         What the runs are worth in the scenarios of a criterion over the prior; None where it is of the prior mean.
     ridge : float
-        Share of the prior's information that was added to F where no runs of the region determine all parameters, to tell runs
-        apart; else 0. No figure of the design contains it.
+        Share of the prior's information that was added to F where no runs of the region determine all parameters, to compare
+        runs; else 0. No figure of the design contains it.
     """
 
     problem: DesignProblem
@@ -119,7 +119,7 @@ class RunDesign(Shown, Kept):
 
     @cached_property
     def criterion(self) -> Criterion:
-        """What was asked for, as a function of information matrices; where F is singular, "A", "E" and "ME" ask for the rest."""
+        """The criterion as a function of information matrices; where F is singular, "A", "E" and "ME" are of the rest."""
         return criterion_of_design(self.problem, self.settings, self.evaluation)
 
     def _check_content(self) -> None:
@@ -137,7 +137,7 @@ class RunDesign(Shown, Kept):
 
     @property
     def feasible(self) -> bool:
-        """Whether no smaller share of the plants than the asked one can run the design, of those that `feasibility` has tried."""
+        """Whether at least the required share of the plants can run the design, of those that `feasibility` has tried."""
         return self.settings.confidence is None or self.feasibility.share >= self.settings.confidence
 
     def report(self) -> Report:
@@ -159,7 +159,7 @@ class RunDesign(Shown, Kept):
         return self.evaluation.to_pandas()
 
     def plot(self, kind: str = "runs", *, path: str | Path | None = None) -> Figure:
-        """Draw the runs, or which sample tells about which parameter; needs matplotlib.
+        """Draw the runs, or the information of each sample on each parameter; needs matplotlib.
 
         Parameters
         ----------

@@ -18,25 +18,25 @@ from .run_objective import MORE_LOOKS, RunObjective
 from .run_plants import RunPlants
 
 PLANTS, PART = 4000, 250
-"""On which runs are tried during the search, and how many of them at once."""
+"""Number of plants that runs are tried on during the search, and how many of them at once."""
 
 SIGMAS = 3.0
-"""By so many standard deviations of a share that `DRAWS` unseen plants tell, a design that qualifies is on the safe side."""
+"""Safety margin of a design that qualifies, in standard deviations of a share estimated from `DRAWS` unseen plants."""
 
 HOPELESS = ((250, 3.0), (1000, 1.5))
 """After how many plants those are enough to see that too many fail, and times the most that may."""
 
 RESERVED = 8.0
-"""Times what the plants that judge a design in the end take, as it is measured: the classical runs beside it are judged too."""
+"""Factor on the measured time of the plants that judge a design in the end: the classical runs beside it are judged too."""
 
 MOST_SEGMENTS = 100_000
-"""Of all runs on a part of the plants, so that memory stays bounded."""
+"""Most segments of all runs on a part of the plants, so that memory stays bounded."""
 
 LEAST_GAIN = 0.01
 """What log det F must gain by a smaller distance, for an even smaller one to be tried."""
 
 NORMAL = NormalDist()
-"""SciPy's would make the import slow."""
+"""The normal distribution; SciPy's would make the import slow."""
 
 MOST_KAPPA, MOST_CHANGES = 20.0, 20
 """The largest distance, and how often it is changed for one start."""
@@ -53,7 +53,7 @@ class RunGuard:
     ----------
     plants : RunPlants
     confidence : float or None
-        The share that is asked for.
+        The required share of the plants.
     kept : Runs or None
         Runs that every plant has to run too.
     clock : Clock

@@ -3,7 +3,7 @@
 A run that is fine with the parameters at the prior mean may break a limit on many of the plants that the prior allows. To first
 order the value of a limit h along a run varies by the root of sum_j (h_x S_j + h_theta_j)^2 over the principal parts of the prior,
 and of what is uncertain. A distance of fewer than `kappa` of these standard deviations costs, so that gradients lead away from the
-limit. What share of the plants can run a design, its trajectories tell; this only shows where to go.
+limit. The share of the plants that can run a design is computed from its trajectories; this only shows where to go.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ LEAST_SPREAD = 1e-3
 """Spread of a limit's value, as a share of its largest value on the way, where the prior makes none."""
 
 FAR = 100.0
-"""The largest distance that is told, in standard deviations."""
+"""The largest distance that is reported, in standard deviations."""
 
 MOST_ROWS = 4000
 """States at once; many more would not stay in the cache."""
@@ -48,7 +48,7 @@ class RunMargins:
         self._parts = parts
 
     def distances(self, tangents: RunTangents) -> Array:
-        """Of each run at each segment's end from each limit, (K, N, c), in standard deviations, and `FAR` at most."""
+        """Distances of each run at each segment's end from each limit, (K, N, c), in standard deviations, and `FAR` at most."""
         count, segments = tangents.runs.dt.shape
         each = max(1, MOST_ROWS // (segments * (1 + len(self._parts))))
         parts = [self._distances(tangents, slice(first, first + each)) for first in range(0, count, each)]

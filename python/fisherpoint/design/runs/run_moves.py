@@ -1,4 +1,4 @@
-"""Single changes of a run, by which a search leaves the maximum that gradients have led it to.
+"""Single changes of a run, with which a search leaves the maximum that gradients have led it to.
 
 log det F of runs has many local maxima, most of them a pulse at another place: from one of them, another one is seldom far.
 """
@@ -24,7 +24,7 @@ AT_ONCE, MOST_GAINS = 256, 12
 """Changes that are tried, in random order, before the best of them is made if it gains; and how many are made of each run."""
 
 FEW, CHANGES = 48, 2
-"""Changes of which a hop takes the best, whether it gains or not; and how many it makes of each run."""
+"""Changes among which a hop takes the best, whether it gains or not; and how many it makes of each run."""
 
 
 def best_moves(
@@ -64,7 +64,7 @@ def best_moves(
 
 
 def _along(objective: RunObjective, z: Array, k: int, selected: NDArray[np.bool_] | None) -> RunTangents:
-    """Of one run, from which others go on that are the same up to some segment."""
+    """Tangents of one run, which others continue that are equal up to some segment."""
     run = objective.tried(z[k : k + 1], None if selected is None else selected[k : k + 1])
     return objective.tangents(run, outputs_alone=False)
 

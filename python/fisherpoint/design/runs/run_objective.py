@@ -27,17 +27,17 @@ from .run_clock import Clock
 from .run_margins import RunMargins, costs_of
 
 LOOKS, MORE_LOOKS = 2, 4
-"""Times in every segment at which the distance to limits is taken, and where that has not been enough."""
+"""Number of times in every segment at which distances to limits are taken, and the number where that was not enough."""
 
 LEAST_ROWS, MOST_ROWS = 16, 64
-"""Of runs and plants that one thread computes at once: enough for its lanes, and few enough for its cache."""
+"""Rows, of runs times plants, that one thread computes at once: enough for its lanes, and few enough for its cache."""
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """Of K runs: F (K, R, p, p) on every plant, whether they reach their ends on all (K,), and their costs (K,)."""
+    """Results of K runs: F (K, R, p, p) on every plant, whether they reach their ends on all (K,), and their costs (K,)."""
 
     matrices: Array
     ok: NDArray[np.bool_]
@@ -52,8 +52,7 @@ class Judged:
 
 
 class Lasted(NamedTuple):
-    """Of K runs: how many segments they complete (K,), one more than there are where they are ok, their statuses (K,), and on which
-    plant (K,)."""
+    """How far K runs last: segments completed (K,), one more than there are where they are ok, statuses (K,), and plants (K,)."""
 
     segments: IntArray
     status: IntArray
@@ -162,7 +161,7 @@ class RunObjective:
     def averages(self, total: Array) -> Array:
         """The average over the plants of log det of F (..., R, p, p), or of another criterion in its form.
 
-        -inf where an F that counts is singular, or does not determine what is asked.
+        -inf where an F that counts is singular, or does not determine the criterion.
         """
         return self.average.value(np.stack([aim.values(total[..., s, :, :]) for s, aim in enumerate(self.aims)]))
 
@@ -238,14 +237,14 @@ class RunObjective:
         return many, np.repeat(self.plants, count, axis=0)
 
     def tangents(self, runs: Runs, outputs_alone: bool | None = None, threads: int | None = None) -> RunTangents:
-        """Of runs on every plant, plant after plant."""
+        """Tangents of runs on every plant, plant after plant."""
         many, theta = self.on_plants(runs)
         alone = not self.costly if outputs_alone is None else outputs_alone
         settings = self.settings._replace(threads=threads or self.settings.threads)
         return run_tangents(self.problem, many, theta, settings, outputs_alone=alone)
 
     def _judged(self, tangents: RunTangents, count: int) -> Judged:
-        """Of tangents of `count` runs, plant after plant."""
+        """Judge `count` runs by their tangents, plant after plant."""
         plants = len(self.plants)
         rows = tangents.rows(self.problem)
         f = information_matrices(self.problem, rows.sensitivity)

@@ -1,4 +1,4 @@
-"""Pictures of designs of runs: inputs and outputs over time, and which sample tells about which parameter."""
+"""Pictures of designs of runs: inputs and outputs over time, and the information of each sample on each parameter."""
 
 from __future__ import annotations
 
@@ -83,8 +83,8 @@ def plot_runs(problem: DesignProblem, runs: Runs) -> Figure:
 def plot_information(problem: DesignProblem, runs: Runs) -> Figure:
     """The share of each sample in the information about each parameter by itself, run after run."""
     rows = run_rows(problem, runs, problem.theta, problem.integration(None))
-    told = _told(problem, rows.sensitivity[rows.status == Status.ok], runs.measured[rows.status == Status.ok])
-    share = told / np.maximum(told.sum(axis=0), 1e-300)
+    information = _information(problem, rows.sensitivity[rows.status == Status.ok], runs.measured[rows.status == Status.ok])
+    share = information / np.maximum(information.sum(axis=0), 1e-300)
     with mpl.rc_context(STYLE | {"axes.grid": False}):
         figure = Picture(figsize=(max(6.0, min(14.0, 2.0 + 0.12 * len(share))), 1.2 + 0.32 * share.shape[1]), layout="constrained")
         axes: Any = figure.subplots()
@@ -102,7 +102,7 @@ def plot_information(problem: DesignProblem, runs: Runs) -> Figure:
         for end in ends[:-1]:
             axes.axvline(end + 0.5, color="white", linewidth=1.0)
         axes.set_xlabel("sample" if len(runs) == 1 else "sample, run after run")
-        axes.set_title("Share of each sample in what is told about a parameter, the others known")
+        axes.set_title("Share of each sample in the information on a parameter, the others known")
         figure.colorbar(image, ax=axes, pad=0.01, format="%g %%")
     return figure
 
@@ -127,8 +127,8 @@ def limits_of(problem: DesignProblem) -> dict[str, list[float]]:
     return found
 
 
-def _told(problem: DesignProblem, sensitivity: Array, measured: Array) -> Array:
+def _information(problem: DesignProblem, sensitivity: Array, measured: Array) -> Array:
     """Information (S, p) of each sample about each parameter."""
     white = sensitivity / np.sqrt(np.diag(problem.noise_covariance))[:, None]
-    told: Array = np.square(white).sum(axis=2)[measured]
-    return told
+    information: Array = np.square(white).sum(axis=2)[measured]
+    return information

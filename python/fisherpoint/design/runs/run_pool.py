@@ -30,10 +30,10 @@ CHEAP, TIGHTENED = 1.0, 128
 """What runs may cost for coming near limits, for a start; and how many of the best that cost more are brought further inside."""
 
 SINGULAR = 1e-13
-"""Eigenvalue of the information of all runs, scaled to unit diagonal, below which a combination of parameters is not told."""
+"""Eigenvalue of the information of all runs, scaled to unit diagonal, below which a combination of parameters is not estimable."""
 
 RIDGE = 1e-9
-"""Share of the prior's information that is added to F where runs do not determine all parameters, to tell such runs apart."""
+"""Share of the prior's information that is added to F where runs do not determine all parameters, to compare such runs."""
 
 LEAST_GAIN, MOST_ROUNDS = 1e-4, 40
 """What log det F must gain for another round of exchange, and how many there are at most."""
@@ -59,7 +59,7 @@ class RunPool:
     rejected : Counter
         Those of them that do not reach their ends, by reason.
     open : tuple of mappings of parameter name to float
-        Combinations of standardised parameters that none of the runs tells about.
+        Combinations of standardised parameters that none of the runs has information on.
     singular : bool
         Whether not even all of its runs together, and what is known beside them, determine all parameters.
     interrupted : bool

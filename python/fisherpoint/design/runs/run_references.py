@@ -1,4 +1,4 @@
-"""What classical runs tell, from which a search begins, and next to which its design is shown."""
+"""Classical runs: a search begins from them, and its report compares its design with them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DRAWN = 100
 """Random runs of each profile."""
 
 MOST_SEGMENTS = 100_000
-"""Of all of them, on all plants; at least a few are drawn."""
+"""Most segments of all of them, on all plants; at least a few are drawn."""
 
 
 class ClassicalRuns(NamedTuple):
@@ -29,8 +29,8 @@ class ClassicalRuns(NamedTuple):
 def classical_runs(objective: RunObjective, n_runs: int, seed: int) -> dict[str, Array]:
     """Free numbers (L, d) of the best of some random runs of each classical profile, by its name.
 
-    Best is what tells most at the prior mean, whether other plants can run it or not. All are left out where no input changes from
-    segment to segment, and those that are not reached in the time.
+    The best has the most information at the prior mean, whether other plants can run it or not. All are left out where no input
+    changes from segment to segment, and those that are not reached in the time.
     """
     found: dict[str, Array] = {}
     if not objective.coordinates.inputs:

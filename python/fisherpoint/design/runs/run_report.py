@@ -16,9 +16,9 @@ from ...points.run_region import RunRegion
 from ...points.runs import Runs
 from ...show.numbers import computed, counted, number, percent
 from ...show.section import Report, Section
-from ..criterion_report import asked_for, facts_asked, maximised
+from ..criterion_report import goal_facts, goal_text, maximised
 from ..efficiency import d_efficiency
-from ..optimality.asked import Asked
+from ..optimality.asked import CriterionSettings
 from ..optimality.criteria import Criterion
 from ..over_prior import OverPrior
 from ..over_report import over_sections
@@ -34,7 +34,7 @@ OF_MEAN, OF_SUM = "F as in (7)", "F summed over samples"
 """How a log det F is scaled: in the report of an evaluation, and in this one."""
 
 
-class Settings(Asked, Protocol):
+class Settings(CriterionSettings, Protocol):
     @property
     def n_starts(self) -> int: ...
     @property
@@ -102,16 +102,16 @@ def run_report(design: Reported) -> Report:
     samples = counted(int(runs.measured.sum()), "sample")
     headline = (
         f"{counted(len(runs), 'run')} with {samples} for {problem.model.name}, {counted(len(parameters), 'parameter')} to estimate"
-        f"{asked_for(design)}"
+        f"{goal_text(design)}"
     )
     inner = design.evaluation.report()
     plants = plants_sections(design.feasibility, design.settings.confidence)
     over = [part for one in over_sections(design, maximised(design)) for part in (divided(one) if one.columns else [one])]
-    facts = list(facts_asked(design))
-    asked = [Section("Asked for", (), facts)] if facts else []
+    facts = list(goal_facts(design))
+    goal = [Section("Goal", (), facts)] if facts else []
     parameter_table, *criterion = inner.sections
     tables = [*runs_tables(problem.model, runs, design.n_kept), *divided(_with_means(parameter_table, problem))]
-    tables += [*(_summed(one, design.evaluation) for one in criterion), *asked, *_known(design)]
+    tables += [*(_summed(one, design.evaluation) for one in criterion), *goal, *_known(design)]
     sections = [*tables, *over, *plants, _search(design), *_classical(design)]
     return Report(headline, sections, [*_warnings(design), *inner.warnings])
 
@@ -150,14 +150,14 @@ def _known(design: Reported) -> Iterator[Section]:
 
 
 def _search(design: Reported) -> Section:
-    told = {"all_starts": "the usual one", "time_limit": "the time was up", "interrupted": "interrupted"}
+    reasons = {"all_starts": "the usual one", "time_limit": "the time was up", "interrupted": "interrupted"}
     singular = not np.isfinite(design.log_det)
     what = f"{maximised(design)}, sum over samples"
     facts = [
         (what, "-inf: singular" if singular else computed(design.log_det, 6)),
         ("starts", f"{len(design.ends)} of {design.settings.n_starts}"),
         ("that ended as well as the best", f"{design.again} of {len(design.ends)}"),
-        ("end of the search", told[design.stop_reason]),
+        ("end of the search", reasons[design.stop_reason]),
         ("runs drawn", f"{design.drawn}, of which {sum(design.rejected.values())} do not reach their ends"),
         *ridge_facts(design, False),
         ("time", f"{design.seconds:.1f} s"),
@@ -182,8 +182,8 @@ def _classical(design: Reported) -> Iterator[Section]:
         share = percent(design.classical_shares.get(name, np.nan))
         rows.append((name, "-inf: singular" if not np.isfinite(value) else computed(value, 5), percent(efficiency or 0.0), share))
     note = (
-        "The best of a hundred random ones of each kind at the prior mean, or of fewer where they are long. They may tell more than"
-        " the design where fewer plants can run them."
+        "The best of a hundred random ones of each kind at the prior mean, or of fewer where they are long. They may have more"
+        " information than the design where fewer plants can run them."
     )
     columns = ("inputs", f"{maximised(design)}, sum", f"{design.settings.criterion}-efficiency", "plants that can")
     yield Section("Beside classical runs", columns, rows, notes=[note])
@@ -191,19 +191,19 @@ def _classical(design: Reported) -> Iterator[Section]:
 
 def _warnings(design: Reported) -> Iterator[str]:
     if not design.feasible:
-        asked = percent(design.settings.confidence or 0.0)
+        required = percent(design.settings.confidence or 0.0)
         yield (
-            f"Only {percent(design.feasibility.share)} of the plants that the prior allows can run this design, where {asked} was"
-            " asked for: shorten the runs, narrow the region, or give the search more starts."
+            f"Only {percent(design.feasibility.share)} of the plants that the prior allows can run this design, where {required}"
+            " was required: shorten the runs, narrow the region, or give the search more starts."
         )
     if design.stop_reason != "all_starts":
         yield f"The search was ended early ({design.stop_reason}): a better design may be found in more time."
     elif design.again == 1 and len(design.ends) > 1:
-        yield "Only one start came to this design: there may be a better one. More starts (n_starts) tell."
+        yield "Only one start came to this design: there may be a better one. Run more starts (n_starts) to check."
     evaluation = design.evaluation
     if evaluation.rank < len(evaluation.parameters) and design.settings.criterion != "D":
         yield (
-            f"F is singular: the runs determine what criterion {design.settings.criterion} asks, but not all parameters. What is"
+            f"F is singular: the runs determine criterion {design.settings.criterion}, but not all parameters. What is"
             " left open stands beside the criterion."
         )
     elif evaluation.rank < len(evaluation.parameters):

@@ -50,13 +50,13 @@ that they would have to keep further away for enough plants."""
 MOST_SEGMENTS_OF_POOL = 400_000
 
 OTHERS = 50
-"""Of the pool's best runs, of which single changes take parts."""
+"""Number of the pool's best runs that single changes copy parts of."""
 
 LOOKED_AT = 5
-"""Of the pool's best runs, whether the plants can run them."""
+"""Number of the pool's best runs that are tried on the plants."""
 
 SHARES_OF_TIME = (0.2, 0.3, 0.6)
-"""By which the pool, the classical runs, and the race of starts have to end, where there is a limit of time."""
+"""Shares of the time limit at which the pool, the classical runs, and the race of starts have to end."""
 
 
 class RunProgress(NamedTuple):
@@ -89,16 +89,16 @@ class RunSearch:
     n_starts, n_candidates, seed, threads : int
     clock : Clock
     kept : Runs, optional
-        Which plants have to run too; what they tell is in `previous`.
+        Runs that plants have to be able to run too; their information is in `previous`.
 
     Attributes
     ----------
     classical : dict of profile to Found
-        Runs as they are chosen by hand, of which the search begins too.
+        Runs as they are chosen by hand; the search begins from them too.
     pool : RunPool
         Random runs, with which starts begin.
     singular : bool
-        Whether log det F is asked for, and no runs determine all parameters.
+        Whether the criterion is log det F, and no runs determine all parameters.
     """
 
     def __init__(
@@ -184,7 +184,7 @@ class RunSearch:
         return reason
 
     def _begin(self) -> None:
-        """What classical runs tell, and how far runs keep from limits at first."""
+        """Evaluate classical runs, and set how far runs keep from limits at first."""
         objective = self.objective
         if objective.problem.model.in_core:
             self.clock.share = SHARES_OF_TIME[1]
@@ -206,7 +206,7 @@ class RunSearch:
         return all(self.guard.enough(share) for share in self.guard.each(self.pool.best(LOOKED_AT)))
 
     def _climb(self, progress: Callable[[RunProgress], None] | None) -> None:
-        """A race of the best starts, of which the best goes on to its end, and from there."""
+        """Race the best starts, and follow the winner to its end, and from there."""
 
         def report(one: Climb) -> None:
             if progress is not None and one.last is not None:

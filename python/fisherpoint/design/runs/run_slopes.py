@@ -21,14 +21,14 @@ from .linear_rows import LinearRows
 from .run_objective import RunObjective
 
 STEP = 1e-3
-"""Of a free number, for differences."""
+"""Step of a free number for difference quotients."""
 
 MOST_SLOPES = 20_000_000
 """Slopes at once, so that memory stays bounded."""
 
 
 class _Parts(NamedTuple):
-    """Of K runs on R plants: rows (R, K, m, p) and distances (R, K, c), and which of the runs reach their ends on all of them."""
+    """Parts of K runs on R plants: rows (R, K, m, p), distances (R, K, c), and which runs reach their ends on all plants."""
 
     rows: Array
     distances: Array
@@ -48,8 +48,8 @@ def linear_rows(
     along = objective.tangents(base, outputs_alone=False)
     if along.status.any():
         return None
-    told = np.flatnonzero(base.measured.any(axis=0))
-    here = _parts(objective, along, told)
+    measured_segments = np.flatnonzero(base.measured.any(axis=0))
+    here = _parts(objective, along, measured_segments)
     variable = _variables(objective, count, (here.rows.size + here.distances.size) // count, rng)
     run, number = np.nonzero(variable >= 0)
     if not len(run):
@@ -67,7 +67,7 @@ def linear_rows(
             lanes = (own[:, None] + count * np.arange(len(objective.plants))).T.ravel()  # of `along`, plant after plant
             settings = objective.settings._replace(threads=1)
             there = tangents_from(objective.problem, along, lanes, many, theta, settings, outputs_alone=not objective.costly)
-            return _parts(objective, there, told)
+            return _parts(objective, there, measured_segments)
 
         parts = objective.in_parts(part, len(run))
         return _Parts(*(np.concatenate([one[k] for one in parts], axis=0 if k == 2 else 1) for k in range(3)))
@@ -102,11 +102,11 @@ def linear_rows(
     )
 
 
-def _parts(objective: RunObjective, tangents: RunTangents, told: NDArray[np.intp]) -> _Parts:
-    """Whitened rows of what the segments that are `told` measure, and distances where they count."""
+def _parts(objective: RunObjective, tangents: RunTangents, measured_segments: NDArray[np.intp]) -> _Parts:
+    """Whitened rows of the measured segments, and distances where they count."""
     plants = len(objective.plants)
     of_all = tangents.rows(objective.problem)
-    rows = of_all.sensitivity[:, told] / np.sqrt(np.diag(objective.problem.noise_covariance))[:, None]
+    rows = of_all.sensitivity[:, measured_segments] / np.sqrt(np.diag(objective.problem.noise_covariance))[:, None]
     count = len(rows) // plants
     distances = objective.margins.distances(tangents) if objective.costly else np.empty((len(rows), 0))
     return _Parts(

@@ -16,10 +16,10 @@ from ...basics.values import Array
 from .run_objective import RunObjective
 
 HALVINGS = 9
-"""Of the share of a run that is kept."""
+"""Number of halvings of the share of a run that is kept."""
 
 LEAST_SHARE = 0.002
-"""Runs of which less can be kept are too much like the one that they are drawn to."""
+"""Runs that keep a smaller share are too much like the one that they are drawn to."""
 
 HELD, LEVELS = 128, 9
 """Runs of held inputs that are tried, and the values of each input."""

@@ -60,7 +60,7 @@ def _weights(objective: RunObjective, f: Array, allowed: NDArray[np.bool_], coun
 
 
 def _gains(objective: RunObjective, f: Array, total: Array) -> Array:
-    """What weights (L, N) of samples are multiplied by, at M (R, p, p) on each plant.
+    """Factors (L, N) of the weights of samples, at M (R, p, p) on each plant.
 
     Where a criterion sees only what is known worst, those of log det F are the better start of an exchange.
     """
