@@ -1,4 +1,4 @@
-"""What of a configuration's tables does not fit the model, or each other; and the valid ones among tables that are not all."""
+"""Mismatches of a configuration's tables with the model, or each other; and the valid tables where not all are."""
 
 from __future__ import annotations
 

@@ -120,11 +120,11 @@ class ExactSearch:
         return self._without_copies(left)
 
     def _bound(self) -> float:
-        """What log phi of no design of n measurements exceeds, by the best weights."""
+        """Upper bound of log phi of designs of n measurements, by the best weights."""
         return self._weights.log_bound + float(np.log(self._n))
 
     def _branch_and_bound(self, left: NDArray[np.intp]) -> tuple[BranchAndBound, NDArray[np.intp]]:
-        """Over what is left, and its order there."""
+        """Branch and bound over the candidates that are left, and their order there."""
         matrices = self._pool.matrices(left, self._into)
         order, parts = similar_first(matrices)
         left, relaxation = left[order], Relaxation(matrices[order], self._criterion, self._n)

@@ -7,7 +7,7 @@ from importlib.resources import files
 from pathlib import Path
 
 PLACES = (files("fisherpoint") / "examples", Path(__file__).resolve().parents[3] / "examples")
-"""Where they are in an installed package, and in the project's own tree."""
+"""Folders of the examples in an installed package, and in the project's own tree."""
 
 
 def example_texts(ending: str = ".toml") -> Mapping[str, str]:

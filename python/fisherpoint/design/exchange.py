@@ -110,7 +110,7 @@ def exchange(
         previous and new, and so are the design's evaluations and what it is compared with. The standard errors are then those of
         an estimate from all data together; they do not take in the prior, also where this is the posterior of the previous data.
     keep : Experiments or Design, optional
-        Points that the design must have, such as those that were chosen by hand, or of a design to which more are added. They are
+        Points that the design must have, such as those that were chosen by hand, or those of a design to be enlarged. They are
         its first points, never leave, and count among the `n_experiments`.
     over : OverPrior, optional
         A criterion over the prior instead of log det F at its mean: for methods "auto" with D = R. The time is that of
@@ -244,7 +244,7 @@ def scenarios_of(
 def _with_kept(
     problem: DesignProblem, keep: Experiments | FoundDesign, known: PointInformation | None, n_experiments: int, threads: int
 ) -> tuple[PointInformation, Experiments]:
-    """What is known beside the points that are searched for, and the points that are kept."""
+    """Return the known points beside those to be found, and the points that are kept."""
     kept = getattr(keep, "points", keep)
     if not isinstance(kept, Experiments):
         raise TypeError(f"keep: expected Experiments or a Design of points, given {type(keep).__name__}")

@@ -72,7 +72,7 @@ def first_file(path: Path, name: str) -> tuple[str, list[str]]:
 def _runs(model: Model, region: ExperimentRegion) -> list[str]:
     """What a design of runs needs, as comments."""
     lines = [
-        "# [runs]                     # runs in the place of points: [region] then bounds their start, and the inputs and dt of",
+        "# [runs]                     # runs instead of points: [region] then bounds their start, and the inputs and dt of",
         "#                            # each segment; one number there, as dt = 0.01, fixes a value",
         "# segments = 20              # of a run, with inputs that are held",
         "# n_runs = 1",

@@ -25,7 +25,7 @@ MOST_SCENARIOS = 1024
 
 @dataclass(frozen=True)
 class OverPrior:
-    """What `exchange` maximises instead of log det F at the prior mean.
+    """A criterion over the prior: what `exchange` maximises instead of log det F at the prior mean.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a report says of a design that does not determine all parameters."""
+"""The parts of a report for a design that does not determine all parameters."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def singular_warning(evaluated: Evaluated) -> str:
 
 
 class Searched(Protocol):
-    """What comes from searches that may have met singular designs."""
+    """Results of searches that may have met singular designs."""
 
     @property
     def ridge(self) -> float: ...

@@ -25,7 +25,7 @@ _ERRORS = {
     "c": ("error", "the standard deviation of the function"),
     "I": ("error", "the root of the mean variance of the predictions"),
 }
-"""By criterion, what phi^(-1/2) is called, and is."""
+"""Name and meaning of phi^(-1/2), by criterion."""
 
 
 def sweep_report(sweep: SweptDesigns) -> Report:

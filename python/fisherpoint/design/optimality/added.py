@@ -1,4 +1,4 @@
-"""What an information matrix F becomes worth when any of many candidates is added: criteria of F + W_i W_i^T, all side by side.
+"""Rank updates of an information matrix F: criteria of F + W_i W_i^T for many candidates, all side by side.
 
 W_i (p, n) are the whitened rows of a candidate as columns. With F = L L^T and G_i = L^-1 W_i,
 
@@ -36,13 +36,13 @@ def variances(fisher: Array, columns: Array, k: Array) -> Array:
 
 
 def smallest_at_most(fisher: Array, columns: Array) -> Array:
-    """What the smallest eigenvalue of F + W W^T, (N,), is at most: that in the plane of the two smallest of F."""
+    """Upper bound of the smallest eigenvalue of F + W W^T, (N,): that in the plane of the two smallest of F."""
     values, vectors = np.linalg.eigh(fisher)
     return _of_a_plane(values[:2], vectors[:, :2], columns, -1.0)
 
 
 def largest_at_least(fisher: Array, columns: Array) -> Array:
-    """What the largest eigenvalue of F + W W^T, (N,), is at least: that in the plane of the two largest of F."""
+    """Lower bound of the largest eigenvalue of F + W W^T, (N,): that in the plane of the two largest of F."""
     values, vectors = np.linalg.eigh(fisher)
     return _of_a_plane(values[-2:], vectors[:, -2:], columns, 1.0)
 

@@ -22,11 +22,11 @@ SOFTNESS = 0.02
 """Relative distance of eigenvalues over which their minimum is smoothed, so that ascents have a derivative."""
 
 TINY = 1e-12
-"""What ascents add to the diagonal of F, as a share: where a criterion does not ask for everything, F may be singular."""
+"""Relative addition of ascents to the diagonal of F, which may be singular where a criterion is not of all parameters."""
 
 
 class Aim(ABC):
-    """A criterion as a search asks for it, at one place of the parameters.
+    """A criterion in the form that searches maximise, at one place of the parameters.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Aim(ABC):
         return self.added(fisher, columns)
 
     def offset(self, fisher: Array, factor: Array) -> float:
-        """What the logarithms of `added` are less than the values; `factor` is L of the coordinates."""
+        """Value less the logarithm of `added`; `factor` is L of the coordinates."""
         return 0.0
 
     @abstractmethod
@@ -106,7 +106,7 @@ class LogDet(Aim):
 class LogDetWithin(Aim):
     """log det Q^T F Q, with an orthonormal basis Q of what candidates determine, where that is not everything: F is singular then.
 
-    `k` (p, r) takes the place of Q: any K with K^T F K of the same determinant, in which the numbers are of one size.
+    `k` (p, r) may be any K instead of Q, with K^T F K of the same determinant, in which the numbers are of one size.
     """
 
     least = 1e-10
@@ -138,7 +138,7 @@ class LogDetWithin(Aim):
 
 
 class _Sloped(Aim):
-    """With the slope that the criterion has."""
+    """An aim whose slope is that of its criterion."""
 
     def slope(self, fisher: Array, rows: Array) -> tuple[float, Array]:
         diagonal = np.diag(fisher)
@@ -243,7 +243,7 @@ def _soft(logs: Array, values: Array, side: float) -> tuple[float, Array]:
 
 
 def aim_of(criterion: Criterion) -> Aim:
-    """The form in which a search asks for a criterion."""
+    """The criterion as an aim of a search."""
     if isinstance(criterion, Determinant):
         if not criterion.whole:
             return LogSubsetDet(criterion)

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 
 BEYOND = 1e-4
-"""What log phi of a design may exceed its bound by: rounding, and the tolerance of trajectories."""
+"""Largest excess of log phi of a design over its bound, by rounding and the tolerance of trajectories."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -22,7 +22,7 @@ from .relaxation import Box, Counts, Group, Relaxation, Relaxed, best_in_box
 from .symmetries import Permutations
 
 WHOLE = 1e-6
-"""What a count may be away from a whole number that is taken for it."""
+"""Largest distance of a count from the whole number that it is taken for."""
 
 MOST_GROUPED = 1000
 """Number of candidates up to which groups of similar ones are formed from all distances; their table grows with the square."""
@@ -34,7 +34,7 @@ REPORTED = 50
 """Number of nodes between reports of progress."""
 
 SOLVED = 0.02
-"""To what share of the distance from the best design the relaxed problem is solved."""
+"""Tolerance of the relaxed problem, as a share of the distance from the best design."""
 
 
 class ExactProgress(NamedTuple):
@@ -88,7 +88,7 @@ class BranchAndBound:
 
     @property
     def bound(self) -> float:
-        """What log phi of no design exceeds."""
+        """Upper bound of log phi of all designs."""
         return max(self.value + self.gap, self._doing, -self._open[0][0] if self._open else -np.inf)
 
     @property

@@ -21,7 +21,7 @@ from .unit_box import UnitBox, distinct, groups_within
 from .weights import REGULAR, Weights, optimal_weights
 
 ABOVE = 1e-3
-"""By which share of its level the sensitivity function may be exceeded by what climbs and the ascents from many starts find."""
+"""Share of its level by which climbs and ascents from many starts may exceed the sensitivity function."""
 
 MOST_ROUNDS, MOST_SEARCHES = 15, 30
 

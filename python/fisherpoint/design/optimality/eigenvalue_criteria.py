@@ -13,7 +13,7 @@ from .estimable import Estimable
 
 @dataclass(frozen=True, eq=False)
 class Scaled:
-    """A = S F S with the scales S, of which eigenvalues are taken, as a function of information M.
+    """A = S F S with the scales S, whose eigenvalues are taken, as a function of information M.
 
     Either F is M, and A = K^T M K with K = S. Or M is about nuisance parameters too, and F is its Schur complement: then
     A = (K^T M^- K)^-1, with K = S^-1 and rows of zeros for the nuisance parameters.
@@ -68,7 +68,7 @@ class Scaled:
         return Scaled(np.asarray(np.linalg.solve(estimable.span.T @ estimable.into, r.T), dtype=np.float64))
 
     def restricted(self, span: Array) -> Scaled:
-        """With the eigenvalues of A that are not 0 for every M in the span (p, r)."""
+        """Return A with only the eigenvalues that are not 0 for every M in the span (p, r)."""
         if not self.marginal:
             r = np.asarray(np.linalg.qr(self.k.T @ span, mode="r"), dtype=np.float64)
             return Scaled(np.asarray(span @ r.T))

@@ -39,7 +39,7 @@ RIDGES = 0.0, 1e-12, 1e-9, 1e-6
 """Shares of the mean eigenvalue that are added to a singular matrix for a derivative."""
 
 WIDER = 1e-7
-"""By which the bounds of groups are widened inside the method, where the least and the most may be the same."""
+"""Amount by which the bounds of groups are widened inside the method, as the least and the most may be equal."""
 
 
 class Group(NamedTuple):

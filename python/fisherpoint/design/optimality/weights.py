@@ -1,4 +1,4 @@
-"""The best weights of many candidates: of few at a time, to which those that would help most are added.
+"""The best weights of many candidates: weights of a small set, and rounds that add those that would help most.
 
 The weights of a working set are found by an interior point method; then the sensitivity function of all candidates says which of
 the others to take in, and how far from the optimum over all of them the weights are. Those with the largest are looked at alone

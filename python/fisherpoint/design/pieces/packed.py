@@ -40,7 +40,7 @@ class Packed:
         return np.asarray(self.of((solved + solved.T) / 2) * self._weights)
 
     def log_dets(self, packed: Array) -> Array:
-        """By Cholesky, all matrices (..., m) at once; -inf where one is not positive definite."""
+        """log det by Cholesky of all matrices (..., m) at once; -inf where one is not positive definite."""
         matrices = np.moveaxis(self.whole(packed), (-2, -1), (0, 1))
         value = np.zeros(packed.shape[:-1])
         with np.errstate(divide="ignore", invalid="ignore"):

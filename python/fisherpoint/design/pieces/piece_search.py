@@ -32,10 +32,10 @@ PAIRS_AT_ONCE = 4096
 NUMBERS_AT_ONCE = 4_000_000
 
 SINGULAR = 1e-13
-"""Share of the largest eigenvalue below which one is zero, in coordinates in which all windows together are the identity."""
+"""Share of the largest eigenvalue below which one is zero; in these coordinates all windows together are the identity."""
 
 RIDGE = 1e-9
-"""What stands in for the windows that are not taken while those that are leave M singular, as a share of all windows."""
+"""Ridge added while the chosen windows leave M singular, as a share of the information of all windows."""
 
 
 class PieceProgress(NamedTuple):

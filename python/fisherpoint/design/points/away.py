@@ -30,7 +30,7 @@ OF_LOST, NEAR_ENOUGH = 0.6, 0.3
 what is lost at least where it pays to go on."""
 
 MOST, FACTORS = 5, (0.85, 1.2)
-"""Changes of w, and by which factors it may change at once."""
+"""Most changes of w, and the factors between which one change lies."""
 
 QUANTILE = NormalDist().inv_cdf
 """Quantile function of the normal distribution; SciPy's would make the import slow."""

@@ -1,4 +1,4 @@
-"""One run of Algorithm 1: the design that is best so far, and the ways in which it gets better.
+"""One run of Algorithm 1: the best design so far, and the moves that improve it.
 
 Random candidates alone come close to an optimum only slowly, above all where it lies on bounds of the region, as it mostly does.
 So some iterations end by drawing candidates near every point of the design; a point gives way to the best of its own where Phi
@@ -25,7 +25,7 @@ MOVE_EVERY = 4
 """Iterations after which candidates are drawn near the points of the design: many at once cost less than a few each time."""
 
 LEAST_GAIN = 1e-6
-"""What log det F must gain for a point to be moved; less would be moved for ever."""
+"""Least gain of log det F for a point to be moved; with less, points would move for ever."""
 
 
 class ExchangeSearch(PointSearch):

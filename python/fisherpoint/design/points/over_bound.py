@@ -1,4 +1,4 @@
-"""What no design of some candidates can exceed, for a criterion over the prior.
+"""Upper bound of the designs of some candidates, for a criterion over the prior.
 
 For weights of candidates M_s = sum_i w_i F_is in scenario s, with G_s the derivative of log phi there. With any q of those in
 average.py, for every other mixture N
@@ -23,7 +23,7 @@ from ..average import Average
 from ..optimality.aims import Aim, LogDet
 
 ROUNDS, STEPS, ADDED = 30, 200, 32
-"""Times that candidates are added, steps of the weights in each, and candidates that are added."""
+"""Rounds that add candidates, steps of the weights in each round, and candidates that each adds."""
 
 TOLERANCE = 0.01
 """Relative amount by which max d_i may exceed 1."""

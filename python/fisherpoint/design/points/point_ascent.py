@@ -32,7 +32,7 @@ CONFIRMED = 4
 """Maximum number of steps whose points are tried on all nodes of the rule."""
 
 FURTHER = 1.5
-"""By how much a step may be longer than the last one that was good."""
+"""Largest ratio of a step's length to that of the last good one."""
 
 
 class PointAscent:

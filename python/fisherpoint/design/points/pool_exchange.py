@@ -18,7 +18,7 @@ from ..average import Average
 from ..optimality.aims import Aim
 
 LEAST_RATIO = 1 + 1e-6
-"""By which an exchange must raise det F, or phi of another criterion; less would go on for ever."""
+"""Least factor by which an exchange must raise det F, or phi of another criterion; with less it would go on for ever."""
 
 SINGULAR = 1e-8
 """The pivot of F, as a share, below which a design is singular."""
@@ -55,7 +55,7 @@ class PoolExchange:
         self._bounded = any(aim.bounded for aim in aims)
 
     def promising(self, among: NDArray[np.intp], most: int, place: NDArray[np.intp] | None = None) -> NDArray[np.intp]:
-        """For every point the `most` best of some candidates that raise the criterion in its place, all together.
+        """The `most` best candidates that raise the criterion instead of each point, all together.
 
         Where the `place` of each candidate is given, it is looked at there alone.
         """
@@ -86,7 +86,7 @@ class PoolExchange:
                 return
 
     def gains(self, among: NDArray[np.intp]) -> Array:
-        """By how much each of some candidates raises the criterion beside all points of the design, as a factor."""
+        """Factors by which candidates raise the criterion beside all points of the design."""
         parts, offsets = self._beside(self.chosen, self._taken(among))
         exactly = [part.aim.added_exactly(f, w) if self._bounded else part.aim.added(f, w) for part, f, w in parts]
         return self._average.ratios(offsets, exactly)
@@ -107,7 +107,7 @@ class PoolExchange:
         return [part.columns.take(among, axis=2) for part in self._parts]
 
     def _ratios(self, place: int, columns: Sequence[Array], here: int, most: int) -> Array:
-        """By how much each of some columns raises the criterion without the point at a place, next to each other.
+        """Factors by which columns raise the criterion without the point at a place, next to each other.
 
         Where the criterion has bounds for all, what cannot be among the `most` best is 0, but for that which is `here` now.
         """
@@ -150,7 +150,7 @@ class _Part:
         self.aim, self.factor = aim.within(factor), factor
 
     def of(self, chosen: NDArray[np.intp]) -> Array:
-        """F of some points, to which next to nothing is added."""
+        """F of some points, with a tiny addition to its diagonal."""
         columns = self.columns.take(chosen, axis=2).reshape(len(self._fixed), -1)
         fisher = columns @ columns.T + self._fixed
         fisher.flat[:: len(fisher) + 1] *= 1 + TINY
@@ -158,7 +158,7 @@ class _Part:
 
 
 def _factor(fisher: Array) -> Array:
-    """A lower triangle of F, to which next to nothing is added: a parameter may be without influence."""
+    """Lower triangle of F with a tiny addition to its diagonal: a parameter may be without influence."""
     scale = np.diag(fisher)
     kept = TINY * np.maximum(scale, TINY * scale.max() + np.finfo(float).tiny / TINY)
     return np.asarray(np.linalg.cholesky(fisher + np.diag(kept)), dtype=np.float64)

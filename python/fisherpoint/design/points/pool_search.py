@@ -211,7 +211,7 @@ class PoolSearch(PointSearch):
         return peaks.with_more(self._pool(found))[source]
 
     def _gains(self, design: PointInformation, columns: Array) -> Array:
-        """By how much each candidate would raise the criterion beside the design, as a factor."""
+        """Factors by which candidates would raise the criterion beside the design."""
         count = len(design)
         exchange = self._exchange(np.concatenate([self._columns(design), columns], axis=3), count)
         return exchange.gains(count + np.arange(columns.shape[3]))

@@ -1,4 +1,4 @@
-"""What no design of the candidates that a search has evaluated can exceed."""
+"""Archive of the candidates that a search has evaluated; it bounds all designs of these."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class _Best(NamedTuple):
 
 
 class SeenCandidates:
-    """What was valid at the prior mean; `aims` is what is maximised in each scenario, log det F where none are given.
+    """Candidates that were valid at the prior mean; `aims` is what is maximised in each scenario, log det F where none are given.
 
     `of_prior` (p, p) is information that counts beside whatever design, as the previous points do, but is no measurement.
     """

@@ -25,7 +25,7 @@ ROUNDS = 3
 
 @dataclass
 class FollowingSearch(AutoSearch):
-    """From a design that is given, over candidates that other searches have evaluated."""
+    """A search from a given design, over candidates that other searches have evaluated."""
 
     start: PointInformation | None = None
     candidates: PointInformation | None = None

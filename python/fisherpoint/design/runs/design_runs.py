@@ -90,7 +90,7 @@ def design_runs(
     previous : Measurements, Experiments, Runs, a design, or a sequence of these, optional
         What is already measured, or planned: its information counts beside that of the runs.
     keep : Runs or RunDesign, optional
-        Runs that the design must have, such as those that were chosen by hand, or of a design to which more are added. They are its
+        Runs that the design must have, such as those that were chosen by hand, or those of a design to be enlarged. They are its
         first, stay as they are, and count among the `n_runs`; they need not be of the region.
     over : OverPrior, optional
         A criterion over the prior instead of log det F at its mean; the time is that of one scenario times their number. Runs

@@ -21,7 +21,7 @@ from .run_objective import RunObjective
 from .run_slopes import linear_rows
 
 FIRST, LEAST, MOST = 0.1, 1e-5, 1.0
-"""By how much each number may change at first, at least, and at most."""
+"""Change that each number may make at first, at least, and at most."""
 
 NEAR = 0.01
 """Distance at which slopes are taken by central differences: the maximum is about as near."""

@@ -18,8 +18,8 @@ ITERATIONS = 8
 """Iterations of an ascent between two looks at the plants."""
 
 STRETCH_GAIN, LEAST_GAIN, ROUGH_GAIN = 0.05, 1e-4, 5e-3
-"""What an ascent must gain in log det F for another one to follow before single changes are tried; what both must gain for the
-climb to go on; and the same where the work is much, by parameter: half a percent of D-efficiency."""
+"""Least gain of an ascent in log det F for another to follow before single changes are tried; least gain of both for the climb to
+go on; and this gain per parameter where the work is much: half a percent of D-efficiency."""
 
 MUCH = 500_000
 """Segments of work that are much."""
@@ -84,7 +84,7 @@ class Climb:
 
     @property
     def _least(self) -> float:
-        """What must be gained to go on."""
+        """Least gain to go on."""
         return ROUGH_GAIN * self._objective.problem.n_unknowns if self._objective.work > MUCH else LEAST_GAIN
 
     def step(self) -> None:
@@ -123,7 +123,7 @@ class Climb:
         self._reach = max(self._reach, FIRST / 4)
 
     def go_on(self) -> None:
-        """From the best runs by changes that do not gain at once, up again, until that is in vain; then to the very top."""
+        """Hop from the best runs by changes that need not gain, and climb again, until that is in vain; then go to the very top."""
         assert self.best is not None
         hops = 0
         while hops < MOST_HOPS and self._steps < MOST_STEPS:

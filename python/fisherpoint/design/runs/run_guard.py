@@ -24,7 +24,7 @@ SIGMAS = 3.0
 """Safety margin of a design that qualifies, in standard deviations of a share estimated from `DRAWS` unseen plants."""
 
 HOPELESS = ((250, 3.0), (1000, 1.5))
-"""After how many plants those are enough to see that too many fail, and times the most that may."""
+"""Numbers of plants after which a run is given up, and the factors on the most that may fail at each."""
 
 RESERVED = 8.0
 """Factor on the measured time of the plants that judge a design in the end: the classical runs beside it are judged too."""
@@ -33,7 +33,7 @@ MOST_SEGMENTS = 100_000
 """Most segments of all runs on a part of the plants, so that memory stays bounded."""
 
 LEAST_GAIN = 0.01
-"""What log det F must gain by a smaller distance, for an even smaller one to be tried."""
+"""Least gain of log det F by a smaller distance, for an even smaller one to be tried."""
 
 NORMAL = NormalDist()
 """The normal distribution; SciPy's would make the import slow."""
@@ -42,8 +42,8 @@ MOST_KAPPA, MOST_CHANGES = 20.0, 20
 """The largest distance, and how often it is changed for one start."""
 
 FAR_ABOVE, LEAST_CHANGE, MOST_CHANGE, SMALL_CHANGE = -0.2, 0.1, 1.0, 0.3
-"""By how many standard deviations more than enough plants can run a design, for it to come nearer to limits; and by how many the
-distance changes at least and at most, and at most once enough plants could run what was found."""
+"""Standard deviations: the excess of plants that can run a design, from which on it comes nearer to limits; and the least and
+largest change of the distance, and the largest once enough plants could run what was found."""
 
 
 class RunGuard:
@@ -71,7 +71,7 @@ class RunGuard:
         self._plants, self._clock = plants, clock
         self._able = np.ones(len(plants), dtype=bool) if kept is None else plants.can_run(kept)
         may = 1.0 if confidence is None else 1.0 - confidence
-        # The largest q with q + SIGMAS sqrt(q (1 - q) / DRAWS) <= may, by which Wilson's interval ends.
+        # The largest q with q + SIGMAS sqrt(q (1 - q) / DRAWS) <= may, the end of Wilson's interval.
         c = SIGMAS**2 / DRAWS
         self.most = 1.0 if confidence is None else float((may + c / 2 - np.sqrt(c * (c / 4 + may * (1 - may)))) / (1 + c))
         self.first = 0.0 if confidence is None else max(0.0, NORMAL.inv_cdf(confidence))
@@ -100,7 +100,7 @@ class RunGuard:
         return 1.0 - share <= self.most
 
     def short(self, share: float) -> float:
-        """By how many standard deviations limits would have to be further away for enough plants; negative where there are more."""
+        """Standard deviations by which limits would have to be further away for enough plants; negative where there are more."""
         least = 0.5 / len(self._plants)
         lost = min(max(1.0 - share, least), 1.0 - least)
         return NORMAL.inv_cdf(lost) - NORMAL.inv_cdf(min(max(self.most, least), 1.0 - least))

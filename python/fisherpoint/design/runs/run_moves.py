@@ -161,7 +161,7 @@ def _blocks(z: Array, where: slice, rng: np.random.Generator) -> Array:
 
 
 def _parts(z: Array, where: slice, others: Array, rng: np.random.Generator) -> Array:
-    """With a block as in another run, there or elsewhere."""
+    """Copy a block from another run, to its place or elsewhere."""
     n = where.stop - where.start
     moved = np.tile(z, (MOST_BLOCKS, 1))
     for row in moved:

@@ -18,16 +18,16 @@ from .run_profiles import Profile, draw_runs
 from .run_within import brought_within, first_within
 
 PART = 4
-"""A start takes its runs from one in so many of the pool, at random, so that starts differ; 1 for all."""
+"""Each start draws from a random 1/PART of the pool, so that starts differ."""
 
 MOST_DRAWN = 4
-"""Runs that are drawn at most, for each one that is wanted; then those that leave a limit are brought back within it."""
+"""Most runs drawn for each one that is wanted; then those that leave a limit are brought back within it."""
 
 FIRST, GROWTH, MOST = 4, 4, 256
 """Runs that are computed at once: few at first, so that there are some before any limit of time."""
 
 CHEAP, TIGHTENED = 1.0, 128
-"""What runs may cost for coming near limits, for a start; and how many of the best that cost more are brought further inside."""
+"""Most that runs of a start may cost for coming near limits; and how many of the best that cost more are brought further inside."""
 
 SINGULAR = 1e-13
 """Eigenvalue of the information of all runs, scaled to unit diagonal, below which a combination of parameters is not estimable."""
@@ -36,7 +36,7 @@ RIDGE = 1e-9
 """Share of the prior's information that is added to F where runs do not determine all parameters, to compare such runs."""
 
 LEAST_GAIN, MOST_ROUNDS = 1e-4, 40
-"""What log det F must gain for another round of exchange, and how many there are at most."""
+"""Least gain of log det F for another round of exchange, and the most rounds."""
 
 
 class RunPool:
@@ -81,7 +81,7 @@ class RunPool:
         profiles: Sequence[Profile] | None = None,
         explain: bool = True,
     ) -> None:
-        self._objective, self._begun = objective, list[int]()  # with which starts have begun
+        self._objective, self._begun = objective, list[int]()  # runs that starts have begun with
         self.drawn, self.rejected, self.interrupted = 0, Counter[str](), False
         self._parts: list[tuple[Array, Judged]] = []
         self._outside: list[Array] = []

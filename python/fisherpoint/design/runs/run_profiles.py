@@ -147,4 +147,4 @@ CLASSICAL: Mapping[str, Profile] = {
     "ramps": ramp,
     "sines and chirps": sine,
 }
-"""What rigs are identified with by hand."""
+"""Classical profiles of inputs for identification."""

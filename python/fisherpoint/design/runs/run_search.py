@@ -96,7 +96,7 @@ class RunSearch:
     classical : dict of profile to Found
         Runs as they are chosen by hand; the search begins from them too.
     pool : RunPool
-        Random runs, with which starts begin.
+        Random runs, from which starts begin.
     singular : bool
         Whether the criterion is log det F, and no runs determine all parameters.
     """

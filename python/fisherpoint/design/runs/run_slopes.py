@@ -57,7 +57,7 @@ def linear_rows(
     inward = np.where(z[run, number] < 0.5, STEP, -STEP)
 
     def beside(step: Array) -> _Parts:
-        """With each number by itself changed by a step."""
+        """Parts of runs that each have one number changed by a step."""
 
         def part(some: slice) -> _Parts:
             own = run[some]
@@ -73,7 +73,7 @@ def linear_rows(
         return _Parts(*(np.concatenate([one[k] for one in parts], axis=0 if k == 2 else 1) for k in range(3)))
 
     def slopes(first: _Parts, second: _Parts, span: Array, both: NDArray[np.bool_]) -> tuple[Array, Array]:
-        """By the numbers, zero where there are not both."""
+        """Derivatives by the numbers, zero where one of the two sides is missing."""
         found, scale = [], np.divide(1.0, span, out=np.zeros(len(span)), where=both)
         for k in range(2):
             difference = (first[k] - second[k]).swapaxes(0, 1)

@@ -18,7 +18,7 @@ from ...points.run_region import DECADE, RunRegion
 from ...points.runs import Runs
 
 MOST_LOST = 1e-3
-"""What log det F may lose by all of it."""
+"""Largest loss of log det F by all rounding."""
 
 COARSEST, FINEST = 1 / 10, 1 / 2000
 """Steps to which numbers are rounded, as shares of their range; of 1, 2 and 5 times a power of ten."""
@@ -86,7 +86,7 @@ def _shares() -> Iterator[float]:
 
 
 class _Fits:
-    """What may be rounded of runs of a region."""
+    """Which numbers of the runs of a region may be rounded."""
 
     def __init__(self, region: RunRegion, model: Model) -> None:
         self._region, states, inputs = region, names_of(model.states), names_of(model.inputs)
@@ -153,7 +153,7 @@ def _round(values: Array, lower: float, upper: float, share: float) -> Array:
 
 
 def _significant(values: Array, lower: float, upper: float, share: float) -> Array:
-    """With so many significant digits that the last is about this share of a value, or the bounds."""
+    """Round to so many significant digits that the last is about this share of a value, or to the bounds."""
     power = 10.0 ** np.floor(np.log10(np.maximum(values, lower)))
     step = 10.0 ** np.floor(np.log10(share)) * power
     near = np.where(values > upper - step / 2, upper, np.where(values < lower + step / 2, lower, np.rint(values / step) * step))
