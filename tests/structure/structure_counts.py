@@ -145,8 +145,8 @@ LIMITS: dict[Callable[[], int], int] = {
     json_functions: 39,
     long_signatures: 12,
     shared_class_names: 13,
-    dialect: 680,
-    hanging_docstrings: 99,
+    dialect: 345,
+    hanging_docstrings: 57,
     search_constants: 316,
 }
 
