@@ -244,7 +244,7 @@ def test_the_directory_has_tables_for_people(saved: Path, problem: fp.DesignProb
     campaign = fp.Campaign.load(saved)
     assert fp.Experiments.from_csv(saved / "batch_3.csv", problem.model) == campaign.planned
     assert fp.Measurements.from_csv(saved / "data_2.csv", problem.model) == campaign.history[1].data
-    assert repr(campaign) == "Campaign(hydraulic_cylinder, 2 batches told, a batch to measure)"
+    assert repr(campaign) == "Campaign(hydraulic_cylinder, 2 batches measured, a batch to measure)"
 
 
 def test_a_new_campaign_does_not_take_the_place_of_another(saved: Path, problem: fp.DesignProblem) -> None:

@@ -314,7 +314,7 @@ def test_a_campaign_of_runs_shows_itself_pickles_and_is_saved(tmp_path: Path) ->
     lines = str(campaign).splitlines()
     assert lines[0] == "Campaign on level: 1 batch, 2 runs measured"
     assert lines[-1].strip() == "Batch 2 is to be measured: 2 runs; above target: k"
-    assert repr(campaign) == "Campaign(level, 1 batches told, a batch to measure)"
+    assert repr(campaign) == "Campaign(level, 1 batches measured, a batch to measure)"
     assert list(campaign.to_pandas().columns) == ["prior", "batch 1"]
     campaign.plot(path=tmp_path / "campaign.png")
     assert (tmp_path / "campaign.png").stat().st_size > 10_000

@@ -127,7 +127,7 @@ class Campaign(Shown):
 
     @property
     def settings(self) -> Settings:
-        """Of a batch's search; their seed is that of the whole campaign."""
+        """Settings of each batch's search; their seed is that of the whole campaign."""
         return self._state.settings
 
     @property
@@ -194,7 +194,7 @@ class Campaign(Shown):
     @property
     def data(self) -> Measurements | None:
         """All data so far, without points and runs of which nothing was measured; None before any."""
-        return _told([one.data for one in self.history]) if self.history else None
+        return _measured([one.data for one in self.history]) if self.history else None
 
     @property
     def fit(self) -> Fit | None:
@@ -259,11 +259,12 @@ class Campaign(Shown):
         Raises
         ------
         TypeError, ValueError
-            For data of another model, of runs in a campaign of points or of points in one of runs, data that were told before, and
-            as `estimate`; the campaign stays as it was. Two points that were told before, to the last bit, are refused among
-            others too, and so is a run of which all samples were, also where one of the two goes on behind the other's end. A
-            single sample is taken as a replicate that reads the same, with a warning: replicates of a coarse sensor, of which
-            several do, can be told one at a time. A run of which half the samples were told counts too, with a warning.
+            For data of another model, of runs in a campaign of points or of points in one of runs, data that were added before, and
+            as `estimate`; the campaign stays as it was. Two points that were added before, to the last bit, are refused among
+            others too. So is a run whose samples were all added before, also where one of the two continues beyond the other's
+            end. A single repeated sample counts as a replicate, with a warning: replicates of a coarse sensor, several of which
+            read the same, can be added one at a time. A run of which half the samples were added before counts too, with a
+            warning.
         """
         check_type(data, Measurements, "data")
         self._state.kind.check(data)
@@ -272,9 +273,9 @@ class Campaign(Shown):
         expected = (len(model.states), len(model.inputs), len(model.outputs))
         if given != expected:
             raise ValueError(f"data: expected {expected} states, inputs and outputs of {model.name}, given {given}")
-        told = self.told(data)
-        if told is not None:
-            raise ValueError(f"data: expected new measurements, given those of batch {told} again")
+        number = self.told(data)
+        if number is not None:
+            raise ValueError(f"data: expected new measurements, given those of batch {number} again")
         check_new([one.data for one in self.history], data)
         fit = self._estimated(self.history, data, progress)
         batch = Batch(
@@ -350,7 +351,7 @@ class Campaign(Shown):
 
     def __repr__(self) -> str:
         stage = "all targets met" if self.done else "a batch to measure" if self.planned is not None else "a batch to design"
-        return f"Campaign({self.problem.model.name}, {len(self.history)} batches told, {stage})"
+        return f"Campaign({self.problem.model.name}, {len(self.history)} batches measured, {stage})"
 
     def _estimated(
         self,
@@ -365,7 +366,7 @@ class Campaign(Shown):
         problem = self.problem
         return estimate(
             problem.model,
-            _told([*(one.data for one in before), data]),
+            _measured([*(one.data for one in before), data]),
             prior=problem.prior,
             start=before[-1].estimate if before else None,
             parameters=problem.estimated,
@@ -387,6 +388,6 @@ class Campaign(Shown):
         self._state = state
 
 
-def _told(parts: list[Measurements]) -> Measurements:
-    """All parts, without what nothing was measured of: its trajectories may well fail."""
+def _measured(parts: list[Measurements]) -> Measurements:
+    """All parts, without points and runs of which nothing was measured: their trajectories may well fail."""
     return Measurements.join(parts).told

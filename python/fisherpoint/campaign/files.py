@@ -3,8 +3,8 @@
 ==================  ==================================================================================================
 campaign.json       the whole state, with its own SHA-256; the only file from which a campaign goes on
 batch_<k>.csv       the points or runs to measure
-plan_<k>.csv        of runs, the same as a time table
-data_<k>.csv        what was told; one that was changed since is refused, as the change would have no effect
+plan_<k>.csv        for runs, the batch as a time table
+data_<k>.csv        the measurements; one that was changed since is refused, as the change would have no effect
 ==================  ==================================================================================================
 
 Every file is replaced as a whole, and campaign.json last: a run that is killed leaves the state before a change or the one after
@@ -94,13 +94,13 @@ class CampaignFiles:
                 write_whole(path, text(state.planned, state.problem.model))
 
     def write_data(self, number: int, data: Measurements, model: Model) -> None:
-        """Write what was told as the batch of this number."""
+        """Write the measurements of the batch of this number."""
         self._check_alone()
         write_whole(self._data_path(number), measurements_csv(data.points, data.y, model))
 
     @classmethod
     def read(cls, directory: str | Path) -> tuple[CampaignFiles, State]:
-        """Read the state of a campaign, and make sure that the data beside it are those that were told."""
+        """Read the state of a campaign, and make sure that the data beside it are unchanged."""
         path = cls.path_in(directory)
         given = read_bytes(path)
         data = parse_json(path, given, FORMAT, FORMAT_VERSION)

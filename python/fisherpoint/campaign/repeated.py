@@ -1,7 +1,7 @@
-"""Whether data were told before: nothing counts twice.
+"""Check whether data were added before: nothing counts twice.
 
-A point is a run of one segment here. A run is a known one where it starts as one that was told, goes on as that as far as both
-have numbers, and reads the same there to the last bit.
+A point is a run of one segment here. A run is known where it starts as an earlier one, has the same inputs as far as both have
+numbers, and reads the same there to the last bit.
 """
 
 from __future__ import annotations
@@ -41,22 +41,22 @@ class _Run(NamedTuple):
         return int((there & ((self.y[:n] == other.y[:n]) | ~both).all(axis=1)).sum()), int(there.sum())
 
 
-def check_new(told: Sequence[Measurements], data: Measurements) -> None:
+def check_new(batches: Sequence[Measurements], data: Measurements) -> None:
     """Raise for two samples or more that would count twice; warn of a single one, and of a run most of which is known.
 
     That may be a replicate: a coarse sensor often reads the same.
 
     Parameters
     ----------
-    told : sequence of Measurements
-        The data of each batch.
+    batches : sequence of Measurements
+        The data of each earlier batch.
     data : Measurements
         Of points where those are, else of runs.
     """
     known: dict[int, dict[int, int]] = {}  # by batch and row, how many samples
     alike: dict[int, tuple[int, str]] = {}  # by row
     of_runs = isinstance(data.points, Runs)
-    for k, batch in enumerate(told, 1):
+    for k, batch in enumerate(batches, 1):
         for row, same, both in _matches(batch, data):
             if same == both:
                 known.setdefault(k, {})[row] = same
@@ -69,7 +69,7 @@ def check_new(told: Sequence[Measurements], data: Measurements) -> None:
             alike[row] = k, ""
     if sum(samples.values()) > 1:
         k = max(known, key=lambda k: len(known[k]))
-        number = sum(1 for _ in _runs(told[k - 1]))
+        number = sum(1 for _ in _runs(batches[k - 1]))
         which = "those" if len(known[k]) >= number else f"{len(known[k])} of the {number} {'runs' if of_runs else 'rows'}"
         raise ValueError(f"data: expected new measurements only, given {which} of batch {k} among them")
     for row, (k, part) in sorted(alike.items()):
@@ -77,10 +77,10 @@ def check_new(told: Sequence[Measurements], data: Measurements) -> None:
         warnings.warn(f"data: {where} is also in batch {k}{part}; it counts as a repeated measurement", stacklevel=3)
 
 
-def _matches(told: Measurements, data: Measurements) -> Iterator[tuple[int, int, int]]:
-    """Rows of `data` of which samples read as in `told`: how many, and how many both have, of the told one that is most alike."""
+def _matches(batch: Measurements, data: Measurements) -> Iterator[tuple[int, int, int]]:
+    """Rows of `data` with samples that read as in `batch`: how many, and how many both have, compared with the most similar run."""
     before: dict[Hashable, list[_Run]] = {}
-    for run in _runs(told):
+    for run in _runs(batch):
         before.setdefault(run.begin, []).append(run)
     for run in _runs(data):
         counts = [run.same_samples(other) for other in before.get(run.begin, ())]
