@@ -34,10 +34,10 @@ def read_bounds(bounds: Mapping[str, Any], read: Callable[[Any, str], Pair]) -> 
         *values, _ = given
         return read(values * 2 if len(values) == 1 else values, label)
 
-    told = by_name(bounds, None, "region", numbers)
+    pairs = by_name(bounds, None, "region", numbers)
     in_own = {name: given[-1] for name, given in bounds.items() if _has_unit(given)}
     units = by_name(in_own, None, "region", check_unit)
-    known, left = in_units_of(told, units, [DURATION]), {name: unit for name, unit in units.items() if name != DURATION.name}
+    known, left = in_units_of(pairs, units, [DURATION]), {name: unit for name, unit in units.items() if name != DURATION.name}
     return known, FrozenMapping(left)
 
 
@@ -67,8 +67,8 @@ def split_unit(given: Any) -> tuple[Any, str | None]:
 
 def units_in(given: Any, label: str) -> FrozenMapping[str]:
     """The units of those entries that have one; messages begin with the label."""
-    told = {name: split_unit(entry)[1] for name, entry in given.items()} if isinstance(given, Mapping) else {}
-    return by_name({name: unit for name, unit in told.items() if unit is not None}, None, label, check_unit)
+    found = {name: split_unit(entry)[1] for name, entry in given.items()} if isinstance(given, Mapping) else {}
+    return by_name({name: unit for name, unit in found.items() if unit is not None}, None, label, check_unit)
 
 
 def with_units(bounds: Mapping[str, Pair], units: Mapping[str, str]) -> dict[str, tuple[Any, ...]]:
@@ -92,7 +92,7 @@ def pair(given: Sequence[float], label: str) -> Pair:
 
 
 def pair_or_number(given: Sequence[float] | float, label: str) -> Pair:
-    """The same, or one number that both are."""
+    """Return a checked pair (lower, upper); one number stands for both."""
     array = as_floats(given, label)
     return pair((float(array), float(array)) if array.ndim == 0 else given, label)  # type: ignore[arg-type]
 

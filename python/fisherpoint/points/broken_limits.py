@@ -31,7 +31,7 @@ def broken_limits(
     jumps: str = "cross",
     method: str | None = None,
 ) -> tuple[str | None, ...]:
-    """Tell for each point or run that ends as `Status.left_domain` which limit it reached first; arguments are those of `simulate`.
+    """Return the limit that each point or run with `Status.left_domain` reached first; arguments are those of `simulate`.
 
     Returns
     -------
@@ -54,7 +54,7 @@ def broken_limits(
 def checked_broken_limits(
     model: Model, points: Experiments | Runs, theta: Array, settings: Integration, named: Model | None = None
 ) -> tuple[str | None, ...]:
-    """The same, of arguments that are known to be good; `named` has the same limits and says what they are called."""
+    """Return what `broken_limits` does, for checked arguments; `named` has the same limits and names them."""
     if isinstance(points, Runs):
         done = checked_run_trajectories(model, points, theta, settings)
         rows = np.flatnonzero(done.status == Status.left_domain)
@@ -66,13 +66,13 @@ def checked_broken_limits(
         rows = np.flatnonzero(status == Status.left_domain)
         given, first = (points.x0[rows], points.u[rows], points.dt[rows]), np.ones(len(rows), dtype=bool)
         since = np.zeros(len(rows))
-    told: list[str | None] = [None] * len(status)
+    limits: list[str | None] = [None] * len(status)
     if len(rows):
         of_rows = np.array(np.broadcast_to(theta, (len(status), theta.shape[-1]))[rows])
         places, outside = _first_limits(model, *given, since, of_rows, settings)
         for row, place, at_start in zip(rows.tolist(), places.tolist(), (outside & first).tolist(), strict=True):
-            told[row] = (named or model).limit_text(place) + " at the start" * at_start
-    return tuple(told)
+            limits[row] = (named or model).limit_text(place) + " at the start" * at_start
+    return tuple(limits)
 
 
 def statuses_in_words(

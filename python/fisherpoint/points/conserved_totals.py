@@ -99,7 +99,7 @@ class ConservedTotals:
         return result
 
     def _samples(self, rows: NDArray[np.intp]) -> tuple[NDArray[np.bool_], Array, Array, Array]:
-        """Of each row whether there are rates at m places (k, m), else they are zero; the others in natural sizes.
+        """Return for each row whether there are rates at m places (k, m), else they are zero; the others in natural sizes.
 
         Rates (k, r, m), their derivatives by theta (k, r, m, p), and by the unknowns (k, r, m, r).
         """

@@ -41,7 +41,7 @@ RISING = 1e-9
 
 
 class Equilibria(NamedTuple):
-    """Of n rows: unknowns z (n, r), Jacobians (n, r, r) there, which were found, and of these which are singular and stable."""
+    """Equilibria of n rows: unknowns z (n, r), Jacobians (n, r, r), and flags (n,) of those found, singular and stable."""
 
     z: Array
     jacobian: Array

@@ -123,7 +123,7 @@ class Experiments(InNotebooks):
         return first, np.asarray(of.reshape(-1), dtype=np.intp)
 
     def starting(self, x0: Array) -> Experiments:
-        """The same points from other starts (K, n_x)."""
+        """Return these points with other starts (K, n_x)."""
         return Experiments(x0, self.u, self.dt, columns=self.columns)
 
     @classmethod

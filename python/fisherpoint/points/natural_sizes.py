@@ -1,4 +1,4 @@
-"""Natural sizes of states: where none is told and a state keeps far below 1, tolerances mean little for it, which is said."""
+"""Natural sizes of states: a warning where none is stated and a state stays far below 1, as tolerances then mean little for it."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ SMALL = 0.01
 """A state that keeps below this has too few digits where its natural size is taken as 1."""
 
 ROUNDING = 1e-13
-"""Of the largest state: what keeps below this may well be zero but for rounding."""
+"""Share of the largest state; a state below it may be zero but for rounding."""
 
 
 def warn_of_small_states(model: Model, where: str, *states: Array, stacklevel: int = 3) -> None:
-    """Warn of states without a told natural size (`Quantity.scale`) of which all values (..., n_x) are small and some not zero.
+    """Warn of states without a stated natural size (`Quantity.scale`) of which all values (..., n_x) are small and some not zero.
 
     `where` completes "as ... it below 1e-3 mol": "the region keeps" or "the trajectories keep".
     """
@@ -30,7 +30,7 @@ def warn_of_small_states(model: Model, where: str, *states: Array, stacklevel: i
         if ROUNDING * largest.max() < largest[i] < SMALL:
             warnings.warn(
                 f"{quantity.name}: expected its natural size, as {where} it below {largest[i]:.3g} {quantity.unit} and rtol refers"
-                f" to 1 {quantity.unit} where none is told; in states, write ({quantity.unit!r}, {largest[i]:.1g})",
+                f" to 1 {quantity.unit} where none is stated; in states, write ({quantity.unit!r}, {largest[i]:.1g})",
                 RuntimeWarning,
                 stacklevel=stacklevel + 1,
             )

@@ -42,7 +42,7 @@ def few(places: list[str], most: int = 3) -> str:
 
 
 def _runs(model: Model, region: ExperimentRegion | RunRegion, runs: Runs) -> Iterator[str]:
-    if runs.rests is None:  # where runs start at rest, bounds of states tell where to look for it
+    if runs.rests is None:  # where runs start at rest, bounds of states say where to search for it
         starts = dict(zip(names_of(model.states), runs.x0.T, strict=True))
         yield from (f"run {k + 1}: {what}" for k, what in _beyond(model, region, starts))
     k, n = np.nonzero(runs.dt)

@@ -147,7 +147,7 @@ def covariance_over_nodes(
 
 @lru_cache(maxsize=4)  # a search asks for the same nodes hundreds of times
 def nodes_of(rule: Rule, prior: GaussianPrior, names: tuple[str, ...], varied: tuple[str, ...]) -> _core.PriorNodes:
-    return rule.core_nodes(prior.marginal(names), varied)  # priors are equal in whatever order: the names tell it
+    return rule.core_nodes(prior.marginal(names), varied)  # priors are equal in whatever order; the names fix it
 
 
 def linearized(sensitivity: Array, correlation: Array, status: IntArray) -> PredictiveCovariance:

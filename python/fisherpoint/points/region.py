@@ -141,8 +141,8 @@ class ExperimentRegion:
     def draw_at_edges(self, model: Model, count: int, *, seed: int | np.random.Generator = 0) -> Experiments:
         """Draw points of which most numbers are on their bounds or next to zero; the constraints are not looked at.
 
-        What tells most of a model mostly starts there: from rest, with a valve that is shut or wide open, under full pressure. In
-        several numbers at once uniform draws are hardly ever near such a corner.
+        The most informative points mostly start there: from rest, with a valve that is shut or wide open, under full pressure.
+        Uniform draws are hardly ever near such a corner in several numbers at once.
         """
         rng = as_generator(seed)
         lower, upper = self.box(model)
@@ -166,8 +166,8 @@ class ExperimentRegion:
 
         How far is drawn too, from the width of the box to a `NEAREST`-th of it, every order of magnitude alike: a search that draws
         often comes as close to an optimum as it can use, without a schedule of steps. Where `steps` (K, d) are given that are not
-        zero, a point goes about so far in about this direction: where a search has come from tells where it may go on, as along a
-        limit that bends.
+        zero, a point goes about so far in about this direction: a search may continue in the direction of its last steps, as along
+        a limit that bends.
         """
         rng = as_generator(seed)
         lower, upper = self.box(model)

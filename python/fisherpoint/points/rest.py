@@ -155,7 +155,7 @@ def as_rests(given: Any, count: int) -> Rests | None:
 
 
 def any_rests(rests: Rests) -> Rests | None:
-    """The same; None where none is at rest, which counts as nothing said."""
+    """Return `rests`, or None where no run starts at rest."""
     return rests if any(one is not None for one in rests) else None
 
 

@@ -121,14 +121,14 @@ def rest_of_table(table: CsvTable, model: Model) -> list[Rest | None]:
     given = {q.name: table.numbers(name, q.unit) for q in model.outputs if (name := f"{REST}_y_{q.name}") in table}
     lists = {REST: (texts, (*states, ALL))}
     lists |= {name: (table.texts(name), known) for name, known in ((HOLD, states), (SOLVE, inputs)) if name in table}
-    told = np.array([bool(text) for text in texts])
-    table.refuse(told & ~first, REST, "nothing behind the first row of a run")
-    solved = {name: np.array([name in text.split() for text in lists[SOLVE][0]]) if SOLVE in lists else ~told for name in inputs}
+    at_rest = np.array([bool(text) for text in texts])
+    table.refuse(at_rest & ~first, REST, "nothing behind the first row of a run")
+    solved = {name: np.array([name in text.split() for text in lists[SOLVE][0]]) if SOLVE in lists else ~at_rest for name in inputs}
     for name, values in held.items():
-        table.refuse(told & ~solved[name] & np.isnan(values), f"{REST}_{name}", "the held input of a run that starts at rest")
+        table.refuse(at_rest & ~solved[name] & np.isnan(values), f"{REST}_{name}", "the held input of a run that starts at rest")
     numbers = {**{f"{REST}_{name}": held[name] for name in held}, **{f"{REST}_y_{name}": given[name] for name in given}}
     for column, values in numbers.items():
-        table.refuse(~told & ~np.isnan(values), column, "nothing where no run starts at rest")
+        table.refuse(~at_rest & ~np.isnan(values), column, "nothing where no run starts at rest")
     found: list[Rest | None] = []
     for row in np.flatnonzero(first).tolist():
         names = {column: of[row].split() for column, (of, _) in lists.items()}
@@ -154,7 +154,7 @@ def _rest_of_row(
 def runs_of_table(
     table: CsvTable, model: Model, outputs: Collection[str] = (), ignored: Collection[str] = ()
 ) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-    """The same of a table that may have columns of outputs besides, and others that are not read."""
+    """Read the runs of a table that may also have columns of outputs, and `ignored` ones that are not read."""
     expected = (RUN.name, SEGMENT.name, *columns_of(model), DURATION.name, MEASURED.name)
     if set(table.names) - set(outputs) - (set(ignored) - set(expected)) != set(expected):
         raise ValueError(f"{table.path}: expected the columns {listed(expected)}; given {listed(table.names)}")

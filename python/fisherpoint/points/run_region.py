@@ -233,7 +233,7 @@ class RunCoordinates:
 
     @property
     def segments(self) -> int:
-        """Of each run."""
+        """Number of segments of each run."""
         return self._region.segments
 
     @cached_property
@@ -307,7 +307,7 @@ def _shortened(dt: Array, lower: float, duration: float) -> Array:
 
 
 def _nearest_level(levels: Array, wanted: Array, before: Array, most: float) -> Array:
-    """Of the levels (L,) that are within `most` of the one before, (K,), that next to what is wanted, (K,)."""
+    """Return the level nearest to `wanted` (K,), of those (L,) within `most` of the one `before` (K,)."""
     reached = np.abs(levels - before[:, None]) <= most * (1 + ROUNDING)
     distance = np.where(reached, np.abs(levels - wanted[:, None]), np.inf)
     return np.asarray(levels[np.argmin(distance, axis=1)])

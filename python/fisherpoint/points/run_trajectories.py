@@ -90,7 +90,7 @@ def checked_run_trajectories(model: Model, runs: Runs, theta: Array, settings: I
 def checked_run_sensitivities(
     model: Model, runs: Runs, theta: Array, settings: Integration, outputs_alone: bool = False
 ) -> RunSensitivities:
-    """The same with sensitivities; with `outputs_alone` without dx_dtheta, which may take less time."""
+    """Trajectories with sensitivities; with `outputs_alone` without dx_dtheta, which may take less time."""
     points = runs.points
     if points is not None:
         given = (points.x0, points.u, points.dt, theta, *settings)
@@ -118,7 +118,7 @@ def _by_kernel(
 def _from_controlled(
     model: Model, runs: Runs, x0: Array, s: Array, theta: Array, settings: Integration, outputs_alone: bool
 ) -> tuple[Any, ...]:
-    """The same where a controller makes starts depend on parameters that the states themselves never see, as a valve's on leakage.
+    """Sensitivities where a controller makes starts depend on parameters that the states do not depend on, as a valve's on leakage.
 
     A kernel knows which states depend on which parameters, and keeps these derivatives alone. So starts are parameters of their
     own, and what they do is multiplied by s.

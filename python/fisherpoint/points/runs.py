@@ -232,18 +232,18 @@ class Runs(InNotebooks):
         return Runs._of(self.x0, *parts, self.columns, self.rests)
 
     def starting(self, x0: Array) -> Runs:
-        """The same runs from known starts (K, n_x), none of which has to be found."""
+        """Return these runs with known starts (K, n_x), none of which has to be found."""
         return Runs._of(x0, self.u, self.dt, self.measured, self.columns)
 
     def divided(self, at: ArrayLike) -> Runs:
-        """The same runs with every segment divided at shares of its duration, of which the last is 1; that part ends as before."""
+        """Return these runs with every segment divided at shares of its duration; the last one is 1, its part ends as before."""
         parts = np.diff(np.asarray(at), prepend=0.0)
         dt, ends = (self.dt[:, :, None] * parts).reshape(len(self.dt), -1), np.zeros((*self.dt.shape, len(parts)), dtype=bool)
         ends[:, :, -1] = self.measured
         return Runs._of(self.x0, np.repeat(self.u, len(parts), axis=1), dt, ends.reshape(dt.shape), self.columns, self.rests)
 
     def measuring(self, flags: Flags) -> Runs:
-        """The same runs, of which other segments (K, N) are measured at their ends."""
+        """Return these runs with other segments (K, N) measured at their ends."""
         return Runs._of(self.x0, self.u, self.dt, flags & (self.dt > 0), self.columns, self.rests)
 
     @property

@@ -1,4 +1,4 @@
-"""What kernels are told beside points: tolerance, what is crossed, the method, threads; and which starts they take."""
+"""Settings of kernels: tolerance, which surfaces are crossed, the method, threads; and which starts they accept."""
 
 from __future__ import annotations
 
@@ -116,17 +116,17 @@ def crossed_surfaces(model: Model, kinks: bool, jumps: bool) -> tuple[str, ...]:
 def on_surface(model: Model, points: Experiments, theta: Array, crossed: Collection[str] = ()) -> dict[str, NDArray[np.intp]]:
     """Return for each divisor, and each switching surface that is not `crossed`, the indices of the points that start on it.
 
-    A point outside of the domain, where a surface may have no value, is on none: its trajectory's status tells it.
+    A point outside of the domain, where a surface may have no value, is on none: its trajectory's status shows it.
     """
     surfaces = (*model.jumps, *model.kinks, *model.poles)
-    told = [(m, name) for m, name in enumerate(surfaces) if name not in crossed]
-    if not len(points) or not told:
+    others = [(m, name) for m, name in enumerate(surfaces) if name not in crossed]
+    if not len(points) or not others:
         return {}
     given = points.x0, points.u, np.broadcast_to(theta, (len(points), len(model.parameters)))
     values = np.asarray(model.core.switching(*given))
     if model.poles:
         values = np.column_stack([values, np.asarray(model.core.limits(*given))[:, : len(model.poles)]])
-    return {name: np.flatnonzero(values[:, m] == 0) for m, name in told if (values[:, m] == 0).any()}
+    return {name: np.flatnonzero(values[:, m] == 0) for m, name in others if (values[:, m] == 0).any()}
 
 
 def refuse_starts_on_surfaces(model: Model, points: Experiments, theta: Array, crossed: Collection[str]) -> None:

@@ -36,7 +36,7 @@ def warn_of_unstable(model: Model, theta: Array, x: Array, dx_dtheta: Array, sta
         warnings.warn(
             f"{state}: expected trajectories that small changes leave nearly as they are, found one that changes"
             f" {grown[i, j]:.1g} times as much as {parameter}: rtol holds for each step, and such errors grow until the end."
-            " Shorter durations tell more",
+            " Shorter durations are more informative",
             RuntimeWarning,
             stacklevel=stacklevel + 1,
         )
