@@ -79,11 +79,11 @@ class DesignValidation(InNotebooks):
 
     @classmethod
     def none(cls, points: Experiments | Runs, prior_std: Mapping[str, float], why: str) -> DesignValidation:
-        """Of points of which some have no trajectory at the prior mean."""
+        """Validation of points some of which have no trajectory at the prior mean."""
         return replace(cls.of(points, dict.fromkeys(prior_std, np.nan), prior_std, (), None), without=why)
 
     def again(self) -> DesignValidation:
-        """The same, with the figures taken anew of what each virtual experiment gave: files may be of an earlier version."""
+        """Return this with its figures computed anew from the virtual experiments: files may be of an earlier version."""
         promised = {name: of.promised for name, of in self.parameters.items()}
         prior_std = {name: of.prior_std for name, of in self.parameters.items()}
         again = DesignValidation.of(self.points, promised, prior_std, self.null_directions, self.per_run)

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from ..basics.values import Array
 
 FEWEST = 10
-"""Fits below which nothing is told of a parameter."""
+"""Minimum number of fits for a statement about a parameter."""
 
 LEVEL = 0.95
-"""Of the intervals of which the coverage is counted."""
+"""Level of the intervals whose coverage is counted."""
 
 MOST_OFF = 4.0
 """Promised standard errors that an error counts as at most in `limited_ratio`: a normal one hardly ever is as large."""
@@ -39,8 +39,8 @@ NOTHING = Figure(np.nan, np.nan)
 
 
 class OneParameter(NamedTuple):
-    """Of one parameter in all virtual experiments (n,): truth, estimate, standard error, whether the interval contains the truth,
-    whether the fit ended at a bound, and whether it did not fail."""
+    """Fits of one parameter in all virtual experiments (n,): truth, estimate, standard error, whether the interval contains the
+    truth, whether the fit ended at a bound, and whether it did not fail."""
 
     truth: Array
     estimate: Array
@@ -71,7 +71,7 @@ class ParameterFigures:
     rmse : Figure
         Root mean square of the errors, over the prior std.
     claimed : Figure
-        Mean of the standard errors that the fits themselves tell.
+        Mean of the standard errors that the fits themselves report.
     coverage : Figure
         Share of all virtual experiments in which the fit's own 95 % interval contains the truth. Those without an interval that has
         ends do not: fits that failed or do not determine the parameter, and experiments without data.
@@ -126,7 +126,7 @@ def parameter_figures(parameter: str, prior_std: float, promised: float, fits: O
         return nothing
     has_ends = fine & ~fits.at_bound & np.isfinite(fits.standard_error)
     covered, off = fits.covered & has_ends, fits.estimate - fits.truth
-    told = replace(
+    counted = replace(
         nothing,
         coverage=share(covered),
         too_low=share(~covered & (off < 0)),
@@ -135,11 +135,11 @@ def parameter_figures(parameter: str, prior_std: float, promised: float, fits: O
     )
     errors = off[fine]
     if len(errors) < FEWEST:
-        return told
+        return counted
     middle, reach = float(np.median(errors)), MOST_OFF * promised
     limited = np.clip(errors, middle - reach, middle + reach)  # which can only make them scatter less
     return replace(
-        told,
+        counted,
         bias=mean(errors),
         achieved=standard_deviation(errors - errors.mean(), 1),
         typical=typical_size(errors),

@@ -62,7 +62,7 @@ class VirtualFits(NamedTuple):
 
     @classmethod
     def none(cls, n_parameters: int) -> VirtualFits:
-        """Of no experiments at all."""
+        """Fits of no experiments at all."""
         nothing = np.empty((0, n_parameters))
         return cls(nothing, nothing, nothing, nothing > 0, nothing > 0, np.empty(0, dtype=np.str_))
 

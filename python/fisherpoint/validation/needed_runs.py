@@ -1,4 +1,4 @@
-"""How many virtual experiments would tell whether a promise holds: from the power of the tests of `verdict`."""
+"""Number of virtual experiments that would decide whether a promise holds: from the power of the tests of `verdict`."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from .verdict import (
     share_bounds,
 )
 
-TOLD = 0.9
-"""Probability with which the number of runs that is named tells."""
+POWER = 0.9
+"""Probability with which the reported number of runs decides."""
 
 NEAREST = 0.25
-"""Share of a tolerance that what is to be told apart from its edge is away from that at least."""
+"""Smallest assumed distance of a figure from the edge of its tolerance, as a share of this."""
 
 MOST_RUNS, MORE = 10_000_000, 1.05
 """Most runs that are named, and the factor between numbers that are tried."""
@@ -68,7 +68,7 @@ class _Assumed(NamedTuple):
 
 
 def needed_runs(verdicts: Mapping[str, ParameterVerdict], runs: int, level: float) -> int:
-    """About how many runs tell of all parameters together, with a probability of nine in ten.
+    """Approximate number of runs that decide for all parameters together, with a probability of nine in ten.
 
     Parameters
     ----------
@@ -82,14 +82,14 @@ def needed_runs(verdicts: Mapping[str, ParameterVerdict], runs: int, level: floa
     left = [one for one in verdicts.values() if one.outcome != BROKEN]
     assumed = [_assumed(one, CHANCE / (4 * len(left))) for one in left]
     n = float(runs)
-    while n < MOST_RUNS and sum(_missed(figures, int(n), level) for figures in assumed) > 1 - TOLD:
+    while n < MOST_RUNS and sum(_missed(figures, int(n), level) for figures in assumed) > 1 - POWER:
         n *= MORE
     digits = 10 ** int(np.floor(np.log10(n)))
     return int(np.ceil(n / digits) * digits)
 
 
 def _missed(figures: list[_Assumed], n: int, level: float) -> float:
-    """Probability with which n runs do not tell of a parameter, at most: one figure outside is enough, and all must be inside."""
+    """Maximum probability that n runs do not decide for a parameter: one figure outside is enough, and all must be inside."""
     outside = [1.0 - one.power(n, level) for one in figures if one.outside]
     return min(outside) if outside else sum(1.0 - one.power(n, level) for one in figures)
 

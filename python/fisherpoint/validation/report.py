@@ -30,7 +30,7 @@ TOLERANCES = f"{100 * RATIO_TOLERANCE:.0f} % of standard errors and {100 * COVER
 LEGEND = (
     f"The promise of a parameter holds where achieved / promised is 1 and coverage 95 %, to within {TOLERANCES}, beyond "
     "chance; it is broken where one of them is further off beyond chance, at 5 % over all parameters together; open is what so few "
-    "runs do not tell.",
+    "runs cannot decide.",
     "promised: standard error under the noise that the fits reckon with, at the prior mean; claimed: mean of the fits' own ones; "
     "achieved: standard deviation of the estimates' errors, and its ratio to promised; typical ratio: the same of their median "
     "size, which a few diverging fits do not move; rmse: root mean square error. All these are of the fits that did not fail.",
@@ -116,14 +116,14 @@ def _verdict(validation: Validated, design: DesignValidation, verdicts: Mapping[
     if some[BROKEN]:
         advice = " ".join(f"{one[0].upper()}{one[1:]}." for one in _advice(validation, design, verdicts)[:2])
         rest = f"; it holds for {_names(some[HOLDS])}" if some[HOLDS] else ""
-        rest += f"; not told for {_names(some[OPEN])}" if some[OPEN] else ""
+        rest += f"; open for {_names(some[OPEN])}" if some[OPEN] else ""
         return f"the promise does not hold: {in_words(some[BROKEN])}{rest}{beside}. {advice}".rstrip()
     if some[OPEN]:
         rest = f"the promise holds for {_names(some[HOLDS])}; " if some[HOLDS] else ""
         whether = "it does" if some[HOLDS] else "the promise holds"
         needed = needed_runs(verdicts, validation.runs, level_of_each(validation.designs))
-        more = f", about {needed} would tell" if needed > validation.runs else ""
-        few = f"{counted(validation.runs, 'virtual experiment')} do not tell whether {whether} for {_names(some[OPEN])}"
+        more = f", about {needed} could" if needed > validation.runs else ""
+        few = f"{counted(validation.runs, 'virtual experiment')} cannot decide whether {whether} for {_names(some[OPEN])}"
         return f"{rest}{few} (to {TOLERANCES}){more}{beside}"
     which = _names(some[HOLDS]) if undetermined or len(verdicts) == 1 else f"all {len(verdicts)} parameters"
     return f"the promise holds for {which}, to within {TOLERANCES}{beside}"
@@ -207,11 +207,11 @@ def _section(name: str, design: DesignValidation, verdicts: Mapping[str, Paramet
     rows = []
     for parameter, of in design.parameters.items():
         prior = of.prior_std
-        told = (computed(value / prior) for value in (of.promised, of.claimed.value))
+        stated = (computed(value / prior) for value in (of.promised, of.claimed.value))
         figures = (of.achieved.over(prior), of.ratio, of.typical_ratio, of.bias.over(prior), of.rmse)
         shares = (with_error(100 * one.value, 100 * one.error, " %") for one in (of.coverage, of.too_low, of.too_high))
         outcome = verdicts[parameter].outcome if parameter in verdicts else "-"
-        rows.append((parameter, outcome, *told, *(with_error(one.value, one.error) for one in figures), *shares))
+        rows.append((parameter, outcome, *stated, *(with_error(one.value, one.error) for one in figures), *shares))
     marked = [place for place, parameter in enumerate(design.parameters) if _is_broken(verdicts.get(parameter))]
     notes += [
         f"{parameter} has no interval with ends in {of.without_interval} of {n}"

@@ -52,12 +52,12 @@ class Validation(Shown, Kept):
     redrawn : int
         Draws from the prior that were left out because they make no sense to the model.
     truth : Model or None
-        That made the data in the place of the problem's model.
+        Model that made the data, if not the problem's.
     noise : {"known", "estimated"}
     use_prior : bool
     seconds : float
     asked : int
-        Virtual experiments that were asked for: more than `runs` where Ctrl-C came first.
+        Requested number of virtual experiments: more than `runs` where Ctrl-C came first.
     """
 
     problem: DesignProblem
@@ -115,7 +115,7 @@ class Validation(Shown, Kept):
 
     @property
     def verdicts(self) -> dict[str, dict[str, ParameterVerdict]]:
-        """By design and parameter, whether the promise holds, is broken in which direction, or cannot be told from so few runs."""
+        """By design and parameter, whether the promise holds, is broken in which direction, or so few runs cannot decide."""
         return verdicts_of(self.designs)
 
     def to_pandas(self) -> pd.DataFrame:

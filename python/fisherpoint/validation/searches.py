@@ -1,7 +1,7 @@
 """The minima of many virtual experiments, searched as `estimate` does, and which of them are wrong.
 
-Whether a minimum is the right one is told by a second search from the true parameters, which a simulation knows: where that ends
-clearly lower, the first one is wrong. Unlike a test of the chi-square, this needs no level, tells minima apart that are nearly as
+A second search from the true parameters, which a simulation knows, shows whether a minimum is the right one: where it ends
+clearly lower, the first one is wrong. Unlike a test of the chi-square, this needs no level, distinguishes minima that are nearly as
 low, and holds for noise that is not known, with a prior and with a model error too. Its result is never taken as an estimate:
 nobody who measures could start there.
 """
@@ -26,10 +26,11 @@ it to where trajectories cost a hundred times as much: with friction that turns 
 evaluations took longer than the 24 others beside it."""
 
 CLOSE_ENOUGH_TO_COMPARE = 1e-2
-"""Tolerance of searches of which the cost alone is used: it is 5e-5 too large then, far less than what tells minima apart."""
+"""Tolerance of searches of which only the cost is used: it is 5e-5 too large then, far less than minima differ by."""
 
 LAST_EVALUATIONS = 200
-"""Of a search that goes on: from the truth, where it is not in a wrong valley, or as the lowest of several that came to no end."""
+"""Maximum number of evaluations of a search that goes on: from the truth, where it is not in a wrong valley, or as the lowest of
+several that came to no end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +69,7 @@ class Searches:
     starts: Array
 
     def searched(self, truth: Array) -> Searched:
-        """The lowest minima that are found from the starts; `truth` (B, P), in coordinates, tells which are wrong.
+        """The lowest minima that are found from the starts; `truth` (B, P), in coordinates, shows which are wrong.
 
         All are searched from the prior mean first, and from the other starts where that ended in a wrong minimum, or in none
         where there is one.

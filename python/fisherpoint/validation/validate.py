@@ -60,7 +60,7 @@ def validate(
 
     Every virtual experiment has true parameters, data y(theta) + v with v normal of standard deviations `noise_std`, and a fit
     that starts from the prior mean, and goes on from other starts, as `estimate` does, where that ends in no minimum or in a wrong
-    one: a search from the true parameters tells which are wrong.
+    one: a search from the true parameters shows which are wrong.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def validate(
     Returns
     -------
     Validation
-        Ctrl-C returns what there is by then, with fewer `runs` than were `asked` for.
+        Ctrl-C returns what there is by then, with fewer `runs` than `asked`.
 
     Raises
     ------
@@ -134,8 +134,8 @@ def validate(
         for name, estimator in estimators.items()
         if estimator.promise.determined.any()
     }
-    with following(progress, "virtual experiments", _step) as told:
-        parts = _parts(experiments, thetas, begin, told)
+    with following(progress, "virtual experiments", _step) as report:
+        parts = _parts(experiments, thetas, begin, report)
     made = count if not experiments else len(next(iter(parts.values())).truth)
     validations = {}
     for name, points in named.items():
@@ -191,10 +191,10 @@ def _parts(
     begin: float,
     progress: Callable[[ValidationProgress], None] | None,
 ) -> dict[str, VirtualFits]:
-    """The fits of every design; of all the same runs, also where Ctrl-C ends them early.
+    """The fits of every design, all of the same runs, also where Ctrl-C ends them early.
 
     Parts of the runs are made with one design after the other. They become larger while that takes little time: together, fits take
-    less, and what is told is told now and then. Which runs are made together does not change them.
+    less time, and progress is reported now and then. Which runs are made together does not change them.
     """
     done: dict[str, list[VirtualFits]] = {name: [] for name in experiments}
     made, size, failed = 0, 1, 0  # Ctrl-C is to find something, however long a fit takes

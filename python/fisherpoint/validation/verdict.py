@@ -2,7 +2,7 @@
 
 A promise of a parameter is broken where its ratio or its coverage lies outside a tolerance beyond chance: at a level of 5 % over
 all tests of all parameters and designs together (Bonferroni). It holds where both lie inside beyond chance, each at 5 %: no
-correction is needed there, as all parts have to be shown. Between the two the runs are too few to tell, and nothing is claimed.
+correction is needed there, as all parts have to be shown. Between the two the runs are too few, and nothing is claimed.
 
 Shares have exact binomial bounds (Clopper and Pearson 1934). Ratios have those of chi-square, which are exact where errors are
 normal, or those of the errors' own fourth moment where these are wider, as heavy tails make them.
@@ -88,7 +88,7 @@ class Bounds(NamedTuple):
 
 
 def ratio_bounds(ratio: Figure, level: float) -> Bounds:
-    """Of a standard deviation over what it should be; none where there is no figure."""
+    """Bounds of a standard deviation over its expected value; none where there is no figure."""
     from scipy.special import chdtri  # late: `import fisherpoint` does without
 
     if not np.isfinite(ratio.value):
@@ -99,7 +99,7 @@ def ratio_bounds(ratio: Figure, level: float) -> Bounds:
 
 
 def share_bounds(share: Figure, level: float) -> Bounds:
-    """Of a probability, from the share of hits: exact; none where there is no figure."""
+    """Exact bounds of a probability from the share of hits; none where there is no figure."""
     from scipy.special import betaincinv
 
     if not np.isfinite(share.value):
