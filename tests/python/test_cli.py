@@ -169,7 +169,7 @@ def test_the_page_shows_what_was_asked_and_how_to_repeat_it(run: Any, file: Path
     assert result.out.rstrip().endswith(", report.html")
     page = (directory / "report.html").read_text(encoding="utf-8")
     assert f"<pre>fisherpoint design {file} -o &#x27;{directory}&#x27;</pre>" in page
-    assert f"<summary>{file}</summary>" in page and "n_candidates = 5" in page and "What was asked" in page
+    assert f"<summary>{file}</summary>" in page and "n_candidates = 5" in page and "Problem and settings" in page
     assert page.count("<figure>") == len(PICTURES) and page.count("<svg") == 1 and ">point 12: " in page
 
     run("design", file, "-o", directory, "--no-plots", "--quiet", "--force")

@@ -1,6 +1,6 @@
 """CSV files: tables of numbers written with every digit, and read as people and spreadsheets write them.
 
-What is wrong is told with row and column.
+Errors name the row and the column.
 """
 
 from __future__ import annotations

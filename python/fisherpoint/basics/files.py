@@ -86,7 +86,7 @@ def check_writable(directory: Path) -> None:
 
 @contextmanager
 def _names(path: Path) -> Iterator[None]:
-    """Have errors name the file that was asked for, not a part of it."""
+    """Have errors name the requested file, not a part of it."""
     try:
         yield
     except OSError as error:
@@ -94,7 +94,7 @@ def _names(path: Path) -> Iterator[None]:
 
 
 def _target(path: Path) -> Path:
-    """Of a link its file is replaced, not the link."""
+    """Path of the file behind a link: the file is replaced, not the link."""
     return Path(os.path.realpath(path))
 
 

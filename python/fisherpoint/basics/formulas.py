@@ -74,7 +74,7 @@ class Formula:
                 unopened = column
             if len(opened) > MAX_DEPTH:
                 self._refuse(_TOO_DEEP, column)
-            if character == "\0":  # of which versions of Python tell in different ways
+            if character == "\0":  # versions of Python raise different errors for it
                 self._refuse(_EXPECTED, column)
         try:
             with warnings.catch_warnings():

@@ -77,7 +77,7 @@ class Kept:
 
 
 def _renamed(data: Any, names: Mapping[str, str]) -> Any:
-    """The same content with other names of kinds."""
+    """Return the content with other names of kinds."""
     if isinstance(data, list):
         return [_renamed(entry, names) for entry in data]
     if isinstance(data, dict):

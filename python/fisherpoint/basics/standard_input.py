@@ -1,4 +1,4 @@
-"""What was read from standard input, kept so that it can be read as a file as often as it is asked for."""
+"""Content of standard input, kept so that it can be read as a file repeatedly."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ KeysOf = Callable[[tuple[str, ...]], Iterable[str]]
 
 
 MOST_LINES = 50
-"""Mistakes of a file that are told; where there are more, the file is of another kind."""
+"""Maximum number of reported mistakes in a file; a file with more is of another kind."""
 
 DEEPEST = 4
 """Tables and lists inside each other that are shown of a value."""
@@ -76,7 +76,7 @@ def describe(error: ValidationError, keys_of: KeysOf) -> list[str]:
     for k, (place, problem) in enumerate(zip(places, problems, strict=True)):
         if problem["type"] == "keys":
             lines += problem["ctx"]["texts"][:MOST_LINES]
-        # A union reports one problem per member, at its own key or below it: the first, or what is below, tells enough.
+        # A union reports one problem per member, at its own key or below it: the first, or what is below, suffices.
         elif problem["type"] == "key" or not (
             place in places[:k] or any(place == below[: len(place)] for below in places if below > place)
         ):
@@ -85,7 +85,7 @@ def describe(error: ValidationError, keys_of: KeysOf) -> list[str]:
 
 
 def _is_misspelt(problem: ErrorDetails, problems: list[ErrorDetails]) -> bool:
-    """Whether what is missing stands there under another name, which is told."""
+    """Whether a missing key stands there under another name, which is reported instead."""
     if problem["type"] != "missing":
         return False
     *table, name = problem["loc"]

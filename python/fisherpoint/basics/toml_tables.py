@@ -91,7 +91,7 @@ def wrong_entries(
 ) -> Iterator[str]:
     """A line for each wrong name, unit and, where `missing` says what is expected, missing entry of a table keyed by quantity.
 
-    An entry is None where it is wrong in itself, which is told elsewhere.
+    An entry is None where it is wrong in itself, which is reported elsewhere.
     """
     units = {quantity.name: quantity.unit for quantity in quantities}
     yield from wrong_names(table, given, [*units, *also])

@@ -168,7 +168,7 @@ def convert(values: ArrayLike, given: str, wanted: str, *, width: bool = False) 
 
 
 def converted(numbers: Array, given: str, wanted: str, place: str, width: bool = False) -> Array:
-    """The same of an array; messages begin with `place`."""
+    """Return an array in another unit, as `convert` does; messages begin with `place`."""
     ratio = _ratio(given, wanted, place)
     if given == wanted:
         return numbers

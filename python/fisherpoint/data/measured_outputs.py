@@ -36,8 +36,8 @@ def told_runs(runs: Runs, y: Array) -> tuple[Runs, Array]:
     """
     there: NDArray[np.bool_] = np.asarray(np.isfinite(y).any(axis=2))
     rows = np.flatnonzero(there.any(axis=1))
-    told = runs[rows].ending(there[rows])
-    return told, y[rows, : told.dt.shape[1]]
+    measured = runs[rows].ending(there[rows])
+    return measured, y[rows, : measured.dt.shape[1]]
 
 
 def _checked(y: Array) -> Array:

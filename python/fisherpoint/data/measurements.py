@@ -78,7 +78,7 @@ class Measurements(InNotebooks):
 
     @property
     def told(self) -> Measurements:
-        """What says something: points and runs without a number are left out, and runs end at their last number."""
+        """The measurements without points and runs that have no number; runs end at their last number."""
         if isinstance(self.points, Runs):
             runs, y = told_runs(self.points, self.y)
             return self if runs == self.points else Measurements(runs, y)
@@ -114,8 +114,8 @@ class Measurements(InNotebooks):
         """Read measurements of `model`: the CSV of a design or of runs with a column ``y_<output>`` for each measured output.
 
         Outputs may be missing or empty; of points ``x0_<state>`` is a measured start; headers may have units, as ``p_A [bar]``.
-        Columns ``run`` and ``segment`` tell runs from points. See docs/how_to/measurements.md for the format, and for what is
-        refused.
+        Columns ``run`` and ``segment`` distinguish runs from points. See docs/how_to/measurements.md for the format, and for
+        what is refused.
 
         Raises
         ------

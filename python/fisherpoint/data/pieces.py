@@ -25,7 +25,7 @@ LEAST_LENGTH = 2
 
 
 class Pieces:
-    """K windows of `length` samples of a record, held as the record itself: runs and outputs are made of those that are asked for.
+    """K windows of `length` samples of a record, held as the record itself: runs and outputs are made of the requested ones.
 
     The first sample of a window is its start, the others are measured. Windows whose first samples are `length` apart, or more,
     share none. `pieces[rows]` are `Measurements` of some of them, as `estimate` takes them.
@@ -39,7 +39,7 @@ class Pieces:
     first : ndarray of int, (K,)
         The first sample of each window, increasing.
     measured_by : mapping of state name to output name or None
-        Which output tells the start of each state; None where a column of its own does.
+        Output that measures the start of each state; None where a column of its own does.
     left_out : mapping of reason to int
         Windows that are none, and why.
     """
@@ -80,8 +80,8 @@ class Pieces:
             kept &= ~there
         left_out = FrozenMapping({reason: count for reason, count in counts.items() if count})
         if not kept.any():
-            told = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
-            raise ValueError(f"record: expected a window with a measured start and a measured output, given none: {told}")
+            reasons = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
+            raise ValueError(f"record: expected a window with a measured start and a measured output, given none: {reasons}")
         return first[kept], left_out
 
     def __len__(self) -> int:
@@ -148,8 +148,8 @@ def pieces(
     Raises
     ------
     TypeError, ValueError
-        For a record or column that is not of the model, a model with the time in its equations, a state that nothing tells, a
-        length or step that leaves no window, and a record of which no window has a measured start.
+        For a record or column that is not of the model, a model with the time in its equations, a state that nothing measures,
+        a length or step that leaves no window, and a record of which no window has a measured start.
     """
     check_type(record, Record, "record")
     record.check(model)

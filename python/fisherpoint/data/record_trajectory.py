@@ -115,7 +115,7 @@ def record_trajectories(
 
 
 def first_failure(status: IntArray) -> IntArray:
-    """Of statuses (B, n) the first in each row that is not ok."""
+    """Return the first status of each row (B, n) that is not ok."""
     if not status.shape[1]:
         return np.zeros(len(status), dtype=np.int32)
     return np.take_along_axis(status, np.argmax(status != Status.ok, axis=1)[:, None], axis=1)[:, 0]

@@ -121,9 +121,9 @@ def _whole_moves(compiler: str) -> tuple[str, ...]:
     if isa() not in ("v2", "v3"):
         return ()
     with contextlib.suppress(OSError):
-        told = subprocess.run([compiler, "--version"], stdin=subprocess.DEVNULL, capture_output=True, check=False)
-        version = re.match(rb"(?:\S*-)?(?:g|c)\+\+\S* \(.*?\) (\d+)\.", told.stdout)
-        if version and int(version[1]) >= 12 and b"Free Software Foundation" in told.stdout:
+        answer = subprocess.run([compiler, "--version"], stdin=subprocess.DEVNULL, capture_output=True, check=False)
+        version = re.match(rb"(?:\S*-)?(?:g|c)\+\+\S* \(.*?\) (\d+)\.", answer.stdout)
+        if version and int(version[1]) >= 12 and b"Free Software Foundation" in answer.stdout:
             return _WHOLE_MOVES
     return ()
 
@@ -138,10 +138,10 @@ def _include_directory() -> Path | None:
 
 def _key(compiler: str, flags: list[str], sources: dict[str, str], include: Path) -> str:
     """A name for all that decides what is built: compiler, flags with the instruction set, sources, and the core's headers."""
-    asked = subprocess.run([compiler, "--version"], stdin=subprocess.DEVNULL, capture_output=True, check=False)
-    if asked.returncode != 0:
-        raise RuntimeError(f"exit status {asked.returncode} of --version")
-    content = hashlib.sha256(repr((compiler, asked.stdout, flags, sorted(sources.items()))).encode())
+    answer = subprocess.run([compiler, "--version"], stdin=subprocess.DEVNULL, capture_output=True, check=False)
+    if answer.returncode != 0:
+        raise RuntimeError(f"exit status {answer.returncode} of --version")
+    content = hashlib.sha256(repr((compiler, answer.stdout, flags, sorted(sources.items()))).encode())
     for header in sorted((include / "fisherpoint").rglob("*.hpp")):
         content.update(f"{header.relative_to(include)}\0{header.stat().st_size}\0".encode())
         content.update(header.read_bytes())

@@ -1,7 +1,7 @@
 """What depends on what in the equations of a model, and which parameters can be identified apart from the others.
 
 This is a statement about structure, made from which symbols stand in which equation. It says nothing about a design, and nothing
-about whether the parameters inside a block can be told from each other: that is what `fisherpoint.identifiability` is for.
+about whether the parameters inside a block can be distinguished: that is what `fisherpoint.identifiability` is for.
 """
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ class _Reader:
     def __call__(self, expression: sympy.Expr) -> Equation:
         symbols = self.symbols(expression)
         states = {symbol for symbol in symbols if symbol in self._states}
-        # Only where one state alone is not known is it asked for, and then no parameter may stand there.
+        # Used only where a single state is unknown, and then no parameter may stand there.
         parameters = frozenset(self._parameters[symbol] for symbol in symbols if symbol in self._parameters)
         affine = set() if parameters else {state for state in states if self._is_affine(expression, state)}
         return Equation(self._names(states), parameters, self._names(affine))

@@ -98,18 +98,18 @@ def stated(quantity: Quantity) -> Unit:
 
 
 def plain_rate_of(quantity: Quantity) -> UnitValue:
-    """The same where "1" is no unit that was left out."""
+    """Unit of a state's rate, where "1" is a unit and not one that was left out."""
     return (stated(quantity) or _NONE) * _SECOND ** Fraction(-1)
 
 
 def rate_of(quantity: Quantity) -> Unit:
-    """The unit of a state's rate."""
+    """Unit of a state's rate; None where it is not stated."""
     unit = stated(quantity)
     return None if unit is None else unit * _SECOND ** Fraction(-1)
 
 
 class _Check:
-    """Units of the parts of an expression, and what does not fit among them; parts that are known are not told twice."""
+    """Units of the parts of an expression, and what does not fit among them; known parts are not reported twice."""
 
     def __init__(self, units: Mapping[str, Unit], known: dict[Any, Unit], celsius: Collection[str]) -> None:
         self.units, self.known, self.celsius, self.findings = units, known, celsius, list[str]()
@@ -153,15 +153,15 @@ class _Check:
     def _same(self, terms: Iterable[Any], done: str) -> Unit:
         """The unit that all terms have; None where one of them may have any."""
         units = [(term, self.known[term]) for term in terms if not (isinstance(term, ExprCondPair) or term.is_Boolean)]
-        told = [(term, unit) for term, unit in units if unit is not None]
-        for (one, unit), (other, another) in pairwise(told):
+        stated_units = [(term, unit) for term, unit in units if unit is not None]
+        for (one, unit), (other, another) in pairwise(stated_units):
             if not _alike(unit, another):
                 self.findings.append(f"{_shown(one)} in {_text(unit)} and {_shown(other)} in {_text(another)} cannot be {done}")
                 return None
-        self._same_zero([term for term, _ in told], done)
+        self._same_zero([term for term, _ in stated_units], done)
         # A number beside a quantity is in its unit; anything else without a unit leaves open what the sum is in.
         open_terms = any(unit is None and not term.is_number for term, unit in units)
-        return told[0][1] if told and not open_terms else None
+        return stated_units[0][1] if stated_units and not open_terms else None
 
     def _same_zero(self, terms: Iterable[Any], done: str) -> None:
         """Temperatures in degC and in K have other zeros; of what is no quantity, a difference may be meant."""

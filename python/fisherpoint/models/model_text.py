@@ -50,8 +50,8 @@ def _equations(model: Model, rates: Sequence[str], output: Sequence[str]) -> Ite
 
 def _resets(resets: Sequence[tuple[str, Mapping[str, str]]]) -> Iterator[str]:
     for when, values in resets:
-        told = ", ".join(f"{x} = {printable(' '.join(text.split()))}" for x, text in values.items())
-        yield f"when {printable(' '.join(when.split()))}: {told}"
+        assignments = ", ".join(f"{x} = {printable(' '.join(text.split()))}" for x, text in values.items())
+        yield f"when {printable(' '.join(when.split()))}: {assignments}"
 
 
 def latex(equations: Equations, outputs: Iterable[str]) -> str:

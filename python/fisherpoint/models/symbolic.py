@@ -47,8 +47,8 @@ from .tape.program import Program, to_core
 from .tape.programs import LIMIT
 from .toml_text import equations_toml
 
-TOLD = 5
-"""Mistakes in units that a warning tells."""
+MOST_MISTAKES = 5
+"""Maximum number of mistakes in units that a warning lists."""
 
 
 class SymbolicModel(DescribedModel):
@@ -63,8 +63,8 @@ class SymbolicModel(DescribedModel):
     g : sequence or matrix of sympy.Expr or str
         Outputs.
     states, inputs, parameters : mapping of name to unit
-        A unit is a text such as ``"m3/(s sqrt(Pa))"``; ``(unit, scale)`` tells the natural size too, to which tolerances refer, and
-        a `Quantity` more. Symbols of the equations are known by these names.
+        A unit is a text such as ``"m3/(s sqrt(Pa))"``; ``(unit, scale)`` states the natural size too, to which tolerances refer,
+        and a `Quantity` more. Symbols of the equations are known by these names.
     outputs : mapping of name to unit
         Default: y or y_1, y_2, ... without unit.
     constants : mapping of name to (value, unit), optional
@@ -191,8 +191,9 @@ class SymbolicModel(DescribedModel):
     def warn_of_units(self, stacklevel: int = 2) -> None:
         """Warn of `mistakes_in_units`, where there are any."""
         if mistakes := self.mistakes_in_units:
-            more = f"; and {len(mistakes) - TOLD} more" if len(mistakes) > TOLD else ""
-            text = f"units of {self.name}: {'; '.join(mistakes[:TOLD])}{more}. If that is meant, check_units = false keeps quiet"
+            more = f"; and {len(mistakes) - MOST_MISTAKES} more" if len(mistakes) > MOST_MISTAKES else ""
+            listed = "; ".join(mistakes[:MOST_MISTAKES])
+            text = f"units of {self.name}: {listed}{more}. If that is meant, check_units = false keeps quiet"
             warnings.warn(text, stacklevel=stacklevel)
 
     @cached_property
@@ -207,7 +208,7 @@ class SymbolicModel(DescribedModel):
         return HiddenKernels(super().kernels) if self._hidden_starts else super().kernels
 
     def at(self, x: Array, t: Any) -> Array:
-        """States (..., n_x) at the times t (...) as `core` and `kernels` take them; where they are not told, it is at the start."""
+        """States (..., n_x) at the times t (...) as `core` and `kernels` take them; without times, it is at the start."""
         if not self._hidden_starts:
             return x
         hidden = np.array(np.broadcast_to(self._hidden_starts, (*x.shape[:-1], len(self._hidden_starts))))

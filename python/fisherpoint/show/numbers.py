@@ -9,7 +9,7 @@ from decimal import ROUND_DOWN, Decimal
 import numpy as np
 
 LEAST_PROVEN, ROUNDING = 1e-4, 1e-12
-"""A proven share below which nothing is told, and what a proven value may be short of itself by rounding."""
+"""Smallest proven share that is shown, and the share by which rounding may reduce a proven value."""
 
 
 def number(value: float, digits: int = 4) -> str:

@@ -42,7 +42,7 @@ def to_page(
     command: str = "",
     sources: Mapping[str, str] | None = None,
 ) -> str:
-    """The page: warnings, how to repeat it, what was asked, the report, pictures.
+    """The page: warnings, how to repeat it, problem and settings, the report, pictures.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def to_page(
     parts = [f"<h1>{_text(title)}</h1>"]
     parts += [f'<p class="lead">{_text(line)}</p>' for line in report.lines]
     parts += [f'<p class="warning" role="note"><b>Warning:</b> {_text(warning)}</p>' for warning in report.warnings]
-    parts += _asked(asked, command, sources or {})
+    parts += _problem(asked, command, sources or {})
     for section in report.sections:
         parts += _section(section, "h2")
     drawn = [_figure(picture) for picture in pictures]
@@ -71,12 +71,12 @@ def to_page(
     return template.substitute(title=_text(title), body="\n".join(parts))
 
 
-def _asked(asked: Sequence[Section], command: str, sources: Mapping[str, str]) -> Iterator[str]:
+def _problem(sections: Sequence[Section], command: str, sources: Mapping[str, str]) -> Iterator[str]:
     if command:
         yield f"<h2>How to repeat it</h2>\n<pre>{_text(command)}</pre>"
-    if asked:
-        yield "<details>\n<summary>What was asked</summary>"
-        for section in asked:
+    if sections:
+        yield "<details>\n<summary>Problem and settings</summary>"
+        for section in sections:
             yield from _section(section, "h3")
         yield "</details>"
     for name, text in sources.items():

@@ -1,4 +1,4 @@
-"""Pictures for a page: as PNG or SVG, mostly the smaller of both, or where curves tell their names, as elements of the page."""
+"""Pictures for a page: as PNG or SVG, mostly the smaller of both, or where curves show their names, as elements of the page."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from .page import PagePicture
-from .style import TELLS, encoded, settle
+from .style import LABELLED, encoded, settle
 
 SVG = "http://www.w3.org/2000/svg"
 MOST_BYTES, MOST_INLINE = 290_000, 500_000
@@ -30,7 +30,7 @@ def for_page(name: str, figure: Figure, png: bytes | None = None) -> PagePicture
     settle(figure)
     title = TITLES.get(name, name.replace("_", " ").capitalize())
     png = png or encoded(figure, "png")
-    labels = {gid: str(artist.get_label()) for artist in figure.findobj() if (gid := artist.get_gid() or "").startswith(TELLS)}
+    labels = {gid: str(artist.get_label()) for artist in figure.findobj() if (gid := artist.get_gid() or "").startswith(LABELLED)}
     width = float(figure.get_size_inches()[0])
     kind, data = "png", png
     if labels or _is_large(png) or not _has_outlined_texts(figure):
@@ -54,17 +54,17 @@ def _has_outlined_texts(figure: Figure) -> bool:
 
 
 def _svg(figure: Figure, title: str) -> bytes:
-    told: dict[str, Any] = dict.fromkeys(("Creator", "Date", "Format", "Type"))  # that is, none
+    metadata: dict[str, Any] = dict.fromkeys(("Creator", "Date", "Format", "Type"))  # that is, none
     out = BytesIO()
     # Texts stay texts, that can be searched and are small. Ids follow from the title, as a page must have each but once.
     fonts = ["DejaVu Sans", "Verdana", "sans-serif"]
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": title, "font.sans-serif": fonts}):
-        figure.savefig(out, format="svg", metadata=told)
+        figure.savefig(out, format="svg", metadata=metadata)
     return out.getvalue()
 
 
 def _inline(svg: bytes, labels: dict[str, str], title: str) -> str:
-    """The picture as an element, in which the curves of these ids tell their labels."""
+    """The picture as an element, in which the curves of these ids show their labels."""
     ElementTree.register_namespace("", SVG)
     ElementTree.register_namespace("xlink", "http://www.w3.org/1999/xlink")
     root = ElementTree.fromstring(svg)
@@ -90,6 +90,6 @@ def _inline(svg: bytes, labels: dict[str, str], title: str) -> str:
 
 def _tell(element: ElementTree.Element, text: str) -> None:
     element.set("class", "hover")
-    told = ElementTree.Element(f"{{{SVG}}}title")
-    told.text = text
-    element.insert(0, told)
+    title = ElementTree.Element(f"{{{SVG}}}title")
+    title.text = text
+    element.insert(0, title)

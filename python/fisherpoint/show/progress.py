@@ -31,7 +31,7 @@ class Step(NamedTuple):
 
 
 def check_progress(progress: object) -> None:
-    """Raise where this is no answer to how progress is told, or where what shows a bar is missing: before the work, not in it."""
+    """Raise where `progress` is unsuitable, or where the package that shows a bar is missing: before the work, not in it."""
     if progress is None or callable(progress):
         return
     if not isinstance(progress, bool | np.bool_):
@@ -53,7 +53,7 @@ def following(
     what : str
         What is counted, or done.
     step : callable
-        From what the work tells to what the bar shows.
+        From what the work reports to what the bar shows.
     first : str
         What it does at first.
     counted : bool
@@ -67,7 +67,7 @@ def following(
         return
     shown = _Shown(_display(what, first, counted))
     try:
-        yield cast(F, lambda *told: shown.update(step, *told))
+        yield cast(F, lambda *reported: shown.update(step, *reported))
     finally:
         shown.end()
 
@@ -83,10 +83,10 @@ class _Shown:
     def __init__(self, display: _Display | None) -> None:
         self._display = display
 
-    def update(self, step: Callable[..., Step], *told: Any) -> None:
+    def update(self, step: Callable[..., Step], *reported: Any) -> None:
         if self._display is not None:
             try:
-                self._display.update(step(*told))
+                self._display.update(step(*reported))
             except Exception:  # of a stream that is closed, or of a library that draws
                 self._display = None
 
@@ -133,7 +133,7 @@ class _Bar:
         columns: list[ProgressColumn] = [TextColumn("{task.description}"), *([MofNCompleteColumn()] if counted else [])]
         columns += [BarColumn(bar_width=12), TextColumn("{task.fields[state]}", markup=False), TimeElapsedColumn()]
         columns += [TimeRemainingColumn()] if counted else []
-        # Nothing stays: the result tells what there is to know.
+        # Nothing stays: the result shows what there is to know.
         self._bar = Progress(*columns, console=console, transient=True, disable=not (console.is_terminal or console.is_jupyter))
         self._task = self._bar.add_task(what, total=None, state=first)
         self._bar.start()

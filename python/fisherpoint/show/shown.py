@@ -45,7 +45,7 @@ class Shown(ABC):
         return to_markdown(self.report())
 
     def to_html(self, path: str | Path, *, pictures: bool = True) -> None:
-        """Write the report as a page for the browser, one file that needs no other, with what was asked and tables that sort.
+        """Write the report as a page for the browser, one file that needs no other, with problem, settings and tables that sort.
 
         Parameters
         ----------

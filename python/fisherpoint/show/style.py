@@ -46,21 +46,21 @@ TIMES = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"), (1.0, "s"), (1e-3, "ms"),
 """Units of time, in s."""
 
 SMALL, LARGE = 1e-3, 1e5
-"""Largest values of an axis outside of which its unit has a power of ten, in the place of one at the end of the axis."""
+"""Range of an axis's largest value outside of which its unit has a power of ten, instead of one at the end of the axis."""
 
-TELLS = "tells-"
-"""What the ids of curves start with whose labels a page shows where the mouse is."""
+LABELLED = "label-"
+"""Prefix of the ids of curves whose labels a page shows where the mouse is."""
 
 
 def telling(curves: Iterable[Artist], label: str, name: str) -> None:
-    """Have curves and areas tell a text where the mouse is on them, in a page; the name is theirs in the picture."""
+    """Show a text where the mouse is on curves and areas in a page; `name` is theirs in the picture."""
     for k, curve in enumerate(curves):
-        curve.set_gid(f"{TELLS}{name}-{k}")
+        curve.set_gid(f"{LABELLED}{name}-{k}")
         curve.set_label(label)
 
 
 def telling_each(dots: Line2D, texts: Iterable[str], name: str) -> None:
-    """Have each dot of a line without gaps tell its own text where the mouse is on it, in a page."""
+    """Show a text for each dot of a line without gaps where the mouse is on it, in a page."""
     telling([dots], "\n".join(texts), name)
 
 
@@ -106,7 +106,7 @@ def share_formatter() -> FuncFormatter:
 
 
 class Picture(Figure):
-    """A figure that shows itself in notebooks, also where `%matplotlib` has told them nothing of figures."""
+    """A figure that shows itself in notebooks, also where `%matplotlib` has not prepared them for figures."""
 
     def _repr_png_(self) -> bytes:
         return encoded(self, "png", dpi=NOTEBOOK_DPI)

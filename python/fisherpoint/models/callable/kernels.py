@@ -177,8 +177,8 @@ def run_sensitivities(
             settings = (rtol, cross_kinks, method)
             end, along, of_y, ended = _sensed(model, x[k, n], along, u[k, n], dt[k, n], rows[k], settings, by_complex_step)
             x[k, n + 1 :] = end
-            told, now = _outputs(model, end[None], u[k, n : n + 1], rows[k : k + 1], np.array([ended], dtype=np.int32))
-            y[k, n], status[k] = told[0], now[0]
+            output, now = _outputs(model, end[None], u[k, n : n + 1], rows[k : k + 1], np.array([ended], dtype=np.int32))
+            y[k, n], status[k] = output[0], now[0]
             if status[k] != OK:
                 break
             dx[k, n], dy[k, n] = along, of_y

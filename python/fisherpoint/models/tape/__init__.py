@@ -1,5 +1,5 @@
 """Models as lists of operations: from SymPy expressions to the programs that the core interprets.
 
-`from_sympy` reads expressions into a `Graph`, `differentiate` adds derivatives to it, `schedule` makes a `Program` of what is asked
-for, and `build_programs` does all of it for a model.
+`from_sympy` reads expressions into a `Graph`, `differentiate` adds derivatives to it, `schedule` makes a `Program` of the requested
+values, and `build_programs` does all of it for a model.
 """

@@ -67,7 +67,7 @@ def remade(part: Any, args: Sequence[Any]) -> Any:
 
 
 def compared(kind: type[Relational], left: Any, right: Any) -> Any:
-    """A comparison; where both sides are sums and products, it is not asked at length whether it always holds."""
+    """A comparison; where both sides are sums and products, SymPy does not check at length whether it always holds."""
     difference = left - right
     plain = (sympy.Symbol, sympy.Number, sympy.Add, sympy.Mul)
     if difference.is_number or not all(isinstance(part, plain) for part in parts(difference)):
