@@ -78,7 +78,7 @@ print(found.identifiable, found.rank)
 #
 # `print(found)` says why:
 #
-#     null      C up 1 %, G up 1 %, eta up 1 %: no output changes; only G/C and eta/C can be told
+#     null      C up 1 %, G up 1 %, eta up 1 %: no output changes; only G/C and eta/C can be identified
 #
 # No experiment of this kind tells all three: capacity, conductance and share can grow by one factor, and no temperature changes.
 # One of them has to come from elsewhere. The share of power that arrives is measured once by the supplier, say, as 0.92:

@@ -223,7 +223,7 @@ def test_the_exchange_finds_the_same_design(quiet: None, equations: fp.SymbolicM
 def test_identifiability_is_told_of_functions_too(quiet: None) -> None:
     found = fp.identifiability(tanks(), region=REGION, unknown_start=["h1"], n_points=6, n_theta=2)
     assert found.null_directions == (
-        "k1 up 1 %, k2 down 1 %, k4 up 2 %, the start of h1 up 2 %: no output changes; only k1*k2 and k4/k1**2 can be told",
+        "k1 up 1 %, k2 down 1 %, k4 up 2 %, the start of h1 up 2 %: no output changes; only k1*k2 and k4/k1**2 can be identified",
     )
     assert found.blocks == () and found.idle == ()
 

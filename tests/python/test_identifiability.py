@@ -38,7 +38,7 @@ def test_the_tanks_have_one_null_direction_where_the_upper_start_is_not_known() 
     assert not found.identifiable and found.rank == 3
     (text,), (components,) = found.null_directions, found.null_components
     assert text == (
-        "k1 up 1 %, k2 down 1 %, k4 up 2 %, the start of h1 up 2 %: no output changes; only k1*k2 and k4/k1**2 can be told"
+        "k1 up 1 %, k2 down 1 %, k4 up 2 %, the start of h1 up 2 %: no output changes; only k1*k2 and k4/k1**2 can be identified"
     )
     assert components == pytest.approx({"k1": 0.5, "k2": -0.5, "k4": 1.0}, rel=1e-6)
     assert found.weak == () and found.idle == ()
@@ -89,13 +89,13 @@ def test_an_overflow_that_no_point_reaches_sets_nothing() -> None:
 @pytest.mark.parametrize(
     ("g", "nominal", "text"),
     [
-        ("a*b*u", {"a": 2.0, "b": 5.0}, "a up 1 %, b down 1 %: no output changes; only a*b can be told"),
-        ("exp(-a/b*u)", {"a": 2.0, "b": 5.0}, "a up 1 %, b up 1 %: no output changes; only b/a can be told"),
-        ("a*u/b**2", {"a": 2.0, "b": 5.0}, "a up 2 %, b up 1 %: no output changes; only b**2/a can be told"),
-        ("a*u*sqrt(b**3)", {"a": 2.0, "b": 5.0}, "a up 3 %, b down 2 %: no output changes; only a**2*b**3 can be told"),
-        ("sin(u*(a + b))", {"a": 2.0, "b": 5.0}, "a up by 1, b down by 1: no output changes; only a + b can be told"),
-        ("(2*a - b)*u", {"a": 2.0, "b": -5.0}, "a up by 1, b up by 2: no output changes; only b - 2*a can be told"),
-        ("(a + b)*u", {"a": 0.0, "b": 5.0}, "a up by 1, b down by 1: no output changes; only a + b can be told"),
+        ("a*b*u", {"a": 2.0, "b": 5.0}, "a up 1 %, b down 1 %: no output changes; only a*b can be identified"),
+        ("exp(-a/b*u)", {"a": 2.0, "b": 5.0}, "a up 1 %, b up 1 %: no output changes; only b/a can be identified"),
+        ("a*u/b**2", {"a": 2.0, "b": 5.0}, "a up 2 %, b up 1 %: no output changes; only b**2/a can be identified"),
+        ("a*u*sqrt(b**3)", {"a": 2.0, "b": 5.0}, "a up 3 %, b down 2 %: no output changes; only a**2*b**3 can be identified"),
+        ("sin(u*(a + b))", {"a": 2.0, "b": 5.0}, "a up by 1, b down by 1: no output changes; only a + b can be identified"),
+        ("(2*a - b)*u", {"a": 2.0, "b": -5.0}, "a up by 1, b up by 2: no output changes; only b - 2*a can be identified"),
+        ("(a + b)*u", {"a": 0.0, "b": 5.0}, "a up by 1, b down by 1: no output changes; only a + b can be identified"),
         ("a*b*c*u", {"a": 2.0, "b": 5.0, "c": -1.0}, None),
     ],
 )
@@ -121,8 +121,8 @@ def test_directions_are_told_apart() -> None:
     assert found.rank == 3 and found.idle == ("e",)
     assert sorted(text.split(": ")[1] for text in found.null_directions) == [
         "no output changes with it",
-        "no output changes; only a*b can be told",
-        "no output changes; only c*d can be told",
+        "no output changes; only a*b can be identified",
+        "no output changes; only c*d can be identified",
     ]
     assert {frozenset(components) for components in found.null_components} == {frozenset("ab"), frozenset("cd"), frozenset("e")}
 
@@ -354,7 +354,7 @@ def test_friction_and_an_offset_are_told_apart_by_motion_to_both_sides() -> None
     assert fp.identifiability(axis).identifiable
     forward = fp.ExperimentRegion({"q": (0.0, 1.0), "v": (0.5, 1.0), "u": (0.5, 1.0), "dt": (0.01, 0.1)})
     assert fp.identifiability(axis, region=forward).null_directions == (
-        "Fc up by 1, b down by 1: no output changes; only Fc + b can be told",
+        "Fc up by 1, b down by 1: no output changes; only Fc + b can be identified",
     )
 
 
@@ -363,4 +363,4 @@ def test_a_direction_is_looked_for_in_conditions_with_max() -> None:
     model = fp.SymbolicModel([rate], ["h"], {"h": "m"}, {"u": "m/s"}, {"p": "m/s", "q": "1"})
     region = fp.ExperimentRegion({"h": (0.1, 2), "u": (0.1, 1), "dt": (0.1, 1)})
     found = fp.identifiability(model, fp.GaussianPrior({"p": 0.6, "q": 1.0}, std={"p": 0.1, "q": 0.1}), region)
-    assert found.null_directions == ("p up 1 %, q up 1 %: no output changes; only q/p can be told",)
+    assert found.null_directions == ("p up 1 %, q up 1 %: no output changes; only q/p can be identified",)

@@ -417,7 +417,7 @@ def refused() -> dict[str, tuple[Any, str]]:
         ),
         "precision": (
             lambda: best(pieces=with_column),
-            "initial_state_std: expected a standard deviation of 'a', which no output tells; given none",
+            "initial_state_std: expected a standard deviation of 'a', which no output measures; given none",
         ),
         "near limits": (
             lambda: best(PROBLEM.replace(initial_state_std={"a": 0.5})),

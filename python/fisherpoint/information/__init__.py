@@ -1,1 +1,1 @@
-"""What points tell: the design problem, the Fisher information that points add, and what can be identified from it."""
+"""The information of points: the design problem, the Fisher information that points add, and what can be identified from it."""

@@ -150,7 +150,7 @@ class CandidateSource:
         return survivors, places[kept], np.flatnonzero(status).astype(np.int32)
 
     def cut_for_plants(self, points: Experiments) -> tuple[PointInformation, IntArray]:
-        """Return points sampled as late as all plants that are asked allow, those that are valid at the mean; and their places."""
+        """Return points sampled as late as all required plants allow, those that are valid at the mean; and their places."""
         places = np.arange(len(points))
         if (shortest := self._shortest) is not None:
             points, found = self._validity.cut_for_plants(points, shortest)
@@ -254,5 +254,5 @@ def surviving(
 
 
 def _of(points: Points, rows: NDArray[np.intp]) -> Points:
-    """Rows of points, each of them once; without a copy where these are all."""
+    """Select rows of points; return the object itself where all are selected."""
     return points if len(rows) == len(points) else points[rows]

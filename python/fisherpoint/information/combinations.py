@@ -20,7 +20,7 @@ LARGE = 0.05
 LARGEST_RATIO = 12
 
 LEAST_SHARE = 0.01
-"""Share of the largest factor of a combination down to which factors are told; of what is below only the names."""
+"""Smallest share of a combination's largest factor at which a factor is shown; below, only the name is."""
 
 
 def describe(
@@ -134,7 +134,8 @@ def _invariants(names: Sequence[str], steps: Sequence[int], written: Callable[[s
     for name, step in zip(names[1:], steps[1:], strict=True):
         shared = math.gcd(steps[0], step)
         found.append(written(names[0], -step // shared, name, steps[0] // shared))
-    return f"; only {' and '.join([', '.join(found[:-1]), found[-1]] if len(found) > 1 else found)} can be told" if found else ""
+    identifiable = " and ".join([", ".join(found[:-1]), found[-1]] if len(found) > 1 else found)
+    return f"; only {identifiable} can be identified" if found else ""
 
 
 def _product(a: str, m: int, b: str, n: int) -> str:
@@ -150,12 +151,12 @@ def _sum(a: str, m: int, b: str, n: int) -> str:
 
 
 def combination(direction: Mapping[str, float]) -> str:
-    """A direction in parameter space as a sum, of which the first term is positive; what has a small share is named after it."""
+    """A direction in parameter space as a sum with a positive first term; terms with a small share are named after it."""
     terms = sorted(direction.items(), key=lambda term: -abs(term[1]))
     largest = terms[0][1]
-    told = [(name, value * math.copysign(1.0, largest)) for name, value in terms if abs(value) > LEAST_SHARE * abs(largest)]
-    text = " ".join(f"{'-' if value < 0 else '+'} {_factor(abs(value))} {name}" for name, value in told)
-    small = ", ".join(name for name, _ in terms[len(told) :])
+    shown = [(name, value * math.copysign(1.0, largest)) for name, value in terms if abs(value) > LEAST_SHARE * abs(largest)]
+    text = " ".join(f"{'-' if value < 0 else '+'} {_factor(abs(value))} {name}" for name, value in shown)
+    small = ", ".join(name for name, _ in terms[len(shown) :])
     return text.removeprefix("+ ") + (f" (and less than {LEAST_SHARE * 100:g} % of {small})" if small else "")
 
 

@@ -26,7 +26,7 @@ class CommonError(NamedTuple):
 
     @property
     def variances(self) -> Array:
-        """Of the numbers, (..., M)."""
+        """Variances of the numbers, (..., M)."""
         return np.asarray(1 + np.square(self.directions * self.sizes[..., None, :]).sum(axis=-1))
 
     def whitened(self, rows: Array) -> Array:

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 CONVERGED, NEXT_LOWER = Sobol(2**18), Sobol(2**17)
-"""The rule that the others are measured against, and the one that tells how far that is converged itself: with equal weights
-neither is thrown off by outputs that are not smooth in the parameters, as the sparse rules of high level are."""
+"""The reference rule, and the one that shows how far the reference is converged: with equal weights neither is thrown off by
+outputs that are not smooth in the parameters, as the sparse rules of high level are."""
 
 LARGEST_GRID = 10**5
 """Nodes up to which tensor rules are tried where no rules are given."""

@@ -29,7 +29,7 @@ def drawn_from_prior(problem: DesignProblem, count: int, rng: np.random.Generato
 
 
 def drawn_plants(problem: DesignProblem, count: int, rng: np.random.Generator, wider: float = 1.0) -> tuple[Array, int]:
-    """The same with uncertain constants drawn too: parameters (count, p) of `problem.assumed.model`, if there is one.
+    """Draw plants with their uncertain constants too: parameters (count, p) of `problem.assumed.model`, if there is one.
 
     What is drawn anew in each point or run does not deviate. With `wider` all else deviates so many times as far.
     """

@@ -239,8 +239,8 @@ def evaluate_information(
     fisher = finite_fisher(accumulator.fisher(covariance_of_outputs))
     white, known, without_prior = whitened(factor, prepared.sensitivity).reshape(-1, problem.n_unknowns), None, None
     white = without_rounding(white) if d.kind == "noise" else white
-    told = np.abs(white).max(axis=0, initial=0.0) > 0.0
-    fisher = np.where(told[:, None] & told, fisher, 0.0)
+    has_effect = np.abs(white).max(axis=0, initial=0.0) > 0.0
+    fisher = np.where(has_effect[:, None] & has_effect, fisher, 0.0)
     if prior_information:
         alone = np.concatenate([white, prior_rows(problem, False)])
         without_prior = _errors_of(marginal_rows(alone, nuisance), names, std)
@@ -317,10 +317,10 @@ def evaluate_information(
 def _errors_of(white: Array, names: tuple[str, ...], std: Array) -> Mapping[str, float]:
     """Standard errors from whitened sensitivities (m, p) alone; inf of parameters that these do not determine."""
     singular_values, directions, length = column_scaled_svd(white)
-    told = singular_values > RANK_TOLERANCE * max(singular_values.max(), 1e-300)
+    is_determined = singular_values > RANK_TOLERANCE * max(singular_values.max(), 1e-300)
     size = np.where(length > 0, length, 1.0)
-    errors = np.linalg.norm(directions[told].T / singular_values[told], axis=1) / size
-    left_open = np.linalg.norm(directions[~told], axis=0) > UNDETERMINED
+    errors = np.linalg.norm(directions[is_determined].T / singular_values[is_determined], axis=1) / size
+    left_open = np.linalg.norm(directions[~is_determined], axis=0) > UNDETERMINED
     errors = np.where(left_open | ~(length > 0), np.inf, errors)
     return FrozenMapping(dict(zip(names, (errors * std).tolist(), strict=True)))
 

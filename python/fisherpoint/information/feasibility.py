@@ -147,10 +147,10 @@ class Feasibility(Shown, Kept):
             sections.append(Section("Why not", ("reason", "plants", "share"), rows))
             shares = self.shares
             worst = [k for k in np.argsort(shares, kind="stable").tolist() if shares[k] < 1]
-            told = [(str(k + 1), percent(shares[k]), self._reason_of(k)) for k in worst[:LISTED]]
-            more = len(worst) - len(told)
+            shown = [(str(k + 1), percent(shares[k]), self._reason_of(k)) for k in worst[:LISTED]]
+            more = len(worst) - len(shown)
             notes = [f"and {counted(more, f'other {self.kind}')} that some plants cannot run"] if more else []
-            sections.append(Section("Where", (self.kind, "plants that can", "mostly because of"), told, notes=notes))
+            sections.append(Section("Where", (self.kind, "plants that can", "mostly because of"), shown, notes=notes))
         return Report(f"{percent(self.share)} of the plants that the prior has can run the design", sections)
 
     def _reason_of(self, k: int) -> str:
@@ -209,7 +209,7 @@ def feasibility_within(
     threads: int | None,
     late: Callable[[], bool] | None,
 ) -> Feasibility:
-    """The same of fewer plants, but a few at least, where it is `late`."""
+    """Return what `feasibility` does, from fewer plants, but a few at least, where it is `late`."""
     check_type(problem, DesignProblem, "problem")
     if not isinstance(points, Experiments | Runs):
         raise TypeError(f"points: expected Experiments or Runs, given {type(points).__name__}")
@@ -281,8 +281,8 @@ class _Tally:
     def _limits(self, points: Experiments | Runs, theta: Array, status: IntArray, rows: NDArray[np.intp]) -> list[str | None]:
         """Which limits ended some trajectories; None where it was none."""
         left = rows[status[rows] == Status.left_domain]
-        told: dict[int, str | None] = {}
+        of_rows: dict[int, str | None] = {}
         if len(left):
             limits = checked_broken_limits(self._model, points[left], theta[left], self._settings, self._named)
-            told = dict(zip(left.tolist(), limits, strict=True))
-        return [told.get(row) for row in rows.tolist()]
+            of_rows = dict(zip(left.tolist(), limits, strict=True))
+        return [of_rows.get(row) for row in rows.tolist()]

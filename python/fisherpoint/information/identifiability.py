@@ -1,4 +1,4 @@
-"""Local structural identifiability: whether any two sets of parameters nearby could be told from each other at all."""
+"""Local structural identifiability: whether any two sets of parameters nearby could be distinguished at all."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Identifiability(Shown, Kept):
     Attributes
     ----------
     parameters : tuple of str
-        Those that were asked about.
+        Those whose identifiability was requested.
     identifiable : bool or None
         False where there is a null direction; None where that is not known of some direction, but of no other.
     rank : int
@@ -163,7 +163,7 @@ def identifiability(
     unknown_start: Sequence[str] = (),
     threads: int | None = None,
 ) -> Identifiability:
-    """Find which combinations of parameters no experiment could tell: null directions of sensitivities at random points.
+    """Find combinations of parameters that no experiment can identify: null directions of sensitivities at random points.
 
     The sensitivities dy/dtheta of (8) and (9) at points all over the region are stacked, each output and then each column scaled,
     at several random theta. Rank is generic: a direction is null only where there is one at every theta. A singular value is zero
@@ -189,7 +189,7 @@ def identifiability(
         Sets of parameters; the first is the mean.
     seed : int
     parameters : sequence of str, optional
-        Parameters to tell; the others are known. Default: all.
+        Parameters to identify; the others are known. Default: all.
     unknown_start : sequence of str, optional
         States of which the start is set, but not known. Each start is then one record of 8 samples, spread over its dt, and what
         the sensitivities to its start explain is taken out of them. Without this, x0 is known, as for every experiment point.
@@ -208,7 +208,7 @@ def identifiability(
     -----
     With x0 known the cascaded tanks h1' = -k1 sqrt(h1) + k4 u, h2' = k2 sqrt(h1) - k3 sqrt(h2), y = h2 are identifiable: the start
     of the upper tank sets the scale of its level. With ``unknown_start=("h1",)``, the benchmark's situation, nothing sets it, and
-    k1, k2 and k4 can only be told up to it; a known level at which the tank overflows, or k1 = k2, sets it again.
+    k1, k2 and k4 can only be identified up to it; a known level at which the tank overflows, or k1 = k2, sets it again.
     """
     check_type(model, Model, "model")
     names = names_of(model.parameters)
@@ -272,7 +272,7 @@ class Spectrum:
 
 
 def spectrum(stack: Stack) -> Spectrum:
-    """Singular values of a stack, with the null directions told by the criterion of `identifiability`."""
+    """Singular values of a stack, with the null directions by the criterion of `identifiability`."""
     rows, looser = stack.projected(stack.tight), stack.projected(stack.loose)
     change = np.linalg.norm(rows - looser, axis=0)
     length = np.linalg.norm(stack.tight[..., : len(stack.names)], axis=(0, 1))  # before starts explain some of it

@@ -46,7 +46,7 @@ BLOCK = 8
 """Rows, in multiples of the columns, of which long matrices are made short."""
 
 WITHOUT_TANGENT = (Status.on_jump, Status.grazes_jump, Status.two_jumps)
-"""Where there is a trajectory but no derivative, just there: a little beside there is one."""
+"""Statuses at which the trajectory exists but its derivative does not, at that point only."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Nearby:
     parameters : mapping of parameter name to float
         The estimated parameters, SI units, where a standard error grows most.
     points : tuple of int
-        The points, or samples of runs, previous ones first, that tell much less there than at the mean, the worst first.
+        The points, or samples of runs, previous ones first, that are much less informative there than at the mean, the worst first.
     lost : mapping of status name to int
         Points that have no trajectory, or no derivative, at some of these parameters.
     """
@@ -197,7 +197,7 @@ def _half(white: Array, known: Array | None) -> Array:
 
 
 def _shortened(matrix: Array) -> Array:
-    """Few rows (m, p) with the same Gram matrix, by QR of blocks: what is long is slow while other programs use the cores."""
+    """Few rows (m, p) with the same Gram matrix, by QR of blocks."""
     p = matrix.shape[1]
     while len(matrix) > BLOCK * p:
         whole = np.concatenate([matrix, np.zeros((-len(matrix) % (BLOCK * p), p))])

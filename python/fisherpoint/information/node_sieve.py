@@ -1,8 +1,8 @@
-"""Few nodes of a rule that tell most of the points that the prior cannot run.
+"""Pilot nodes: few nodes of a rule that reject most of the points that the prior cannot run.
 
-Most points that a search would like to have are not valid on all nodes of its rule, and mostly on the same few nodes. So these are
-asked first, which costs a tenth of all nodes. What they let pass is tried on all. Plants that every point has to run on are among
-the nodes, each with a weight that is not to be lost.
+Most points that a search prefers fail on some nodes of its rule, and mostly on the same few. So these are tried first, which costs
+a tenth of all nodes. Points that pass them are tried on all. Plants that every point has to run on are among the nodes, each with
+a weight that is not to be lost.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ FATAL = (Status.left_domain, Status.met_jump, Status.not_finite)
 _IS_FATAL = np.isin(np.arange(max(Status) + 1), FATAL)  # by status: a search asks thousands of times
 
 FEW, MOST = 12, 1000
-"""Nodes that are asked, and those of a rule up to which it is worth to look for them."""
+"""Number of pilot nodes, and the size of a rule up to which it pays to choose them."""
 
 AT_FIRST = 4
-"""Of these that are asked before the others, as they tell most."""
+"""Number of pilot nodes tried first, because they reject most."""
 
 LEARNT, REMEMBERED = 50, 300
-"""Failed points that the few nodes have let pass, after which these are chosen anew, and how many of them tell which.
+"""Number of failed points passed by the pilot nodes after which these are chosen anew, and the number of points used for that.
 
 A search moves on, and so do the nodes on which its candidates fail.
 """
 
 ROUGH = 1e-4
-"""Tolerance of the trajectories on few nodes: what passes is tried on all of them to that of the problem."""
+"""Tolerance of the trajectories on pilot nodes: points that pass are tried on all nodes to that of the problem."""
 
 LOSS = 1.001
 """Times the allowed loss, at which a point has failed."""
@@ -86,7 +86,7 @@ class NodeSieve:
 
     @property
     def plants(self) -> Array:
-        """Those on which every point has to be ok, (m, p); none where they are not asked."""
+        """Plants on which every point has to be ok, (m, p); none where none are required."""
         return np.empty((0, len(self.model.parameters))) if self._plants is None else self._plants
 
     def on_plants(self, points: Experiments) -> IntArray:
@@ -114,33 +114,33 @@ class NodeSieve:
 
     @property
     def _in_turn(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """The few nodes that are asked first, and those that are asked of what these let pass."""
+        """The pilot nodes that are tried first, and those on which points that pass are tried next."""
         return self._chosen[:AT_FIRST], self._chosen[AT_FIRST:]
 
     def shortened(self, points: Experiments, shortest: float, first_alone: bool) -> tuple[IntArray, Array]:
         """Statuses (K,) as of `statuses`, and the longest dt (K,) at which the few nodes let each point pass.
 
-        A dt below the `shortest` one is not the longest; the other nodes have not been asked. With `first_alone` only those are
-        that tell most.
+        A dt below the `shortest` one is not the longest; the other nodes have not been tried. With `first_alone` only those
+        that reject most are tried.
         """
         status, dt = np.zeros(len(points), dtype=np.int32), points.dt.copy()
-        lasted, asked = np.empty((len(points), 0)), np.empty(0, dtype=np.intp)
+        lasted, tried = np.empty((len(points), 0)), np.empty(0, dtype=np.intp)
         for some in self._in_turn[:1] if first_alone else self._in_turn:
             left = np.flatnonzero(dt >= shortest)
             if not len(some) or not len(left):
                 continue
             there, until = self._on_nodes(lasting(points[left], dt[left]), some)
-            asked = np.append(asked, some)
+            tried = np.append(tried, some)
             lasted = np.column_stack([lasted, np.full((len(points), len(some)), np.inf)])
             lasted[left, -len(some) :] = until
-            dt[left] = np.minimum(dt[left], longest(lasted[left], self._weights[asked], self.allowed))
+            dt[left] = np.minimum(dt[left], longest(lasted[left], self._weights[tried], self.allowed))
             first = np.argmax(fatal(there), axis=1)
             new = (status[left] == Status.ok) & (dt[left] < points.dt[left])
             status[left[new]] = there[new, first[new]]
         return status, dt
 
     def learn(self, failed: Experiments) -> None:
-        """Take in points that all nodes have told to be none."""
+        """Learn from points that failed on all nodes together."""
         if self._theta is None or not len(failed):
             return
         self._failed.append(failed.table)
@@ -153,18 +153,18 @@ class NodeSieve:
         self._chosen = self._fewest(self._lost)
 
     def _fewest(self, lost: NDArray[np.bool_]) -> NDArray[np.intp]:
-        """Nodes, one after the other, that tell most of the points that are left; of points (K, nodes) that fail."""
+        """Nodes, chosen one after the other, that reject most of the remaining points; `lost` (K, nodes) is of points that fail."""
         allowed = self.allowed + 1e-300
         shares = lost * self._weights / allowed
-        told, chosen = np.zeros(len(lost)), list[int]()
+        reached, chosen = np.zeros(len(lost)), list[int]()
         for _ in range(self._few):
-            gained = np.minimum(told[:, None] + shares, 1.0 + 1e-9).sum(axis=0) - np.minimum(told, 1.0 + 1e-9).sum()
+            gained = np.minimum(reached[:, None] + shares, 1.0 + 1e-9).sum(axis=0) - np.minimum(reached, 1.0 + 1e-9).sum()
             gained[chosen] = 0.0
             best = int(np.argmax(gained))
             if not gained[best] > 0:
                 break
             chosen.append(best)
-            told += shares[:, best]
+            reached += shares[:, best]
         return np.array(chosen, dtype=np.intp)
 
     def _on_nodes(self, points: Experiments, nodes: NDArray[np.intp]) -> tuple[IntArray, Array]:
@@ -177,8 +177,8 @@ class NodeSieve:
         model, count = self.model, len(parameters)
         rows = np.repeat(np.arange(len(points)), count)
         theta = np.tile(parameters, (len(points), 1))
-        _, _, *told = model.kernels.simulate(model.core, points.x0[rows], points.u[rows], points.dt[rows], theta, *settings)
-        status, lasted = (np.asarray(one).reshape(len(points), count) for one in told)
+        _, _, *results = model.kernels.simulate(model.core, points.x0[rows], points.u[rows], points.dt[rows], theta, *settings)
+        status, lasted = (np.asarray(one).reshape(len(points), count) for one in results)
         return status, np.where(fatal(status), lasted, np.inf)
 
 
@@ -188,5 +188,5 @@ def fatal(status: IntArray) -> NDArray[np.bool_]:
 
 
 def lasting(points: Experiments, dt: Array) -> Experiments:
-    """The same points with other durations (K,)."""
+    """Return the points with other durations (K,)."""
     return Experiments(points.x0, points.u, dt, columns=points.columns)

@@ -16,7 +16,7 @@ would take it for information.
 """
 
 ROUNDING = 1e-7
-"""Of components of null directions, where there are several."""
+"""Rounding errors of components of null directions, where there are several."""
 
 
 def without_rounding(white: Array) -> Array:
@@ -26,7 +26,7 @@ def without_rounding(white: Array) -> Array:
 
 
 def information_without_rounding(information: Array) -> Array:
-    """The same of matrices F (..., p, p) in sum form, per prior standard deviation."""
+    """Information matrices F (..., p, p), in sum form and per prior standard deviation, with zeros where they are but rounding."""
     nothing = np.diagonal(information, axis1=-2, axis2=-1) <= UNTOLD**2
     return np.where(nothing[..., None] | nothing[..., None, :], 0.0, information) if nothing.any() else information
 
@@ -52,7 +52,7 @@ def unscaled(v: Array, length: Array) -> Array:
 
 
 def pivots(directions: Array) -> list[int]:
-    """Columns, one for each of d independent rows (d, p), by which the space of these rows is best told."""
+    """Columns, one for each of d independent rows (d, p), that determine the space of these rows best."""
     from scipy.linalg import qr
 
     chosen: list[int] = qr(directions, mode="r", pivoting=True)[1][: len(directions)].tolist()
@@ -70,7 +70,7 @@ def reduced_basis(directions: Array, columns: list[int]) -> Array:
 def null_directions(vectors: Array, length: Array, names: tuple[str, ...]) -> tuple[Mapping[str, float], ...]:
     """Directions that span the same space as right singular vectors (d, p) of column-scaled sensitivities, as combinations.
 
-    Of several, each has a parameter of its own that is not in the others, so that one along a few parameters is told as such.
+    Each of several has a parameter of its own that is not in the others, so that one along a few parameters is shown as such.
     """
     if len(vectors) > 1:
         vectors = reduced_basis(vectors, pivots(vectors))

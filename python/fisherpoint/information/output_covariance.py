@@ -145,7 +145,7 @@ def check_regular(d: Array, names: tuple[str, ...], kind: str) -> None:
     if not values[worst, 0] > SINGULAR:
         involved = np.abs(vectors[worst, :, 0]) > 0.1
         sums = vectors[worst, :, 0] / scale[worst]  # the sum of outputs that does not vary
-        terms = [(name, value) for name, value, told in zip(names, sums, involved, strict=True) if told]
+        terms = [(name, value) for name, value, takes_part in zip(names, sums, involved, strict=True) if takes_part]
         raise ValueError(
             f"output_covariance {kind!r}: expected a regular D, given one that is singular in {listed(name for name, _ in terms)}: "
             f"{_sum_of(terms)} hardly varies over the prior, as where a mass balance holds; give noise_std, leave one of these "

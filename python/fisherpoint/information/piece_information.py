@@ -49,7 +49,7 @@ class PieceInformation:
 
 
 def piece_problem(problem: DesignProblem, pieces: Pieces) -> DesignProblem:
-    """The problem with the standard deviations of the measured starts: those of the sensors where outputs tell the starts.
+    """The problem with the standard deviations of the measured starts: those of the sensors where outputs measure the starts.
 
     Limits along the way are left out: what was measured has been possible.
 
@@ -66,7 +66,7 @@ def piece_problem(problem: DesignProblem, pieces: Pieces) -> DesignProblem:
     std: dict[str, float] = {}
     for state, output in pieces.measured_by.items():
         if state not in given and output is None:
-            raise ValueError(f"initial_state_std: expected a standard deviation of {state!r}, which no output tells; given none")
+            raise ValueError(f"initial_state_std: expected a standard deviation of {state!r}, which no output measures; given none")
         if state not in given and output not in noise:
             raise ValueError(f"initial_state_std: expected a standard deviation of {state!r}, as noise_std has none of {output!r}")
         std[state] = given[state] if state in given else noise[str(output)]
@@ -116,7 +116,7 @@ def _white_rows(
 def picked_information(problem: DesignProblem, pieces: Pieces, rows: Places, threads: int | None) -> PointInformation:
     """Information of windows that are ok, a sample after the other."""
     runs, y = told_runs(*pieces.cut(rows))
-    told = np.isfinite(y)
-    samples, _ = run_rows(problem, runs, problem.theta, problem.integration(threads), told).samples(runs)
+    measured = np.isfinite(y)
+    samples, _ = run_rows(problem, runs, problem.theta, problem.integration(threads), measured).samples(runs)
     n_y = samples.shape[1]
-    return PointInformation(runs, samples, np.zeros((len(samples), n_y, n_y)), measured=told[runs.measured])
+    return PointInformation(runs, samples, np.zeros((len(samples), n_y, n_y)), measured=measured[runs.measured])

@@ -156,7 +156,7 @@ def sensitivities_at(
 
 
 def with_covariance(problem: DesignProblem, given: PointInformation, threads: int | None) -> tuple[PointInformation, IntArray]:
-    """The same points with their predictive covariances, and the statuses over all nodes of the rule."""
+    """Return the points with their predictive covariances, and the statuses over all nodes of the rule."""
     if isinstance(problem.rule, Linearized):
         return with_linearized_covariance(problem, given)
     result = _over_nodes(problem, given.experiments, threads, True)
@@ -177,7 +177,7 @@ def _over_nodes(problem: DesignProblem, points: Experiments, threads: int | None
 
 
 def with_linearized_covariance(problem: DesignProblem, given: PointInformation) -> tuple[PointInformation, IntArray]:
-    """The same points with S Sigma S^T, and statuses; S is what they have, Sigma what the rule makes of the prior's covariance."""
+    """Return the points with S Sigma S^T, and statuses; S is their sensitivity, Sigma the prior's covariance by the rule."""
     moments = _second_moments(problem.rule, problem.prior, names_of(problem.model.parameters), problem.estimated)
     columns = problem.estimated_columns
     ok = np.zeros(len(given), dtype=np.int32)
@@ -187,7 +187,7 @@ def with_linearized_covariance(problem: DesignProblem, given: PointInformation) 
 
 @lru_cache(maxsize=4)  # a search asks for the same hundreds of times
 def _second_moments(rule: Rule, prior: GaussianPrior, names: tuple[str, ...], varied: tuple[str, ...]) -> Array:
-    return rule.second_moments(prior.marginal(names), varied)  # priors are equal in whatever order: the names tell it
+    return rule.second_moments(prior.marginal(names), varied)  # priors are equal in whatever order; the names fix it
 
 
 def point_information(problem: DesignProblem, points: Experiments, grid: bool, threads: int | None) -> PointInformation:
@@ -208,9 +208,9 @@ def point_information(problem: DesignProblem, points: Experiments, grid: bool, t
         information, status = with_covariance(problem, information, threads)
     bad = np.flatnonzero(status)
     if len(bad):
-        first, told = Status(status[bad[0]]), bad[:5].tolist()
-        words = statuses_in_words(problem.limited, points, problem.theta, problem.integration(threads), status, told)
-        listed = ", ".join(f"points[{k}] ({word})" for k, word in zip(told, words, strict=True))
+        first, listed_rows = Status(status[bad[0]]), bad[:5].tolist()
+        words = statuses_in_words(problem.limited, points, problem.theta, problem.integration(threads), status, listed_rows)
+        listed = ", ".join(f"points[{k}] ({word})" for k, word in zip(listed_rows, words, strict=True))
         raise NoTrajectory(
             f"points: expected trajectories that are ok, given {listed}{' ...' if len(bad) > 5 else ''}. {first.advice}"
         )

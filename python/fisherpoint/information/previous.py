@@ -107,19 +107,19 @@ def _of_part(problem: DesignProblem, part: Any, threads: int | None) -> tuple[Po
 
 def _of_runs(problem: DesignProblem, runs: Runs, y: Array | None, threads: int | None) -> tuple[PointInformation, Counter[str]]:
     """A run that does not reach its end, or its last number, says nothing, as a whole."""
-    told = None
+    finite = None
     if y is not None:
         runs, y = told_runs(runs, y)
-        told = np.isfinite(y)
+        finite = np.isfinite(y)
     first = start_points(problem.model, runs, problem.theta)
     starts = on_surface(problem.model, first, problem.theta, problem.crossed)
     lost = Counter({f"starts on {surface} = 0": len(rows) for surface, rows in starts.items()})
     kept = np.setdiff1d(np.arange(len(runs)), np.concatenate([[], *starts.values()]).astype(int))
     checked_problem(problem)
-    rows = run_rows(problem, runs[kept], problem.theta, problem.integration(threads), None if told is None else told[kept])
+    rows = run_rows(problem, runs[kept], problem.theta, problem.integration(threads), None if finite is None else finite[kept])
     lost.update(failures_of(rows.status))
     kept, sensitivity = kept[rows.status == Status.ok], rows.sensitivity[rows.status == Status.ok]
     there = runs.measured[kept]
     samples = sensitivity[there]
     none = np.zeros((len(samples), samples.shape[1], samples.shape[1]))
-    return PointInformation(runs[kept], samples, none, measured=None if told is None else told[kept][there]), lost
+    return PointInformation(runs[kept], samples, none, measured=None if finite is None else finite[kept][there]), lost

@@ -165,7 +165,7 @@ class DesignProblem(InNotebooks):
 
     def _check_assumed(self, everything: tuple[str, ...]) -> None:
         known = (*names_of(self.model.constant_quantities), *everything)
-        _ = self.limited  # limits that cannot be read are told
+        _ = self.limited  # raises for limits that cannot be read
         for label, names in (("uncertain", known), ("varies", known), ("initial_state_std", names_of(self.model.states))):
             object.__setattr__(self, label, by_name(getattr(self, label), names, label, as_std) or None)
         for label, given in (("uncertain", self.uncertain), ("varies", self.varies)):
@@ -256,7 +256,8 @@ class DesignProblem(InNotebooks):
 
     @cached_property
     def largest_sensitivity(self) -> Array:
-        """Of each output (n_y, 1), standardised: a point with a larger one is none, as its information would overflow."""
+        """Largest standardised sensitivity of each output (n_y, 1): a point with a larger one is rejected, as its information would
+        overflow."""
         given = self.noise_std or {}
         noise = [min(1.0, given.get(name, 1.0)) for name in names_of(self.model.outputs)]
         return _read_only(LARGEST_SENSITIVITY * np.array(noise)[:, None])

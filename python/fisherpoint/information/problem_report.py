@@ -15,7 +15,7 @@ from ..show.numbers import number
 from ..show.section import Section
 
 
-class Asked(Protocol):
+class ProblemFacts(Protocol):
     """A :class:`fisherpoint.DesignProblem`."""
 
     @property
@@ -48,7 +48,7 @@ class Asked(Protocol):
     def rtol(self) -> float: ...
 
 
-def problem_sections(problem: Asked) -> list[Section]:
+def problem_sections(problem: ProblemFacts) -> list[Section]:
     """Model, noise and options; the prior; the region."""
     model = problem.model
     facts = [
@@ -83,7 +83,7 @@ def prior_section(prior: GaussianPrior, parameters: Iterable[Quantity]) -> Secti
     return Section("Prior", ("parameter", "unit", "mean", "std", "distribution"), rows, notes=notes)
 
 
-def _region(problem: Asked) -> Iterator[Section]:
+def _region(problem: ProblemFacts) -> Iterator[Section]:
     region, model = problem.region, problem.model
     if region is None:
         return

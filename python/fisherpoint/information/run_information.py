@@ -30,13 +30,13 @@ def checked_problem(problem: DesignProblem) -> DesignProblem:
 
 
 def run_rows(
-    problem: DesignProblem, runs: Runs, theta: Array, settings: Integration, told: NDArray[np.bool_] | None = None
+    problem: DesignProblem, runs: Runs, theta: Array, settings: Integration, informative: NDArray[np.bool_] | None = None
 ) -> RunRows:
     """The rows of runs that fit the problem's model, at parameters (p,) or (K, p) of it.
 
-    Outputs that are not `told` (K, N, n_y) say nothing; the default is all.
+    Outputs that are not `informative` (K, N, n_y) have no weight; the default is all.
     """
-    return run_tangents(problem, runs, theta, settings, outputs_alone=True).rows(problem, told)
+    return run_tangents(problem, runs, theta, settings, outputs_alone=True).rows(problem, informative)
 
 
 def run_information(problem: DesignProblem, runs: Runs, threads: int | None) -> PointInformation:
@@ -54,9 +54,9 @@ def run_information(problem: DesignProblem, runs: Runs, threads: int | None) -> 
     rows = run_rows(problem, runs, problem.theta, settings)
     bad = np.flatnonzero(rows.status)
     if len(bad):
-        told = bad[:5].tolist()
-        words = statuses_in_words(problem.limited, runs, problem.theta, settings, rows.status, told)
-        listed = ", ".join(f"runs[{k}] ({word})" for k, word in zip(told, words, strict=True))
+        listed_rows = bad[:5].tolist()
+        words = statuses_in_words(problem.limited, runs, problem.theta, settings, rows.status, listed_rows)
+        listed = ", ".join(f"runs[{k}] ({word})" for k, word in zip(listed_rows, words, strict=True))
         more = " ..." if len(bad) > 5 else ""
         raise NoTrajectory(f"runs: expected trajectories that are ok, given {listed}{more}. {Status(rows.status[bad[0]]).advice}")
     sensitivity, _ = rows.samples(runs)
@@ -69,18 +69,18 @@ def run_samples_at(
 ) -> Iterator[tuple[Array, IntArray]]:
     """For each of R sets of parameters (R, p) of the model: rows (S, n_y, p) and statuses (S,) of the samples.
 
-    Kinks and jumps are crossed, as in fits. Outputs of samples that are not `measured` (S, n_y) say nothing; the default is all.
+    Kinks and jumps are crossed, as in fits. Outputs of samples that are not `measured` (S, n_y) have no weight; the default is all.
     """
-    told = None
+    informative = None
     if measured is not None:
-        told = np.zeros((*runs.dt.shape, measured.shape[1]), dtype=bool)
-        told[runs.measured] = measured
+        informative = np.zeros((*runs.dt.shape, measured.shape[1]), dtype=bool)
+        informative[runs.measured] = measured
     settings = Integration(float(problem.rtol), threads=resolve_threads(threads))
     count, each = len(runs), max(1, MOST_SEGMENTS // runs.dt.size)
     for first in range(0, len(theta), each):
         some = theta[first : first + each]
         many = runs[np.tile(np.arange(count), len(some))]
-        of_many = None if told is None else np.tile(told, (len(some), 1, 1))
+        of_many = None if informative is None else np.tile(informative, (len(some), 1, 1))
         rows = run_rows(problem, many, np.repeat(some, count, axis=0), settings, of_many)
         for part in range(len(some)):
             own = slice(part * count, (part + 1) * count)

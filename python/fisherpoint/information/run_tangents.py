@@ -25,9 +25,9 @@ from .problem import DesignProblem
 
 
 class RunRows(NamedTuple):
-    """Of K runs: sensitivities (K, N, n_y, p), standardised and such that D = R whitens them, zero where nothing is measured.
+    """Rows of K runs: sensitivities (K, N, n_y, p), standardised and such that D = R whitens them, zero where nothing is measured.
 
-    And the statuses (K,); where one is not ok, all its rows are zero.
+    The statuses are (K,); where one is not ok, all its rows are zero.
     """
 
     sensitivity: Array
@@ -52,10 +52,10 @@ class RunTangents(NamedTuple):
     dy: Array  # (K, N, n_y, q)
     status: IntArray
 
-    def rows(self, problem: DesignProblem, told: NDArray[np.bool_] | None = None) -> RunRows:
-        """The rows as the Fisher matrix takes them; outputs that are not `told` (K, N, n_y), or not measured, say nothing."""
+    def rows(self, problem: DesignProblem, informative: NDArray[np.bool_] | None = None) -> RunRows:
+        """The rows as the Fisher matrix takes them; outputs not `informative` (K, N, n_y), or not measured, have no weight."""
         assumed = problem.assumed
-        there = (self.runs.measured[:, :, None] if told is None else told) & problem.measured
+        there = (self.runs.measured[:, :, None] if informative is None else informative) & problem.measured
         there = there[..., None]
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
             scaled = np.where(there, problem.standardised(self.dy), 0.0)
@@ -90,7 +90,7 @@ def tangents_from(
     settings: Integration,
     outputs_alone: bool = True,
 ) -> RunTangents:
-    """The same for runs that are base.runs[own] up to some segment; they are computed from there on."""
+    """Tangents of runs that equal base.runs[own] up to some segment; they are computed from there on."""
     model, values = _extended(problem, theta)
     n = runs.dt.shape[1]
     first = np.minimum(runs.first_difference(base.runs, own), n - 1)

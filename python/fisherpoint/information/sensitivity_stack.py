@@ -1,4 +1,4 @@
-"""Sensitivities at random points of a region, stacked: what identifiability is told by."""
+"""Sensitivities at random points of a region, stacked: they decide identifiability."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which points are valid on all nodes of a rule, with what is remembered of them and told by few nodes."""
+"""Whether points are valid on all nodes of a rule, from a memory of earlier points and from pilot nodes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .problem import DesignProblem
 
 
 class Validity:
-    """Tries points on the nodes of a problem's rule, and on plants where these are asked.
+    """Tries points on the nodes of a problem's rule, and on required plants, if any.
 
     Parameters
     ----------
@@ -36,12 +36,12 @@ class Validity:
         self._known: dict[bytes, bool] = {}  # by the numbers of a point
 
     def ask(self, plants: Array) -> None:
-        """From now on a point is valid where it is also ok on all of some plants (m, p), parameters as `drawn_plants` has them."""
+        """Require plants (m, p), parameters as of `drawn_plants`: from now on valid points are also ok on all of them."""
         self._sieve = NodeSieve(self._problem, self._settings, plants)
         self._known.clear()
 
     def tried(self, points: PointInformation) -> tuple[PointInformation, IntArray]:
-        """The points (K,), with their predictive covariances where these are wanted, zero where not valid; and statuses."""
+        """Return the points (K,), with their predictive covariances if requested, zero where not valid; and statuses."""
         if not self._covariances:
             return points, self.statuses(points.experiments)
         covariance = np.zeros_like(points.covariance)
@@ -59,7 +59,7 @@ class Validity:
         return self._told(points, lambda rows: statuses_over_nodes(self._problem, points[rows], self._threads))
 
     def _told(self, points: Experiments, over_nodes: Callable[[NDArray[np.intp]], IntArray]) -> IntArray:
-        """The statuses of a few nodes, of all where these let a point pass, and of the plants that are asked."""
+        """Statuses on pilot nodes, on all nodes where a point passes these, and on the required plants."""
         status = self._sieve.statuses(points)
         passed = np.flatnonzero(status == Status.ok)
         there = over_nodes(passed)
@@ -82,9 +82,9 @@ class Validity:
     def cut_short(
         self, points: Experiments, shortest: float, *, ok_at_mean: bool = False, roughly: bool = False
     ) -> tuple[Experiments, IntArray, IntArray]:
-        """Of points (K,), those that are lost at the prior mean or on few nodes, with the longest dt at which these let them pass.
+        """Shorten points (K,) that fail at the prior mean or on pilot nodes to the longest dt at which they pass.
 
-        With `ok_at_mean` all are known to be ok at the mean; `roughly` asks the nodes alone that tell most.
+        With `ok_at_mean` all are known to be ok at the mean; `roughly` tries only the nodes that reject most.
 
         Returns
         -------
@@ -108,7 +108,7 @@ class Validity:
         return lasting(points[places], dt[places]), places.astype(np.int32), status
 
     def cut_for_plants(self, points: Experiments, shortest: float) -> tuple[Experiments, NDArray[np.bool_]]:
-        """The points (K,) for as long as all plants that are asked run them, and for which of them there is a dt; these alone."""
+        """Shorten points so that every required plant completes them; return those that can, and a mask (K,) of them."""
         lasted = np.minimum(self._sieve.lasted_on_plants(points).min(axis=1), self._at_mean(points)[1])
         dt = np.minimum(points.dt, SHORT * lasted)
         found = dt >= shortest
