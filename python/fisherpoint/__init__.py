@@ -236,7 +236,7 @@ _PLACES = {
     ".validation.result": ("Validation",),
     ".validation.validate": ("ValidationProgress", "validate"),
 }
-"""The modules that have these names. Each is imported when its name is asked for: what is not needed costs no time."""
+"""The modules that have these names. Each is imported at the first use of a name, so that unused ones cost no time."""
 
 _FUNCTIONS = (
     "abs", "acos", "asin", "atan", "atan2", "cos", "cosh", "exp", "heaviside", "latch", "log", "max", "min", "sign", "sin", "sinh",

@@ -192,21 +192,21 @@ def estimate(
 
 @contextmanager
 def _heard(observed: Observed, progress: bool | Callable[[EstimateProgress], None] | None) -> Iterator[None]:
-    """Tell of every evaluation of the residuals."""
+    """Report every evaluation of the residuals."""
     started, evaluations = perf_counter(), 0
 
     def step(now: EstimateProgress) -> Step:
         return Step(state=f"{counted(now.evaluations, 'evaluation')}, from {counted(now.searches, 'start')}")
 
-    with following(progress, "estimating", step, counted=False) as told:
-        if told is None:
+    with following(progress, "estimating", step, counted=False) as report:
+        if report is None:
             yield
             return
 
         def heard(searches: int) -> None:
             nonlocal evaluations
             evaluations += searches
-            told(EstimateProgress(evaluations, searches, perf_counter() - started))
+            report(EstimateProgress(evaluations, searches, perf_counter() - started))
 
         observed.heard = heard
         try:

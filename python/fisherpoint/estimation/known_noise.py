@@ -53,7 +53,7 @@ class KnownNoise:
         return bool(self.varies or self.initial_state_std)
 
     def at(self, theta: Array) -> tuple[Array, tuple[RunError, ...]]:
-        """Of every sample (n_y, n_y), or (N, n_y, n_y) where something is assumed, and of runs, at the parameters (p,)."""
+        """Covariances of samples (n_y, n_y), or (N, n_y, n_y) where something is assumed, and of runs, at parameters (p,)."""
         if not self.assumed:
             return self.sensors, ()
         shares, common = [np.zeros((0, *self.sensors.shape))], list[RunError]()

@@ -42,7 +42,7 @@ AS_EXPECTED = 0.75
 """Share of itself by which a decrease may differ from what was expected, and is not taken for rounding."""
 
 FIRST_DAMPING = 1e-2
-"""In units of the squared lengths of the columns. From 0.01 to 1, NIST's problems do not tell a difference."""
+"""First damping, in units of the squared lengths of the columns. From 0.01 to 1, NIST's problems show no difference."""
 
 STRIDE, FIRST_STRIDE = 10.0, 0.5
 """Longest step of a coordinate, in units of max(1, |z|), and of the first one: past it, where the model is another one,
@@ -58,10 +58,10 @@ RETREAT = 0.25
 """Share of a step to which the next one is limited where it led to what cannot be evaluated: such trajectories cost most of all."""
 
 LARGEST = 1e150
-"""Of residuals and their derivatives, of which the squares have to be numbers."""
+"""Largest residuals and derivatives, whose squares have to be numbers."""
 
 LEAST_NEGLIGIBLE = 1e-13
-"""Share of the largest singular value up to which a direction is not told, whatever the residuals' precision."""
+"""Share of the largest singular value up to which a direction is not determined, whatever the residuals' precision."""
 
 MOST_REFUSED = 12
 """Trials in a row that are refused, each with more damping than the one before, after which a search has stalled."""
@@ -85,8 +85,8 @@ def _doubles(z: Array) -> Array:
 
 
 class Accuracy(NamedTuple):
-    """Of residuals: the length (B,), or (1,), of their numerical error, and the share of a number to which they are computed; of z
-    (B, P): how far apart neighbouring values are, (B, P)."""
+    """Accuracy of residuals: the length (B,), or (1,), of their numerical error, and the share of a number to which they are
+    computed; and of z (B, P): how far apart neighbouring values are, (B, P)."""
 
     rounding: Array | float
     precision: float
@@ -129,11 +129,11 @@ def minimise(
     max_evaluations : int
         Of each problem; where they are spent, its search ends.
     unit : float
-        What the residuals' noise is at least; 0 where it is not known, and their root mean square tells it.
+        Lower bound of the residuals' noise; 0 where it is not known, and their root mean square estimates it.
     accuracy : Accuracy
         Of the residuals.
     tolerance : float
-        As `TOLERANCE`; more where costs alone are asked for, which are half its square too large then, in squares of the noise.
+        As `TOLERANCE`; more where only costs are needed, which are half its square too large then, in squares of the noise.
 
     Returns
     -------

@@ -89,10 +89,10 @@ class Observed:
             names += of_part
             self._parts.append((respond, len(part), slice(first, len(names))))
         self.names = tuple(names)
-        self.heard: Callable[[int], None] | None = None  # is told of how many sets of unknowns there is a response
+        self.heard: Callable[[int], None] | None = None  # gets the number of sets of unknowns that have a response
 
     def with_threads(self, threads: int) -> Observed:
-        """The same, computed by so many threads."""
+        """Return this, computed by so many threads."""
         return Observed(*self._given[:-1], threads)
 
     def __reduce__(self) -> tuple[Any, ...]:

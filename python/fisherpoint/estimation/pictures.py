@@ -43,9 +43,9 @@ def plot_parity(fit: FitStatistics) -> Figure:
         figure, panels = _grid(len(fit.tests), 3.4, 3.2)
         figure.suptitle("Measured against predicted outputs", x=0.01, ha="left")
         for axes, (i, quantity) in zip(panels, _measured_outputs(fit), strict=True):
-            told = np.isfinite(fit.residuals[:, i])
-            factor, unit = scale(quantity, measured[told, i])
-            x, y = factor * fit.predicted[told, i], factor * measured[told, i]
+            measured_here = np.isfinite(fit.residuals[:, i])
+            factor, unit = scale(quantity, measured[measured_here, i])
+            x, y = factor * fit.predicted[measured_here, i], factor * measured[measured_here, i]
             ends = (min(x.min(), y.min()), max(x.max(), y.max()))
             margin = 0.06 * (ends[1] - ends[0]) or 0.5 * abs(ends[0]) or 1.0
             limits = (ends[0] - margin, ends[1] + margin)
@@ -54,7 +54,7 @@ def plot_parity(fit: FitStatistics) -> Figure:
             if len(x) <= MANY and std > 0.01 * (limits[1] - limits[0]):
                 axes.errorbar(x, y, yerr=2 * std, fmt="none", ecolor=NOISE, elinewidth=1.0, alpha=0.45)
             (dots,) = axes.plot(x, y, "o", color=NOISE, markersize=2 if len(x) > MANY else 5, alpha=0.5 if len(x) > MANY else 0.9)
-            _tell_samples(fit, dots, np.flatnonzero(told), i)
+            _name_samples(fit, dots, np.flatnonzero(measured_here), i)
             axes.set_xlim(limits)
             axes.set_ylim(limits)
             axes.set_aspect("equal")
@@ -83,7 +83,7 @@ def plot_residuals(fit: FitStatistics) -> Figure:
                 axes.vlines(samples, 0, r, color=PRIOR, linewidth=0.8)
             for which, color in ((np.abs(r) <= 2, NOISE), (outside, CRITERION)):
                 (dots,) = axes.plot(samples[which], r[which], "o", color=color, markersize=size)
-                _tell_samples(fit, dots, np.flatnonzero(which), i)
+                _name_samples(fit, dots, np.flatnonzero(which), i)
             reach = max(3.0, 1.1 * float(np.nanmax(np.abs(r))))
             axes.set_ylim(-reach, reach)
             axes.set_ylabel(quantity.name)
@@ -124,8 +124,8 @@ def plot_ellipses(fit: FitStatistics, level: float = 0.95) -> Figure:
 
     The quantile is that of chi-square with two degrees of freedom; where the noise was estimated, twice that of F.
     """
-    names, unknowns, told = fit.parameters, fit.weighted.unknowns, fit.precision.determined
-    pairs = [pair for pair in combinations(range(len(names)), 2) if told[list(pair)].all()]
+    names, unknowns, determined = fit.parameters, fit.weighted.unknowns, fit.precision.determined
+    pairs = [pair for pair in combinations(range(len(names)), 2) if determined[list(pair)].all()]
     pairs = sorted(sorted(pairs, key=lambda pair: -abs(fit.correlation[pair]))[:MOST_PAIRS])
     degrees = np.array(list(fit.quantile_degrees_of_freedom.values()))
     intervals = list(fit.intervals(level).values())
@@ -230,16 +230,16 @@ def plot_time(fit: FitStatistics) -> Figure:
             few = len(t) <= MANY
             for axes, (i, quantity) in zip(grid[:, column], outputs, strict=True):
                 y = measured[rows, i]
-                told = np.isfinite(y)
-                factor, unit = scale(quantity, np.append(y[told], simulated[:, i]))
+                measured_here = np.isfinite(y)
+                factor, unit = scale(quantity, np.append(y[measured_here], simulated[:, i]))
                 (line,) = axes.plot(curve, factor * simulated[:, i], color=NOISE, linewidth=1.3, zorder=1 if few else 3)
                 size = {"marker": "o", "markersize": 4} if few else {"marker": ".", "markersize": 3}
                 color = TEXT if few else PRIOR
-                (dots,) = axes.plot(at[told], factor * y[told], linestyle="", color=color, zorder=2, **size)
+                (dots,) = axes.plot(at[measured_here], factor * y[measured_here], linestyle="", color=color, zorder=2, **size)
                 handles = handles or [line, dots]
                 telling([line], f"{quantity.name} as simulated", f"simulated-{column}-{i}")
-                _tell_samples(fit, dots, np.arange(rows.start, rows.stop)[told], i)
-                rms = np.sqrt(np.mean(np.square(fit.residuals[rows, i][told]))) if told.any() else np.nan
+                _name_samples(fit, dots, np.arange(rows.start, rows.stop)[measured_here], i)
+                rms = np.sqrt(np.mean(np.square(fit.residuals[rows, i][measured_here]))) if measured_here.any() else np.nan
                 text = f"root mean square of the residuals {said(quantity, rms)}"
                 axes.set_title(text, fontsize=9, loc="right")
                 axes.set_ylabel(labelled(quantity.name, unit))
@@ -290,7 +290,7 @@ def _measured_outputs(fit: FitStatistics) -> Iterator[tuple[int, Quantity]]:
     return ((i, quantity) for i, quantity in enumerate(fit.model.outputs) if quantity.name in fit.tests)
 
 
-def _tell_samples(fit: FitStatistics, dots: Line2D, samples: NDArray[np.intp], i: int) -> None:
+def _name_samples(fit: FitStatistics, dots: Line2D, samples: NDArray[np.intp], i: int) -> None:
     """Have each dot of an output say of which sample it is, and what was measured; not where there are too many to hit one."""
     if len(samples) > MANY or not len(samples):
         return

@@ -45,14 +45,14 @@ class Precision:
         jacobian = without_rounding(jacobian)
         values, vectors, length = column_scaled_svd(jacobian)
         size = np.where(length > 0, length, 1.0)
-        told = values > NULL * max(values.max(initial=0.0), 1e-300)
-        half = vectors[told].T / values[told] / size[:, None]
-        null = vectors[~told] / size
+        nonzero = values > NULL * max(values.max(initial=0.0), 1e-300)
+        half = vectors[nonzero].T / values[nonzero] / size[:, None]
+        null = vectors[~nonzero] / size
         if len(null):
             null = reduced_basis(null, pivots(null))
             null = null / np.abs(null).max(axis=1, keepdims=True)
         share = values / max(values.max(initial=0.0), 1e-300)
-        weak = vectors[told & (share < WEAK)] / size
+        weak = vectors[nonzero & (share < WEAK)] / size
         determined = ~(np.abs(null) > 1e-6).any(axis=0) if len(null) else np.ones(len(length), dtype=bool)
         return cls(jacobian.T @ jacobian, half @ half.T, determined, null, weak)
 
@@ -77,9 +77,9 @@ def covariances(jacobian: Array, held: NDArray[np.bool_] | None = None) -> tuple
     length = np.linalg.norm(jacobian, axis=1)
     size = np.where(length > 0, length, 1.0)
     _, values, vectors = np.linalg.svd(jacobian / size[:, None, :], full_matrices=False)
-    told = values > NULL * np.maximum(values[:, :1], 1e-300)
-    half = vectors * np.divide(1.0, values, out=np.zeros_like(values), where=told)[:, :, None] / size[:, None, :]
-    null = np.where(told[:, :, None], 0.0, vectors)
+    nonzero = values > NULL * np.maximum(values[:, :1], 1e-300)
+    half = vectors * np.divide(1.0, values, out=np.zeros_like(values), where=nonzero)[:, :, None] / size[:, None, :]
+    null = np.where(nonzero[:, :, None], 0.0, vectors)
     return half.transpose(0, 2, 1) @ half, np.square(null).sum(axis=1) < 1e-12
 
 

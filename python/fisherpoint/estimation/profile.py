@@ -137,8 +137,8 @@ def profile_of(
     def step(now: ProfileProgress) -> Step:
         return Step(state=f"at {counted(now.values, 'value')}")
 
-    with following(progress, f"profile of {name}", step, counted=False) as told:
-        heard = held if told is None else _heard(held, told, started)
+    with following(progress, f"profile of {name}", step, counted=False) as report:
+        heard = held if report is None else _heard(held, report, started)
         walk(sides, heard, threshold)
         refine(sides, heard, threshold)
 
@@ -169,15 +169,15 @@ def profile_of(
 # The minimum over the other unknowns
 
 
-def _heard(held: Minimum, told: Callable[[ProfileProgress], None], started: float) -> Minimum:
-    """The same, which tells of every value."""
+def _heard(held: Minimum, report: Callable[[ProfileProgress], None], started: float) -> Minimum:
+    """Return `held` with a report of every value."""
     values = 0
 
     def heard(z: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
         nonlocal values
         found = held(z)
         values += len(z)
-        told(ProfileProgress(values, perf_counter() - started))
+        report(ProfileProgress(values, perf_counter() - started))
         return found
 
     return heard
@@ -195,7 +195,7 @@ class _Held(NamedTuple):
         return r, np.delete(jacobian, self.j, axis=2), ok
 
     def accuracy(self, problem: WeightedResiduals) -> Accuracy:
-        """Of the residuals, in the coordinates that are left."""
+        """Accuracy of the residuals, in the remaining coordinates."""
 
         def spacing(z: Array) -> Array:
             return np.delete(problem.unknowns.spacing(np.insert(z, self.j, 0.0, axis=1)), self.j, axis=1)

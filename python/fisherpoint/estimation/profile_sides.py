@@ -21,7 +21,7 @@ PRECISE = 1e-7
 """Error of the root of the deviance at an end, as a share of the threshold's."""
 
 FINEST = 1e-10
-"""Width of what is left around an end, in half linear intervals, from which on no more is told."""
+"""Width of the bracket of an end, in half linear intervals, at which its search stops."""
 
 Minimum = Callable[[Array], tuple[Array, Array, NDArray[np.bool_]]]
 """From coordinates (B, P), of which the profiled one stays: where the minimum over the others is, its deviance, or inf, and whether

@@ -130,7 +130,7 @@ class RecordResponse:
         return dy, first_failure(status.reshape(count, samples))
 
     def _in_one(self, theta: Array, x: Array) -> tuple[Array, IntArray]:
-        """The same by trajectories that are followed in one, some records at a time: slower, where a record is long."""
+        """Derivatives by whole trajectories, some records at a time: slower, where a record is long."""
         model, (count, samples, n_x), p = (
             self.model.free_start(*self.starts) if self.starts else self.model,
             x.shape,

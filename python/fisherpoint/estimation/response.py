@@ -60,7 +60,7 @@ def measurements_response(model: Model, points: Experiments, theta: Array, colum
 
 
 def runs_response(model: Model, runs: Runs, theta: Array, columns: list[int], settings: Integration) -> Response:
-    """The same of the S samples of K runs, run after run."""
+    """Response of the S samples of K runs, run after run."""
     count, (n_runs, segments), n_y = len(theta), runs.dt.shape, len(model.outputs)
     n_samples, each = int(runs.measured.sum()), max(1, MOST_POINTS // (n_runs * segments))
     y, dy = np.empty((count, n_samples, n_y)), np.empty((count, n_samples, n_y, len(columns)))

@@ -43,11 +43,11 @@ class RunError:
 
     @property
     def variances(self) -> Array:
-        """Of the samples in units of those of the noise, (n, n_y)."""
+        """Variances of the samples in units of those of the noise, (n, n_y)."""
         return self._common.variances.reshape(self.moved.shape[:2])
 
     def whitened(self, rows: Array) -> Array:
-        """Of rows (B, n, n_y, ...) in units of the noise: multiplied by R_k^-1/2."""
+        """Whiten rows (B, n, n_y, ...), in units of the noise: multiply by R_k^-1/2."""
         white = self._common.whitened(rows.reshape(len(rows), -1, int(np.prod(rows.shape[3:]))))
         return white.reshape(rows.shape)
 

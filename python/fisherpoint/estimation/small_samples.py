@@ -72,17 +72,17 @@ def inflated(jacobian: Array, covariance: Array, counts: NDArray[np.intp], full:
     g_c = J^T E_c e for residuals e = (I - H) v; their covariances are P x P matrices, whatever the number of samples. For a single
     output this leaves the covariance s^2 (J^T J)^-1 alone, and N - P degrees of freedom.
     """
-    std = np.sqrt(np.einsum("bpp->bp", covariance))  # unknowns in units of these: of ones that are hardly told, squares overflow
+    std = np.sqrt(np.einsum("bpp->bp", covariance))  # unknowns in units of these: squares of hardly determined ones overflow
     std = np.where(std > 0, std, 1.0)
     units, given = std[:, :, None] * std[:, None, :], covariance
     jacobian, covariance = jacobian * std[:, None, None, :], covariance / units
     degrees = output_degrees_of_freedom(jacobian, covariance, counts)
-    told = np.flatnonzero(counts)
-    pairs = [(a, b) for a in told for b in told if a == b or (full and a < b)]
+    measured = np.flatnonzero(counts)
+    pairs = [(a, b) for a in measured for b in measured if a == b or (full and a < b)]
     b_matrix, n_y = covariance, jacobian.shape[2]
     both = np.zeros((len(jacobian), n_y, n_y, *covariance.shape[1:]))  # sum_k J_ka J_kb^T
-    for a in told:
-        for b in told if full else (a,):
+    for a in measured:
+        for b in measured if full else (a,):
             both[:, a, b] = jacobian[:, :, a].transpose(0, 2, 1) @ jacobian[:, :, b]
     information = np.einsum("baapq->bpq", both)
     x_matrix = 2 * b_matrix - b_matrix @ information @ b_matrix  # of (I - H)(I - H)^T = I - J X J^T
@@ -99,17 +99,17 @@ def inflated(jacobian: Array, covariance: Array, counts: NDArray[np.intp], full:
         total: Array = np.einsum("xyc,bxypq->bcpq", weights, both, optimize=True)
         return total
 
-    moved, told_by = summed(effect), summed(estimator)
+    moved, by_estimator = summed(effect), summed(estimator)
     products = np.einsum("xzc,zyd->xycd", effect, effect), np.einsum("xzc,zyd->xycd", estimator, effect)
     of_effects, of_both = (np.einsum("xycd,bxypq->bcdpq", product, both, optimize=True) for product in products)
     scores = of_effects - np.einsum("bcpq,bqr,bdrs->bcdps", moved, x_matrix, moved, optimize=True)  # E[g_c g_d^T]
-    cross = of_both - np.einsum("bcpq,bqr,bdrs->bcdps", told_by, x_matrix, moved, optimize=True)
+    cross = of_both - np.einsum("bcpq,bqr,bdrs->bcdps", by_estimator, x_matrix, moved, optimize=True)
     feedback = 2 * np.einsum("bcdpq,bqp->bcd", cross, b_matrix) / size[:, :, None]
 
     squares = np.einsum("xzc,zyd->xycd", estimator, estimator)
     samples = np.einsum("xxcd,x->cd", squares, counts)
     once = np.einsum("xycd,bxypq,bqp->bcd", squares, both, x_matrix, optimize=True)
-    turned = told_by @ x_matrix[:, None]
+    turned = by_estimator @ x_matrix[:, None]
     twice = np.einsum("bcpq,bdqp->bcd", turned, turned)
     noise = 2 * (samples - 2 * once + twice) / (size[:, :, None] * size[:, None, :])
     largest = np.abs(np.linalg.eigvals(feedback)).max(axis=1)
@@ -118,7 +118,7 @@ def inflated(jacobian: Array, covariance: Array, counts: NDArray[np.intp], full:
     weights = turn @ noise @ turn.transpose(0, 2, 1)  # covariance of the estimated delta
 
     added = b_matrix @ np.einsum("bcd,bcdpq->bpq", weights, scores) @ b_matrix
-    # A covariance itself; where next to nothing is told, rounding makes anything of it.
+    # A covariance itself; where next to nothing is determined, it is rounding.
     added[(np.einsum("bpp->bp", added) < 0).any(axis=1)] = 0.0
     shares = np.einsum("bpq,bcqr,brp->bcp", b_matrix, moved, b_matrix, optimize=True)
     spread = np.einsum("bcp,bcd,bdp->bp", shares, weights, shares, optimize=True)

@@ -24,8 +24,11 @@ MOST_DRAWN = 8
 """Nodes of the prior, for each start, that are tried where trajectories are not ok."""
 
 WIDER = 2.0
-"""How many times as far from the prior's mean as its nodes further starts lie. Of 96 fits to data of two tanks with kinks, from two
-standard deviations off the truth, 75 came to the truth from 8 starts, and 92 with further ones where they were asked for."""
+"""Distance of further starts from the prior's mean, in multiples of that of its nodes.
+
+Of 96 fits to data of two tanks with kinks, from two standard deviations off the truth, 75 came to the truth from 8 starts, and 92
+with further ones where these were requested.
+"""
 
 TRIED = 32
 """Further nodes, for each start, of which the residuals are looked at."""

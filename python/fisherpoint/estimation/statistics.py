@@ -26,7 +26,7 @@ OFF = 0.001
 """Probability of a chi-square by chance below which the model or the noise of an output is called wrong."""
 
 FEWEST_DEGREES = 0.5
-"""Of freedom of an output, below which its residuals do not tell its noise."""
+"""Degrees of freedom of an output below which its residuals do not determine its noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,7 @@ class FitStatistics:
 
     @property
     def units(self) -> Mapping[str, str]:
-        """Of the unknowns, by name."""
+        """Units of the unknowns, by name."""
         of_states = {q.name: q.unit for q in self.model.states}
         units = {q.name: q.unit for q in self.weighted.observed.model.parameters}
         units |= {name: of_states[state] for name, (state, _) in self.weighted.observed.starts.items()}
@@ -191,7 +191,7 @@ class FitStatistics:
 
     @cached_property
     def apriori_covariance(self) -> Array | None:
-        """D of (17) for the measured points, beside which (10) shows what the data told: the noise's covariance plus the mean
+        """D of (17) for the measured points, beside which (10) shows what the data have added: the noise's covariance plus the mean
         predictive covariance over the prior, (n_y, n_y); None without a prior of all parameters, for records, and beside
         uncertain constants, which all samples share."""
         if self.nuisance:
@@ -279,7 +279,7 @@ class FitStatistics:
 
     @cached_property
     def jacobian(self) -> Array:
-        """Of the whitened residuals, with the prior's rows last: (M, P)."""
+        """Jacobian (M, P) of the whitened residuals, with the prior's rows last."""
         jacobian: Array = self.weighted(self.z[None], np.zeros(1, dtype=np.intp))[1][0]
         return jacobian
 

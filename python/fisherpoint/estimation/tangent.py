@@ -55,7 +55,7 @@ class Tangent(NamedTuple):
         return cls(size * length, triangle, basis, (basis.transpose(0, 2, 1) @ r[:, :, None])[:, :, 0], blank)
 
     def some(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Tangent:
-        """Of these problems alone."""
+        """Tangents of these problems alone."""
         return Tangent(self.size[rows], self.triangle[rows], self.basis[rows], self.along[rows], self.blank[rows])
 
     def put(self, rows: NDArray[np.intp], other: Tangent) -> None:
@@ -65,7 +65,7 @@ class Tangent(NamedTuple):
 
     @property
     def gradient(self) -> Array:
-        """Of half the sum of squares, (B, P)."""
+        """Gradient (B, P) of half the sum of squares."""
         return self.size * (self.triangle.transpose(0, 2, 1) @ self.along[:, :, None])[:, :, 0]
 
     def length(self, free: NDArray[np.bool_], negligible: float) -> Array:
@@ -81,8 +81,8 @@ class Tangent(NamedTuple):
         if len(some):
             turned, values, _ = np.linalg.svd(self.triangle[some] * free[some, None, :], full_matrices=False)
             parts = (turned.transpose(0, 2, 1) @ self.along[some, :, None])[:, :, 0]
-            told = values > negligible * values[:, :1]
-            length[some] = np.sqrt(np.square(np.where(told, parts, 0.0)).sum(axis=1))
+            nonzero = values > negligible * values[:, :1]
+            length[some] = np.sqrt(np.square(np.where(nonzero, parts, 0.0)).sum(axis=1))
         return length
 
     def damped(self, free: NDArray[np.bool_], units: Array, damping: Array) -> Damped:

@@ -35,7 +35,7 @@ def residual_covariance(residuals: Array) -> Array:
 def likelihood_deviance(covariance: Array, measured: NDArray[np.bool_], full: bool) -> Array:
     """-2 log likelihood (B,), but for a constant, where the noise has the residual covariance (B, n_y, n_y): N log det of (10).
 
-    Where correlations are not told, the sum over outputs of their number of values times the logarithm of the variance.
+    Without correlations, the sum over outputs of their number of values times the logarithm of the variance.
     """
     if full:
         return np.asarray(len(measured) * np.linalg.slogdet(covariance)[1])
@@ -59,7 +59,7 @@ def correlations_can_be_told(measured: NDArray[np.bool_], n_unknowns: int) -> bo
 
 
 def floor(y: Array) -> Array:
-    """Variances (n_y,) that the rounding of outputs y (..., N, n_y) makes: residuals below cannot be told from it."""
+    """Variances (n_y,) that the rounding of outputs y (..., N, n_y) makes: residuals below cannot be distinguished from it."""
     measured = np.isfinite(y)
     squares = np.where(measured, y, 0.0) ** 2
     axes = tuple(range(y.ndim - 1))

@@ -75,7 +75,7 @@ class Unknowns:
         return tuple(name for name, at in zip(self.names, self.held(z), strict=True) if at)
 
     def without_bounds(self, names: Collection[str]) -> Unknowns:
-        """The same, with no bounds of those of these names."""
+        """Return these unknowns without the bounds of those of these names."""
         free = np.isin(self.names, list(names))
         return replace(self, lower=np.where(free, -np.inf, self.lower), upper=np.where(free, np.inf, self.upper))
 

@@ -90,7 +90,7 @@ class WeightedResiduals:
 
     @property
     def variances(self) -> Array:
-        """Of the noise of every output, (..., n_y), with what is common to runs."""
+        """Variances of the noise of every output, (..., n_y), with what is common to runs."""
         variances = np.einsum("...ii->...i", self.covariance)
         if self.common:
             variances = np.broadcast_to(variances, self.measured.shape).copy()
@@ -100,9 +100,9 @@ class WeightedResiduals:
 
     @property
     def accuracy(self) -> Accuracy:
-        """Of the residuals in units of the noise: rounding, or the trajectories' tolerance, is a share of what was measured.
+        """Accuracy of the residuals in units of the noise: rounding, or the trajectories' tolerance, is a share of the outputs.
 
-        Beside it, that of the unknowns: one that is many standard errors from zero has few digits for these.
+        It has that of the unknowns too: one that is many standard errors from zero has few digits for these.
         """
         share = self.observed.precision * np.nan_to_num(self.y) / np.sqrt(np.einsum("...ii->...i", self.covariance))
         return Accuracy(np.asarray(np.sqrt(np.square(share).sum(axis=(1, 2)))), self.observed.precision, self.unknowns.spacing)
