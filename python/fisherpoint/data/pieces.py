@@ -80,8 +80,8 @@ class Pieces:
             kept &= ~there
         left_out = FrozenMapping({reason: count for reason, count in counts.items() if count})
         if not kept.any():
-            reasons = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
-            raise ValueError(f"record: expected a window with a measured start and a measured output, given none: {reasons}")
+            listed = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
+            raise ValueError(f"record: expected a window with a measured start and a measured output, given none: {listed}")
         return first[kept], left_out
 
     def __len__(self) -> int:
