@@ -18,10 +18,10 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .design.exchange import exchange
     from .design.found import TraceRecord
     from .design.optimality.approximate_design import ApproximateDesign
-    from .design.optimality.asked import criterion
     from .design.optimality.branch_and_bound import ExactProgress
     from .design.optimality.criteria import Criterion
     from .design.optimality.exact_design import ExactDesign
+    from .design.optimality.goal import criterion
     from .design.over_prior import OverPrior
     from .design.pieces.best_pieces import best_pieces
     from .design.pieces.piece_design import PieceDesign
@@ -187,7 +187,7 @@ _PLACES = {
     ".design.optimality.approximate_design": ("ApproximateDesign",),
     ".design.optimality.branch_and_bound": ("ExactProgress",),
     ".design.optimality.exact_design": ("ExactDesign",),
-    ".design.optimality.asked": ("criterion",),
+    ".design.optimality.goal": ("criterion",),
     ".design.optimality.criteria": ("Criterion",),
     ".design.over_prior": ("OverPrior",),
     ".design.pieces.best_pieces": ("best_pieces",),

@@ -11,11 +11,11 @@ import typer
 import fisherpoint as fp
 from fisherpoint.basics.messages import printable
 
-from .asked import shell_line
+from .argv import shell_line
 from .exits import INTERRUPTED
 from .importing import importing
-from .kept import begin_writing
 from .options import Check, NoPlots, Output, Quiet, Seed, Threads
+from .partial_output import begin_writing
 from .standard_input import one_from_standard_input
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ def _check(config: Config, settings: dict[str, Any], file: Path, output: Path | 
     """Look at the campaign that there is, or would be, and at the data."""
     from fisherpoint.show.numbers import counted, percent
 
-    from .checked import run_rows, search_rows, settings_of, show_plan
+    from .dry_run import run_rows, search_rows, settings_of, show_plan
 
     rows, files = [("campaign", "a new one")], [file]
     if output is not None and fp.Campaign.is_in(output):
@@ -153,7 +153,7 @@ def _opened(config: Config, settings: dict[str, Any], directory: Path, threads: 
 
 
 def _refuse_changes(config: Config, given: fp.Campaign, found: fp.Campaign, directory: Path) -> None:
-    from .changed import first_difference
+    from .config_diff import first_difference
 
     change = first_difference(given, found, directory)
     if change is not None:

@@ -14,11 +14,11 @@ from typing import Annotated
 import fisherpoint as fp
 from fisherpoint.basics.standard_input import hold_standard_input
 
-from .alive import Sign
-from .asked import ARGUMENTS, is_quiet
+from .argv import ARGUMENTS, is_quiet
 from .exits import INTERRUPTED, MISUSE, READER_LEFT, complain, why_not_imported
+from .heartbeat import Sign
 from .importing import importing
-from .kept import WRITING, kept
+from .partial_output import WRITING, kept
 
 try:
     import typer

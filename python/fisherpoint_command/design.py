@@ -11,7 +11,7 @@ import typer
 
 import fisherpoint as fp
 
-from .asked import shell_line
+from .argv import shell_line
 from .exits import INTERRUPTED, complain
 from .importing import importing
 from .options import Check, File, Force, NoPlots, Output, Previous, Quiet, Seed, Threads
@@ -74,8 +74,8 @@ def design(
         from fisherpoint.design.plots import plots_of
         from fisherpoint.points.outside import few, outside
 
-        from .checked import points_row, search_rows, settings_of, show_plan
         from .drawing import drawers
+        from .dry_run import points_row, search_rows, settings_of, show_plan
         from .results import free_directory, make_directory, needed, remove_old
         from .runs import design_of_runs, read_previous
         from .terminal import as_file, read_config, read_data, say, show

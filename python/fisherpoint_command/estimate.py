@@ -62,9 +62,9 @@ def estimate(
         from fisherpoint.design.configuration import ConfigError
         from fisherpoint.estimation.plots import plots_of
 
-        from .alive import alive
-        from .checked import about, show_plan
         from .drawing import drawers
+        from .dry_run import about, show_plan
+        from .heartbeat import alive
         from .results import free_directory, make_directory, needed, remove_old
         from .terminal import as_file, read_config, read_data, say, show
         from .written import write_shown

@@ -8,8 +8,8 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from .alive import alive
 from .exits import leave
+from .heartbeat import alive
 
 
 @contextmanager

@@ -37,7 +37,7 @@ def init(
         from fisherpoint.design.example_files import example_texts
         from fisherpoint.design.first_file import first_file
 
-        from .asked import shell_line
+        from .argv import shell_line
         from .terminal import check_file, say
     texts = example_texts()
     if model is not None and example is not None:

@@ -37,9 +37,9 @@ def evaluate(
         from fisherpoint.information.problem_report import problem_sections
         from fisherpoint.points.outside import few, outside
 
-        from .alive import alive
-        from .checked import about, points_row, show_plan, size_of
         from .drawing import drawers
+        from .dry_run import about, points_row, show_plan, size_of
+        from .heartbeat import alive
         from .results import free_directory, make_directory, remove_old
         from .runs import RUN_PICTURES, evaluate_runs, read_points
         from .terminal import as_file, read_config, read_data, say, show
@@ -109,8 +109,8 @@ def simulate(
         from fisherpoint.design.configuration import ConfigError
         from fisherpoint.design.report import simulation_report
 
-        from .alive import alive
-        from .checked import about, points_row, show_plan, size_of
+        from .dry_run import about, points_row, show_plan, size_of
+        from .heartbeat import alive
         from .runs import read_points, run_report, run_simulation_csv
         from .terminal import check_file, read_config, read_data, show
         from .virtual import measured

@@ -12,7 +12,7 @@ from fisherpoint.design.plots import PICTURES as OF_POINTS
 from fisherpoint.design.runs.run_plots import PICTURES as OF_RUNS
 from fisherpoint.estimation.plots import PICTURES as OF_A_FIT
 
-from .kept import begin_writing
+from .partial_output import begin_writing
 from .terminal import say
 from .written import PAGE
 

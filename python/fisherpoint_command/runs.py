@@ -18,8 +18,8 @@ from fisherpoint.points.run_files import RUN, SEGMENT
 from fisherpoint.points.run_trajectories import RunTrajectories
 from fisherpoint.show.section import Report
 
-from .checked import run_rows, show_plan
 from .drawing import Drawers, drawers
+from .dry_run import run_rows, show_plan
 from .exits import INTERRUPTED, complain
 from .results import free_directory, make_directory, remove_old
 from .terminal import as_file, say, show

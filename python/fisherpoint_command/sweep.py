@@ -59,8 +59,8 @@ def sweep(
         from fisherpoint.design.configuration import ConfigError
         from fisherpoint.points.experiments import points_csv
 
-        from .checked import search_rows, settings_of, show_plan
         from .drawing import drawers
+        from .dry_run import search_rows, settings_of, show_plan
         from .results import free_directory, make_directory, needed, remove_old
         from .runs import read_previous
         from .terminal import as_file, read_config, read_data, say, show

@@ -19,8 +19,8 @@ from fisherpoint.show.console import to_rich
 from fisherpoint.show.section import Report
 from fisherpoint.show.text import to_text
 
-from .alive import alive
 from .exits import complain
+from .heartbeat import alive
 
 Read = TypeVar("Read")
 

@@ -56,8 +56,8 @@ def validate(
         import fisherpoint.validation.validate  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_together
 
-        from .checked import about, points_row, show_plan, size_of
         from .drawing import drawers
+        from .dry_run import about, points_row, show_plan, size_of
         from .results import free_directory, make_directory, needed, remove_old
         from .runs import read_points
         from .terminal import as_file, named_files, read_config, read_data, say, show, warn_of_outside

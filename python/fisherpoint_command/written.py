@@ -12,9 +12,9 @@ from fisherpoint.show.page import PagePicture, to_page
 from fisherpoint.show.section import Report, Section
 from fisherpoint.show.shown import Plots, Shown
 
-from .alive import alive
-from .asked import repeated
+from .argv import repeated
 from .drawing import Drawers
+from .heartbeat import alive
 
 PAGE = "report.html"
 

@@ -16,9 +16,9 @@ import fisherpoint as fp
 from conftest import REGION
 from defaults import MODEL, problem, same_bits
 from fisherpoint.design.average import Average
-from fisherpoint.design.optimality.added import gains
 from fisherpoint.design.optimality.aims import aim_of
 from fisherpoint.design.optimality.criteria import Determinant
+from fisherpoint.design.optimality.rank_updates import gains
 from fisherpoint.design.points import auto_search, pool_search
 from fisherpoint.design.points.auto_search import PEAKS, UNCONFIRMED, AutoSearch
 from fisherpoint.design.points.pool import APART, best_of_each, far_apart

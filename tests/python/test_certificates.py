@@ -18,8 +18,8 @@ from fisherpoint.design.optimality.criteria import Determinant
 from fisherpoint.design.optimality.eigenvalue_criteria import SmallestEigenvalue
 from fisherpoint.design.optimality.estimable import estimable
 from fisherpoint.design.optimality.weights import optimal_weights
+from fisherpoint.design.points.candidate_archive import CandidateArchive
 from fisherpoint.design.points.over_bound import over_bound
-from fisherpoint.design.points.seen_candidates import SeenCandidates
 from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.information.evaluation import evaluate_information
 from fisherpoint.information.output_covariance import criterion
@@ -85,7 +85,7 @@ def _over(rows: np.ndarray, average: Any, chosen: np.ndarray) -> float:
 def test_the_efficiency_of_a_bad_exact_design_is_what_it_is() -> None:
     """Three points of the quadratic within |x| <= a have a^6 of the determinant, and (a^2)-times the D-efficiency."""
     given = problem()
-    seen = SeenCandidates(given, 1)
+    seen = CandidateArchive(given, 1)
     seen.add(information(given, *np.linspace(-1, 1, 41)))
     for a in (0.3, 0.6, 0.9):
         found = seen.bound(information(given, -a, 0.0, a), None)
@@ -220,7 +220,7 @@ def test_no_random_design_of_the_candidates_exceeds_their_bound(
         nulls = np.array([[null.get(name, 0.0) for name in given.estimated] for null in everything.null_directions]).T
         span = np.linalg.qr(nulls, mode="complete")[0][:, nulls.shape[1] :]
         aim = aim_of(Determinant("D", span, True))
-    seen = SeenCandidates(given, 1, [aim])
+    seen = CandidateArchive(given, 1, [aim])
     seen.add(pool)
     found = seen.bound(pool[rng.integers(30, size=size)], previous)
     assert found is not None

@@ -23,9 +23,9 @@ from fisherpoint.basics.standard_input import held
 from fisherpoint.design.configuration import load_config
 from fisherpoint.design.example_files import PLACES, example_texts
 from fisherpoint.models.toml import load_model
-from fisherpoint_command import alive as signs
 from fisherpoint_command import cli
-from fisherpoint_command.asked import ARGUMENTS
+from fisherpoint_command import heartbeat as signs
+from fisherpoint_command.argv import ARGUMENTS
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "examples"

@@ -12,7 +12,7 @@ import fisherpoint as fp
 from fisherpoint.design.optimality.candidate_rows import CandidateRows
 from fisherpoint.design.optimality.criteria import Determinant
 from fisherpoint.design.optimality.weights import optimal_weights
-from fisherpoint.design.points.seen_candidates import SeenCandidates
+from fisherpoint.design.points.candidate_archive import CandidateArchive
 from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.information.point_information import PointInformation
 
@@ -45,7 +45,7 @@ def log_det(*x: float) -> float:
 
 def bound_of(*candidates: float, design: tuple[float, ...] = (-1.0, 0.2, 1.0)) -> tuple[float, int]:
     given = problem()
-    seen = SeenCandidates(given, 1)
+    seen = CandidateArchive(given, 1)
     for x in candidates:
         seen.add(information(given, x))
     found = seen.bound(information(given, *design), None)
@@ -73,7 +73,7 @@ def test_it_is_of_these_candidates_alone() -> None:
 
 def test_previous_points_stay() -> None:
     given = problem()
-    seen = SeenCandidates(given, 1)
+    seen = CandidateArchive(given, 1)
     grid = np.linspace(-1, 1, 5)
     seen.add(information(given, *grid))
     found = seen.bound(information(given, -1.0, 0.5, 1.0), information(given, 0.9, 0.9, 0.9, 0.8))
@@ -94,7 +94,7 @@ def test_candidates_that_some_plants_cannot_run_do_not_count() -> None:
         points = fp.Experiments(np.ones((len(dt), 1)), np.zeros((len(dt), 0)), np.array(dt))
         return CandidateSource(given, np.random.default_rng(0), 1).survivors(points)[0]
 
-    seen = SeenCandidates(given, 1)
+    seen = CandidateArchive(given, 1)
     seen.add(of(0.3, 0.5, 0.93))  # the last ends at p = 1.2, which explodes at 0.83
     found = seen.bound(of(0.4), None)
     assert found is not None
@@ -104,7 +104,7 @@ def test_candidates_that_some_plants_cannot_run_do_not_count() -> None:
 
 def test_there_is_none_where_not_all_parameters_can_be_determined() -> None:
     given = problem()
-    seen = SeenCandidates(given, 1)
+    seen = CandidateArchive(given, 1)
     assert seen.bound(information(given, 0.5, -0.5), None) is None
 
 

@@ -12,7 +12,7 @@ import fisherpoint as fp
 from fisherpoint.design.configuration import load_config
 from fisherpoint.design.optimality.aims import LogDetWithin, aim_of
 from fisherpoint.design.optimality.criteria import Determinant, Variance
-from fisherpoint.design.optimality.told import RUNS, told_aims
+from fisherpoint.design.optimality.estimability import RUNS, restricted_aims
 from fisherpoint.information.combinations import combination
 from fisherpoint.information.null_space import null_directions
 from test_exact_criteria import blind
@@ -239,15 +239,15 @@ def test_one_candidate_among_many_may_tell_more(among: int) -> None:
     rows[0, :, 0, 2] = 1.0
     rows[0, 1, :, :2] = np.eye(2)
     asked = aim_of(Variance("A", np.eye(3), True))
-    aims, _ = told_aims(blind(), [asked], rows, np.zeros((1, 3, 3)), 2, "error", RUNS)
+    aims, _ = restricted_aims(blind(), [asked], rows, np.zeros((1, 3, 3)), 2, "error", RUNS)
     assert aims[0].criterion.name == "A"
     with pytest.raises(ValueError, match="as singular = 'error' asks, given 1, which leave some"):
-        told_aims(blind(), [asked], rows, np.zeros((1, 3, 3)), 1, "error", RUNS)
+        restricted_aims(blind(), [asked], rows, np.zeros((1, 3, 3)), 1, "error", RUNS)
 
 
 def test_what_is_known_counts_however_well_it_is_known() -> None:
     rows = np.zeros((1, 5, 1, 3))
     rows[0, :, 0, 2] = 1.0
     known = np.diag([1e22, 1.0, 0.0])[None]
-    aims, spaces = told_aims(blind(), [aim_of(Variance("A", np.eye(3), True))], rows, known, 1, "error", RUNS)
+    aims, spaces = restricted_aims(blind(), [aim_of(Variance("A", np.eye(3), True))], rows, known, 1, "error", RUNS)
     assert aims[0].criterion.name == "A" and spaces[0].rank == 3

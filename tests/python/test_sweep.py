@@ -12,8 +12,8 @@ import pytest
 import fisherpoint as fp
 from defaults import problem as cylinder
 from defaults import valid_points
+from fisherpoint.design.points.candidate_archive import CandidateArchive
 from fisherpoint.design.points.point_search import PointSearch
-from fisherpoint.design.points.seen_candidates import SeenCandidates
 from fisherpoint_command import cli
 
 QUADRATIC = fp.SymbolicModel(
@@ -135,13 +135,13 @@ def test_no_knee_is_told_where_the_errors_fall_ever_faster_or_rise(
 
 def test_candidates_of_the_next_size_are_chosen_by_the_criterion_at_the_mean(monkeypatch: pytest.MonkeyPatch) -> None:
     """Not by the function's gradient in the first of the scenarios, for information at the mean."""
-    asked, best = [], SeenCandidates.best
+    asked, best = [], CandidateArchive.best
 
-    def noted(seen: SeenCandidates, *given: Any) -> Any:
+    def noted(seen: CandidateArchive, *given: Any) -> Any:
         asked.extend(aim.criterion for aim in seen.aims)
         return best(seen, *given)
 
-    monkeypatch.setattr(SeenCandidates, "best", noted)
+    monkeypatch.setattr(CandidateArchive, "best", noted)
     problem = fp.load_problem(EXAMPLES / "michaelis_menten.toml")
     over = fp.OverPrior("log", scenarios=[{"K": 0.2}, {}])
     found = fp.sweep(problem, [2, 3], criterion="c", of="V / K", over=over, n_candidates=10, max_iterations=8)

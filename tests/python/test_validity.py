@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.information.node_sieve import AT_FIRST, FEW, LEARNT, REMEMBERED
+from fisherpoint.information.pilot_nodes import AT_FIRST, FEW, LEARNT, REMEMBERED
 from fisherpoint.information.point_information import PointInformation, point_sensitivities, with_covariance
 from fisherpoint.information.validity import Validity
 from fisherpoint.points.status import Status

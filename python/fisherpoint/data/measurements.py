@@ -16,8 +16,8 @@ from ..basics.values import Array
 from ..models import Model
 from ..points.experiments import Experiments
 from ..points.runs import Runs
-from ..show.first_rows import InNotebooks, beside, first_rows, numbered
 from ..show.section import Report
+from ..show.table_preview import InNotebooks, beside, first_rows, numbered
 from .measured_outputs import measured_outputs, measured_run_outputs, told_runs
 from .measurement_files import measurements_csv, read_measurements
 

@@ -18,8 +18,8 @@ from ..basics.quantity import Quantity, names_of
 from ..basics.values import Array
 from ..models import Model
 from ..points.run_files import time_name
-from ..show.first_rows import InNotebooks, first_rows, numbered
 from ..show.section import Report
+from ..show.table_preview import InNotebooks, first_rows, numbered
 from .measured_outputs import measured_outputs
 
 

@@ -15,9 +15,9 @@ from ..models import Model
 from ..points.natural_sizes import warn_of_small_states
 from ..points.settings import Integration, check_rtol
 from ..points.status import Status
-from ..show.first_rows import first_rows, numbered
 from ..show.numbers import counted
 from ..show.section import Report
+from ..show.table_preview import first_rows, numbered
 from ..show.text import to_html
 from .record import checked_times, held_inputs
 

@@ -19,15 +19,15 @@ from ..points.region import ExperimentRegion
 from ..points.settings import resolve_threads
 from ..show.progress import Step, check_progress, following
 from .optimality.approximate_design import ApproximateDesign
-from .optimality.asked import CRITERIA, OF_ALL
-from .optimality.asked import criterion as criterion_of
 from .optimality.averaged import Averaged, EstimableOver, parted
 from .optimality.candidate_rows import CandidateRows
 from .optimality.continuous import Refinement, refined
 from .optimality.criteria import Criterion
+from .optimality.estimability import NOT_TOLD, determined, not_told
 from .optimality.estimable import estimable
+from .optimality.goal import CRITERIA, OF_ALL
+from .optimality.goal import criterion as criterion_of
 from .optimality.point_rows import PointRows, check_additive
-from .optimality.told import NOT_TOLD, determined, not_told
 from .optimality.weights import optimal_weights
 from .over_prior import OverPrior, Scenarios, moved_problems
 from .points.auto_search import AutoSearch

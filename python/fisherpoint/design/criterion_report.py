@@ -10,8 +10,8 @@ import numpy as np
 
 from ..information.evaluation import Evaluation
 from ..show.numbers import computed, percent_down
-from .optimality.asked import CriterionSettings, named
 from .optimality.criteria import Criterion
+from .optimality.goal import CriterionSettings, named
 from .over_prior import OverPrior
 
 

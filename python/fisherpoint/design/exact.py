@@ -15,14 +15,14 @@ from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from ..points.settings import resolve_threads
 from .exact_search import ExactSearch, Limits
-from .optimality.asked import CRITERIA
-from .optimality.asked import criterion as criterion_of
 from .optimality.branch_and_bound import ExactProgress
 from .optimality.candidate_rows import CandidateRows
+from .optimality.estimability import NOT_TOLD, determined, not_told
 from .optimality.estimable import estimable
 from .optimality.exact_design import ExactDesign
+from .optimality.goal import CRITERIA
+from .optimality.goal import criterion as criterion_of
 from .optimality.point_rows import PointRows, check_additive
-from .optimality.told import NOT_TOLD, determined, not_told
 from .optimality.weights import optimal_weights
 
 TOLERANCE = 1e-6

@@ -28,8 +28,8 @@ from ..show.progress import check_progress, following
 from .efficiency import Efficiency, efficiency_of, median_of, random_designs
 from .found import FoundDesign
 from .optimality.aims import LogDet
-from .optimality.asked import OF_ALL
-from .optimality.told import determined, refuse_open
+from .optimality.estimability import determined, refuse_open
+from .optimality.goal import OF_ALL
 from .over_prior import OverPrior, Scenarios, moved_problems
 from .points.auto_search import AutoSearch
 from .points.exchange_search import ExchangeSearch

@@ -14,8 +14,8 @@ from ..information.feasibility import Feasibility, feasibility
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from .efficiency import Efficiency
-from .optimality.asked import criterion_of_design
 from .optimality.criteria import Criterion
+from .optimality.goal import criterion_of_design
 from .scenario_values import ScenarioValues
 from .settings import ExchangeSettings
 

@@ -25,7 +25,7 @@ from .criterion_report import at_least, bound_of, goal_facts, goal_text, in_unit
 from .efficiency import Efficiency
 from .evaluated import Evaluated
 from .found import FoundDesign
-from .optimality.asked import named
+from .optimality.goal import named
 from .over_report import over_sections
 from .settings import searched_by
 from .singular_report import ridge_facts, singular_warning

@@ -24,7 +24,7 @@ from ..information.output_covariance import needs_covariances
 from ..information.problem import DesignProblem
 from ..points.codec import points_from_json, points_to_json
 from ..points.experiments import Experiments
-from .optimality.asked import CRITERIA
+from .optimality.goal import CRITERIA
 from .over_prior import OverPrior
 
 Kind = TypeVar("Kind")

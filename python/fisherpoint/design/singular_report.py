@@ -9,7 +9,7 @@ from ..information.combinations import combinations
 from ..show.numbers import counted, number
 from .evaluated import Evaluated
 from .found import FoundDesign
-from .optimality.asked import OF_ALL
+from .optimality.goal import OF_ALL
 
 GUIDE = "docs/how_to/singular.md"
 

@@ -30,11 +30,11 @@ from ..show.shown import Plots, Shown
 from .cost import Cost
 from .exchange import check_determined, scenarios_of
 from .optimality.aims import Aim
-from .optimality.asked import OF_ALL
-from .optimality.told import determined, not_told, refuse_open
+from .optimality.estimability import determined, not_told, refuse_open
+from .optimality.goal import OF_ALL
 from .over_prior import OverPrior
+from .points.candidate_archive import CandidateArchive
 from .points.point_search import PointSearch, Progress
-from .points.seen_candidates import SeenCandidates
 from .points.size_search import sized_searches
 from .search_steps import sizes_step
 from .settings import MOST, ExchangeSettings, check_goal, most_iterations
@@ -178,7 +178,7 @@ def sweep(
     check_goal(settings, problem)
     known, _ = previous_information(problem, previous, threads)
     scenarios = None if over is None else scenarios_of(problem, settings, previous, None, known, threads)
-    seen = SeenCandidates(problem, threads, of_prior=information_of_prior(problem, settings.prior_information))
+    seen = CandidateArchive(problem, threads, of_prior=information_of_prior(problem, settings.prior_information))
     found: list[_Found] = []
     space, ridge, aims = None, 0.0, seen.aims
     search: PointSearch | None = None

@@ -8,7 +8,7 @@ from ..information.combinations import combinations
 from ..show.numbers import computed, counted, number, percent, percent_down
 from ..show.section import Report, Section
 from .criterion_report import maximised_of
-from .optimality.asked import OF_ALL
+from .optimality.goal import OF_ALL
 from .singular_report import GUIDE, ridge_facts
 from .swept import SweptDesigns
 

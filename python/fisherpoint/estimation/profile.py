@@ -21,10 +21,10 @@ from ..basics.checks import as_probability, check_known
 from ..basics.extras import needed_for
 from ..basics.values import Array
 from ..points.settings import resolve_threads
-from ..show.first_rows import InNotebooks
 from ..show.numbers import counted, number
 from ..show.progress import Step, check_progress, following
 from ..show.section import Report, Section
+from ..show.table_preview import InNotebooks
 from .least_squares import CONVERGED, NOT_EVALUABLE, Accuracy, Residuals, minimise
 from .precision import Precision
 from .profile_curve import BOUND, FOUND, OPEN, ProfileCurve

@@ -22,8 +22,8 @@ from ..points.run_region import RunRegion
 from ..points.settings import Integration, check_jumps, check_kinks, check_rtol, crossed_surfaces, resolve_threads
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import DEFAULT_RULE, Rule
-from ..show.first_rows import InNotebooks
 from ..show.section import Report
+from ..show.table_preview import InNotebooks
 from .assumed import Assumed, assumed_of
 from .problem_report import problem_sections
 

@@ -12,7 +12,7 @@ from ..basics.values import Array, IntArray
 from ..points.experiments import Experiments
 from ..points.status import Status
 from .longest import SHORT
-from .node_sieve import NodeSieve, fatal, lasting
+from .pilot_nodes import PilotNodes, fatal, lasting
 from .point_information import PointInformation, statuses_over_nodes, with_covariance
 from .problem import DesignProblem
 
@@ -32,12 +32,12 @@ class Validity:
         self._problem, self._threads, self._covariances = problem, threads, covariances
         settings = problem.integration(threads)
         self._settings = settings
-        self._sieve = NodeSieve(problem, settings)
+        self._sieve = PilotNodes(problem, settings)
         self._known: dict[bytes, bool] = {}  # by the numbers of a point
 
     def ask(self, plants: Array) -> None:
         """Require plants (m, p), parameters as of `drawn_plants`: from now on valid points are also ok on all of them."""
-        self._sieve = NodeSieve(self._problem, self._settings, plants)
+        self._sieve = PilotNodes(self._problem, self._settings, plants)
         self._known.clear()
 
     def tried(self, points: PointInformation) -> tuple[PointInformation, IntArray]:

@@ -16,8 +16,8 @@ from ..basics.messages import listed, shown
 from ..basics.quantity import DURATION, names_of
 from ..basics.values import Array
 from ..models import Model
-from ..show.first_rows import InNotebooks, first_rows, numbered
 from ..show.section import Report
+from ..show.table_preview import InNotebooks, first_rows, numbered
 
 BOOKKEEPING = ("comment", "note", "time", "date", "operator", "run", "point", "replicate", "batch")
 """Columns that a rig's file may have besides, and that are not read."""

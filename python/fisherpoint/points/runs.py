@@ -15,8 +15,8 @@ from ..basics.files import write_whole
 from ..basics.messages import shown
 from ..basics.values import Array
 from ..models import Model
-from ..show.first_rows import InNotebooks, first_rows, numbered
 from ..show.section import Report
+from ..show.table_preview import InNotebooks, first_rows, numbered
 from .experiments import Experiments, checked_columns, columns_of
 from .rest import Rest, Rests, any_rests, as_rests, joined_rests
 from .run_files import read_runs, runs_csv

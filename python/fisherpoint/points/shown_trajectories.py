@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..basics.values import Array, IntArray
-from ..show.first_rows import MOST, first_rows, numbered
 from ..show.numbers import counted
 from ..show.section import Report
+from ..show.table_preview import MOST, first_rows, numbered
 from .status import Status, failures_of, named
 
 

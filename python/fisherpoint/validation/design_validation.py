@@ -13,9 +13,9 @@ from ..basics.declared import Extents
 from ..basics.values import Array, FrozenMapping
 from ..points.experiments import Experiments
 from ..points.runs import Runs
-from ..show.first_rows import InNotebooks
 from ..show.numbers import computed, counted, with_error
 from ..show.section import Report, Section
+from ..show.table_preview import InNotebooks
 from .figures import OneParameter, ParameterFigures, parameter_figures
 from .fits import NO_DATA, WRONG, VirtualFits
 

@@ -13,10 +13,10 @@ import numpy as np
 
 from ...basics.values import Array
 from ...engine import _core
-from .added import eigenvalues, gains, largest_at_least, smallest_at_most, variances
 from .criteria import Criterion, Determinant, Variance
 from .eigenvalue_criteria import ConditionNumber, OfEigenvalues, SmallestEigenvalue
 from .estimable import Estimable
+from .rank_updates import eigenvalues, gains, largest_at_least, smallest_at_most, variances
 
 SOFTNESS = 0.02
 """Relative distance of eigenvalues over which their minimum is smoothed, so that ascents have a derivative."""

@@ -28,11 +28,11 @@ from ...show.shown import Plots, Shown
 from ..average import Average
 from ..over_prior import OverPrior, moved_problems
 from .approximate_report import approximate_report
-from .asked import CRITERIA, criterion
 from .averaged import Averaged, EstimableOver, joined
 from .candidate_rows import CandidateRows
 from .criteria import Criterion
 from .estimable import Estimable
+from .goal import CRITERIA, criterion
 from .point_rows import PointRows
 from .rounding import efficient_rounding
 

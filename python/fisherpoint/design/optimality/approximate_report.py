@@ -13,7 +13,7 @@ from ...points.experiments import Experiments
 from ...show.numbers import computed, counted, number, percent_down
 from ...show.section import Report, Section
 from ..over_prior import OverPrior
-from .asked import WORDS
+from .goal import WORDS
 
 CLEARLY = 0.999
 """A proven efficiency below which the report warns."""

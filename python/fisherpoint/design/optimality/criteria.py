@@ -18,8 +18,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...basics.values import Array
-from ...show.first_rows import InNotebooks
 from ...show.section import Report, Section
+from ...show.table_preview import InNotebooks
 from .estimable import Estimable
 
 

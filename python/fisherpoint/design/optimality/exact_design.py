@@ -21,9 +21,9 @@ from ...points.codec import points_from_json, points_to_json
 from ...points.experiments import Experiments
 from ...show.section import Report, Section
 from ...show.shown import Shown
-from .asked import CRITERIA, criterion
 from .criteria import Criterion
 from .exact_report import ENDS, exact_report
+from .goal import CRITERIA, criterion
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -15,7 +15,7 @@ from ...points.experiments import Experiments
 from ...show.numbers import computed, counted, number
 from ...show.section import Report, Section
 from .approximate_report import floored
-from .asked import WORDS
+from .goal import WORDS
 
 ENDS = {
     "proven": "the gap is closed",

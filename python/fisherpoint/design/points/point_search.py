@@ -22,15 +22,15 @@ from ..average import Average
 from ..efficiency import Efficiency
 from ..found import FoundDesign, TraceRecord
 from ..optimality.aims import Aim, LogDet, aim_of, restricted
-from ..optimality.asked import criterion_of
 from ..optimality.candidate_rows import CandidateRows
+from ..optimality.estimability import not_told
 from ..optimality.estimable import Estimable, estimable
-from ..optimality.told import not_told
+from ..optimality.goal import criterion_of
 from ..over_prior import Scenarios
 from ..scenario_values import ScenarioValues, scenario_values
 from ..settings import ExchangeSettings
 from .away import Away
-from .seen_candidates import SeenCandidates
+from .candidate_archive import CandidateArchive
 
 RIDGE = 1e-9
 """Share of the prior's information that is added to F as long as a design is singular, so that singular designs can be
@@ -82,7 +82,7 @@ class PointSearch:
         self.spaces: tuple[Estimable, ...] | None = None  # what the pools of a search determine in each scenario
         self.ridge = 0.0  # what was added to F while designs were singular
         self.of_prior = prior_information(self.problem, self.settings.prior_information)
-        self.seen = SeenCandidates(self.problem, self.threads, self.aims, self.of_prior)
+        self.seen = CandidateArchive(self.problem, self.threads, self.aims, self.of_prior)
         self.away = None if self.settings.confidence is None else Away(self.problem, self.settings, self.seen.validity)
         keep = self.seen.add if self.settings.references and self.problem.noise_std is not None else None
         elsewhere, rng = () if over is None else over.problems, np.random.default_rng(self.settings.seed)

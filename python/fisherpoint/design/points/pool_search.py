@@ -15,9 +15,9 @@ from ...basics.values import Array
 from ...information.point_information import PointInformation
 from ...points.region import ExperimentRegion
 from ..optimality.aims import aim_of
-from ..optimality.asked import criterion
+from ..optimality.estimability import restricted_aims
 from ..optimality.estimable import Estimable
-from ..optimality.told import told_aims
+from ..optimality.goal import criterion
 from .climbs import higher
 from .lineage import Lineage
 from .point_ascent import PointAscent, scenario_rows, whitened_rows
@@ -85,7 +85,7 @@ class PoolSearch(PointSearch):
     def _restrict_to_estimable(self, pool: Pool, spaces: Sequence[Estimable] | None = None) -> None:
         """Restrict the aims to what the candidates determine; `spaces` are of more candidates, where there were."""
         rows, singular = pool.columns.transpose(0, 3, 2, 1), self.settings.singular
-        aims, self.spaces = told_aims(self.problem, self.goals, rows, self._known, self.count, singular, spaces=spaces)
+        aims, self.spaces = restricted_aims(self.problem, self.goals, rows, self._known, self.count, singular, spaces=spaces)
         if self.scenarios is None:
             self.space = self.spaces[0]
         if aims != self.aims:

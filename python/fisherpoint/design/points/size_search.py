@@ -12,9 +12,9 @@ from ...information.problem import DesignProblem
 from ..over_prior import Scenarios
 from ..settings import ExchangeSettings, searched_by
 from .auto_search import LEAST_GAIN, AutoSearch
+from .candidate_archive import CandidateArchive
 from .exchange_search import ExchangeSearch
 from .point_search import PointSearch
-from .seen_candidates import SeenCandidates
 
 GOOD = 3000
 """Candidates of former searches over which points are exchanged: those with the largest sensitivity."""
@@ -58,7 +58,7 @@ def sized_searches(
     sizes: list[int],
     threads: int,
     previous: PointInformation | None,
-    seen: SeenCandidates,
+    seen: CandidateArchive,
     scenarios: Scenarios | None = None,
 ) -> Iterator[PointSearch]:
     """Searches of ascending sizes, each to be run, and its candidates included in `seen`, before the next is made."""

@@ -27,7 +27,7 @@ from ...show.progress import Step, check_progress, following
 from ..average import Average
 from ..found import DRAWS, UNSEEN
 from ..optimality.aims import aim_of
-from ..optimality.asked import OF_ALL, criterion_of
+from ..optimality.goal import OF_ALL, criterion_of
 from ..over_prior import OverPrior, moved_problems
 from ..scenario_values import scenario_values
 from ..settings import RunSettings

@@ -25,8 +25,8 @@ from ...points.run_files import plan_csv, runs_csv
 from ...points.runs import Runs
 from ...show.section import Report, Section
 from ...show.shown import Plots, Shown
-from ..optimality.asked import criterion_of_design
 from ..optimality.criteria import Criterion
+from ..optimality.goal import criterion_of_design
 from ..over_prior import OverPrior
 from ..scenario_values import ScenarioValues, scenario_values_from_json, scenario_values_to_json
 from ..settings import RunSettings

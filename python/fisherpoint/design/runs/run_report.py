@@ -18,8 +18,8 @@ from ...show.numbers import computed, counted, number, percent
 from ...show.section import Report, Section
 from ..criterion_report import goal_facts, goal_text, maximised
 from ..efficiency import d_efficiency
-from ..optimality.asked import CriterionSettings
 from ..optimality.criteria import Criterion
+from ..optimality.goal import CriterionSettings
 from ..over_prior import OverPrior
 from ..over_report import over_sections
 from ..report import plants_sections

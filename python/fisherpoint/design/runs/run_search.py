@@ -23,7 +23,7 @@ from ...points.run_region import RunCoordinates, RunRegion
 from ...points.runs import Runs
 from ..average import Average
 from ..optimality.aims import Aim
-from ..optimality.told import RUNS, told_aims
+from ..optimality.estimability import RUNS, restricted_aims
 from .run_climb import Climb
 from .run_clock import Clock, OutOfTime
 from .run_found import Found
@@ -139,7 +139,7 @@ class RunSearch:
         if self.singular:
             self.objective.previous = self.objective.previous + RIDGE * np.eye(previous.shape[-1])
         elif not aims[0].of_all:
-            self.objective.aims, _ = told_aims(problem, aims, self.pool.rows, previous, n_runs, "estimable", RUNS)
+            self.objective.aims, _ = restricted_aims(problem, aims, self.pool.rows, previous, n_runs, "estimable", RUNS)
 
     @property
     def best(self) -> Found:

@@ -18,12 +18,12 @@ from ...information.validity import Validity
 from ...points.experiments import Experiments
 from ..efficiency import Bound
 from ..optimality.aims import Aim, LogDet, LogDetWithin, aim_of
-from ..optimality.asked import criterion as criterion_named
 from ..optimality.candidate_rows import CandidateRows, Places
 from ..optimality.criteria import Determinant
 from ..optimality.eigenvalue_criteria import ConditionNumber
+from ..optimality.estimability import NOT_TOLD, determined
 from ..optimality.estimable import estimable
-from ..optimality.told import NOT_TOLD, determined
+from ..optimality.goal import criterion as criterion_named
 from ..optimality.weights import Weights, optimal_weights
 from ..over_prior import Scenarios
 from .over_bound import over_bound
@@ -69,7 +69,7 @@ class _Best(NamedTuple):
     found: Weights
 
 
-class SeenCandidates:
+class CandidateArchive:
     """Candidates that were valid at the prior mean; `aims` is what is maximised in each scenario, log det F where none are given.
 
     `of_prior` (p, p) is information that counts beside whatever design, as the previous points do, but is no measurement.
@@ -91,7 +91,7 @@ class SeenCandidates:
             self._seen.append(_without_covariances(information))
             self._numbers += information.sensitivity.size * len(information.everywhere)
 
-    def include(self, other: SeenCandidates) -> None:
+    def include(self, other: CandidateArchive) -> None:
         """Keep those of another search too."""
         self.validity.include(other.validity)
         for information in other._seen:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from time import perf_counter
 
-from .asked import is_quiet
+from .argv import is_quiet
 
 AFTER, EVERY = 0.7, 0.5
 """Seconds from the last sign until one shows, and between changes of it."""

@@ -44,7 +44,7 @@ LOSS = 1.001
 """Times the allowed loss, at which a point has failed."""
 
 
-class NodeSieve:
+class PilotNodes:
     """Which nodes of a problem's rule fail first.
 
     Parameters

@@ -11,9 +11,9 @@ from ...information.combinations import combinations
 from ...information.null_space import information_without_rounding, null_directions, without_rounding
 from ...information.problem import DesignProblem
 from .aims import Aim, aim_of, restricted
-from .asked import criterion
 from .candidate_rows import CandidateRows
 from .estimable import Estimable, estimable
+from .goal import criterion
 
 NOT_TOLD = 1e-6
 """Share of what a criterion is about that may lie outside of the estimable space, as rounding."""
@@ -25,7 +25,7 @@ POINTS, RUNS = ("n_experiments", "points"), ("n_runs", "runs")
 """What errors call the count, and what is counted."""
 
 
-def told_aims(
+def restricted_aims(
     problem: DesignProblem,
     aims: Sequence[Aim],
     rows: Array,
