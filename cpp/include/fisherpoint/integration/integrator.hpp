@@ -250,10 +250,11 @@ class Integrator {
         to_surface = to_surface | crossed;
         at_jump = at_jump | landed_[m];
       } else {
-        if (m >= f_.sides && f_.dependence.closed(m)) {  // it may have started there, and rest
+        if (m >= f_.sides && f_.dependence.closed(m)) {  // it may have started there, and rest, or rise from rest
           const Mask rests = !(abs(h.b0) > zero) & rests_along(m);
+          const Mask rises = !(abs(h.b0) + abs(h.b1) > zero) & (min(h.b2, h.b3) > zero);
           crossed = crossed & !rests;
-          unclear = unclear & !rests;
+          unclear = unclear & !(rests | rises);
         }
         stopped = stopped | crossed;
       }

@@ -37,6 +37,8 @@ def derivatives(graph: Graph, roots: Sequence[int], seeds: Mapping[int, Mapping[
             continue
         if node in seeds:
             tangents[node] = {variable: _term(graph, graph.one, seed) for variable, seed in seeds[node].items()}
+        elif node in graph.half_powers:
+            tangents[node] = _half_power(graph, tangents, *graph.half_powers[node])
         else:
             parts = [tangents.get(operand, {}) for operand in graph.operands[node]]
             tangent = _RULES[graph.names[node]](graph, node, parts)
@@ -149,6 +151,12 @@ def _pow(graph: Graph, node: int, parts: list[Tangent]) -> Tangent:
         limited = graph.select(graph.call("abs", node), product, graph.zero)
         tangent = _sum(graph, tangent, _scale(graph, parts[1], limited))
     return tangent
+
+
+def _half_power(graph: Graph, tangents: Mapping[int, Tangent], negative: bool, base: int, exponent: float) -> Tangent:
+    """Of base**exponent or minus that, a product with a root, whose rule would make it 0 times infinity at a base of 0."""
+    slope = graph.mul(graph.literal(exponent), graph.pow(base, graph.literal(exponent - 1.0)))
+    return _scale(graph, tangents.get(base, {}), graph.signed(negative, slope))
 
 
 def _by_slope(slope: Callable[[Graph, int, int], int]) -> Rule:

@@ -58,7 +58,8 @@ class Graph:
 
     `names[n]` is the operation of node n, or "leaf" or "literal"; `operands[n]` are its operands, `values[n]` is the value of a
     literal, `reads[n]` a set of bits, one for every leaf that its value depends on, `levels[n]` says how often that changes, and
-    `partial[n]` whether it is made of what has no finite value everywhere, such as a root or a quotient.
+    `partial[n]` whether it is made of what has no finite value everywhere, such as a root or a quotient. `half_powers[n]` says of
+    products with a root that they are base**exponent, or minus that: (negative, base, exponent).
 
     The methods named after operations simplify what is exact but for rounding: they fold literals, drop neutral elements, and pull
     signs outwards, where sums absorb them, and factors that the state does not enter, where they meet others of their kind.
@@ -72,6 +73,7 @@ class Graph:
         self.reads: list[int] = []
         self.levels: list[int] = []
         self.partial: list[bool] = []
+        self.half_powers: dict[int, tuple[bool, int, float]] = {}
         self._nodes: dict[tuple[object, ...], int] = {}
         for leaf in range(leaves.count):
             self._append("leaf", (), math.nan, 1 << leaf, STAGE if leaf >= leaves.x.start else TRAJECTORY)
@@ -222,7 +224,11 @@ class Graph:
             # The derivative of a root times a power is 0 times infinity where the base is 0; that of a power is not.
             touches = exponent > 1 and self.names[a] == "abs"
             if (2 * exponent).is_integer() and exponent <= MAX_POWER and not touches:
-                return self.mul(self._integer_power(a, int(exponent)), self.call("sqrt", a))
+                power = self.mul(self._integer_power(a, int(exponent)), self.call("sqrt", a))
+                negative, product = self.unsigned(power)
+                if exponent > 1:
+                    self.half_powers[product] = negative, a, exponent
+                return power
         if self.is_literal(a) and not self.is_literal(b) and self.values[a] > 0:
             return self.call("exp", self.mul(self.literal(math.log(self.values[a])), b))
         return self.operation("pow", a, b)
