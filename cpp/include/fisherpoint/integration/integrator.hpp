@@ -98,7 +98,7 @@ class Integrator {
   // neighbour does or not.
   void derivative(const State& x, State& dx) const { derivative(x, side_, dx); }
   void derivative(const State& x, const Side& side, State& dx) const {
-    if (f_.jumps_end == 0) return f_.derivative(x, side, dx);
+    if (f_.holds_end == 0) return f_.derivative(x, side, dx);
     f_.derivative(x, slide_ ? beside<P>(f_, side, 1.0) : side, dx);
     if (slide_) slide(x, side, dx);
   }
@@ -123,14 +123,14 @@ class Integrator {
     end_value_ = f_.surface_values(end_, side_);
     end_rate_ = f_.surface_rates(end_, stage_[last], side_);
     if (f_.measured > 0) judge_measured(y);
-    if ((f_.jumps_end > 0 && slide_) || any_rest()) keep_on_surfaces(middle, middle_value);
+    if ((f_.holds_end > 0 && slide_) || any_rest()) keep_on_surfaces(middle, middle_value);
     const auto along = [&](int m, const P& side) {
       along_[m] = Quartic<P>::through(side * value_[m], side * step_ * rate_[m], side * middle_value[m], side * end_value_[m],
                                       side * step_ * end_rate_[m]);
     };
-    for_each_index(Count<0>{}, f_.jumps_end,
+    for_each_index(Count<0>{}, f_.holds_end,
                    [&](auto m) { along(m, slide_ ? select(slides(side_[m]), P(1.0), side_[m]) : side_[m]); });
-    for_each_index(f_.jumps_end, f_.sides, [&](auto m) { along(m, side_[m]); });
+    for_each_index(f_.holds_end, f_.sides, [&](auto m) { along(m, side_[m]); });
     for_each_index(f_.sides, f_.surfaces, [&](auto m) { along(m, P(1.0)); });
     Mask wavering = Lanes::none();
     for_each_index(f_.surfaces, [&](auto m) { wavering = wavering | along_[m].wavers(); });
@@ -143,7 +143,7 @@ class Integrator {
 
   // The stages, the end and the middle of a step, and its error.
   void attempt_explicit(const State& y, State& middle) {
-    const bool slide = f_.jumps_end > 0 && slide_;
+    const bool slide = f_.holds_end > 0 && slide_;
     const Side at = slide ? beside<P>(f_, side_, 1.0) : side_;
     for_each_index(counted<Equation, last>(), [&](auto previous) {
       const auto s = after(previous);
@@ -189,25 +189,29 @@ class Integrator {
       Mask crossed = good & !(h.b4 > zero), unclear = good & !crossed & !clear;
       if (m >= f_.jumps_end && m < f_.kinks_end) {
         const P slope = 4.0 * (h.b4 - h.b3);  // of the whole step
+        Mask held = Lanes::none();
+        if (m < f_.holds_end && slide_) held = good & slides(side_[m]);
         // A start along the kink, or at rest on it, belongs to the side where the step ends; f has no jump there.
-        const Mask along = good & !(abs(value_[m]) + abs(rate_[m]) > zero);
+        const Mask along = good & !held & !(abs(value_[m]) + abs(rate_[m]) > zero);
         // So does a start that rounding has put next to the kink, from where the kink cannot be landed on.
-        const Mask next_to = good & (h.b0 <= -rounding * h.b4) & ((h.b1 < h.b0) | (h.b1 <= zero));
+        const Mask next_to = good & !held & (h.b0 <= -rounding * h.b4) & ((h.b1 < h.b0) | (h.b1 <= zero));
         // It may have been on the other side and be back on the kink at the step's end.
         const Mask wrong = (along | next_to) & ((h.b4 < zero) | (!(h.b4 > zero) & (h.least_inside() < zero)));
         side_[m] = select(wrong, -side_[m], side_[m]);
         landed_[m] =
             good & !along & !wrong & !(ends_ & (h.b4 > zero)) & ((abs(h.b4) <= -landing_ * slope) | (crossed & short_step));
         if (f_.dependence.steep(m)) {
-          const Mask tends = good & !along & !wrong & !ends_ & (step_ < step_size_) & (h.b4 < h.b0);
-          if (any(tends)) landed_[m] = landed_[m] | (tends & is_met(m));
+          const Mask tends = good & !held & !along & !wrong & !ends_ & (h.b4 < 0.5 * h.b0),
+                     cut = good & !held & !along & !wrong & !ends_ & (step_ < step_size_) & (h.b4 < h.b0);
+          if (any(cut)) landed_[m] = landed_[m] | (cut & is_met(m));
+          if (any(tends)) landed_[m] = landed_[m] | comes_to_hold(m, tends);
         }
         crossed = crossed & !landed_[m] & !along & !wrong;
         unclear = unclear | (landed_[m] & !clear);  // it may have been there before
         // From rest it may go to the other side and end on the kink again, with no sign at either end.
         unclear = unclear & !(along & !(min(h.b2, h.b3) < -rounding * abs(h.b4))) & !short_step;
         if (any(crossed | unclear)) {
-          const Mask heard = !drowned(m, y);
+          const Mask heard = held | !drowned(m, y);
           crossed = crossed & heard;
           unclear = unclear & heard;
           next_cap = select(crossed, min(next_cap, h.zero() * step_), next_cap);
@@ -369,7 +373,7 @@ class Integrator {
   [[gnu::noinline]] P side_past(auto m, const State& y, const P& duration);
   void start_anew(const Mask& lanes, const State& y, const P& duration);
   [[gnu::noinline]] void keep_on_surfaces(const State& middle, Surfaces& middle_value) {
-    if (f_.jumps_end > 0 && slide_) hold(middle, middle_value);
+    if (f_.holds_end > 0 && slide_) hold(middle, middle_value);
     if (any_rest()) keep_resting(middle_value);
   }
   void hold(const State& middle, Surfaces& middle_value);
@@ -404,6 +408,18 @@ class Integrator {
   Mask rests_along(auto m) const;
   [[gnu::noinline]] void depart(auto m, const Mask& lanes, const State& y);
   [[gnu::noinline]] void end_rests(const Mask& taken);
+
+  // Held on steep surfaces, and beside them: holds.hpp.
+  struct BroughtBack {
+    Mask lanes;
+    P rate[2];  // of h on the sides 1 and -1
+  };
+  [[gnu::noinline]] BroughtBack brought_back(auto m, const Mask& lanes, const State& y, double share) const;
+  [[gnu::noinline]] Mask comes_to_hold(auto m, const Mask& lanes) const;
+  [[gnu::noinline]] Mask meet_steep(auto m, const Mask& lanes, const State& y);
+  [[gnu::noinline]] void place_beside(auto m, const Mask& lanes, State& y);
+  [[gnu::noinline]] void start_on_steep(State& y, const P& duration);
+  [[gnu::noinline]] void hold_on(const Retyped<Side, Mask>& met, const State& y, const P& span);
 
   // States that are set anew: resets.hpp.
   [[gnu::noinline]] Mask anew_on_sides(const Mask& lanes, const State& y, const Side& side) const;
@@ -486,6 +502,7 @@ auto Integrator<Equation, Method>::run(State& y, const P& duration, const P& fir
   from_ = from;
   begin(y, duration, first_step);
   set_stiff(tolerance_.method == MethodName::Radau ? !Lanes::none() : stiff);
+  if (f_.holds_end > f_.jumps_end) start_on_steep(y, duration);
   while (any(running_)) {
     if (++outcome_.attempts > tolerance_.max_attempts) {
       stop(running_ & (turns_ > P(0.05 * tolerance_.max_attempts)), Status::chatters);
@@ -504,6 +521,7 @@ auto Integrator<Equation, Method>::run(State& y, const P& duration, const P& fir
 
 }  // namespace fisherpoint
 
+#include "fisherpoint/integration/holds.hpp"
 #include "fisherpoint/integration/jumps.hpp"
 #include "fisherpoint/integration/limits.hpp"
 #include "fisherpoint/integration/resets.hpp"

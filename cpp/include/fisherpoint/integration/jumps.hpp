@@ -22,7 +22,7 @@ void Integrator<Equation, Method>::slide(const State& x, const Side& side, State
 template <class Equation, class Method>
 void Integrator<Equation, Method>::see_slides() {
   slide_ = any(any_slides<P>(f_, side_) & running_);
-  several_ = slide_ && f_.jumps_end > 1 && any(several_slides<P>(f_, side_) & running_);
+  several_ = slide_ && f_.holds_end > 1 && any(several_slides<P>(f_, side_) & running_);
 }
 
 template <class Equation, class Method>
@@ -173,7 +173,7 @@ void Integrator<Equation, Method>::hold(const State& middle, Surfaces& middle_va
   if (any(several)) hold_several(several, middle, middle_value);
   const BothSides<Equation> at(f_, end_, side_), half(f_, middle, side_);
   const P rate = hold_rate(end_, stage_[last], step_);
-  for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
+  for_each_index(Count<0>{}, f_.holds_end, [&](auto m) {
     const Mask on = slides(side_[m]) & !several;
     const P back = select(on & at.holds(), end_value_[m] / (at.r_plus - at.r_minus), P(0.0));
     for_each_index(f_.states, [&](auto i) { end_[i] -= back * (at.plus[i] - at.minus[i]); });
@@ -183,7 +183,7 @@ void Integrator<Equation, Method>::hold(const State& middle, Surfaces& middle_va
   });
   const Mask slid = any_slides<P>(f_, side_) & !several;
   for_each_index(f_.jumps_end, f_.kinks_end, [&](auto m) {
-    const Mask along = slid & at.coincides(m, end_value_[m], end_rate_[m], step_);
+    const Mask along = slid & !slides(side_[m]) & at.coincides(m, end_value_[m], end_rate_[m], step_);
     for (P* const number : {&value_[m], &rate_[m], &middle_value[m], &end_value_[m], &end_rate_[m]})
       *number = select(along, P(0.0), *number);
   });
@@ -209,7 +209,7 @@ void Integrator<Equation, Method>::watch_hold(const Mask& lanes, const State& y,
   if (any(several)) watch_several(several, y, span);
   const BothSides<Equation> at(f_, y, side_);
   const P rate = hold_rate(y, stage_[0], span);
-  for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
+  for_each_index(Count<0>{}, f_.holds_end, [&](auto m) {
     const Mask on = lanes & slides(side_[m]) & !several;
     value_[m] = select(on, at.hold(), value_[m]);
     rate_[m] = select(on, rate, rate_[m]);
@@ -288,7 +288,7 @@ void Integrator<Equation, Method>::check_slides(const Mask& lanes, const State& 
   const BothSides<Equation> at(f_, y, side_);
   const Mask up = (at.r_plus > P(0.0)) & (at.r_minus > P(0.0)), down = (at.r_plus < P(0.0)) & (at.r_minus < P(0.0));
   stop(one & any_slides<P>(f_, side_) & !(at.holds() | up | down), otherwise);
-  for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
+  for_each_index(Count<0>{}, f_.holds_end, [&](auto m) {
     const Mask here = one & slides(side_[m]);
     side_[m] = select(here & up, P(1.0), select(here & down, P(-1.0), side_[m]));
   });

@@ -14,12 +14,12 @@ namespace fisherpoint {
 template <class M, class P, class Method>
 auto Tangents<M, P, Method>::pass(const Side& before, const Side& after) -> Mask {
   auto grazes = lanes_of<P>::none(), once = grazes, several = grazes;
-  for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
+  for_each_index(Count<0>{}, f_.holds_end, [&](auto m) {
     const auto here = meets(m, before, after);
     several = several | (once & here);
     once = once | here;
   });
-  for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
+  for_each_index(Count<0>{}, f_.holds_end, [&](auto m) {
     const auto here = meets(m, before, after) & !several;
     if (any(here)) grazes = grazes | pass_jump(m, here, before, after);
   });
@@ -38,10 +38,12 @@ auto Tangents<M, P, Method>::exchange(const Side& last, const Side& other) -> Ma
   return pass(last, other);
 }
 
-// Lanes that meet jump m: they cross it or begin to slide. One that has ended to hold them is left behind without a change.
+// Lanes that meet jump m: they cross it or begin to slide. One that has ended to hold them is left behind without a change. At a
+// kink S changes only where it begins to hold them.
 template <class M, class P, class Method>
-auto Tangents<M, P, Method>::meets(auto m, const Side& before, const Side& after) -> Mask {
-  return !slides(before[m]) & (abs(after[m] - before[m]) > P(0.5));
+auto Tangents<M, P, Method>::meets(auto m, const Side& before, const Side& after) const -> Mask {
+  const Mask meets = !slides(before[m]) & (abs(after[m] - before[m]) > P(0.5));
+  return m < f_.jumps_end ? meets : meets & slides(after[m]);
 }
 
 // In the order of the jumps, and in the other one: which of them is first may hang on a parameter.
@@ -57,10 +59,10 @@ template <class M, class P, class Method>
 auto Tangents<M, P, Method>::pass_in_order(const Mask& lanes, const Side& before, const Side& after, bool backwards) -> Mask {
   auto grazes = lanes_of<P>::none();
   P left(0.0);  // of the jumps
-  for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { left += select(lanes & meets(m, before, after), P(1.0), P(0.0)); });
+  for_each_index(Count<0>{}, f_.holds_end, [&](auto m) { left += select(lanes & meets(m, before, after), P(1.0), P(0.0)); });
   Side from = before;
-  for (int k = 0; k < f_.jumps_end; ++k) {
-    const int m = backwards ? f_.jumps_end - 1 - k : k;
+  for (int k = 0; k < f_.holds_end; ++k) {
+    const int m = backwards ? f_.holds_end - 1 - k : k;
     const Mask here = lanes & meets(m, before, after);
     if (!any(here)) continue;
     left -= select(here, P(1.0), P(0.0));
@@ -88,7 +90,7 @@ auto Tangents<M, P, Method>::pass_jump(auto m, const mask_of_lanes<P>& here, con
   auto released = lanes_of<P>::none();
   for_each_index(Count<0>{}, f_.jumps_end,
                  [&](auto other) { released = released | (slides(before[other]) & !slides(after[other])); });
-  const auto begins = here & slides(after[m]), slides_on = begins & !released, goes_through = here & !slides_on;
+  const auto begins = here & slides(after[m]), slides_on = f_.dependence.steep(m) ? begins : begins & !released, goes_through = here & !slides_on;
   Side beyond = after;
   beyond[m] = select(slides_on, -before[m], after[m]);
   State rate, rate_behind;
@@ -102,8 +104,16 @@ auto Tangents<M, P, Method>::pass_jump(auto m, const mask_of_lanes<P>& here, con
   in_time(time, before);
 
   const auto h = f_.jump(m, x);
-  rates(x, before, rate);
-  rates(x, beyond, rate_behind);
+  if (f_.dependence.steep(m) && any(begins)) {  // on the surface itself f has no jump
+    const BesideSteep beside_it(f_, x, hold_height, [&](int n) { return n == m ? begins : here & slides(after[n]); });
+    Side from = after;
+    from[m] = select(begins, before[m], after[m]);
+    rates(beside_it.at(from, m), from, rate);
+    rates(beside_it.at(beyond, m), beyond, rate_behind);
+  } else {
+    rates(x, before, rate);
+    rates(x, beyond, rate_behind);
+  }
   const P fall = growth(h, rate), fall_behind = growth(h, rate_behind);
   // What leaves a rest takes S with it, and what comes to rest stays on the surface.
   const auto leaves_rest = here & !begins & !(abs(fall) > alike_rates * abs(fall_behind));
@@ -125,12 +135,12 @@ auto Tangents<M, P, Method>::pass_jump(auto m, const mask_of_lanes<P>& here, con
     for_each_row(j, [&](int i, int at) { shift += h.by_state[i] * column[at]; });
     for_each_row(j, [&](int i, int at) { column[at] += (rate_behind[i] - rate[i]) * (shift * weight); });
   }
-  const Mask on_several = f_.jumps_end > 1 && any(begins) ? begins & several_slides<P>(f_, after) : lanes_of<P>::none();
+  const Mask on_several = f_.holds_end > 1 && any(begins) ? begins & several_slides<P>(f_, after) : lanes_of<P>::none();
   if (any(on_several)) {
     SeveralStage<M, P> stage;
     Jacobian<M, P> unused = jacobian_[0];
     State there = rate;
-    f_.linearise(x, beside<P>(f_, after, 1.0), there, unused);
+    linearise_ahead(x, after, there, unused);
     stage.linearise(f_, x, after, P(0.0), on_several, there, unused);
     stage.keep_on(f_, on_several, x, s);
   }

@@ -48,7 +48,7 @@ void Integrator<Equation, Method>::note_rests(const Mask& lanes, const State& y)
   for_each_index(Count<0>{}, f_.kinks_end, [&](auto m) {
     if (m >= f_.jumps_end ? !f_.dependence.steep(m) : !crosses(m)) return;
     Mask here = lanes & running_;
-    if (m < f_.jumps_end) here = here & !slides(side_[m]);
+    if (m < f_.holds_end) here = here & !slides(side_[m]);
     const Mask was = resting_[m];
     here = here & (abs(rate_[m]) * span_ <= P(1e-6)) & (was | landed_[m] | (abs(value_[m]) <= P(1e-6)));
     if (any(here)) {

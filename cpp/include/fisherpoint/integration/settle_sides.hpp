@@ -29,8 +29,8 @@ class Additions {
 
   // `on`: the jumps that each lane is on.
   Additions(const Equation& f, const State& x, const Side& side, const Retyped<Side, Mask>& on, const Mask& lanes)
-      : f_(f), x_(x), plus_(side) {
-    for (int m = 0; m < f.jumps_end; ++m)
+      : f_(f), off_(f, x, hold_height, [&](int m) { return on[m] & lanes; }), plus_(side) {
+    for (int m = 0; m < f.holds_end; ++m)
       if (any(on[m] & lanes)) jumps.push_back(m);
     for (const int m : jumps) plus_[m] = select(on[m], P(1.0), plus_[m]);
     base_ = rates(plus_);
@@ -58,7 +58,7 @@ class Additions {
     Side tried = plus_;
     for (int j = 0; j < count(); ++j)
       if (which >> j & 1) tried = with(tried, jumps[j], on);
-    return f_.surface_rates(x_, rates(tried));
+    return f_.surface_rates(off_.at(tried), rates(tried));
   }
 
  private:
@@ -67,7 +67,7 @@ class Additions {
   State rates(const Side& side) const {
     State dx;
     fit(dx, f_.states);
-    f_.derivative(x_, side, dx);
+    f_.derivative(off_.at(side), side, dx);
     return dx;
   }
   static Side with(Side side, int m, const Retyped<Side, Mask>& on) {
@@ -82,7 +82,7 @@ class Additions {
       off[i] -= sum;
       f_hangs_together = f_hangs_together | (on[jumps[a]] & on[jumps[b]] & !(abs(off[i]) <= alike * size));
     });
-    const Surfaces more = f_.surface_rates(x_, off);
+    const Surfaces more = f_.surface_rates(off_.at(plus_), off);
     for (const int m : jumps) {
       P size = abs(up[m]);
       for (const Surfaces& of : growth) size += abs(of[m]);
@@ -91,7 +91,7 @@ class Additions {
   }
 
   const Equation& f_;
-  const State& x_;
+  BesideSteep<Equation> off_;
   Side plus_;
   State base_;
   ShelfVector<State> d_;
@@ -103,7 +103,7 @@ template <class Equation, class Method>
 void Integrator<Equation, Method>::settle_sides(const Mask& lanes, const Retyped<Side, Mask>& met, const State& y,
                                                 const P& span, Status otherwise, bool at_start) {
   Retyped<Side, Mask> on = met, leaves = met;
-  for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
+  for_each_index(Count<0>{}, f_.holds_end, [&](auto m) {
     on[m] = lanes & (met[m] | slides(side_[m]));
     leaves[m] = lanes & met[m] & slides(side_[m]);
     turns_ += select(lanes & met[m], P(1.0), P(0.0));
@@ -176,9 +176,9 @@ void Integrator<Equation, Method>::settle_sides(const Mask& lanes, const Retyped
   }
   if (any(unsure)) cross_all(unsure, all, on, settled, lost);
   for (const int m : all.jumps) {
-    if (at_start)
+    if (at_start && m < f_.jumps_end)
       outcome_.starts_on_jump = outcome_.starts_on_jump | (lanes & met[m] & !stays[m] & !lost & !slides(settled[m]));
-    else
+    else if (m < f_.jumps_end)
       stop(on[m] & !lost & (settled[m] * side_[m] > P(0.5)), Status::grazes_jump);
     leaving_[m] = leaving_[m] | (leaves[m] & !slides(settled[m]));
     side_[m] = select(on[m] & !lost, settled[m], side_[m]);
@@ -191,7 +191,7 @@ void Integrator<Equation, Method>::settle_sides(const Mask& lanes, const Retyped
 template <class Equation, class Method>
 auto Integrator<Equation, Method>::on_several(const Retyped<Side, Mask>& met) const -> Mask {
   Mask any_met = Lanes::none(), once = any_met, twice = any_met;
-  for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
+  for_each_index(Count<0>{}, f_.holds_end, [&](auto m) {
     const Mask on = met[m] | slides(side_[m]);
     any_met = any_met | met[m];
     twice = twice | (once & on);

@@ -4,8 +4,12 @@
 //
 // keeps h' = 0, as long as r+ < 0 < r-. A trajectory's side is 0 on the jump that it slides on. Of
 // several at once: sliding_several.hpp.
+//
+// Where f takes a root of what is zero on a surface, as sign(h) sqrt(|h|), it has no jump there, but one between both sides at any
+// distance, however small: f+ and f- are those at a height that is rounding (beside_steep.hpp).
 #pragma once
 
+#include "fisherpoint/integration/beside_steep.hpp"
 #include "fisherpoint/models/dependence.hpp"
 #include "fisherpoint/numbers/lanes.hpp"
 #include "fisherpoint/numbers/pack.hpp"
@@ -13,27 +17,22 @@
 
 namespace fisherpoint {
 
-template <class P>
-mask_of_lanes<P> slides(const P& side) {
-  return abs(side) < P(0.5);
-}
-
-// The lanes that slide on any jump.
+// The lanes that slide on any surface.
 template <class P>
 mask_of_lanes<P> any_slides(const auto& shape, const auto& side) {
   auto found = lanes_of<P>::none();
-  for_each_index(Count<0>{}, shape.jumps_end, [&](auto m) { found = found | slides<P>(side[m]); });
+  for_each_index(Count<0>{}, shape.holds_end, [&](auto m) { found = found | slides<P>(side[m]); });
   return found;
 }
 
 // The sides with `side` in the place of 0.
 template <class P, class Sides>
 Sides beside(const auto& shape, Sides sides, double side) {
-  for_each_index(Count<0>{}, shape.jumps_end, [&](auto m) { sides[m] = select(slides<P>(sides[m]), P(side), sides[m]); });
+  for_each_index(Count<0>{}, shape.holds_end, [&](auto m) { sides[m] = select(slides<P>(sides[m]), P(side), sides[m]); });
   return sides;
 }
 
-// f on both sides of the jump that each lane slides on, and how fast h changes there. Lanes that slide on none have the same f
+// f on both sides of the surface that each lane slides on, and how fast h changes there. Lanes that slide on none have the same f
 // twice, and rates of 0.
 template <class Equation>
 class BothSides {
@@ -46,18 +45,22 @@ class BothSides {
   State plus, minus;
   Surfaces up, down;  // rates of all surfaces there
   P r_plus{0.0}, r_minus{0.0};
+  P margin{0.0};  // by how far a rate may point away: nothing flows out of an empty tank, to rounding
 
   BothSides(const Equation& f, const State& x, const Side& side) {
     fit(plus, f.states);
     fit(minus, f.states);
-    f.derivative(x, beside<P>(f, side, 1.0), plus);
-    f.derivative(x, beside<P>(f, side, -1.0), minus);
+    const BesideSteep<Equation> off(f, x, side);
+    const Side ahead = beside<P>(f, side, 1.0), behind = beside<P>(f, side, -1.0);
+    f.derivative(off.at(ahead), ahead, plus);
+    f.derivative(off.at(behind), behind, minus);
     up = f.surface_rates(x, plus);
     down = f.surface_rates(x, minus);
-    for_each_index(Count<0>{}, f.jumps_end, [&](auto m) {
+    for_each_index(Count<0>{}, f.holds_end, [&](auto m) {
       const auto here = slides<P>(side[m]);
       r_plus = select(here, up[m], r_plus);
       r_minus = select(here, down[m], r_minus);
+      if (f.dependence.steep(m)) margin = select(here, max(hold_margin * (r_minus - r_plus), P(0.0)), margin);
     });
   }
 
@@ -76,11 +79,11 @@ class BothSides {
     return same;
   }
 
-  auto holds() const { return (r_plus < P(0.0)) & (r_minus > P(0.0)); }
+  auto holds() const { return (r_plus < margin) & (r_minus > P(0.0) - margin); }
 
   // Positive while it slides: -r+ r-, and negative where f points away on both sides too.
   P hold() const {
-    const P product = -(r_plus * r_minus);
+    const P product = -((r_plus - margin) * (r_minus + margin));
     return select(r_plus < r_minus, product, -abs(product));
   }
 

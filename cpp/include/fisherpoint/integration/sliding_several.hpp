@@ -16,7 +16,7 @@ namespace fisherpoint {
 template <class P>
 [[gnu::noinline]] mask_of_lanes<P> several_slides(const auto& shape, const auto& side) {
   auto once = lanes_of<P>::none(), twice = once;
-  for_each_index(Count<0>{}, shape.jumps_end, [&](auto m) {
+  for_each_index(Count<0>{}, shape.holds_end, [&](auto m) {
     const auto here = slides<P>(side[m]);
     twice = twice | (once & here);
     once = once | here;
@@ -28,7 +28,7 @@ template <class P>
 template <class P>
 ShelfVector<int> slid_jumps(const auto& shape, const auto& side, const mask_of_lanes<P>& lanes) {
   ShelfVector<int> found;
-  for (int m = 0; m < shape.jumps_end; ++m)
+  for (int m = 0; m < shape.holds_end; ++m)
     if (any(slides<P>(side[m]) & lanes)) found.push_back(m);
   return found;
 }
@@ -49,13 +49,14 @@ class SeveralSlides {
       : jumps(slid_jumps<P>(f, side, lanes)), f_(f), system_(count()) {
     fit(rate, f.states);
     const Side plus = beside<P>(f, side, 1.0);
-    f.derivative(x, plus, rate);
+    const BesideSteep<Equation> off(f, x, side);
+    f.derivative(off.at(plus), plus, rate);
     const Surfaces up = f.surface_rates(x, rate);
     for (const int m : jumps) {
       Side tried = plus;
       tried[m] = select(slides<P>(side[m]), P(-1.0), tried[m]);
       State d = rate;
-      f.derivative(x, tried, d);
+      f.derivative(off.at(tried), tried, d);
       for_each_index(f.states, [&](auto i) { d[i] = rate[i] - d[i]; });
       d_.push_back(d);
     }
@@ -77,7 +78,8 @@ class SeveralSlides {
 
   // Positive while jump jumps[j] holds, as of one alone (sliding.hpp).
   P hold(int j) const {
-    const P product = share_[j] * (P(1.0) - share_[j]) * own_[j] * own_[j];
+    const P part(f_.dependence.steep(jumps[j]) ? hold_margin : 0.0);
+    const P product = (share_[j] + part) * (P(1.0) - share_[j] + part) * own_[j] * own_[j];
     return select(own_[j] < P(0.0), product, -abs(product));
   }
 
@@ -106,7 +108,7 @@ template <class Equation>
 [[gnu::noinline]] void rates_along(const Equation& f, const typename Equation::State& x, const typename Equation::Side& side,
                                    typename Equation::State& dx) {
   using P = typename Equation::Number;
-  f.derivative(x, beside<P>(f, side, 1.0), dx);
+  f.derivative(x, beside<P>(f, side, 1.0), dx);  // of lanes that slide on none
   const auto several = several_slides<P>(f, side), on = any_slides<P>(f, side) & !several;
   if (any(several)) {
     const SeveralSlides<Equation> at(f, x, side, several);

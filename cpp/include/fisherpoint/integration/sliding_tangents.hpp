@@ -20,7 +20,7 @@ template <class M, class P>
 [[gnu::noinline]] JumpGradient<M, P> slid_surface(const VariationalEquation<M, P>& f, const typename ArraysOf<M, P>::States& x,
                                                   const typename ArraysOf<M, P>::Sides& side) {
   JumpGradient<M, P> slid(f);
-  for_each_index(Count<0>{}, f.jumps_end, [&](auto m) {
+  for_each_index(Count<0>{}, f.holds_end, [&](auto m) {
     const auto here = slides<P>(side[m]);
     if (!any(here)) return;
     const auto h = f.jump(m, x);
@@ -99,7 +99,8 @@ template <class M, class P>
   const auto on = any_slides<P>(f, side) & !several;
   auto behind = rate;
   auto jacobian_behind = jacobian;
-  f.linearise(x, beside<P>(f, side, -1.0), behind, jacobian_behind);
+  const auto back = beside<P>(f, side, -1.0);
+  f.linearise(BesideSteep(f, x, side).at(back), back, behind, jacobian_behind);
   const auto normal = slid_surface(f, x, side);
   P r_plus(0.0), r_minus(0.0);
   for_each_index(f.states, [&](auto i) {

@@ -27,13 +27,14 @@ class SeveralStage {
                  Jacobian<M, P>& jacobian) {
     begin(f, x, side, lanes);
     const Side plus = beside<P>(f, side, 1.0);
+    const BesideSteep off(f, x, side);
     ShelfVector<Jacobian<M, P>> changes;
     for (const int m : jumps_) {
       Side tried = plus;
       tried[m] = select(slides<P>(side[m]), P(-1.0), tried[m]);
       State d = rate;
       Jacobian<M, P> change = jacobian;
-      f.linearise(x, tried, d, change);
+      f.linearise(off.at(tried), tried, d, change);
       for_each_index(f.states, [&](auto i) { d[i] = rate[i] - d[i]; });
       for (std::size_t e = 0; e < change.by_state.size(); ++e) change.by_state[e] = jacobian.by_state[e] - change.by_state[e];
       for (std::size_t e = 0; e < change.by_theta.size(); ++e) change.by_theta[e] = jacobian.by_theta[e] - change.by_theta[e];

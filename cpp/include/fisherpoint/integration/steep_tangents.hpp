@@ -7,6 +7,7 @@
 // the surface earlier or later, the step behind it makes up for that.
 #pragma once
 
+#include <algorithm>
 #include <array>
 
 #include "fisherpoint/integration/tangents.hpp"
@@ -28,7 +29,8 @@ class SteepTangents {
 
  public:
   // Both must outlive the object.
-  SteepTangents(const Equation& equation, Tangents<M, P, Method>& tangents) : f_(equation), to_(tangents) {
+  SteepTangents(const Equation& equation, Tangents<M, P, Method>& tangents, double tolerance)
+      : f_(equation), to_(tangents), most_(std::max(0.1 * tolerance, hold_height)) {
     fit(rate_, f_.states);
     fit(at_, f_.states);
   }
@@ -38,6 +40,8 @@ class SteepTangents {
     Mask lanes = size > P(0.0);
     if (!any(lanes)) return;
     P left = size;
+    // Where it is held there, S is taken onto the surface behind this step.
+    const Mask held = holds(lanes, side, behind);
     Met met = look(lanes, side, behind, behind);
     const Mask rests = lanes & (abs(met.value) <= nearest * met.size) & (abs(met.rate) * size <= nearest * met.size);
     if (any(rests)) {  // it lies there, and something else is to move it
@@ -57,10 +61,10 @@ class SteepTangents {
     }
     // Where f behind the surface does not move it, it comes to rest.
     const Mask falls = lanes & (met.rate < P(0.0)) & (met.value > P(0.0));
-    const Mask stops = falls & (abs(met.rate_behind) <= 1e-3 * abs(met.rate));
+    const Mask stops = falls & !held & (abs(met.rate_behind) <= 1e-3 * abs(met.rate));
     const P rest = select(falls, -met.value / met.rate, P(0.0));
     for (int i = 0; i < f_.states; ++i) to_.x[i] += rest * met.rates[i];
-    add_up(select(falls & !stops, rest, P(0.0)), -1.0, met.rates, side);
+    add_up(select(falls & !stops & !held, rest, P(0.0)), -1.0, met.rates, side);
     if (any(stops)) settle(stops, met);
     lag_ = select(lanes, left - rest, lag_);
   }
@@ -91,7 +95,56 @@ class SteepTangents {
     if (any(step > P(0.0))) to_.advance(step, side);
   }
 
+  // Of steps along surfaces that hold trajectories: with what the way to them took less, or more.
+  P along(const P& size, const Side& side) {
+    const Mask lanes = (size > P(0.0)) & any_slides<P>(f_, side) & ((lag_ > P(0.0)) | (lag_ < P(0.0)));
+    if (!any(lanes)) return size;
+    const P whole = max(size + lag_, P(0.0));
+    lag_ = select(lanes, size + lag_ - whole, lag_);
+    return select(lanes, whole, size);
+  }
+
+  // Has implicit steps begin where f_x is finite, beside the surface or where the root balances what drives it.
+  [[gnu::noinline]] void step_off(const P& size, const Side& side) {
+    for_each_index(f_.jumps_end, f_.holds_end, [&](auto m) {
+      const auto h = f_.jump(m, to_.x);
+      P scale(0.0);
+      for_each_index(f_.states, [&](auto i) { scale += abs(h.by_state[i]) * (1.0 / f_.inverse_scale(i)); });
+      const Mask near = (size > P(0.0)) & !slides(side[m]) & (side[m] * h.value < hold_height * scale);
+      if (!any(near)) return;
+      const int here = m;
+      const BesideSteep off(f_, to_.x, 1.0, [&](int n) { return n == here ? near : near & slides(side[n]); });
+      Side at = side;
+      const P own = h.value / scale;
+      const auto further = [&](const P& share) {
+        at[m] = side[m] * share - own;
+        to_.rates(off.at(at, here), side, rate_);
+        P growth(0.0);
+        for_each_index(f_.states, [&](auto i) { growth += h.by_state[i] * rate_[i]; });
+        return side[m] * growth > P(0.0);
+      };
+      // Beyond the highest place at which the states' steps begin it moves away in its own time.
+      const Mask balances = near & !further(P(most_)) & further(P(hold_height));
+      P low(hold_height), high = select(balances, P(most_), P(hold_height));
+      for (int k = 0; k < 10 && any(balances); ++k) {
+        const P middle = sqrt(low * high);
+        const Mask on = further(middle);
+        low = select(on, middle, low);
+        high = select(on, high, middle);
+      }
+      at[m] = side[m] * sqrt(low * high) - own;
+      to_.x = off.at(at, here);
+    });
+  }
+
  private:
+  // Of these lanes those whose next side is that of a hold.
+  Mask holds(const Mask& lanes, const Side& side, const Side& next) const {
+    Mask found = lanes_of<P>::none();
+    for_each_index(f_.jumps_end, f_.holds_end, [&](auto m) { found = found | (lanes & slides(next[m]) & !slides(side[m])); });
+    return found;
+  }
+
   // The surface that a lane meets, as seen from its side: its value and rate, f, and its rate by f on other sides.
   struct Met {
     P value{0.0}, rate{0.0}, rate_behind{0.0}, size{0.0};
@@ -180,6 +233,7 @@ class SteepTangents {
 
   const Equation& f_;
   Tangents<M, P, Method>& to_;
+  double most_;  // the greatest height at which the states' implicit steps begin
   P lag_{0.0};  // by how much later, or earlier, the surface was met
   State rate_, at_;
 };

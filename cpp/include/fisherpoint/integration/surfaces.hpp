@@ -47,8 +47,8 @@ void Integrator<Equation, Method>::look_beside(const Mask& lanes, const State& y
     for_each_index(f_.sides, f_.surfaces, [&](auto m) { see(m, P(1.0)); });
   }
   for_each_index(f_.surfaces, [&](auto m) { beside_[m] = select(lanes, beside_[m], P(0.0)); });
-  if (f_.jumps_end > 0 && slide_)
-    for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { beside_[m] = select(slides(side_[m]), P(0.0), beside_[m]); });
+  if (f_.holds_end > 0 && slide_)
+    for_each_index(Count<0>{}, f_.holds_end, [&](auto m) { beside_[m] = select(slides(side_[m]), P(0.0), beside_[m]); });
 }
 
 // Where a surface may lie, or was seen, far beside its quartic.
@@ -67,6 +67,7 @@ auto Integrator<Equation, Method>::growth_of_distance() const -> P {
   for_each_index(f_.jumps_end, f_.surfaces, [&](auto m) {
     if (!f_.dependence.rough(m)) return;
     const Quartic<P>& h = along_[m];
+    if (m < f_.holds_end && slide_ && any(slides(side_[m]))) return;  // of which it is what holds them
     const Mask away = (h.b0 > P(0.0)) & (h.b4 > smooth_growth * h.b0) & !behind_kink_;
     Mask towards = (h.b4 > P(0.0)) & (h.b0 > smooth_growth * h.b4);
     if (m < f_.kinks_end) towards = towards & !landed_[m];
@@ -82,17 +83,20 @@ auto Integrator<Equation, Method>::growth_of_distance() const -> P {
 template <class Equation, class Method>
 void Integrator<Equation, Method>::turn(State& y, const Mask& taken, const P& duration) {
   Mask turned = Lanes::none();
+  const Side came = side_;
+  auto met = landed_;
   for_each_index(f_.jumps_end, f_.kinks_end, [&](auto m) {
     const Mask here = landed_[m] & taken & running_;
-    Mask stays = Lanes::none();
-    if (f_.dependence.steep(m) && any(here)) stays = goes_back(m, here, y);
-    side_[m] = select(here & !stays, -side_[m], side_[m]);
     turned = turned | here;
+    if (m < f_.holds_end) {
+      met[m] = any(here) ? meet_steep(m, here, y) : here;
+    } else {
+      side_[m] = select(here, -side_[m], side_[m]);
+    }
   });
   const Side held = side_;
   Mask several = Lanes::none(), at_once = several;
-  if (f_.jumps_end > 1) {
-    auto met = landed_;
+  if (f_.holds_end > 1) {
     for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { met[m] = landed_[m] & taken & running_; });
     several = on_several(met);
     if (f_.resets > 0 && any(several)) several = several & !one_sets_anew(several, met, y, at_once);
@@ -104,6 +108,11 @@ void Integrator<Equation, Method>::turn(State& y, const Mask& taken, const P& du
     if (any(here)) pass_jump(m, here, y);
     turned = turned | here;
   });
+  if (f_.holds_end > f_.jumps_end) {
+    for_each_index(f_.jumps_end, f_.holds_end,
+                   [&](auto m) { side_[m] = select(met[m] & running_ & !several, P(0.0), side_[m]); });
+    see_slides();
+  }
   Mask changed = Lanes::none();
   if (f_.resets > 0) {
     P surface(-1.0);
@@ -111,7 +120,11 @@ void Integrator<Equation, Method>::turn(State& y, const Mask& taken, const P& du
     stop(anew_on_sides(at_once, y, side_), Status::two_jumps);
     changed = set_anew(turned, y, surface, duration);
   }
-  if (f_.jumps_end > 0 && slide_) check_slides(turned & running_, y, step_);
+  if (f_.holds_end > 0 && slide_) check_slides(turned & running_, y, step_);
+  for_each_index(f_.jumps_end, f_.holds_end, [&](auto m) {
+    const Mask beside = turned & running_ & !changed & !slides(side_[m]) & (landed_[m] | slides(came[m]));
+    if (any(beside)) place_beside(m, beside, y);
+  });
   behind_kink_ = behind_kink_ | turned;
   if (implicit_step_) implicit_step_->forget(turned);
   State fresh;
@@ -133,7 +146,7 @@ void Integrator<Equation, Method>::turn(State& y, const Mask& taken, const P& du
   if (f_.jumps_end > 0 || f_.dependence.any_steep()) note_rests(turned, y);
   if (f_.sided_limits || any(changed)) enter_branches(f_.sided_limits ? turned : changed, y);
   if (f_.resets > 0) end_turn(turned, y);
-  if (f_.jumps_end > 0 && slide_) watch_hold(turned, y, step_);
+  if (f_.holds_end > 0 && slide_) watch_hold(turned, y, step_);
 }
 
 // The rates of the surfaces just past a kink on which y lies, at the start of a step of about this size. On the kink itself one

@@ -155,7 +155,7 @@ class Tangents {
     });
   }
 
-  static Mask meets(auto m, const Side& before, const Side& after);
+  Mask meets(auto m, const Side& before, const Side& after) const;
   [[gnu::noinline]] Mask pass_several(const Mask& lanes, const Side& before, const Side& after);
   Mask pass_in_order(const Mask& lanes, const Side& before, const Side& after, bool backwards);
   Mask pass_jump(auto m, const Mask& here, const Side& before, const Side& after);
@@ -180,8 +180,9 @@ class Tangents {
     Jacobian<M, P> jacobian;
     fit(jacobian.by_state, f_.dependence.by_state);
     fit(jacobian.by_theta, f_.dependence.by_theta);
-    f_.linearise(at, beside<P>(f_, side, 1.0), rate, jacobian);
-    if (!any(any_slides<P>(f_, side))) return;
+    const Side ahead = beside<P>(f_, side, 1.0);
+    if (!any(any_slides<P>(f_, side))) return f_.linearise(at, ahead, rate, jacobian);
+    f_.linearise(BesideSteep(f_, at, side).at(ahead), ahead, rate, jacobian);
     const Mask several = several_slides<P>(f_, side);
     if (any(several)) SeveralStage<M, P>().linearise(f_, at, side, P(0.0), several, rate, jacobian);
     SlidingStage<M, P> stage;
@@ -191,8 +192,8 @@ class Tangents {
 
   // What slides on these sides.
   void see_slides(const Side& side) {
-    slide_ = f_.jumps_end > 0 && any(any_slides<P>(f_, side));
-    if (slide_ && f_.jumps_end > 1) several_ = several_slides<P>(f_, side);
+    slide_ = f_.holds_end > 0 && any(any_slides<P>(f_, side));
+    if (slide_ && f_.holds_end > 1) several_ = several_slides<P>(f_, side);
     if (slide_ && sliding_.empty()) prepare_slides();
     if (any_several() && several_stages_.empty()) several_stages_.resize(stages);
   }
@@ -203,7 +204,13 @@ class Tangents {
     if (any_several()) several_stages_[stages - 1].keep_on(f_, several_ & moving, x, s);
   }
 
-  bool any_several() const { return f_.jumps_end > 1 && slide_ && any(several_); }
+  // On the sides 1 of what is slid on.
+  [[gnu::noinline]] void linearise_ahead(const State& at, const Side& side, State& rate, Jacobian<M, P>& jacobian) {
+    const Side ahead = beside<P>(f_, side, 1.0);
+    f_.linearise(BesideSteep(f_, at, side).at(ahead), ahead, rate, jacobian);
+  }
+
+  bool any_several() const { return f_.holds_end > 1 && slide_ && any(several_); }
 
   [[gnu::noinline]] void prepare_slides() {
     sliding_.resize(stages);
@@ -213,10 +220,13 @@ class Tangents {
   // All that the stage adds up, per step; once in the code for all stages, which would overflow the instruction cache.
   FISHERPOINT_HOT void linearise(const State& at, const Side& side, const P& step, State& rate, int s) {
     Jacobian<M, P>& jacobian = jacobian_[s];
-    if (f_.jumps_end == 0) {
+    if (f_.holds_end == 0) {
       f_.linearise(at, side, rate, jacobian);
     } else {  // the same code whether a neighbour slides or not, and so the same bits
-      f_.linearise(at, slide_ ? beside<P>(f_, side, 1.0) : side, rate, jacobian);
+      if (slide_)
+        linearise_ahead(at, side, rate, jacobian);
+      else
+        f_.linearise(at, side, rate, jacobian);
       if (any_several()) several_stages_[s].linearise(f_, at, side, step, several_, rate, jacobian);
       if (slide_) slide_linearised(f_, at, side, step, rate, jacobian, sliding_[s], several_);
     }

@@ -72,8 +72,8 @@ struct PointPath {
 template <class M>
 bool meets_jump(const auto& shape, const PointPath<M>& path) {
   for (const auto& run : path.runs)
-    for (int m = 0; m < shape.jumps_end; ++m)
-      if (run.side[m] == 0.0 || run.side[m] != path.start[m]) return true;
+    for (int m = 0; m < shape.holds_end; ++m)
+      if (run.side[m] == 0.0 || (m < shape.jumps_end && run.side[m] != path.start[m])) return true;
   return path.ends_on_jump || !path.resets.empty();
 }
 
@@ -87,15 +87,21 @@ PointPath<M> with_steep_steps(const auto& shape, const auto& dependence, const P
     for_each_index(Count<0>{}, shape.kinks_end, [&](auto m) { found = found || (dependence.steep(m) && a[m] != b[m]); });
     return found;
   };
+  // What is held on a surface neither comes to it nor leaves it.
+  const auto is_held = [&](const auto& side) {
+    bool found = false;
+    for (int m = shape.jumps_end; m < shape.holds_end; ++m) found = found || side[m] == 0.0;
+    return found;
+  };
   PointPath<M> marked = path.without_steps();
   std::size_t first = 0;
   for (std::size_t r = 0; r < path.runs.size(); ++r) {
     const auto& run = path.runs[r];
     // States that are set anew come to other sides without meeting the surface.
     const auto set_anew = [](const auto& at) { return at.resets_end > at.first_reset; };
-    const bool away = !run.implicit && !set_anew(run) && (r > 0 ? meets(path.runs[r - 1].side, run.side) : path.starts_on != 0);
+    const bool away = !run.implicit && !is_held(run.side) && !set_anew(run) && (r > 0 ? meets(path.runs[r - 1].side, run.side) : path.starts_on != 0);
     const bool towards =
-        !run.implicit && r + 1 < path.runs.size() && !set_anew(path.runs[r + 1]) && meets(run.side, path.runs[r + 1].side);
+        !run.implicit && !is_held(run.side) && r + 1 < path.runs.size() && !set_anew(path.runs[r + 1]) && meets(run.side, path.runs[r + 1].side);
     double longest = 0.0, whole = 0.0;
     for (std::size_t n = first; n < run.end; ++n) longest = std::max(longest, path.sizes[n]), whole += path.sizes[n];
     const double least = std::min(0.5 * longest, 0.4 * whole);
@@ -269,7 +275,7 @@ void for_each_step(const Shape<M>& shape, std::span<const std::size_t> rows, con
       if (first) {
         if (!turned) before = side;
         set_lane(side, lane, path.runs[run[lane]].side.data());
-        if (n == 0 && shape.jumps_end > 0) set_lane(before, lane, path.start.data());
+        if (n == 0 && shape.holds_end > 0) set_lane(before, lane, path.start.data());
         const auto& next_run = path.runs[run[lane]];
         if (next_run.resets_end > next_run.first_reset)
           resets.add(lane, std::span(path.resets).subspan(next_run.first_reset, next_run.resets_end - next_run.first_reset));
@@ -283,7 +289,7 @@ void for_each_step(const Shape<M>& shape, std::span<const std::size_t> rows, con
       if (steep) note_steep(shape, path, run[lane] - 1, lane, kind);
       next[lane] = beside ? n + 1 : another ? run_end[lane] - 1 : run_end[lane];
     }
-    if (goes_on_from_ends(shape) && turned) pass(before, side, resets);
+    if ((goes_on_from_ends(shape) || shape.holds_end > 0) && turned) pass(before, side, resets);
     advance(size, side, kind);
   }
 }

@@ -111,6 +111,8 @@ template <class P, class M, class Equation>
       else if (path.start[m] == 0.0)  // onto a slide, from either side
         path.start[m] = 1.0;
     }
+    for (int m = jumps; m < equation.holds_end; ++m)
+      if (path.start[m] == 0.0) path.start[m] = 1.0;
     path.other = path.runs.back().side;
     set_lane(last, lane, path.runs.back().side.data());
     set_lane(other, lane, path.runs.back().side.data());

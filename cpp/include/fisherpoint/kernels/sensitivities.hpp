@@ -225,6 +225,11 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
     const bool steep = equation.dependence.any_steep() || taken.starts_on != 0;
     paths[k] = refined<M>(steep ? with_steep_steps(shape, equation.dependence, taken) : taken, first_refinement);
     paths[k].fineness = 1.0;
+    if (shape.holds_end > shape.jumps_end) {  // onto a surface that holds it, from either side
+      paths[k].start = paths[k].runs[0].side;
+      for (int m = shape.jumps_end; m < shape.holds_end; ++m)
+        if (paths[k].start[m] == 0.0) paths[k].start[m] = 1.0;
+    }
   }
   if (shape.jumps_end > 0)
     look_at_jumps<P, Method>(model, equation, pack, x, from, outcome, tolerance, rows, carried, paths, out);
@@ -268,8 +273,9 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
     implicit_tangents.emplace(*states, equation, tangents, tolerance);
   }
   std::optional<SteepTangents<M, P, Method>> steep_tangents;
-  if (std::any_of(rows.begin(), rows.end(), [&](auto k) { return meets_steep(paths[k]); }))
-    steep_tangents.emplace(equation, tangents);
+  if (std::any_of(rows.begin(), rows.end(), [&](auto k) { return meets_steep(paths[k]); }) ||
+      (shape.holds_end > shape.jumps_end && implicit_tangents))
+    steep_tangents.emplace(equation, tangents, tolerance.relative);
   mask_of_lanes<P> grazes = lanes_of<P>::none();
   for_each_step<P, M>(
       shape, rows, paths,
@@ -281,6 +287,10 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
           steep_tangents->leave(select(kind.away, size, P(0.0)), side, kind.other, kind.part);
           steep_tangents->approach(select(kind.towards, size, P(0.0)), side, kind.other, kind.part);
           size = select(kind.towards | kind.away, P(0.0), size);
+        }
+        if (steep_tangents) {
+          size = steep_tangents->along(size, side);
+          if (any(kind.implicit & (size > P(0.0)))) steep_tangents->step_off(select(kind.implicit, size, P(0.0)), side);
         }
         if (!implicit_tangents) return tangents.advance(size, side, kind.beside);
         tangents.advance(select(kind.implicit, P(0.0), size), side, kind.beside);

@@ -94,6 +94,13 @@ struct sizes {
   static constexpr int kinks = static_cast<int>(Model::kinks.size());
   static constexpr int limits = static_cast<int>(Model::domain.size());
   static constexpr int switching = jumps + kinks;
+  // Kinks where f_x has no bounds, which come before the others.
+  static constexpr int steep_kinks = [] {
+    int count = 0;
+    if constexpr (requires { Model::steep; })
+      for (int m = jumps; m < switching; ++m) count += Model::steep[m];
+    return count;
+  }();
   static constexpr int poles = [] {
     if constexpr (requires { Model::poles; }) return Model::poles;
     return 0;

@@ -21,6 +21,7 @@ struct Shape {
   static constexpr Count<S::outputs> outputs{};
   static constexpr Count<S::parameters> parameters{};
   static constexpr Count<S::jumps> jumps_end{};
+  static constexpr Count<S::jumps + S::steep_kinks> holds_end{};  // of those that may hold trajectories (sliding.hpp)
   static constexpr Count<S::switching> kinks_end{};
   static constexpr Count<S::sides> sides{};
   static constexpr Count<S::surfaces> surfaces{};

@@ -76,6 +76,7 @@ struct Shape<TapeModel> {
   bool sided_limits = false;  // limits read sides: they stand in branches
   int measured = 0;           // limits behind the surfaces, which hold where g is measured
   int resets = 0;
+  int holds_end = 0;  // of jumps and kinks that may hold trajectories, which come first; of a model it is made from `Varying`
   static constexpr int values = -1;  // surfaces and what is measured, of a number that is not known here
   template <int n>
   using Stages = int;  // packs are so wide that unrolled loops would only overflow the instruction cache
@@ -252,7 +253,13 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
                             std::vector<Entry> state_entries, std::vector<Entry> rate_entries,
                             std::vector<Entry> output_entries, std::vector<Entry> jump_entries, Varying varying,
                             TapeResets resets)
-    : shape_(shape),
+    : shape_([&] {
+        Shape<TapeModel> whole = shape;
+        const auto& steep = varying.steep;
+        whole.holds_end = shape.jumps_end;
+        for (std::size_t m = shape.jumps_end; m < steep.size() && steep[m]; ++m) ++whole.holds_end;
+        return whole;
+      }()),
       inverse_scales_(std::move(scales)),
       programs_(std::move(programs)),
       state_entries_(std::move(state_entries)),
@@ -261,7 +268,7 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
       resets_(std::move(resets)),
       dependence_([&] {
         using detail::expect;
-        const auto [n_x, n_u, n_y, p, jumps_end, kinks_end, sides, surfaces, sided_limits, measured, n_resets] = shape;
+        const auto [n_x, n_u, n_y, p, jumps_end, kinks_end, sides, surfaces, sided_limits, measured, n_resets, n_holds] = shape_;
         expect(sided_limits || !detail::reads_sides(programs_.surfaces, shape),
                "surfaces: expected sides to be read as the shape says");
         expect(n_x <= 64 && p <= 64, "model: expected at most 64 states and 64 parameters, given more");
@@ -295,11 +302,9 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
         check_entries(output_entries_, n_y, "output_entries");
         expect(static_cast<int>(varying.closed.size()) == surfaces - sides,
                "closed: expected one for every limit behind the poles");
-        const int steep_end =
-            jumps_end + static_cast<int>(std::count(varying.steep.begin() + jumps_end, varying.steep.end(), true));
-        expect(std::find(varying.steep.begin() + steep_end, varying.steep.end(), true) == varying.steep.end(),
+        expect(std::find(varying.steep.begin() + n_holds, varying.steep.end(), true) == varying.steep.end(),
                "varying.steep: expected steep kinks before others");
-        check_entries(jump_entries_, steep_end, "jump_entries");
+        check_entries(jump_entries_, n_holds, "jump_entries");
         detail::check(programs_.rates, shape, n_x, "rates");
         detail::check(programs_.output, shape, n_y, "output");
         detail::check(programs_.surfaces, shape, surfaces + measured, "surfaces");
@@ -307,7 +312,7 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
         detail::check(programs_.state_jacobian, shape, state_entries_.size(), "state_jacobian");
         detail::check(programs_.rate_jacobian, shape, n_x + rate_entries.size(), "rate_jacobian");
         detail::check(programs_.output_jacobian, shape, n_y + output_entries_.size(), "output_jacobian");
-        detail::check(programs_.jump_jacobian, shape, steep_end + jump_entries_.size(), "jump_jacobian");
+        detail::check(programs_.jump_jacobian, shape, n_holds + jump_entries_.size(), "jump_jacobian");
         expect(0 <= n_resets && n_resets <= most_resets, "resets: expected at most 32, given more");
         for (const auto [k, i] : resets_.targets)
           expect(k >= 0 && k < n_resets && i >= 0 && i < n_x, "reset_targets: expected pairs of a reset and a state");
