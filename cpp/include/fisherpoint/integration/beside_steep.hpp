@@ -1,7 +1,7 @@
 // Places beside surfaces where f_x has no bounds, as f takes a root of what is zero there. A trajectory that f brings back from
-// both sides stays on such a surface, as between two tanks at equal levels. With the root's factor k and what else moves h at the
-// rate q, it lies where k sqrt(h) balances q, at h = (q / k)^2: nearer than a height that counts as rounding, it is held on the
-// surface; from there on f_x is finite, and the trajectory goes on by implicit steps.
+// both sides stays on such a surface, as between two tanks at equal levels. With the root's factor k and what else moves h at
+// the rate q, it lies where k sqrt(h) balances q, at h = (q / k)^2: nearer than a height that counts as rounding, it is held on
+// the surface; from there on f_x is finite, and the trajectory goes on by implicit steps.
 #pragma once
 
 #include "fisherpoint/integration/step_control.hpp"

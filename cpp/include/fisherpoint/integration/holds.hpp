@@ -1,7 +1,7 @@
 // Held on surfaces where f takes a root of what is zero there, and beside them: members of Integrator (integrator.hpp, which
 // includes it at its end). Where f brings a trajectory back from both sides it stays on the surface, as one that slides along a
-// jump (beside_steep.hpp): two tanks at equal levels, a tank that is empty. Where it comes to lie so near to it that steps of the
-// tolerance do not see it, it goes on by implicit steps from where the root balances what drives it.
+// jump (beside_steep.hpp): two tanks at equal levels, a tank that is empty. Where it comes to lie so near to it that steps of
+// the tolerance do not see it, it goes on by implicit steps from where the root balances what drives it.
 #pragma once
 
 #include "fisherpoint/integration/beside_steep.hpp"
@@ -13,18 +13,21 @@ namespace fisherpoint {
 template <class Equation, class Method>
 auto Integrator<Equation, Method>::brought_back(auto m, const Mask& lanes, const State& y, double share) const -> BroughtBack {
   const int here = m;
-  const BesideSteep<Equation> off(f_, y, share, [&](int n) { return n == here ? lanes : lanes & slides(side_[n]); });
+  const BesideSteep<Equation> off(f_, y, 1.0, [&](int n) { return n == here ? lanes : lanes & slides(side_[n]); });
+  const P size = natural_height(f_, m, y), own = f_.surface_values(y)[m] / size;
   State rates;
   fit(rates, f_.states);
   BroughtBack found{Lanes::none(), {P(0.0), P(0.0)}};
   for (const int which : {0, 1}) {
     Side tried = side_;
     tried[m] = select(lanes, P(1.0 - 2.0 * which), side_[m]);
-    derivative(off.at(tried, here), tried, rates);
+    Side at = tried;
+    at[m] = share * tried[m] - own;
+    derivative(off.at(at, here), tried, rates);
     found.rate[which] = f_.surface_rates(y, rates)[m];
   }
   const P apart = found.rate[1] - found.rate[0], margin = hold_margin * apart;
-  const Mask soon = apart * (hold_haste * span_) > share * natural_height(f_, m, y);
+  const Mask soon = apart * (hold_haste * span_) > share * size;
   found.lanes = lanes & soon & (found.rate[0] < margin) & (found.rate[1] > P(0.0) - margin);
   return found;
 }
@@ -71,16 +74,17 @@ void Integrator<Equation, Method>::place_beside(auto m, const Mask& lanes, State
   State rates;
   fit(rates, f_.states);
   Side at = side_;
+  const P own = f_.surface_values(y)[m] / natural_height(f_, m, y);
   P low(hold_height), high = select(near, P(most), P(hold_height));
   for (int k = 0; k < 10 && any(near); ++k) {
     const P middle = sqrt(low * high);
-    at[m] = side_[m] * middle;
+    at[m] = side_[m] * middle - own;
     derivative(off.at(at, here), rates);
     const Mask further = side_[m] * f_.surface_rates(y, rates)[m] > P(0.0);
     low = select(further, middle, low);
     high = select(further, high, middle);
   }
-  at[m] = side_[m] * sqrt(low * high);
+  at[m] = side_[m] * sqrt(low * high) - own;
   y = off.at(at, here);
 }
 

@@ -9,9 +9,11 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <limits>
 
 #include "fisherpoint/integration/radau.hpp"
+#include "fisherpoint/integration/step_control.hpp"
 #include "fisherpoint/numbers/eigenvalues.hpp"
 #include "fisherpoint/numbers/elimination.hpp"
 #include "fisherpoint/numbers/lanes.hpp"
@@ -19,6 +21,27 @@
 #include "fisherpoint/numbers/unroll.hpp"
 
 namespace fisherpoint {
+
+// Next to surfaces where f takes a root of h, the stages are to be known as a share of h, however small that is: how much
+// sharper than the tolerance.
+template <class Equation, class P>
+[[gnu::noinline]] P sharper_beside_roots(const Equation& f, const typename Equation::State& x, double weight) {
+  P least(1.0);
+  const auto value = f.surface_values(x);
+  for_each_index(f.jumps_end, f.holds_end, [&](auto m) {
+    typename Equation::State one;
+    fit(one, f.states);
+    one.fill(P(0.0));
+    P size(0.0);
+    for_each_index(f.states, [&](auto i) {
+      one[i] = P(1.0 / f.inverse_scale(i));
+      size += abs(f.surface_rates(x, one)[m]);
+      one[i] = P(0.0);
+    });
+    least = min(least, abs(value[m]) / size);
+  });
+  return max(P(10.0 / std::sqrt(weight)) / max(least, P(hold_height)), P(1.0));
+}
 
 template <class Equation>
 class ImplicitStep {
@@ -53,8 +76,9 @@ class ImplicitStep {
   }
 
   // Solves for the stages of a step from y, whose rate is `rate`; `weight` is that of squares in step control. Returns the
-  // lanes in which that has succeeded.
-  Mask solve(const Mask& lanes, const State& y, const State& rate, const P& step, const Side& side, double weight) {
+  // lanes in which that has succeeded. The iteration is to leave this many times less of its error than elsewhere.
+  Mask solve(const Mask& lanes, const State& y, const State& rate, const P& step, const Side& side, double weight,
+             const P& sharper = P(1.0)) {
     step_ = select(lanes, step, P(0.0));
     linearise_start(lanes, y, side);
     for (int i = 0; i < n_; ++i)
@@ -67,7 +91,7 @@ class ImplicitStep {
     real_.factorise();
     complex_.factorise();
     begin_iteration();
-    iterate(lanes, y, side, weight);
+    iterate(lanes, y, side, weight, sharper * sharper);
     for (int i = 0; i < n_; ++i) f_y_of(i) = step_ * f_.inverse_scale(i) * rate[i];
     return solved_;
   }
@@ -236,8 +260,8 @@ class ImplicitStep {
       out[r][i] = matrix[r][0] * in[0][i] + matrix[r][1] * in[1][i] + matrix[r][2] * in[2][i];
   }
 
-  [[gnu::noinline]] void iterate(const Mask& lanes, const State& y, const Side& side, double weight) {
-    const P floor = (1e-30 * weight) * (f_.squared_size(y) + P(1.0));  // of rounding
+  [[gnu::noinline]] void iterate(const Mask& lanes, const State& y, const Side& side, double weight, const P& sharper) {
+    const P floor = (1e-30 * weight) * (f_.squared_size(y) + P(1.0)) * sharper;  // of rounding
     Mask iterates = lanes;
     solved_ = unknown_ = Lanes::none();
     P last(0.0);
@@ -267,7 +291,7 @@ class ImplicitStep {
         w_[2][i] = select(iterates, w_[2][i] + c.im, w_[2][i]);
         to(z_, Radau::to_z, w_, i);
       }
-      size *= weight;
+      size *= weight * sharper;
       unknown_ = unknown_ | (iterates & !(size < P(1e300)));
       // The iteration shrinks what is left by about the same factor every time.
       const P factor = sqrt(size / last);

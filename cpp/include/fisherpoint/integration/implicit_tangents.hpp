@@ -30,6 +30,7 @@ class ImplicitTangents {
       : f_(equation),
         to_(tangents),
         weight_(tolerance.step_weight()),
+        states_(states),
         step_(states),
         n_(states.states),
         system_(stages * n_),
@@ -55,7 +56,9 @@ class ImplicitTangents {
       side_[m] = select(moves, side[m], side_[m]);
     }
     f_.linearise(to_.x, side, rate_, jacobian_[stages]);
-    const auto solved = step_.solve(moves, to_.x, rate_, step, side, weight_);
+    P sharper(1.0);
+    if (f_.holds_end > f_.jumps_end) sharper = sharper_beside_roots<Plain, P>(states_, to_.x, weight_);
+    const auto solved = step_.solve(moves, to_.x, rate_, step, side, weight_, sharper);
     const P error = step_.squared_error(lanes_of<P>::none(), to_.x, side, weight_);
     raise(to_.squared_error_, select(moves, select(solved, error, P(too_long) / weight_), P(0.0)));
     for (int r = 0; r < stages; ++r) {
@@ -140,6 +143,7 @@ class ImplicitTangents {
   const Equation& f_;
   Tangents<M, P, Method>& to_;
   double weight_;
+  const Plain& states_;
   ImplicitStep<Plain> step_;
   int n_;
   Elimination<P> system_;

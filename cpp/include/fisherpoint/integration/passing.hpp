@@ -38,8 +38,8 @@ auto Tangents<M, P, Method>::exchange(const Side& last, const Side& other) -> Ma
   return pass(last, other);
 }
 
-// Lanes that meet jump m: they cross it or begin to slide. One that has ended to hold them is left behind without a change. At a
-// kink S changes only where it begins to hold them.
+// Lanes that meet jump m: they cross it or begin to slide. One that has ended to hold them is left behind without a change. At
+// a kink S changes only where it begins to hold them.
 template <class M, class P, class Method>
 auto Tangents<M, P, Method>::meets(auto m, const Side& before, const Side& after) const -> Mask {
   const Mask meets = !slides(before[m]) & (abs(after[m] - before[m]) > P(0.5));
@@ -90,7 +90,8 @@ auto Tangents<M, P, Method>::pass_jump(auto m, const mask_of_lanes<P>& here, con
   auto released = lanes_of<P>::none();
   for_each_index(Count<0>{}, f_.jumps_end,
                  [&](auto other) { released = released | (slides(before[other]) & !slides(after[other])); });
-  const auto begins = here & slides(after[m]), slides_on = f_.dependence.steep(m) ? begins : begins & !released, goes_through = here & !slides_on;
+  const auto begins = here & slides(after[m]), slides_on = f_.dependence.steep(m) ? begins : begins & !released,
+             goes_through = here & !slides_on;
   Side beyond = after;
   beyond[m] = select(slides_on, -before[m], after[m]);
   State rate, rate_behind;

@@ -104,25 +104,40 @@ class SteepTangents {
     return select(lanes, whole, size);
   }
 
-  // Has implicit steps begin where f_x is finite, beside the surface or where the root balances what drives it.
-  [[gnu::noinline]] void step_off(const P& size, const Side& side) {
+  // Of implicit steps next to a surface: where it holds this trajectory, a little before or behind the states', its side is 0
+  // on `held`, and these lanes are returned. The others are to begin where f_x is finite, beside the surface or where the root
+  // balances what drives it.
+  [[gnu::noinline]] Mask step_off(const P& size, const Side& side, Side& held) {
+    Mask holds = lanes_of<P>::none();
     for_each_index(f_.jumps_end, f_.holds_end, [&](auto m) {
       const auto h = f_.jump(m, to_.x);
       P scale(0.0);
       for_each_index(f_.states, [&](auto i) { scale += abs(h.by_state[i]) * (1.0 / f_.inverse_scale(i)); });
-      const Mask near = (size > P(0.0)) & !slides(side[m]) & (side[m] * h.value < hold_height * scale);
+      Mask near = (size > P(0.0)) & !slides(side[m]) & (side[m] * h.value < hold_height * scale);
       if (!any(near)) return;
       const int here = m;
       const BesideSteep off(f_, to_.x, 1.0, [&](int n) { return n == here ? near : near & slides(side[n]); });
-      Side at = side;
+      Side at = side, on_side = side;
       const P own = h.value / scale;
-      const auto further = [&](const P& share) {
-        at[m] = side[m] * share - own;
-        to_.rates(off.at(at, here), side, rate_);
-        P growth(0.0);
-        for_each_index(f_.states, [&](auto i) { growth += h.by_state[i] * rate_[i]; });
-        return side[m] * growth > P(0.0);
+      const auto growth = [&](const P& share) {
+        at[m] = on_side[m] * share - own;
+        to_.rates(off.at(at, here), on_side, rate_);
+        P sum(0.0);
+        for_each_index(f_.states, [&](auto i) { sum += h.by_state[i] * rate_[i]; });
+        return on_side[m] * sum;
       };
+      const auto further = [&](const P& share) { return growth(share) > P(0.0); };
+      const P ahead = growth(P(hold_height));
+      on_side[m] = -side[m];
+      const State rate_ahead = rate_;
+      const P behind = growth(P(hold_height)), margin = -hold_margin * (ahead + behind);
+      on_side[m] = side[m];
+      State d = rate_;
+      for_each_index(f_.states, [&](auto i) { d[i] -= rate_ahead[i]; });
+      const Mask back = near & (ahead < margin) & (behind < margin);
+      held[m] = select(back, P(0.0), held[m]);
+      holds = holds | back;
+      near = near & !back;
       // Beyond the highest place at which the states' steps begin it moves away in its own time.
       const Mask balances = near & !further(P(most_)) & further(P(hold_height));
       P low(hold_height), high = select(balances, P(most_), P(hold_height));
@@ -133,11 +148,36 @@ class SteepTangents {
         high = select(on, high, middle);
       }
       at[m] = side[m] * sqrt(low * high) - own;
+      at[m] = select(near, at[m], P(0.0));
       to_.x = off.at(at, here);
+      if (any(balances)) balance(balances, h.by_state, d, side);
     });
+    return holds;
   }
 
  private:
+  // S where the root balances what drives the trajectory: h_x S does so too, which it comes to at once.
+  void balance(const Mask& lanes, const State& normal, const State& d, const Side& side) {
+    to_.see_slides(side);
+    to_.linearise(to_.x, side, P(1.0), rate_, 0);
+    for_each_index(f_.parameters, [&](auto j) {
+      if (f_.dependence.leader(j) != j) return;
+      for (int k = j; k < f_.parameters; k = f_.dependence.next_alike(k)) {
+        const auto rows = f_.dependence.rows(j);
+        P* const column = &to_.s[f_.dependence.column_start[k]];
+        P growth[2] = {P(0.0), P(0.0)};
+        for (const int with : {0, 1}) {
+          for_each_variable(rows, [&](auto i) { at_[i] = column[detail::below(rows, i)] + with * d[i]; });
+          to_.column_rate(j, k, 0, at_, rate_);
+          for_each_variable(rows, [&](auto i) { growth[with] += normal[i] * rate_[i]; });
+        }
+        const P share = growth[0] / (growth[0] - growth[1]);
+        const Mask known = lanes & (abs(share) < P(1e300));
+        for_each_variable(rows, [&](auto i) { column[detail::below(rows, i)] += select(known, share * d[i], P(0.0)); });
+      }
+    });
+  }
+
   // Of these lanes those whose next side is that of a hold.
   Mask holds(const Mask& lanes, const Side& side, const Side& next) const {
     Mask found = lanes_of<P>::none();
@@ -234,7 +274,7 @@ class SteepTangents {
   const Equation& f_;
   Tangents<M, P, Method>& to_;
   double most_;  // the greatest height at which the states' implicit steps begin
-  P lag_{0.0};  // by how much later, or earlier, the surface was met
+  P lag_{0.0};   // by how much later, or earlier, the surface was met
   State rate_, at_;
 };
 

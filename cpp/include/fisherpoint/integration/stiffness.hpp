@@ -24,7 +24,9 @@ auto Integrator<Equation, Method>::choose_implicit() -> Mask {
 template <class Equation, class Method>
 void Integrator<Equation, Method>::attempt_implicit(const State& y, State& middle) {
   ImplicitStep<Equation>& step = *implicit_step_;
-  const Mask solved = step.solve(implicit_, y, stage_[0], step_, side_, weight_);
+  P sharper(1.0);
+  if (f_.holds_end > f_.jumps_end) sharper = sharper_beside_roots<Equation, P>(f_, y, weight_);
+  const Mask solved = step.solve(implicit_, y, stage_[0], step_, side_, weight_, sharper);
   Mask fails = step.outgrown(implicit_, stage_[0]) | (implicit_ & !solved);
   const P error = squared_weight() * step.squared_error(rejected_ | (time_ <= P(0.0)), y, side_, weight_);
   State start;

@@ -12,7 +12,11 @@ void Integrator<Equation, Method>::settle(const Mask& taken) {
   for_each_index(Count<0>{}, f_.kinks_end, [&](auto m) {
     const P newton = -end_value_[m] / end_rate_[m];
     Mask known = abs(newton) <= 0.5 * step_;  // none at a rate next to zero
-    if (f_.dependence.steep(m)) known = known | (abs(newton) <= brink * span_);
+    if (f_.dependence.steep(m)) {
+      known = known | (abs(newton) <= brink * span_);
+      // What balances a root there gets nearer ever more slowly.
+      if (any(landed_[m] & taken)) known = known & !(abs(end_value_[m]) <= hold_height * natural_height(f_, m, end_));
+    }
     const P rest = select(landed_[m] & taken & known, newton, P(0.0));
     for_each_index(f_.states, [&](auto i) { end_[i] += rest * stage_[last][i]; });
     step_ += rest;

@@ -99,9 +99,10 @@ PointPath<M> with_steep_steps(const auto& shape, const auto& dependence, const P
     const auto& run = path.runs[r];
     // States that are set anew come to other sides without meeting the surface.
     const auto set_anew = [](const auto& at) { return at.resets_end > at.first_reset; };
-    const bool away = !run.implicit && !is_held(run.side) && !set_anew(run) && (r > 0 ? meets(path.runs[r - 1].side, run.side) : path.starts_on != 0);
-    const bool towards =
-        !run.implicit && !is_held(run.side) && r + 1 < path.runs.size() && !set_anew(path.runs[r + 1]) && meets(run.side, path.runs[r + 1].side);
+    const bool away = !run.implicit && !is_held(run.side) && !set_anew(run) &&
+                      (r > 0 ? meets(path.runs[r - 1].side, run.side) : path.starts_on != 0);
+    const bool towards = !run.implicit && !is_held(run.side) && r + 1 < path.runs.size() && !set_anew(path.runs[r + 1]) &&
+                         meets(run.side, path.runs[r + 1].side);
     double longest = 0.0, whole = 0.0;
     for (std::size_t n = first; n < run.end; ++n) longest = std::max(longest, path.sizes[n]), whole += path.sizes[n];
     const double least = std::min(0.5 * longest, 0.4 * whole);
@@ -218,7 +219,7 @@ void note_steep(const auto& shape, const PointPath<M>& path, std::size_t run, in
   const auto& here = path.runs[run];
   lanes_of<P>::set(kind.towards, lane, here.steep == Steep::towards);
   lanes_of<P>::set(kind.away, lane, here.steep == Steep::away);
-  lanes_of<P>::set(kind.part, lane, most_of_distance / path.fineness);
+  lanes_of<P>::set(kind.part, lane, most_of_distance / std::min(path.fineness, finest));
   auto other = here.side;
   if (here.steep == Steep::towards) other = path.runs[run + 1].side;
   if (here.steep == Steep::away && run > 0) other = path.runs[run - 1].side;

@@ -246,7 +246,8 @@ bool accepted(double error, double allowed, const Tolerance& tolerance, PointPat
   }
   const bool known = excess < 1e100;
   const double factor = known ? std::clamp(1.1 * std::pow(excess, 1.0 / order), 1.1, 4.0) : 2.0;
-  if (factor * path.size() <= tolerance.max_attempts && (!meets_steep(path) || factor * path.fineness <= finest)) {
+  if (factor * path.size() <= tolerance.max_attempts &&
+      (!meets_steep(path) || is_stiff(path) || factor * path.fineness <= finest)) {
     path = graded<M>(refined<M>(path, factor));
   } else {
     path = PointPath<M>();
@@ -290,7 +291,13 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
         }
         if (steep_tangents) {
           size = steep_tangents->along(size, side);
-          if (any(kind.implicit & (size > P(0.0)))) steep_tangents->step_off(select(kind.implicit, size, P(0.0)), side);
+          auto held = side;
+          const P implicit_size = select(kind.implicit, size, P(0.0));
+          if (const auto lanes = steep_tangents->step_off(implicit_size, side, held); any(lanes)) {
+            tangents.pass(side, held);
+            tangents.advance(select(lanes, size, P(0.0)), held);
+            size = select(lanes, P(0.0), size);
+          }
         }
         if (!implicit_tangents) return tangents.advance(size, side, kind.beside);
         tangents.advance(select(kind.implicit, P(0.0), size), side, kind.beside);
