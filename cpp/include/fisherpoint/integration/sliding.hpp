@@ -5,8 +5,8 @@
 // keeps h' = 0, as long as r+ < 0 < r-. A trajectory's side is 0 on the jump that it slides on. Of
 // several at once: sliding_several.hpp.
 //
-// Where f takes a root of what is zero on a surface, as sign(h) sqrt(|h|), it has no jump there, but one between both sides at any
-// distance, however small: f+ and f- are those at a height that is rounding (beside_steep.hpp).
+// Where f takes a root of what is zero on a surface, as sign(h) sqrt(|h|), it has no jump there, but one between both sides at
+// any distance, however small: f+ and f- are those at a height that is rounding (beside_steep.hpp).
 #pragma once
 
 #include "fisherpoint/integration/beside_steep.hpp"
@@ -32,8 +32,8 @@ Sides beside(const auto& shape, Sides sides, double side) {
   return sides;
 }
 
-// f on both sides of the surface that each lane slides on, and how fast h changes there. Lanes that slide on none have the same f
-// twice, and rates of 0.
+// f on both sides of the surface that each lane slides on, and how fast h changes there. Lanes that slide on none have the same
+// f twice, and rates of 0.
 template <class Equation>
 class BothSides {
   using P = typename Equation::Number;

@@ -39,14 +39,14 @@ class SteepTangents {
   [[gnu::noinline]] void approach(const P& size, const Side& side, const Side& behind, const P& part) {
     Mask lanes = size > P(0.0);
     if (!any(lanes)) return;
-    P left = size;
+    P left = select(lanes, max(size + lag_, P(0.0)), P(0.0));
+    lag_ = select(lanes, P(0.0), lag_);
     // Where it is held there, S is taken onto the surface behind this step.
     const Mask held = holds(lanes, side, behind);
     Met met = look(lanes, side, behind, behind);
     const Mask rests = lanes & (abs(met.value) <= nearest * met.size) & (abs(met.rate) * size <= nearest * met.size);
     if (any(rests)) {  // it lies there, and something else is to move it
-      to_.advance(select(rests, size + lag_, P(0.0)), side);
-      lag_ = select(rests, P(0.0), lag_);
+      to_.advance(select(rests, left, P(0.0)), side);
       lanes = lanes & !rests;
     }
     for (int k = 0; k < most_steps; ++k) {
@@ -97,7 +97,9 @@ class SteepTangents {
 
   // Of steps along surfaces that hold trajectories: with what the way to them took less, or more.
   P along(const P& size, const Side& side) {
-    const Mask lanes = (size > P(0.0)) & any_slides<P>(f_, side) & ((lag_ > P(0.0)) | (lag_ < P(0.0)));
+    Mask lanes = lanes_of<P>::none();
+    for_each_index(f_.jumps_end, f_.holds_end, [&](auto m) { lanes = lanes | slides(side[m]); });
+    lanes = lanes & (size > P(0.0)) & ((lag_ > P(0.0)) | (lag_ < P(0.0)));
     if (!any(lanes)) return size;
     const P whole = max(size + lag_, P(0.0));
     lag_ = select(lanes, size + lag_ - whole, lag_);
@@ -205,7 +207,7 @@ class SteepTangents {
     to_.rates(to_.x, behind, rates_behind);
     for_each_index(Count<0>{}, f_.kinks_end, [&](auto m) {
       if (!f_.dependence.steep(m)) return;
-      const Mask here = lanes & (abs(side[m] - other[m]) > P(0.5));
+      const Mask here = lanes & !slides(side[m]) & (abs(side[m] - other[m]) > P(0.5));
       if (!any(here)) return;
       const auto h = f_.jump(m, to_.x);
       P rate(0.0), rate_behind(0.0), size(0.0);

@@ -50,8 +50,8 @@ P largest_relative_error(const P& squared_error, const auto& squared_errors, con
 // A start is on a jump where h is below this share of what states of their natural sizes make of it.
 inline constexpr double on_surface = 1e-13;
 
-// Where a root pushes a trajectory back onto its surface from this height, as a share of what states of their natural sizes make
-// of it, it is held there. Sensitivities across the surface are off by the root of it.
+// Where a root pushes a trajectory back onto its surface from this height, as a share of what states of their natural sizes
+// make of it, it is held there. Sensitivities across the surface are off by the root of it.
 inline constexpr double hold_height = 1e-12;
 
 // By how far less than it pushes back from the other side, it may even point away.

@@ -82,15 +82,11 @@ bool meets_jump(const auto& shape, const PointPath<M>& path) {
 // that side.
 template <class M>
 PointPath<M> with_steep_steps(const auto& shape, const auto& dependence, const PointPath<M>& path) {
-  const auto meets = [&](const auto& a, const auto& b) {
+  // On the sides of `run`; what is held on a surface neither comes to it nor leaves it.
+  const auto meets = [&](const auto& run, const auto& other) {
     bool found = false;
-    for_each_index(Count<0>{}, shape.kinks_end, [&](auto m) { found = found || (dependence.steep(m) && a[m] != b[m]); });
-    return found;
-  };
-  // What is held on a surface neither comes to it nor leaves it.
-  const auto is_held = [&](const auto& side) {
-    bool found = false;
-    for (int m = shape.jumps_end; m < shape.holds_end; ++m) found = found || side[m] == 0.0;
+    for_each_index(Count<0>{}, shape.kinks_end,
+                   [&](auto m) { found = found || (dependence.steep(m) && run[m] != other[m] && run[m] != 0.0); });
     return found;
   };
   PointPath<M> marked = path.without_steps();
@@ -99,10 +95,9 @@ PointPath<M> with_steep_steps(const auto& shape, const auto& dependence, const P
     const auto& run = path.runs[r];
     // States that are set anew come to other sides without meeting the surface.
     const auto set_anew = [](const auto& at) { return at.resets_end > at.first_reset; };
-    const bool away = !run.implicit && !is_held(run.side) && !set_anew(run) &&
-                      (r > 0 ? meets(path.runs[r - 1].side, run.side) : path.starts_on != 0);
-    const bool towards = !run.implicit && !is_held(run.side) && r + 1 < path.runs.size() && !set_anew(path.runs[r + 1]) &&
-                         meets(run.side, path.runs[r + 1].side);
+    const bool away = !run.implicit && !set_anew(run) && (r > 0 ? meets(run.side, path.runs[r - 1].side) : path.starts_on != 0);
+    const bool towards =
+        !run.implicit && r + 1 < path.runs.size() && !set_anew(path.runs[r + 1]) && meets(run.side, path.runs[r + 1].side);
     double longest = 0.0, whole = 0.0;
     for (std::size_t n = first; n < run.end; ++n) longest = std::max(longest, path.sizes[n]), whole += path.sizes[n];
     const double least = std::min(0.5 * longest, 0.4 * whole);

@@ -220,7 +220,7 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
     }
     taken.starts_on = lanes_of<P>::get(starts_at_limit, lane) ? at_limit : 0;
     for_each_index(Count<0>{}, shape.kinks_end, [&](auto m) {
-      if (lanes_of<P>::get(starts_on[m], lane)) taken.starts_on |= Variables{1} << m;
+      if (lanes_of<P>::get(starts_on[m], lane) && taken.runs[0].side[m] != 0.0) taken.starts_on |= Variables{1} << m;
     });
     const bool steep = equation.dependence.any_steep() || taken.starts_on != 0;
     paths[k] = refined<M>(steep ? with_steep_steps(shape, equation.dependence, taken) : taken, first_refinement);
