@@ -44,7 +44,7 @@ class SteepTangents {
     // Where it is held there, S is taken onto the surface behind this step.
     const Mask held = holds(lanes, side, behind);
     Met met = look(lanes, side, behind, behind);
-    const Mask rests = lanes & (abs(met.value) <= nearest * met.size) & (abs(met.rate) * size <= nearest * met.size);
+    const Mask rests = lanes & !held & (abs(met.value) <= nearest * met.size) & (abs(met.rate) * size <= nearest * met.size);
     if (any(rests)) {  // it lies there, and something else is to move it
       to_.advance(select(rests, left, P(0.0)), side);
       lanes = lanes & !rests;
