@@ -31,7 +31,23 @@ RULES = (
     "Sobol(1024, seed=3)",
     "GaussHermite(5)",
 )
-ALSO = ("", "bits", "record", "levels", "callable", "floats", "nice", "nice", "shared", "runs", "runs", "runs")
+ALSO = (
+    "",
+    "bits",
+    "record",
+    "levels",
+    "callable",
+    "floats",
+    "nice",
+    "nice",
+    "shared",
+    "runs",
+    "runs",
+    "runs",
+    "kinds",
+    "kinds",
+    "kinds",
+)
 POWERS = (0, 0, 0, 0, -3, 6, -6, 3, 9, -9, 12, -12)  # of ten, of states, inputs and parameters
 
 

@@ -19,6 +19,7 @@ from check_bits import Levels, check_bits, check_compiled
 from check_callables import check_callable
 from check_covariances import check_covariance
 from check_floats import check_floats
+from check_kinds import check_kinds
 from check_nice import check_nice
 from check_records import check_record
 from check_runs import check_runs
@@ -166,6 +167,7 @@ def checked(case: Case, figures: Figures, levels: Levels | None, only: str) -> l
         "bits": lambda: check_bits(bench),
         "floats": lambda: check_floats(bench),
         "nice": lambda: check_nice(bench),
+        "kinds": lambda: check_kinds(bench),
         "runs": lambda: check_runs(bench),
         "shared": lambda: check_shared(bench),
         "record": lambda: check_record(bench, by_scipy=True),
