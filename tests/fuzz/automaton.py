@@ -20,7 +20,7 @@ from scipy.optimize import brentq
 from reading import Floats
 
 RTOL, ATOL = 1e-13, 1e-14
-LONGEST, LOOKS = 1 / 20, 8  # a step as a share of the duration, and looks at it
+LONGEST, LOOKS = 1 / 12, 6  # a step as a share of the duration, and looks at it
 ON = 1e-11  # a guard is zero within this, as all quantities of kinds are of the order of one
 THROUGH = 1e-9  # and below this it is certainly not
 DEFINITE = 1e-7  # a rate of a guard that is zero
@@ -178,8 +178,9 @@ class _Walk:
             at, begin, length = solver.dense_output(), solver.t_old, solver.t - solver.t_old
             shares = np.geomspace(1e-7, 1.0, 30) if first and not clear.all() else np.linspace(0, 1, LOOKS + 1)[1:]
             before, first = begin, first and not clear.all()
-            for now in begin + length * shares:
-                value = self.guards(mode, at(now))
+            nows = (begin + length * shares).tolist()
+            for now, looked in zip(nows, at(np.array(nows)).T, strict=True):
+                value = self.guards(mode, looked)
                 if (value[~clear] < -THROUGH).any():
                     self.lost(mode, value)
                 times = {int(m): self.zero(mode, int(m), at, before, now) for m in np.flatnonzero((value <= 0) & clear)}

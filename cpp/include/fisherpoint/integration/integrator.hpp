@@ -86,6 +86,7 @@ class Integrator {
   // Where it starts: start.hpp.
   FISHERPOINT_HOT void begin(State& y, const P& duration, const P& first_step);
   P starting_step(const State& y);
+  void leave_roots(const State& y, const P& duration);
 
   P squared_weight() const { return P(weight_); }
 

@@ -62,6 +62,7 @@ void Integrator<Equation, Method>::begin(State& y, const P& duration, const P& f
   }
   for_each_index(f_.jumps_end, f_.kinks_end,
                  [&](auto m) { side_[m] = select(on_it(m) & (rate_[m] < P(0.0)), P(-1.0), side_[m]); });
+  leave_roots(y, duration);
   if (f_.jumps_end > 0 || f_.dependence.any_steep()) note_rests(running_, y);
   if (f_.sided_limits) enter_branches(running_, y);
   for_each_index(f_.kinks_end, f_.sides, [&](auto m) { outside = outside | on_it(m); });
@@ -79,6 +80,19 @@ void Integrator<Equation, Method>::begin(State& y, const P& duration, const P& f
   if (f_.resets > 0) end_turn(running_, y);
   step_size_ = f_.states == 0 ? duration : min(select(first_step > P(0.0), first_step, starting_step(y)), duration);
   first_try_ = step_size_;
+}
+
+// Limits that rise like a root from where it starts, as k + x^0.6 at x = 0, have no rate there: they get that of a moment later.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::leave_roots(const State& y, const P& duration) {
+  Mask lost = Lanes::none();
+  for_each_index(f_.kinks_end, f_.surfaces, [&](auto m) { lost = lost | !(abs(rate_[m]) < P(infinity)); });
+  if (!any(lost & running_)) return;
+  const Surfaces past = rates_past(y, min(starting_step(y), duration));
+  for_each_index(f_.kinks_end, f_.surfaces, [&](auto m) {
+    const Mask here = !(abs(rate_[m]) < P(infinity));
+    rate_[m] = select(here, select(abs(past[m]) < P(infinity), past[m], P(0.0)), rate_[m]);
+  });
 }
 
 // The starting step of Hairer, Norsett, Wanner, section II.4, from the states alone. States that start at zero, or next to
