@@ -19,14 +19,15 @@ from scipy.optimize import brentq
 
 from reading import Floats
 
-RTOL, ATOL = 1e-13, 1e-14
-LONGEST, LOOKS = 1 / 12, 6  # a step as a share of the duration, and looks at it
+RTOL, ATOL = 1e-12, 1e-13
+LONGEST = 1 / 12  # of a step, as a share of the duration
+EVENLY, CLOSELY = np.linspace(0, 1, 7)[1:], np.geomspace(1e-7, 1.0, 30)  # places in a step that are looked at
 ON = 1e-11  # a guard is zero within this, as all quantities of kinds are of the order of one
 THROUGH = 1e-9  # and below this it is certainly not
 DEFINITE = 1e-7  # a rate of a guard that is zero
 TOGETHER = 1e-9  # shares of the duration: events that follow one another sooner pile up
 MOST_EVENTS = 200
-STEPS = (4e-4, 2e-4, 1e-4)  # of a parameter, for differences
+STEPS = (4e-4, 2e-4)  # of a parameter, for differences
 
 NAMES: dict[str, Any] = {name: getattr(math, name) for name in ("sqrt", "sin", "cos", "exp", "log", "tanh")} | {"abs": abs}
 
@@ -169,29 +170,30 @@ class _Walk:
         """Up to the next event, or to the end."""
         mode = self.mode
         z = self.inward(mode, x)
-        clear = self.guards(mode, z) > ON
+        watched, clear = self.of._guards[mode], (self.guards(mode, z) > ON).tolist()
         solver = self.solver(mode, t, z, self.dt)
         first = True
         while solver.status == "running":
             if message := solver.step():
                 raise NoAnswer(message)
             at, begin, length = solver.dense_output(), solver.t_old, solver.t - solver.t_old
-            shares = np.geomspace(1e-7, 1.0, 30) if first and not clear.all() else np.linspace(0, 1, LOOKS + 1)[1:]
-            before, first = begin, first and not clear.all()
-            nows = (begin + length * shares).tolist()
-            for now, looked in zip(nows, at(np.array(nows)).T, strict=True):
-                value = self.guards(mode, looked)
-                if (value[~clear] < -THROUGH).any():
-                    self.lost(mode, value)
-                times = {int(m): self.zero(mode, int(m), at, before, now) for m in np.flatnonzero((value <= 0) & clear)}
-                if times:
-                    m = min(times, key=times.__getitem__)
-                    return self.met(mode, m, solver.t_old, solver.y_old, times[m])
-                clear |= value > ON
+            shares = EVENLY if all(clear) or not first else CLOSELY
+            before, first = begin, False
+            for now, looked in zip((begin + length * shares).tolist(), at(begin + length * shares).T.tolist(), strict=True):
+                value = watched(looked, self.u, self.p)
+                if min(value, default=1.0) <= ON:  # else there is nothing near
+                    if any(height < -THROUGH for height, seen in zip(value, clear, strict=True) if not seen):
+                        self.lost(mode, value)
+                    met = [m for m, height in enumerate(value) if height <= 0 and clear[m]]
+                    if met:
+                        times = {m: self.zero(mode, m, at, before, now) for m in met}
+                        return self.met(mode, min(times, key=times.__getitem__), solver.t_old, solver.y_old, min(times.values()))
+                if not all(clear):
+                    clear = [seen or height > ON for seen, height in zip(clear, value, strict=True)]
                 before = now
         return self.dt, self.outward(mode, solver.y), None
 
-    def lost(self, mode: str, value: Floats) -> None:
+    def lost(self, mode: str, value: Sequence[float]) -> None:
         """A guard falls that has not risen since it was zero."""
         again = any(guard.reset for guard, height in zip(self.of.modes[mode].guards, value, strict=True) if height < -THROUGH)
         raise PilesUp if again else NoAnswer("grazes")
@@ -234,25 +236,24 @@ class Slopes:
 
 
 def slopes(end: Callable[[Floats], Floats], theta: Floats) -> Slopes:
-    """By extrapolated central differences. A bend that all steps show alike is a kink of the end at these very parameters."""
+    """By extrapolated central differences.
+
+    A bend that falls less than in proportion to the step is a kink of the end at these very parameters, or a root.
+    """
     middle, values, errors, bends = end(theta), [], [], []
     for j in range(len(theta)):
         central, bend = [], []
+        size = abs(theta[j]) or 1.0
         for share in STEPS:
-            step = share * (abs(theta[j]) or 1.0)
-            move = step * (np.arange(len(theta)) == j)
+            move = share * size * (np.arange(len(theta)) == j)
             up, down = end(theta + move), end(theta - move)
-            central.append((up - down) / (2 * step))
-            bend.append(np.abs(up + down - 2 * middle) / (2 * step))
-        once = [(4 * b - a) / 3 for a, b in itertools.pairwise(central)]
-        best = (16 * once[1] - once[0]) / 15
-        noise = 1e-12 * (1 + np.abs(middle)) / (STEPS[-1] * (abs(theta[j]) or 1.0))
+            central.append((up - down) / (2 * share * size))
+            bend.append(np.abs(up + down - 2 * middle) / (2 * share * size))
+        best = (4 * central[1] - central[0]) / 3
+        noise = 3 * RTOL * (1 + np.abs(middle)) / (STEPS[-1] * size)
         values.append(best)
-        first, second = (np.abs(b - a) for a, b in itertools.pairwise(central))
-        slow = np.where(second > 0.4 * first, 5 * second, 0.0)  # next to a root's start they converge as the root of the step
-        errors.append(2 * np.abs(best - once[1]) + slow + noise)
-        size = 1e-6 * (1 + np.abs(best)) + 10 * noise
-        bends.append((bend[2] > 0.6 * bend[0]) & (bend[2] > size) | (np.abs(best - once[1]) > 1e3 * size))
+        errors.append(np.abs(central[1] - central[0]) + noise)  # where they do not converge as they should, too
+        bends.append((bend[1] > 0.6 * bend[0]) & (bend[1] > 1e-6 * (1 + np.abs(best)) + 10 * noise))
     stack = [np.array(rows).T for rows in (values, errors, bends)]
     return Slopes(stack[0], stack[1], stack[2].astype(bool))
 

@@ -234,7 +234,8 @@ def check_nodes(trial: Trial, rng: np.random.Generator) -> None:
     one, figures, points = trial.one, trial.bench.figures, trial.points()
     rule: fp.Rule = (fp.Unscented(), fp.SparseGaussHermite(2))[rng.integers(2)]
     mean = dict(zip(one.parameters, trial.given_theta.tolist(), strict=True))
-    prior = fp.GaussianPrior(mean, relative_std=dict.fromkeys(mean, SPREAD))
+    sizes = dict(zip(one.parameters, one.size(one.parameters).tolist(), strict=True))
+    prior = fp.GaussianPrior(mean, std={of: SPREAD * (abs(value) or sizes[of]) for of, value in mean.items()})
     rtol = min(trial.rtol, 1e-6)
     done = admitted(trial, "covariances", lambda: fp.predictive_covariance(trial.model, points, prior, rule, rtol=rtol, threads=1))
     if done is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -38,7 +38,10 @@ DRIVERS = (
     Driver("0.8*cos(3*tau) + u1", "-2.4*sin(3*tau)", {"tau": (0, 3)}, ("1",), {"u1": (-0.5, 0.5)}),
 )
 NONE = Driver("0.0", "0.0")
-READERS: tuple[tuple[tuple[str, ...], Mapping[str, Range]], ...] = (
+Reader = tuple[tuple[str, ...], Mapping[str, Range]]
+"""The rate of a state Z that reads a kind, if there is one, and parameters."""
+
+READERS: tuple[Reader, ...] = (
     ((), {}),
     (("{x}",), {}),
     (("qz*{x} - Z",), {"qz": (0.5, 2)}),
@@ -98,18 +101,25 @@ class Drawn:
 
 
 def drawn(name: str, rng: np.random.Generator, scaled: bool = False) -> Drawn:
-    """A kind in one of its forms, with a driver and a reader."""
+    """A kind in one of its forms, with a driver and a reader, at random sizes if it is to be scaled."""
     kind = KINDS[name]()
-    driver = DRIVERS[rng.integers(len(DRIVERS))] if kind.driven else NONE
-    reader, further = READERS[rng.integers(len(READERS))]
-    w = f"(0.8 + 0.4*tanh({driver.w}))" if kind.positive else f"({driver.w})"
+    driver, reader = DRIVERS[rng.integers(len(DRIVERS))], READERS[rng.integers(len(READERS))]
     form = kind.forms[rng.integers(len(kind.forms))]
+    return built(name, kind, form, driver if kind.driven else NONE, reader, rng if scaled else None)
+
+
+def built(
+    name: str, kind: Kind, form: Sequence[str], driver: Driver, reader: Reader, rng: np.random.Generator | None = None
+) -> Drawn:
+    """The same of what was drawn; `rng` draws sizes."""
+    reads, further = reader
+    w = f"(0.8 + 0.4*tanh({driver.w}))" if kind.positive else f"({driver.w})"
 
     def filled(text: str) -> str:
         return text.replace("{w}", w).replace("{dw}", driver.dw).replace("{x}", kind.x)
 
-    before, after = [*driver.rates], [filled(text) for text in reader]
-    states = {**driver.states, **kind.states, **({"Z": (0.0, 1.0)} if reader else {})}
+    before, after = [*driver.rates], [filled(text) for text in reads]
+    states = {**driver.states, **kind.states, **({"Z": (0.0, 1.0)} if reads else {})}
     inputs, parameters = dict(driver.inputs), {**driver.parameters, **kind.parameters, **further}
     modes = {}
     for mode, of in kind.modes.items():
@@ -118,16 +128,16 @@ def drawn(name: str, rng: np.random.Generator, scaled: bool = False) -> Drawn:
         guards = [Guard(filled(guard.height), guard.to, guard.reset) for guard in of.guards]
         modes[mode] = Mode([*before, *map(filled, of.rates), *read], guards, of.roots)
     outputs = tuple(kind.outputs) or tuple(kind.states)
-    outputs += ("Z",) * len(reader)
+    outputs += ("Z",) * len(reads)
     names = [*states, *inputs, *parameters]
-    sizes = {of: float(10.0 ** rng.integers(-6, 7)) if scaled else 1.0 for of in names}
-    time = float(10.0 ** rng.integers(-4, 5)) if scaled else 1.0
+    sizes = {of: float(10.0 ** rng.integers(-6, 7)) if rng else 1.0 for of in names}
+    time = float(10.0 ** rng.integers(-4, 5)) if rng else 1.0
 
     def sized(text: str) -> str:
-        return re.sub(rf"\b({'|'.join(names)})\b", lambda found: shown(found[1], sizes[found[1]]), text) if scaled else text
+        return re.sub(rf"\b({'|'.join(names)})\b", lambda found: shown(found[1], sizes[found[1]]), text) if rng else text
 
     def anew(of: str, text: str) -> str:
-        return f"{sizes[of]:g}*({sized(text)})" if scaled else text
+        return f"{sizes[of]:g}*({sized(text)})" if rng else text
 
     rates = [*before, *map(filled, form), *after]
     arguments = {
