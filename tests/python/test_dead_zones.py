@@ -123,3 +123,27 @@ def test_an_integrator_that_stops_at_the_limit(clamp: str) -> None:
             off = np.max(np.abs(done.dx_dtheta[k] - s) - 2 * error, axis=0)
             assert (off <= 1e-6 * np.max(np.abs(s), axis=0) + 1e-7)[~np.isnan(off)].all(), (k, off)
     assert answers > count / 2
+
+
+@pytest.mark.parametrize("place", range(4))
+@pytest.mark.parametrize("clamp", CLAMPED)
+def test_no_tolerance_loses_where_a_clamp_is_met_with_its_saturation(clamp: str, place: int) -> None:
+    """Under a reference that moves: steps may end so near to both that rounding is all that is left."""
+    error = "(0.8*cos(3*tau) + r - y)"
+    moving = clamp.replace("(r - y)", error).replace("r > y", f"{error} > 0").replace("r < y", f"{error} < 0")
+    saturated = f"(max(min({RAW}, um), -um) - y)/T".replace("(r - y)", error)
+    states, parameters = dict.fromkeys(("tau", "y", "i"), "1"), dict.fromkeys(("kp", "ki", "um", "T"), "1")
+    model = fp.SymbolicModel(["1", saturated, moving], ["y"], states, {"r": "1"}, parameters, check_units=False)
+    x0, r, dt, theta = [
+        ([2.3, 0.6, 0.0], -0.3, 1.6, [2.3, 1.7, 0.7, 0.9]),
+        ([2.5, -0.5, 0.0], 0.3, 3.9, [1.7, 1.9, 0.9, 1.6]),
+        ([1.651083981277384, -0.4456470989669652, -0.07028887682068996], -0.425366091117532, 2.90695385185021,
+         [2.280910013199703, 1.6254481037595832, 0.5732383569065254, 0.6387193964282233]),
+        ([0.3023415299690704, 0.9197853624429728, 0.03392435416082995], 0.1967857863331225, 1.633168951339765,
+         [0.6448835951593369, 1.6740434268921063, 0.8421874119789996, 1.6082611441598815]),
+    ][place]  # fmt: skip
+    points = fp.Experiments([x0], [[r]], [dt])
+    for method in ("RK45", "DOP853"):
+        done = [fp.simulate(model, points, theta, rtol=rtol, method=method) for rtol in 10.0 ** -np.arange(6, 12, 0.25)]
+        assert {str(one.statuses[0]) for one in done} == {"ok"}
+        assert np.ptp([one.x[0] for one in done[8:]], axis=0).max() < 1e-6

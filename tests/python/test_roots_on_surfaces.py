@@ -194,3 +194,36 @@ def test_root_of_what_is_negative_is_still_outside() -> None:
     )  # fmt: skip
     done = fp.simulate(model, fp.Experiments([[0.5]], np.empty((1, 0)), [9.0]), [1.0])
     assert done.statuses[0] == fp.Status.left_domain
+
+
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("h0", [0.0, 0.1, 0.5])
+def test_a_sample_where_it_is_filled_again(rate: str, h0: float) -> None:
+    """It rests when the sample is taken, in the instant in which the inflow begins; or it does not yet."""
+    tank = fp.SymbolicModel(
+        f=["1", f"{rate} + where(clock > t_f, q, 0)"], g=["h"], states={"clock": "1", "h": "1"}, inputs={},
+        parameters={"k": "1", "q": "1", "t_f": "1"}, outputs={"y": "1"}, check_units=False,
+    )  # fmt: skip
+    for dt in (0.79, 0.8):
+        done = fp.simulate(tank, fp.Experiments([[0.2, h0]], np.empty((1, 0)), [dt]), [1.4, 0.9, 1.0], rtol=1e-10)
+        assert done.status[0] == fp.Status.ok
+        np.testing.assert_allclose(done.x[0, 1], max(np.sqrt(h0) - 0.7 * dt, 0.0) ** 2, atol=1e-8)
+
+
+@pytest.mark.filterwarnings("ignore:.* expected its natural size")
+@pytest.mark.parametrize("form", ["k*max(h, 0)**b", "where(h > 0, k*h**b, 0)"])
+@pytest.mark.parametrize("rtol", [1e-6, 1e-8, 1e-10])
+def test_one_step_from_a_surface_back_to_it(form: str, rtol: float) -> None:
+    """h rises from 0 and falls back in one step of DOP853, as the power is 1: the sensitivities take it on the same side."""
+    model = fp.SymbolicModel(
+        f=["2*(u - r)", f"r - d*h - {form}", "q*h - z"], g=["h", "z"], states=dict.fromkeys("rhz", "1"), inputs={"u": "1"},
+        parameters=dict.fromkeys("kbdq", "1"), outputs={"h": "1", "z": "1"}, check_units=False,
+    )  # fmt: skip
+    theta, h = np.array([2.0, 1.0, 0.1, 1.2]), 1e-4
+    for dt in (0.2, 0.5, 2.7):
+        points = fp.Experiments([[0.2, 0.0, 0.8]], [[-0.9]], [dt])
+        done = fp.sensitivities(model, points, theta, rtol=rtol, method="DOP853")
+        ends = [[fp.simulate(model, points, theta + s * e, rtol=1e-12).x[0] for s in (1, -1)] for e in h * np.eye(4)]
+        slopes = np.array([(up - down) / (2 * h) for up, down in ends]).T
+        assert done.status[0] == fp.Status.ok
+        np.testing.assert_allclose(done.dx_dtheta[0], slopes, atol=1e-6 + 30 * rtol)

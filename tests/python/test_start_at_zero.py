@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import fisherpoint as fp
 
@@ -40,3 +41,24 @@ def test_rest_at_zero(method: str) -> None:
     assert not done.status.any()
     np.testing.assert_array_equal(done.x[0], 0.0)
     np.testing.assert_allclose(done.x[1], [(1 - np.cos(4.0)) / 4, np.sin(4.0) / 2], atol=1e-8)
+
+
+@pytest.mark.parametrize("b", [0.5, 0.6, 0.9, 1.0, 2.3])
+def test_a_divisor_that_rises_like_a_root(b: float) -> None:
+    """x' = r - V x^b/(K + x^b), whose divisor has no rate at 0 where b < 1: time as an integral over x, which ends at r t."""
+    model = fp.SymbolicModel(["r - V*x**b/(K + x**b)"], ["x"], {"x": "1"}, {}, dict.fromkeys("rVKb", "1"), check_units=False)
+    theta = np.array([0.7, 0.5, 0.4, b])
+    done = fp.sensitivities(model, fp.Experiments([[0.0]], [[]], [1.7]), theta, rtol=1e-10)
+    assert done.status[0] == fp.Status.ok
+
+    def end(theta: np.ndarray) -> float:
+        r, V, K, b = theta
+        # By s = x^(1/3), so that the power is smooth.
+        rate = lambda t, s: [(r - V * s[0] ** (3 * b) / (K + s[0] ** (3 * b))) / (3 * max(s[0], 1e-300) ** 2)]  # noqa: E731
+        first = 1e-9  # up to here x is r t to 1e-14
+        return float(solve_ivp(rate, (first, 1.7), [(r * first) ** (1 / 3)], "DOP853", rtol=1e-12, atol=1e-14).y[0, -1] ** 3)
+
+    assert done.x[0, 0] == pytest.approx(end(theta), abs=1e-7)
+    h = 1e-4
+    slopes = [(end(theta + e) - end(theta - e)) / (2 * h) for e in h * np.eye(4)]
+    np.testing.assert_allclose(done.dx_dtheta[0, 0], slopes, atol=1e-5)

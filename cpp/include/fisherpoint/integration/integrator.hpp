@@ -181,9 +181,10 @@ class Integrator {
     const Mask good = running_ & (squared_error_ <= P(1.0));  // false where the error is NaN
 
     Mask to_surface = Lanes::none(), stopped = Lanes::none(), unsure = Lanes::none(), lands = Lanes::none();
-    Mask at_kink = Lanes::none(), at_jump = Lanes::none();
+    Mask at_kink = Lanes::none(), at_jump = Lanes::none(), over_jump = Lanes::none();
     P next_cap(infinity);
     const Mask short_step = step_ <= brief * duration, tiny_step = step_ <= briefest * tolerance_.relative * duration;
+    const bool brief_steps = any(short_step & good);
     for_each_index(f_.surfaces, [&](auto m) {
       const Quartic<P>& h = along_[m];
       const Mask clear = h.clear(beside_[m]);
@@ -195,12 +196,14 @@ class Integrator {
         // A start along the kink, or at rest on it, belongs to the side where the step ends; f has no jump there.
         const Mask along = good & !held & !(abs(value_[m]) + abs(rate_[m]) > zero);
         // So does a start that rounding has put next to the kink, from where the kink cannot be landed on.
-        const Mask next_to = good & !held & (h.b0 <= -rounding * h.b4) & ((h.b1 < h.b0) | (h.b1 <= zero));
+        Mask next_to = good & !held & (h.b0 <= -rounding * h.b4) & ((h.b1 < h.b0) | (h.b1 <= zero));
+        if (f_.jumps_end > 0) next_to = next_to & !over_jump;  // with which the kink may be met
         // It may have been on the other side and be back on the kink at the step's end.
         const Mask wrong = (along | next_to) & ((h.b4 < zero) | (!(h.b4 > zero) & (h.least_inside() < zero)));
         side_[m] = select(wrong, -side_[m], side_[m]);
         landed_[m] =
             good & !along & !wrong & !(ends_ & (h.b4 > zero)) & ((abs(h.b4) <= -landing_ * slope) | (crossed & short_step));
+        if (brief_steps) landed_[m] = landed_[m] | (good & !along & !wrong & !ends_ & short_step & ends_in_noise(m, y));
         if (f_.dependence.steep(m)) {
           const Mask tends = good & !held & !along & !wrong & !ends_ & (h.b4 < 0.5 * h.b0),
                      cut = good & !held & !along & !wrong & !ends_ & (step_ < step_size_) & (h.b4 < h.b0);
@@ -217,7 +220,7 @@ class Integrator {
           unclear = unclear & heard;
           next_cap = select(crossed, min(next_cap, h.zero() * step_), next_cap);
         }
-        unclear = unclear | wrong;
+        unclear = unclear | (wrong & !(ends_ & short_step));  // what is left of the duration is nothing
         lands = lands | landed_[m];
         to_surface = to_surface | crossed;
         at_kink = at_kink | landed_[m] | crossed;
@@ -240,6 +243,9 @@ class Integrator {
         // Behind a jump, what is left of the duration may be too short for h to show the side.
         const Mask remains = behind_kink_ & ends_ & short_step;
         landed_[m] = good & !remains & !resting_[m] & !(ends_ & (h.b4 > zero)) & ((abs(h.b4) <= -landing_ * slope) | there);
+        if (brief_steps)
+          landed_[m] =
+              landed_[m] | (good & !(remains | resting_[m] | slides(side_[m]) | ends_) & short_step & ends_in_noise(m, y));
         crossed = crossed & !landed_[m] & !remains;
         unclear = (unclear | (landed_[m] & !clear)) & !(landed_[m] & tiny_step) & !remains;  // it may have been there before
         if (any(crossed | unclear)) {
@@ -253,6 +259,7 @@ class Integrator {
         if (any(turns)) stop_grazing(m, turns, y);
         lands = lands | landed_[m];
         to_surface = to_surface | crossed;
+        over_jump = over_jump | crossed;
         at_jump = at_jump | landed_[m];
       } else {
         if (m >= f_.sides && f_.dependence.closed(m)) {  // it may have started there, and rest, or rise from rest
@@ -314,7 +321,7 @@ class Integrator {
     }
     rejected_ = (bad | (rejected_ & !taken)) & running_;
     broken_ = broken_ | (bad & !(squared_error_ < P(infinity)));
-    cap_ = select(taken, P(infinity), select(bad, cap_, next_cap));
+    cap_ = select(bad, cap_, next_cap);
     outcome_.first_step = select(taken & (time_ <= zero), step_, outcome_.first_step);
 
     if (any_stiff_) implicit_step_->keep(taken & implicit_);
@@ -351,6 +358,8 @@ class Integrator {
   [[gnu::noinline]] void enter_branches(const Mask& lanes, const State& y);
   [[gnu::noinline]] Surfaces rates_past(const State& y, const P& step) const;
   [[gnu::noinline]] Mask drowned(auto m, const State& y) const;
+  [[gnu::noinline]] Mask ends_in_noise(auto m, const State& y) const;
+  P noise_of(auto m, const State& y) const;
 
   // Stiff stretches: stiffness.hpp.
   [[gnu::noinline]] Mask choose_implicit();

@@ -218,7 +218,7 @@ void Integrator<Equation, Method>::watch_hold(const Mask& lanes, const State& y,
 
 // A step may end next to several surfaces, one of them a jump. The first is landed on with all that are met in the same
 // instant, the others are met from there. Returns the lanes that are past the first one and have to try the step again: only an
-// end that is on it shows what is met at once.
+// end that is on it shows what is met at once. What ends before it goes there by its next step.
 template <class Equation, class Method>
 auto Integrator<Equation, Method>::land_on_first(const Mask& lanes, const P& duration, P& next_cap) -> Mask {
   Mask by_jump = Lanes::none(), once = by_jump, twice = by_jump;
@@ -237,7 +237,7 @@ auto Integrator<Equation, Method>::land_on_first(const Mask& lanes, const P& dur
   if (!any(several_landed_)) return Lanes::none();
   const P at_once = same_instant * step_ + 1e-12 * duration;
   const Mask before = several_landed_ & (first > at_once), past = several_landed_ & (first < -at_once) & (step_ > at_once);
-  next_cap = select(past, min(next_cap, step_ + first), next_cap);
+  next_cap = select(past, min(next_cap, step_ + first), select(before, first, next_cap));
   for_each_index(Count<0>{}, f_.kinks_end, [&](auto m) {
     const P time = when(m);
     landed_[m] = landed_[m] & !before & !(several_landed_ & (time > first + at_once));

@@ -82,7 +82,8 @@ void Integrator<Equation, Method>::begin(State& y, const P& duration, const P& f
   first_try_ = step_size_;
 }
 
-// Limits that rise like a root from where it starts, as k + x^0.6 at x = 0, have no rate there: they get that of a moment later.
+// Limits that rise like a root from where it starts, as k + x^0.6 at x = 0, have no rate there: they get that of a moment
+// later.
 template <class Equation, class Method>
 void Integrator<Equation, Method>::leave_roots(const State& y, const P& duration) {
   Mask lost = Lanes::none();

@@ -49,6 +49,14 @@ class SteepTangents {
       to_.advance(select(rests, left, P(0.0)), side);
       lanes = lanes & !rests;
     }
+    // It may begin on such a surface and end there, as where b of max(x, 0)^b is 1.
+    const Mask rises = lanes & !(met.value > nearest * met.size) & (met.rate > P(0.0));
+    if (any(rises)) {
+      const P half = select(rises, 0.5 * left, P(0.0));
+      rise(half, side, met, part);
+      left -= half;
+      met = look(lanes, side, behind, behind);
+    }
     for (int k = 0; k < most_steps; ++k) {
       const Mask far = lanes & (met.value > nearest * met.size);
       if (!any(far)) break;
@@ -76,23 +84,7 @@ class SteepTangents {
     const P whole = select(lanes, max(size + lag_, 1e-6 * size), P(0.0));
     lag_ = select(lanes, size - whole + lag_, lag_);
     const Met met = look(lanes, side, before, side);
-    // From a limit, of which there is no gradient, it has moved after any time.
-    const P reach = select(met.size > P(0.0), nearest * met.size / abs(met.rate), P(0.0));
-    const Mask moves = lanes & (reach < 0.1 * whole);
-    const P first = select(moves, max(reach, 1e-11 * whole), P(0.0));
-    if (any(moves)) {
-      add_up(first, 1.0, met.rates, side);
-      for (int i = 0; i < f_.states; ++i) to_.x[i] += first * met.rates[i];
-    }
-    P done = first;
-    for (int k = 0; k < most_steps; ++k) {
-      const P step = select(moves, min((part / (1.0 - part)) * done, whole - done), whole - done);
-      if (!any(step > P(0.0))) break;
-      to_.advance(step, side);
-      done += step;
-    }
-    const P step = whole - done;
-    if (any(step > P(0.0))) to_.advance(step, side);
+    rise(whole, side, met, part);
   }
 
   // Of steps along surfaces that hold trajectories: with what the way to them took less, or more.
@@ -158,41 +150,33 @@ class SteepTangents {
   }
 
  private:
-  // S where the root balances what drives the trajectory: h_x S does so too, which it comes to at once.
-  void balance(const Mask& lanes, const State& normal, const State& d, const Side& side) {
-    to_.see_slides(side);
-    to_.linearise(to_.x, side, P(1.0), rate_, 0);
-    for_each_index(f_.parameters, [&](auto j) {
-      if (f_.dependence.leader(j) != j) return;
-      for (int k = j; k < f_.parameters; k = f_.dependence.next_alike(k)) {
-        const auto rows = f_.dependence.rows(j);
-        P* const column = &to_.s[f_.dependence.column_start[k]];
-        P growth[2] = {P(0.0), P(0.0)};
-        for (const int with : {0, 1}) {
-          for_each_variable(rows, [&](auto i) { at_[i] = column[detail::below(rows, i)] + with * d[i]; });
-          to_.column_rate(j, k, 0, at_, rate_);
-          for_each_variable(rows, [&](auto i) { growth[with] += normal[i] * rate_[i]; });
-        }
-        const P share = growth[0] / (growth[0] - growth[1]);
-        const Mask known = lanes & (abs(share) < P(1e300));
-        for_each_variable(rows, [&](auto i) { column[detail::below(rows, i)] += select(known, share * d[i], P(0.0)); });
-      }
-    });
-  }
-
-  // Of these lanes those whose next side is that of a hold.
-  Mask holds(const Mask& lanes, const Side& side, const Side& next) const {
-    Mask found = lanes_of<P>::none();
-    for_each_index(f_.jumps_end, f_.holds_end, [&](auto m) { found = found | (lanes & slides(next[m]) & !slides(side[m])); });
-    return found;
-  }
-
   // The surface that a lane meets, as seen from its side: its value and rate, f, and its rate by f on other sides.
   struct Met {
     P value{0.0}, rate{0.0}, rate_behind{0.0}, size{0.0};
     State rates, normal;
     typename ArraysOf<M, P>::Parameters by_theta;
   };
+
+  // Off a surface, for some time: by steps that each take a part of the time since.
+  void rise(const P& whole, const Side& side, const Met& met, const P& part) {
+    // From a limit, of which there is no gradient, it has moved after any time.
+    const P reach = select(met.size > P(0.0), nearest * met.size / abs(met.rate), P(0.0));
+    const Mask moves = reach < 0.1 * whole;
+    const P first = select(moves, max(reach, 1e-11 * whole), P(0.0));
+    if (any(moves)) {
+      add_up(first, 1.0, met.rates, side);
+      for (int i = 0; i < f_.states; ++i) to_.x[i] += first * met.rates[i];
+    }
+    P done = first;
+    for (int k = 0; k < most_steps; ++k) {
+      const P step = select(moves, min((part / (1.0 - part)) * done, whole - done), whole - done);
+      if (!any(step > P(0.0))) break;
+      to_.advance(step, side);
+      done += step;
+    }
+    const P step = whole - done;
+    if (any(step > P(0.0))) to_.advance(step, side);
+  }
 
   Met look(const Mask& lanes, const Side& side, const Side& other, const Side& behind) {
     Met met;

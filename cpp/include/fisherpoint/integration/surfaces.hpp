@@ -162,9 +162,9 @@ auto Integrator<Equation, Method>::rates_past(const State& y, const P& step) con
   return f_.surface_rates(past, stage_[0], side_);
 }
 
-// Where a surface's value all along the step is nothing but the rounding of the states that it reads.
+// Of a surface's value, the rounding of the states that it reads.
 template <class Equation, class Method>
-auto Integrator<Equation, Method>::drowned(auto m, const State& y) const -> Mask {
+auto Integrator<Equation, Method>::noise_of(auto m, const State& y) const -> P {
   State one;
   fit(one, f_.states);
   one.fill(P(0.0));
@@ -174,8 +174,22 @@ auto Integrator<Equation, Method>::drowned(auto m, const State& y) const -> Mask
     size += abs(f_.surface_rates(y, one)[m]);
     one[i] = P(0.0);
   });
+  return noise * size;
+}
+
+// Where a surface's value all along the step is nothing but rounding.
+template <class Equation, class Method>
+auto Integrator<Equation, Method>::drowned(auto m, const State& y) const -> Mask {
   const Quartic<P>& h = along_[m];
-  return max(max(abs(h.b0), abs(h.b2)), abs(h.b4)) <= noise * size;
+  return max(max(abs(h.b0), abs(h.b2)), abs(h.b4)) <= noise_of(m, y);
+}
+
+// Where a step that was to end on a surface ends as near to it as rounding lets it: no other step will end nearer.
+template <class Equation, class Method>
+auto Integrator<Equation, Method>::ends_in_noise(auto m, const State& y) const -> Mask {
+  const Quartic<P>& h = along_[m];
+  const Mask near = (abs(h.b4) <= 1e-2 * h.b0) & (h.b1 < h.b0);
+  return any(near) ? near & (abs(h.b4) <= noise_of(m, y)) : near;
 }
 
 }  // namespace fisherpoint

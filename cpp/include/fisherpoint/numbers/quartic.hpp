@@ -46,6 +46,8 @@ struct Quartic {
     const Quartic h = without_start();
     P low(0.0), high(1.0);
     P s = max(P(0.0), h.b0) / (max(P(0.0), h.b0) - min(h.b4, P(-1e-300)));
+    // From next to zero it may fall far below its end, and bisection does not get near the start.
+    s = select((h.b0 > P(0.0)) & (h.b0 < -1e-3 * h.b1), h.b0 / (4.0 * (h.b0 - h.b1)), s);
     for (int i = 0; i < 8; ++i) {
       const P r = 1.0 - s;
       const P c0 = r * h.b0 + s * h.b1, c1 = r * h.b1 + s * h.b2, c2 = r * h.b2 + s * h.b3, c3 = r * h.b3 + s * h.b4;
