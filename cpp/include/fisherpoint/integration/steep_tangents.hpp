@@ -178,6 +178,35 @@ class SteepTangents {
     if (any(step > P(0.0))) to_.advance(step, side);
   }
 
+  // S where the root balances what drives the trajectory: h_x S does so too, which it comes to at once.
+  void balance(const Mask& lanes, const State& normal, const State& d, const Side& side) {
+    to_.see_slides(side);
+    to_.linearise(to_.x, side, P(1.0), rate_, 0);
+    for_each_index(f_.parameters, [&](auto j) {
+      if (f_.dependence.leader(j) != j) return;
+      for (int k = j; k < f_.parameters; k = f_.dependence.next_alike(k)) {
+        const auto rows = f_.dependence.rows(j);
+        P* const column = &to_.s[f_.dependence.column_start[k]];
+        P growth[2] = {P(0.0), P(0.0)};
+        for (const int with : {0, 1}) {
+          for_each_variable(rows, [&](auto i) { at_[i] = column[detail::below(rows, i)] + with * d[i]; });
+          to_.column_rate(j, k, 0, at_, rate_);
+          for_each_variable(rows, [&](auto i) { growth[with] += normal[i] * rate_[i]; });
+        }
+        const P share = growth[0] / (growth[0] - growth[1]);
+        const Mask known = lanes & (abs(share) < P(1e300));
+        for_each_variable(rows, [&](auto i) { column[detail::below(rows, i)] += select(known, share * d[i], P(0.0)); });
+      }
+    });
+  }
+
+  // Of these lanes those whose next side is that of a hold.
+  Mask holds(const Mask& lanes, const Side& side, const Side& next) const {
+    Mask found = lanes_of<P>::none();
+    for_each_index(f_.jumps_end, f_.holds_end, [&](auto m) { found = found | (lanes & slides(next[m]) & !slides(side[m])); });
+    return found;
+  }
+
   Met look(const Mask& lanes, const Side& side, const Side& other, const Side& behind) {
     Met met;
     fit(met.rates, f_.states);
