@@ -59,3 +59,18 @@ def test_it_rises_from_a_rest_at_its_limit() -> None:
     done = fp.simulate(model, at(0.0, 3.0), [0.5, 1.0], rtol=1e-9)
     assert str(done.statuses[0]) == "ok"
     assert done.y[0, 0] == pytest.approx(right, abs=1e-8)
+
+
+@pytest.mark.parametrize("start", [[0.0, 0.0], [-1e-18, 0.0], [0.3, 0.1 + 0.2], [1e-18, 0.0]])
+@pytest.mark.parametrize("power", ["sqrt(h - c)", "(h - c)**1.5", "(h - c)**n"])
+def test_a_start_that_rounding_has_put_below_a_limit(power: str, start: list[float]) -> None:
+    model = fp.SymbolicModel(
+        f=[f"q - k*{power}", "0"], g=["h - c"], states={"h": "1", "c": "1"}, inputs={}, parameters=dict.fromkeys("qkn", "1"),
+        outputs={"y": "1"}, check_units=False,
+    )  # fmt: skip
+    theta = [0.8, 0.7, 0.6]
+    starts = fp.Experiments([start, [0.0, 0.0]], np.empty((2, 0)), [1.0, 1.0])
+    done = fp.sensitivities(model, starts, theta, rtol=1e-9)
+    assert [str(status) for status in done.statuses] == ["ok", "ok"]
+    np.testing.assert_allclose(done.y[0], done.y[1], atol=1e-10)
+    np.testing.assert_allclose(done.dy_dtheta[0], done.dy_dtheta[1], atol=1e-8)

@@ -107,4 +107,27 @@ template <class Equation>
   return size;
 }
 
+// Starts that rounding has put below a limit at which f has a value: onto it, or as far inside.
+template <class Equation>
+[[gnu::noinline]] void take_onto_limits(const Equation& f, const mask_of_lanes<typename Equation::Number>& lanes,
+                                        typename Equation::State& x) {
+  using P = typename Equation::Number;
+  for_each_index(f.sides, f.surfaces, [&](auto m) {
+    if (!f.dependence.closed(m)) return;
+    for (const double inside : {0.0, 1.0}) {  // of a difference, rounding may leave a little of it
+      const P value = f.surface_values(x)[m];
+      auto below = lanes & (value < P(0.0));
+      if (!any(below)) return;
+      const P height = on_surface * natural_height(f, m, x);
+      below = below & (value >= P(0.0) - height);
+      const auto normal = gradient_of(f, m, x);
+      P sum(0.0);
+      const auto move = [&](auto i) { return normal[i] * (1.0 / (f.inverse_scale(i) * f.inverse_scale(i))); };
+      for_each_index(f.states, [&](auto i) { sum += normal[i] * move(i); });
+      const P share = select(below & (sum > P(0.0)), (inside * height - value) / sum, P(0.0));
+      for_each_index(f.states, [&](auto i) { x[i] += share * move(i); });
+    }
+  });
+}
+
 }  // namespace fisherpoint

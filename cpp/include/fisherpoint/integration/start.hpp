@@ -31,6 +31,7 @@ void Integrator<Equation, Method>::begin(State& y, const P& duration, const P& f
   implicit_ = Lanes::none();
   stiff_signs_ = others_ = P(0.0);
   if (implicit_step_) implicit_step_->forget(!Lanes::none());
+  if (f_.dependence.any_closed()) take_onto_limits(f_, running_, y);
   value_ = f_.surface_values(y);
   // A start on a kink belongs to the side that it moves to; the sign of its rate needs some side first.
   for_each_index(f_.sides, [&](auto m) { side_[m] = select(value_[m] < P(0.0), P(-1.0), P(1.0)); });

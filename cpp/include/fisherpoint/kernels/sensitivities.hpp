@@ -265,7 +265,10 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
   const std::size_t n_x = shape.states, n_y = shape.outputs, p = shape.parameters;
   const PointPack<M, P> pack(shape, points, parameters, rows);
   const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
-  Tangents<M, P, Method> tangents(equation, pack.x0, tolerance.relative);
+  auto x0 = pack.x0;
+  if (std::any_of(rows.begin(), rows.end(), [&](auto k) { return (paths[k].starts_on & at_limit) != 0; }))
+    take_onto_limits(StateEquation<M, P>(model, pack.theta, pack.u), !lanes_of<P>::none(), x0);
+  Tangents<M, P, Method> tangents(equation, x0, tolerance.relative);
   for (int lane = 0; carried && lane < pack.used; ++lane) tangents.start(lane, carried->s + rows[lane] * n_x * p);
   std::optional<StateEquation<M, P>> states;  // of stiff paths
   std::optional<ImplicitTangents<M, P, Method>> implicit_tangents;
