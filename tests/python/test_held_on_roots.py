@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from balanced_roots import balanced, refilled, settled
 
 import fisherpoint as fp
+from balanced_roots import balanced, refilled, settled
 
 pytestmark = pytest.mark.kernels
 
@@ -97,9 +97,7 @@ def test_three_tanks_settle_at_equal_levels(seed: int) -> None:
     compare(THREE_TANKS, levels, theta, 40.0, right)
 
 
-PUMPED = model_of(
-    ["1", "(a*cos(w*t) - k*sign(p - q)*sqrt(abs(p - q)))/C", "k*sign(p - q)*sqrt(abs(p - q))/C"], "t p q", "a w k C"
-)
+PUMPED = model_of(["1", "(a*cos(w*t) - k*sign(p - q)*sqrt(abs(p - q)))/C", "k*sign(p - q)*sqrt(abs(p - q))/C"], "t p q", "a w k C")
 
 
 @pytest.mark.parametrize("size", [1.0, 0.1, 0.01, 0.001])
