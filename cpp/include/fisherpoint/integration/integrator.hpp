@@ -101,7 +101,7 @@ class Integrator {
   void derivative(const State& x, const Side& side, State& dx) const {
     if (f_.holds_end == 0) return f_.derivative(x, side, dx);
     f_.derivative(x, slide_ ? beside<P>(f_, side, 1.0) : side, dx);
-    if (slide_) slide(x, side, dx);
+    if (unforeseen(slide_)) slide(x, side, dx);
   }
   [[gnu::noinline]] void slide(const State& x, const Side& side, State& dx) const;
 
@@ -150,8 +150,7 @@ class Integrator {
       const auto s = after(previous);
       for_each_index(f_.states, [&](auto i) { end_[i] = y[i] + step_ * weighted_sum(s, Method::a[s], stage_, i); });
       f_.derivative(end_, at, stage_[s]);
-      if (slide) [[unlikely]]
-        this->slide(end_, side_, stage_[s]);
+      if (f_.holds_end > 0 && unforeseen(slide)) this->slide(end_, side_, stage_[s]);
     });
     State error;
     fit(error, f_.states);

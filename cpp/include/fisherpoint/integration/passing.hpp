@@ -141,7 +141,7 @@ auto Tangents<M, P, Method>::pass_jump(auto m, const mask_of_lanes<P>& here, con
     SeveralStage<M, P> stage;
     Jacobian<M, P> unused = jacobian_[0];
     State there = rate;
-    linearise_ahead(x, after, there, unused);
+    linearise_ahead(x, after, true, there, unused);
     stage.linearise(f_, x, after, P(0.0), on_several, there, unused);
     stage.keep_on(f_, on_several, x, s);
   }

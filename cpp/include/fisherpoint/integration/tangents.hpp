@@ -180,9 +180,9 @@ class Tangents {
     Jacobian<M, P> jacobian;
     fit(jacobian.by_state, f_.dependence.by_state);
     fit(jacobian.by_theta, f_.dependence.by_theta);
-    const Side ahead = beside<P>(f_, side, 1.0);
-    if (!any(any_slides<P>(f_, side))) return f_.linearise(at, ahead, rate, jacobian);
-    f_.linearise(BesideSteep(f_, at, side).at(ahead), ahead, rate, jacobian);
+    const bool slide = any(any_slides<P>(f_, side));
+    linearise_ahead(at, side, slide, rate, jacobian);
+    if (!slide) return;
     const Mask several = several_slides<P>(f_, side);
     if (any(several)) SeveralStage<M, P>().linearise(f_, at, side, P(0.0), several, rate, jacobian);
     SlidingStage<M, P> stage;
@@ -204,10 +204,11 @@ class Tangents {
     if (any_several()) several_stages_[stages - 1].keep_on(f_, several_ & moving, x, s);
   }
 
-  // On the sides 1 of what is slid on.
-  [[gnu::noinline]] void linearise_ahead(const State& at, const Side& side, State& rate, Jacobian<M, P>& jacobian) {
-    const Side ahead = beside<P>(f_, side, 1.0);
-    f_.linearise(BesideSteep(f_, at, side).at(ahead), ahead, rate, jacobian);
+  // On the sides 1 of what is slid on. The same code whether a neighbour slides or not, and so the same bits.
+  void linearise_ahead(const State& at, const Side& side, bool slide, State& rate, Jacobian<M, P>& jacobian) const {
+    const Side ahead = slide ? beside<P>(f_, side, 1.0) : side;
+    if (!f_.dependence.any_steep()) return f_.linearise(at, ahead, rate, jacobian);
+    f_.linearise(unforeseen(slide) ? BesideSteep(f_, at, side).at(ahead) : at, ahead, rate, jacobian);
   }
 
   bool any_several() const { return f_.holds_end > 1 && slide_ && any(several_); }
@@ -222,11 +223,8 @@ class Tangents {
     Jacobian<M, P>& jacobian = jacobian_[s];
     if (f_.holds_end == 0) {
       f_.linearise(at, side, rate, jacobian);
-    } else {  // the same code whether a neighbour slides or not, and so the same bits
-      if (slide_)
-        linearise_ahead(at, side, rate, jacobian);
-      else
-        f_.linearise(at, side, rate, jacobian);
+    } else {
+      linearise_ahead(at, side, slide_, rate, jacobian);
       if (any_several()) several_stages_[s].linearise(f_, at, side, step, several_, rate, jacobian);
       if (slide_) slide_linearised(f_, at, side, step, rate, jacobian, sliding_[s], several_);
     }
@@ -293,7 +291,7 @@ class Tangents {
         });
         rate[s][i] = sum;
       });
-      if (slide_) slide_column(rows, ahead, k, s, rate[s]);
+      if (f_.holds_end > 0 && unforeseen(slide_)) slide_column(rows, ahead, k, s, rate[s]);
     });
     Estimate estimate;
     P size(0.0);
@@ -323,7 +321,7 @@ class Tangents {
       });
       rate[i] = sum;
     });
-    if (slide_) slide_column(rows, column, k, s, rate);
+    if (f_.holds_end > 0 && unforeseen(slide_)) slide_column(rows, column, k, s, rate);
   }
 
   [[gnu::noinline]] void slide_column(auto rows, const State& column, int k, int s, State& rate) {
