@@ -44,7 +44,7 @@ def _on_one_side(drive: Drive, k: float, t: float, h: float, stop: float) -> tup
         return [(side * drive(s) - k * w[0]) / (2 * max(w[0], 1e-12))]
 
     def empty(_: float, w: np.ndarray) -> float:
-        return float(w[0] - 1e-7)
+        return float(w[0] - 1e-5)
 
     empty.terminal = True  # type: ignore[attr-defined]
     empty.direction = -1  # type: ignore[attr-defined]
@@ -52,7 +52,8 @@ def _on_one_side(drive: Drive, k: float, t: float, h: float, stop: float) -> tup
     done = solve_ivp(rates, (start, stop), [np.sqrt(abs(h))], "LSODA", jac=jac, events=empty, rtol=1e-11, atol=1e-14)
     t, h = float(done.t[-1]), side * float(done.y[0, -1]) ** 2
     if t < stop:  # through zero at a definite rate, or next to where the drive reverses
-        return (stop, 0.0) if abs(drive(t)) < 1e-5 else (t, 0.0)
+        against = -side * drive(t)
+        return (stop, 0.0) if against <= 0 else (t + (abs(h) / against if against > 1e-4 else 0.0), 0.0)
     return t, h
 
 
