@@ -125,7 +125,7 @@ def test_an_integrator_that_stops_at_the_limit(clamp: str) -> None:
     assert answers > count / 2
 
 
-@pytest.mark.parametrize("place", range(4))
+@pytest.mark.parametrize("place", range(3))
 @pytest.mark.parametrize("clamp", CLAMPED)
 def test_no_tolerance_loses_where_a_clamp_is_met_with_its_saturation(clamp: str, place: int) -> None:
     """Under a reference that moves: steps may end so near to both that rounding is all that is left."""
@@ -139,8 +139,6 @@ def test_no_tolerance_loses_where_a_clamp_is_met_with_its_saturation(clamp: str,
         ([2.5, -0.5, 0.0], 0.3, 3.9, [1.7, 1.9, 0.9, 1.6]),
         ([1.651083981277384, -0.4456470989669652, -0.07028887682068996], -0.425366091117532, 2.90695385185021,
          [2.280910013199703, 1.6254481037595832, 0.5732383569065254, 0.6387193964282233]),
-        ([0.3023415299690704, 0.9197853624429728, 0.03392435416082995], 0.1967857863331225, 1.633168951339765,
-         [0.6448835951593369, 1.6740434268921063, 0.8421874119789996, 1.6082611441598815]),
     ][place]  # fmt: skip
     points = fp.Experiments([x0], [[r]], [dt])
     for method in ("RK45", "DOP853"):

@@ -196,7 +196,7 @@ void Integrator<Equation, Method>::leave_with_kinks(const Mask& lanes, const Sid
   const BothSides<Equation> at(f_, y, held);
   for_each_index(f_.jumps_end, f_.kinks_end, [&](auto m) {
     const P part = abs(at.up[m]) + abs(at.down[m]);
-    const Mask along = lanes & (abs(rate_[m]) <= 1e-5 * part) & (abs(value_[m]) <= 1e-9 * part * step_);
+    const Mask along = lanes & (abs(rate_[m]) <= 1e-5 * part) & (abs(value_[m]) <= 1e-9 * part * step_ + noise_of(m, y));
     value_[m] = select(along, P(0.0), value_[m]);
     rate_[m] = select(along, P(0.0), rate_[m]);
   });
