@@ -101,7 +101,7 @@ PUMPED = model_of(["1", "(a*cos(w*t) - k*sign(p - q)*sqrt(abs(p - q)))/C", "k*si
 
 
 @pytest.mark.parametrize("size", [0.1, 0.01, 0.001])
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(3))
 def test_a_pump_that_reverses(seed: int, size: float) -> None:
     """Two tanks that a pump fills and empties, ever more slowly: the levels differ by no more than (a / k)^2."""
     rng = np.random.default_rng([3, seed])
