@@ -69,7 +69,7 @@ def test_misuse_is_told() -> None:
         fp.compare(PROBLEM, {})
     with pytest.raises(TypeError, match=r"designs\['a'\]: expected Experiments, Runs or a Design, given int"):
         fp.compare(PROBLEM, {"a": 3})
-    with pytest.raises(ValueError, match="noise_std: expected the sensor noise, by which designs are compared, given None"):
+    with pytest.raises(ValueError, match="noise_std: expected the sensor noise, as designs are compared by it, given None"):
         fp.compare(PROBLEM.replace(noise_std=None, output_covariance="pooled"), {"a": POINTS})
     with pytest.raises(ValueError, match=r"designs\['a'\]: x0: expected shape"):
         fp.compare(PROBLEM, {"a": fp.Experiments([[1.0, 2.0]], [[0.0]], [0.5])})

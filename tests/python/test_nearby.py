@@ -84,7 +84,7 @@ def test_a_force_that_friction_just_balances_is_warned_of() -> None:
     for part in (
         "that of F is up to",
         "worst at F = 1.0",
-        "where point 3 tells much less",
+        "where point 3 has much less information",
         'jumps = "exclude"',
         "fisherpoint validate",
     ):
@@ -187,7 +187,7 @@ def test_previous_points_count_and_are_told_apart() -> None:
     assert evaluation.nearby is not None and evaluation.nearby.points == (0,) and evaluation.nearby.broken
     far = slider(region=fp.ExperimentRegion({"v": (0.0, 0.0), "f": (4.0, 5.0), "dt": (0.1, 0.2)}))
     design = fp.exchange(far, 2, n_candidates=5, max_iterations=2, references=False, previous=previous)
-    assert "where previous points tell much less" in " ".join(to_text(design_report(design)).split())
+    assert "where previous points have much less information" in " ".join(to_text(design_report(design)).split())
 
 
 def test_jumps_that_candidates_may_not_meet_are_crossed_there_as_fits_cross_them() -> None:

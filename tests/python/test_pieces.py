@@ -332,7 +332,7 @@ def test_too_few_windows_say_what_they_leave_open() -> None:
     assert one.log_det == -np.inf and one.efficiency is None and np.isnan(one.shares).all()
     assert [dict(null) for null in one.evaluation.null_directions] in ([{"a": 1.0}], [{"b": 1.0}])
     assert "determine 1 of 2 parameters" in str(one) and "singular" in str(one)
-    assert one.ridge == 1e-9 and "1e-9 of what all windows tell" in " ".join(str(one).split())
+    assert one.ridge == 1e-9 and "1e-9 of the information of all windows" in " ".join(str(one).split())
     assert np.isfinite(two.log_det) and 2 in chosen(two)
     with pytest.raises(ValueError, match=r"^n_pieces: .*'error' asks, given 1, which leave open 1.00 [ab], in prior std: pick"):
         fp.best_pieces(problem, fp.pieces(record, model, length=5), 1, singular="error")
