@@ -193,7 +193,7 @@ def test_too_few_points_for_criteria_of_all_parameters_are_chosen_by_log_det(nam
 
 
 def test_too_few_points_for_certain_functions_are_an_error() -> None:
-    with pytest.raises(ValueError, match=r"^n_experiments: .*'I' asks, given 1"):
+    with pytest.raises(ValueError, match=r"^n_experiments: .*'I', given 1"):
         fp.exchange(blind(), 1, criterion="I", of="y", conditions=fp.Experiments(np.zeros((2, 0)), np.eye(2)), **QUICK)
 
 
