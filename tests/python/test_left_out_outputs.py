@@ -149,7 +149,7 @@ def test_a_set_of_data_of_other_outputs_alone_is_left_out() -> None:
     alone = fp.Measurements(whole.points, np.where([False, True, False], whole.y, np.nan))
     fit = fp.estimate(ALL, [alone, whole], PRIOR, noise_std=NOISE)
     assert len(fit.data) == 1
-    with pytest.raises(ValueError, match="data: expected a number of y1, y3, of which the noise is known; given none"):
+    with pytest.raises(ValueError, match="data: expected a number of y1, y3, whose noise is known; given none"):
         fp.estimate(ALL, alone, PRIOR, noise_std=NOISE)
 
 

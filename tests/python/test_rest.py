@@ -272,7 +272,7 @@ def of_one(f: list[str], **more: Any) -> Callable[..., fp.RunTrajectories]:
         (["a*k*x + u"], [0.1], 0.0, "at which the plant stays, found an unstable one"),
         (["u*a - k*x - max(x - 0.5, 0)"], [0.3], 0.5, "off kinks, given one on the kink"),
         (["(x - 1)*(x + 0.05)*a*k + 0*u"], [0.05], 0.0, "found none|found an unstable one"),
-        (["1 + 0*u"], [0.3], 0.0, "rest.states: expected states of which the rates may vanish, given 'x'"),
+        (["1 + 0*u"], [0.3], 0.0, "rest.states: expected states whose rates may vanish, given 'x'"),
     ],
 )  # fmt: skip
 def test_what_has_no_rest_is_refused_by_name(f: list[str], x0: list[float], u: float, said: str) -> None:
@@ -289,7 +289,7 @@ def test_a_kink_that_stays_where_it_is_does_no_harm() -> None:
 
 @pytest.mark.parametrize(("x0", "there"), [(0.9, 1.0), (-0.2, -1.0)])
 def test_another_rest_is_told_and_the_start_decides(x0: float, there: float) -> None:
-    with pytest.warns(UserWarning, match=rf"another one than that of runs\[0\]: x = {-there:g} in the place of {there:g}"):
+    with pytest.warns(UserWarning, match=rf"another one than that of runs\[0\]: x = {-there:g} instead of {there:g}"):
         done = of_one(["a*k*x - x**3 + u"])([x0])
     assert done.x[0, 0, 0] == pytest.approx(there, rel=1e-14)
     with warnings.catch_warnings():

@@ -155,7 +155,7 @@ MISTAKES: dict[str, Callable[[], Any]] = {
     r"nominal: expected names of k; given unknown 'q'": lambda: make(nominal={"q": 1.0}),
     r"domain\[0\]: column 1: expected the names x, u, k; given 'z'": lambda: make(domain=["z"]),
     r"name: expected a name, given ''": lambda: make(name=""),
-    r"branching, line 2: expected conditions.*where.* in the place of if.*given x > 0": lambda: decorated(branching),
+    r"branching, line 2: expected conditions.*where.* instead of if.*given x > 0": lambda: decorated(branching),
     r"unknown_on_line_3, line 3: x: expected one of x; given unknown 'speed'": lambda: decorated(unknown_on_line_3),
     r"<lambda>, line 1: expected .*fisherpoint\.math": lambda: decorated(lambda x, u, p: ([math.sqrt(x.x)], [x.x])),
     r"<lambda>: expected it to return f, g or f, g, domain": lambda: decorated(lambda x, u, p: [x.x]),

@@ -25,13 +25,13 @@ MOST_NAMES = 100_000
 """Names or things of a sequence, past which it counts as one without end."""
 
 MOST_CHARACTERS = 4096
-"""Of a path, or of a name that may be one."""
+"""Maximum length of a path, or of a name that may be one."""
 
 LARGEST_INT = 2**128 - 1
-"""Of seeds; counts have limits of their own."""
+"""Largest seed; counts have limits of their own."""
 
 SMALLEST_STD, LARGEST_STD = 1e-100, 1e100
-"""Standard deviations of which the squares, and what follows from these, are ordinary doubles."""
+"""Limits of standard deviations: their squares, and what follows from these, are ordinary doubles."""
 
 # --- Numbers -------------------------------------------------------------------------------------------------------------
 
@@ -68,7 +68,7 @@ def _as_double(entry: Any) -> float:
 
 
 def as_rows(array: Array, count: int, name: str, width: str) -> Array:
-    """Return an array of shape (count, `width`), of which (count,) is taken for one column; raise for another shape."""
+    """Return an array of shape (count, `width`), taking (count,) for one column; raise for another shape."""
     if array.ndim == 1 and len(array) == count:
         array = array.reshape(count, 1)
     if array.ndim != 2 or len(array) != count:
@@ -126,7 +126,7 @@ def percentage(share: float) -> str:
 
 
 def as_std(value: Any, name: str) -> float:
-    """Return a standard deviation above zero, of which the square is an ordinary double too."""
+    """Return a standard deviation above zero, whose square is an ordinary double too."""
     std = as_positive(value, name, "standard deviation")
     if not SMALLEST_STD <= std <= LARGEST_STD:
         raise ValueError(f"{name}: expected a standard deviation between {SMALLEST_STD:g} and {LARGEST_STD:g}, given {std:g}")
@@ -300,7 +300,7 @@ def names_among(given: Iterable[str], known: tuple[str, ...], label: str) -> tup
 
 
 def some_names_among(given: Iterable[str], known: tuple[str, ...], label: str) -> tuple[str, ...]:
-    """As `names_among`, of which there must be one at least."""
+    """Return names as `names_among` does, at least one."""
     chosen = names_among(given, known, label)
     if not chosen:
         raise ValueError(f"{label}: expected at least one name, given none")

@@ -29,7 +29,7 @@ _WITH_UNIT = re.compile(r"([^\[(]*?)\s*(?:\[(.*)\]|\((.*)\))")
 class CsvTable:
     """Columns of text under their names, and the units that the header gives in brackets, as in ``p_A [bar]``.
 
-    Entries are separated by commas, semicolons or tabs, of which the header has most. Rows count from 1, the first below the
+    Entries are separated by commas, semicolons or tabs, whichever the header has most of. Rows count from 1, the first below the
     header; blank lines do not count.
 
     Raises
@@ -194,7 +194,7 @@ class CsvTable:
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Iterable[float | str]], line_end: str = "\r\n") -> str:
-    """A header and rows of texts and numbers, of which every digit is kept; an entry is empty where it is NaN."""
+    """A header and rows of texts and numbers with every digit; an entry is empty where it is NaN."""
     file = io.StringIO()
     writer = csv.writer(file, lineterminator=line_end)
     writer.writerow(header)

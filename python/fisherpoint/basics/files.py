@@ -23,7 +23,7 @@ from .standard_input import held
 Built = TypeVar("Built")
 
 MOST_BYTES = 500_000_000
-"""Of a file with data, such as a design, a fit or a table of a million rows."""
+"""Maximum size of a file with data, such as a design, a fit or a table of a million rows."""
 
 
 def write_whole(path: str | Path, content: str | bytes) -> None:
@@ -49,7 +49,7 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
 
 
 def write_together(directory: Path, contents: Mapping[str, str | bytes], stale: Iterable[str] = ()) -> list[Path]:
-    """Write files of which the last, wherever it stands and after any kill, says that those beside it are of the same run.
+    """Write files; the last, wherever it stands and after any kill, says that those beside it are of the same run.
 
     All are on the disk before the first is put in its place, so that a full one leaves everything as it was. Then the old last one
     goes, and comes last. Where it stood, the `stale` files, which were made from it, go before it.

@@ -14,7 +14,7 @@ LISTED = 20
 
 
 def printable(text: object) -> str:
-    """The text with escapes, such as ``\\x1b``, in the place of what a terminal would not print but obey."""
+    """The text with escapes, such as ``\\x1b``, instead of what a terminal would obey and not print."""
     text = str(text)
     return text if text.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 

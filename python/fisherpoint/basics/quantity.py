@@ -42,4 +42,4 @@ def names_of(quantities: Iterable[Quantity]) -> tuple[str, ...]:
 
 
 DURATION = Quantity("dt", "s", "duration")
-"""Of an experiment point."""
+"""Duration of an experiment point."""

@@ -12,13 +12,14 @@ from .messages import shortened
 from .toml_messages import ConfigError
 
 MOST_BYTES = 1_000_000
-"""Of a configuration; a model with all states, parameters and outputs that there may be, and a page about each, has a third."""
+"""Maximum size of a configuration; a model with as many states, parameters and outputs as may be, and a page about each, has a
+third of it."""
 
 MOST_ENTRIES = 20_000
 """Keys and list entries."""
 
 MOST_PARTS = 20
-"""Of a key with dots, for which the parser takes a time that grows with their square."""
+"""Maximum number of parts of a key with dots; the parser's time grows with its square."""
 
 _PART = r"""(?:(?<![\w-])[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*"""
 _DOTTED = re.compile(rf"(?:{_PART}\.[ \t]*){{{MOST_PARTS}}}")

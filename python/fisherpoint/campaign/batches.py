@@ -44,7 +44,7 @@ class Kind:
     batch : int
         Their number where none is given.
     preset : mapping of name to value
-        Settings that a batch has in the place of the search's defaults.
+        Settings that a batch has instead of the search's defaults.
     tables : mapping of name to callable
         The text of each file of a batch, ``<name>_<k>.csv``.
     to_json, from_json : callable

@@ -60,7 +60,7 @@ class Measurements(InNotebooks):
         return len(self.points)
 
     def __getitem__(self, rows: int | slice | Sequence[int] | NDArray[Any]) -> Measurements:
-        """Measurements of the chosen points or runs, of which one at least must have a number."""
+        """Measurements of the chosen points or runs; at least one must have a number."""
         chosen = as_index(rows, len(self), "data")
         return Measurements(self.points[chosen], self.y[chosen])
 

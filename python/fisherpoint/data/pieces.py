@@ -88,7 +88,7 @@ class Pieces:
         return len(self.first)
 
     def __getitem__(self, rows: int | slice | Sequence[int] | NDArray[Any]) -> Measurements:
-        """The chosen windows, of which there must be one at least, with what was measured in them."""
+        """The chosen windows, at least one, with what was measured in them."""
         runs, y = self.cut(rows)
         return Measurements(runs, y)
 

@@ -26,9 +26,9 @@ UNIT_MISTAKES = {
     1e5: "bar for Pa",
     1e6: "MPa for Pa, or any other prefix",
 }
-"""By which factor replicates differ where one of them is in another unit. Ten is none: noise around zero gives it too often."""
+"""Factors by which replicates differ where one is in another unit. Ten is left out: noise around zero gives it too often."""
 CLOSE = 0.05
-"""How close to such a factor a ratio of replicates must be, relatively."""
+"""Relative distance from such a factor within which a ratio of replicates must be."""
 
 
 def refuse_implausible(

@@ -1,4 +1,4 @@
-"""A virtual rig: a model with true parameters, of which experiments show outputs with noise."""
+"""A virtual rig: a model with true parameters; experiments show its outputs with noise."""
 
 from __future__ import annotations
 

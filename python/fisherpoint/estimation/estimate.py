@@ -276,7 +276,7 @@ def _parts(data: Any, model: Model, noise_std: Mapping[str, float] | None) -> tu
             part = replace(part, y=y)
         parts.append(part.told if isinstance(part, Measurements) else part)
     if not parts:
-        raise ValueError(f"data: expected a number of {listed(noise_std or ())}, of which the noise is known; given none")
+        raise ValueError(f"data: expected a number of {listed(noise_std or ())}, whose noise is known; given none")
     return tuple(parts)
 
 
@@ -293,7 +293,7 @@ def _first(model: Model, prior: GaussianPrior | None, start: Any, parts: Sequenc
 
 
 def _with_unbiased_noise(fit: Fit) -> Fit:
-    """The fit with the noise's variances divided by degrees of freedom in the place of the number of samples.
+    """The fit with the noise's variances divided by degrees of freedom instead of the number of samples.
 
     Where the likelihood grows without end as the noise of an output that can be fitted exactly vanishes, it has not converged.
     """

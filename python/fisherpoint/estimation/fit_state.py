@@ -72,7 +72,7 @@ def fit_state(fit: FitStatistics) -> dict[str, Any]:
 
 
 def fit_from_state(data: dict[str, Any]) -> dict[str, Any]:
-    """The fields of the fit of which this is the state; its trajectories are computed again."""
+    """Fields of the fit with this state; its trajectories are computed again."""
     with entry("model"):
         model = model_from_json(data["model"])
     with entry("data"):
@@ -148,7 +148,7 @@ def _error_from_json(error: dict[str, Any], y: Array) -> RunError:
 
 
 def _covariances(given: Any, name: str, n_y: int) -> Array:
-    """Covariances (..., n_y, n_y) of outputs, of which the inverses exist."""
+    """Covariances (..., n_y, n_y) of outputs, whose inverses exist."""
     covariance = as_floats(given, name)
     if covariance.shape[-2:] != (n_y, n_y) or covariance.ndim > 4:
         raise ValueError(f"{name}: expected shape (..., {n_y}, {n_y}), given {covariance.shape}")

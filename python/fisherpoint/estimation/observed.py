@@ -140,7 +140,7 @@ _Respond = Callable[[Array, Array], Response]
 
 
 def _points_response(model: Model, points: Experiments, columns: list[int], settings: Integration) -> _Respond:
-    """The response of points, of which replicates are simulated once."""
+    """The response of points; replicates are simulated once."""
     first, replicate = points.distinct()
     distinct = points[first]
 
@@ -152,7 +152,7 @@ def _points_response(model: Model, points: Experiments, columns: list[int], sett
 
 
 def _runs_response(model: Model, runs: Runs, columns: list[int], settings: Integration) -> _Respond:
-    """The response of runs, of which replicates are simulated once."""
+    """The response of runs; replicates are simulated once."""
     first, replicate = runs.distinct()
     distinct = runs[first]
     number = np.split(np.arange(distinct.measured.sum()), np.cumsum(distinct.measured.sum(axis=1))[:-1])

@@ -85,7 +85,7 @@ def covariances(jacobian: Array, held: NDArray[np.bool_] | None = None) -> tuple
 
 def quantile(level: float, degrees_of_freedom: Array) -> Array:
     """Half-width of two-sided intervals in standard errors: of Student's t, which for inf is the normal distribution."""
-    from scipy.special import ndtri, stdtrit  # not scipy.stats, of which the import takes a second
+    from scipy.special import ndtri, stdtrit  # not scipy.stats, whose import takes a second
 
     bounded = np.isfinite(degrees_of_freedom)
     normal = np.full(degrees_of_freedom.shape, ndtri(0.5 + level / 2))

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
 
 EVALUATIONS = 5
-"""Of least squares with the same weights, which then are taken anew."""
+"""Maximum number of evaluations of least squares with the same weights, which then are updated."""
 
 SETTLED = 1e-5
 """Change of the weights, as a share, from which on the deviance, which is flat there, no longer changes."""

@@ -121,7 +121,7 @@ def warnings(fit: FitStatistics) -> Iterator[str]:
 
 
 def _beside_numerical_error(fit: FitStatistics) -> Iterator[str]:
-    """Outputs of which the estimated noise is hardly larger than the numerical error of what is fitted."""
+    """Outputs whose estimated noise is hardly larger than the numerical error of what is fitted."""
     if fit.noise_known:
         return
     observed, stds = fit.weighted.observed, np.sqrt(np.diag(fit.noise_covariance))

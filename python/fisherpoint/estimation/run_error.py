@@ -55,7 +55,7 @@ class RunError:
 def run_errors(
     assumed: Assumed, data: Measurements, theta: Array, settings: Integration, std: Array, first: int = 0
 ) -> Iterator[RunError]:
-    """The errors of measured runs, of which the first sample has this number; std (n_y,) is that of the noise.
+    """The errors of measured runs, whose first sample has the number `first`; std (n_y,) is that of the noise.
 
     Raises
     ------

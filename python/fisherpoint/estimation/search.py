@@ -21,7 +21,7 @@ FIRST_EVALUATIONS = 50
 """Evaluations of each of several starts, before the best of them is followed to its end."""
 
 MOST_EVALUATIONS = 1000
-"""Of one search: twice what the slowest of NIST's problems takes that comes to its end."""
+"""Maximum number of evaluations of one search: twice what the slowest of NIST's problems takes that comes to its end."""
 
 SETTLED_TO_COMPARE = 1e-4
 """Change of estimated weights from which on starts can be compared."""
@@ -45,7 +45,7 @@ class Found(NamedTuple):
 
 
 def search_with_known_noise(residuals: WeightedResiduals, z0: Array, noise: KnownNoise) -> Found:
-    """Weighted least squares from starts (B, P), of which the first one is ok."""
+    """Weighted least squares from starts (B, P); the first one is ok."""
     weighted = _weighted(residuals, noise, z0[0])
     minima = _minimised(weighted, z0, FIRST_EVALUATIONS if len(z0) > 1 else MOST_EVALUATIONS)
     best, reached = _best(minima, weighted, z0)

@@ -47,7 +47,7 @@ def output_degrees_of_freedom(jacobian: Array, covariance: Array, counts: NDArra
 
 
 def unbiased(covariance: Array, degrees: Array, counts: NDArray[np.intp]) -> Array:
-    """Residual covariances (B, n_y, n_y) with each variance divided by degrees of freedom in the place of the number of values."""
+    """Residual covariances (B, n_y, n_y) with each variance divided by degrees of freedom instead of the number of values."""
     growth = np.sqrt(np.where(counts > 0, counts / np.maximum(degrees, FEWEST), 1.0))
     return covariance * growth[:, :, None] * growth[:, None, :]
 

@@ -31,7 +31,7 @@ with further ones where these were requested.
 """
 
 TRIED = 32
-"""Further nodes, for each start, of which the residuals are looked at."""
+"""Number of further nodes, for each start, whose residuals are computed."""
 
 FOLLOWED = 2
 """Further nodes, for each start, from which a search starts: those with the least residuals."""
@@ -50,7 +50,7 @@ def start_guess(model: Model, state: str, record: Record) -> float:
 def evaluable_starts(
     observed: Observed, unknowns: Unknowns, begin: Mapping[str, float], spread: GaussianPrior | None, count: int
 ) -> Array:
-    """Coordinates (B, P) of the starts: as given, and nodes of the prior; further nodes in the place of those that are not ok."""
+    """Coordinates (B, P) of the starts: as given, and nodes of the prior; further nodes instead of those that are not ok."""
     z = spread_starts(unknowns, begin, spread, MOST_DRAWN * count if count > 1 else 1)
     if len(z) == 1:
         return z

@@ -137,7 +137,7 @@ class FitStatistics:
 
     @property
     def standard_errors(self) -> Mapping[str, float]:
-        """By name, SI units; inf for what the data do not determine, or a bound holds; of the others, with that one there."""
+        """Standard errors by name, SI units; inf for what the data do not determine, or a bound holds; others with that held."""
         return self._by_name(np.sqrt(np.diag(self.covariance)))
 
     @property
@@ -236,7 +236,7 @@ class FitStatistics:
 
     @property
     def noise_not_told(self) -> tuple[str, ...]:
-        """Outputs of which the noise was to be estimated, and which the unknowns fit whatever that is: it comes out as nothing."""
+        """Outputs whose noise was to be estimated, but which the unknowns fit exactly, so that the estimated noise is zero."""
         if self.noise_known:
             return ()
         names, measured = names_of(self.model.outputs), np.isfinite(self.residuals).any(axis=0)

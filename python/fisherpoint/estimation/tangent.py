@@ -1,6 +1,6 @@
 """The tangent space of many least-squares problems: how long the residuals' part along it is, and steps within it.
 
-All by orthogonal factors of the Jacobians, never by J^T J, of which the digits are half.
+All by orthogonal factors of the Jacobians, never by J^T J, which has half the digits.
 """
 
 from __future__ import annotations

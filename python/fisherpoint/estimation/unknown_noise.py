@@ -18,7 +18,7 @@ from .observed import EPSILON, Observed
 from .weighting import WeightedResiduals
 
 TINY = 1e-200
-"""A variance that is next to nothing, of which the inverse still is a number: that of outputs that are zero."""
+"""Smallest variance, of outputs that are zero; its inverse still is a number."""
 
 MAX_ROUNDS = 300
 SETTLED = 1e-10

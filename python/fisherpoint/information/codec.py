@@ -43,7 +43,7 @@ def problem_to_json(problem: DesignProblem) -> dict[str, Any]:
 
 
 def problem_from_json(data: dict[str, Any]) -> DesignProblem:
-    """The problem of which this is the JSON, to the last bit."""
+    """The problem with this JSON, to the last bit."""
     problem = DesignProblem(
         model_from_json(data["model"]),
         prior_from_json(data["prior"]),
@@ -87,7 +87,7 @@ def evaluation_to_json(evaluation: Evaluation | None) -> dict[str, Any] | None:
 
 
 def evaluation_from_json(data: dict[str, Any] | None, n_points: int) -> Evaluation | None:
-    """The evaluation of which this is the JSON; older files lack some of what it has now."""
+    """The evaluation with this JSON; older files lack some of its entries."""
     if data is None:
         return None
     data = {"n_points": n_points, "nearby": None, "units": {}, "log_det_estimable": None, "without_prior": None} | data

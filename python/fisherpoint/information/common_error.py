@@ -10,7 +10,7 @@ from ..basics.values import Array
 
 
 class CommonError(NamedTuple):
-    """M numbers of which the covariance, in units of their own noise, is I + B B^T = I + U diag(s^2) U^T.
+    """M numbers whose covariance, in units of their own noise, is I + B B^T = I + U diag(s^2) U^T.
 
     directions U (..., M, k), with columns of length 1, and sizes s (..., k).
     """

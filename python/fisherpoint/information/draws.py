@@ -18,7 +18,7 @@ MOST_DRAWS = 100
 
 
 def drawn_from_prior(problem: DesignProblem, count: int, rng: np.random.Generator) -> tuple[Array, int]:
-    """Parameters (count, p) of which the estimated ones follow the prior, and how many draws without physical sense were left out.
+    """Parameters (count, p) whose estimated ones follow the prior, and how many draws without physical sense were left out.
 
     Raises
     ------

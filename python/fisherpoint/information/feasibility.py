@@ -57,7 +57,7 @@ class Feasibility(Shown, Kept):
     able : int
         Those on which every point or run ends as ok.
     left_out : int
-        Draws without physical sense, such as a negative mass, in the place of which others were drawn.
+        Draws without physical sense, such as a negative mass, which others replaced.
     reasons : mapping of str to int
         The plants on which the design fails, by each reason that occurs on it: a status, and of "left_domain" the limit.
     failures : mapping of str to tuple of int

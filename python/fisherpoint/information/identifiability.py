@@ -66,10 +66,10 @@ class Identifiability(Shown, Kept):
     null_components : tuple of mapping of parameter name to float
         The same as relative changes d log theta (absolute ones of parameters that are zero), largest component 1.
     not_known : tuple of str
-        Changes that no output notices at the points that were taken, while others may: those of which the trajectory meets a jump
+        Changes that no output notices at the points that were taken, while others may: those whose trajectory meets a jump
         that cannot be crossed, or where an output itself jumps. With the reason, in words.
     weak : tuple of str
-        Changes that hardly show: of which the singular value is not zero, but below 1e-4 of the largest at every theta.
+        Changes that hardly show: their singular value is not zero, but below 1e-4 of the largest at every theta.
     idle : tuple of str
         Parameters that reach no output by the structure of the equations; they are among the null directions too.
     blocks : tuple of tuple of str
@@ -191,7 +191,7 @@ def identifiability(
     parameters : sequence of str, optional
         Parameters to identify; the others are known. Default: all.
     unknown_start : sequence of str, optional
-        States of which the start is set, but not known. Each start is then one record of 8 samples, spread over its dt, and what
+        States whose start is set, but not known. Each start is then one record of 8 samples, spread over its dt, and what
         the sensitivities to its start explain is taken out of them. Without this, x0 is known, as for every experiment point.
     threads : int, optional
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..basics.values import Array
 
 SHORT = 0.999
-"""Of the time at which a trajectory ends, as that is known to the tolerance."""
+"""Share of the time at which a trajectory ends that is used, as this time is known to the tolerance."""
 
 
 def longest(lasted: Array, weights: Array, allowed: float) -> Array:

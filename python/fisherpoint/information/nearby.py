@@ -165,7 +165,7 @@ def nearby_of(
 
 
 def _moves(half: Array) -> Array:
-    """By how many prior standard deviations each parameter is moved, (4p, p)."""
+    """Moves (4p, p) of the parameters, in prior standard deviations."""
     covariance = half @ half.T
     axes = DISTANCE * np.concatenate([covariance / np.linalg.norm(half, axis=1)[:, None], half.T])
     axes /= np.maximum(1.0, np.abs(axes).max(axis=1, keepdims=True))

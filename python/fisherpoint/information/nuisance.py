@@ -12,7 +12,7 @@ from ..basics.values import Array
 
 
 def marginal_rows(rows: Array, nuisance: int) -> Array:
-    """Rows (r, p) of which the Gram matrix is that of rows (m, p + nuisance), c marginalised: by QR, without squares."""
+    """Rows (r, p) whose Gram matrix is that of rows (m, p + nuisance), c marginalised: by QR, without squares."""
     if not nuisance:
         return rows
     ordered = np.concatenate([rows[:, -nuisance:], rows[:, :-nuisance]], axis=1)
@@ -20,7 +20,7 @@ def marginal_rows(rows: Array, nuisance: int) -> Array:
 
 
 def beside_nuisance(information: Array, nuisance: int) -> Array:
-    """M (p + nuisance, p + nuisance) of which the marginal information is F (p, p), with c known apart from theta."""
+    """M (p + nuisance, p + nuisance) whose marginal information is F (p, p), with c known apart from theta."""
     if not nuisance:
         return information
     p = len(information)

@@ -130,7 +130,7 @@ def _extended(problem: DesignProblem, theta: Array) -> tuple[Model, Array]:
 
 
 def moves_of_runs(assumed: Assumed, runs: Runs, theta: Array, settings: Integration) -> tuple[Array, IntArray]:
-    """By how much outputs move with a standard deviation of all that is drawn anew, (K, N, n_y, q), and statuses (K,).
+    """Moves of outputs with a standard deviation of all that is drawn anew, (K, N, n_y, q), and statuses (K,).
 
     Zero where nothing is measured, and where the status is not ok; theta is (p,).
     """

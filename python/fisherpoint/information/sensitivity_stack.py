@@ -46,7 +46,7 @@ class Stack:
     Attributes
     ----------
     names, starts : tuple of str
-        The p parameters, and the q states of which the start is not known.
+        The p parameters, and the q states whose start is not known.
     theta, size : ndarray, (p,)
         Parameters, and by what their sensitivities are multiplied: |theta|, or 1 where that is zero.
     x0 : ndarray, (K, q)

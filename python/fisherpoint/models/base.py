@@ -129,7 +129,7 @@ class Model(ABC):
         return self._map(self.core.rhs, x, u, theta)
 
     def output(self, x: ArrayLike, u: ArrayLike, theta: Mapping[str, float] | ArrayLike) -> Array:
-        """Output g(x, u, theta); shapes as in `rhs`, with n_y in the place of n_x."""
+        """Output g(x, u, theta); shapes as in `rhs`, with n_y instead of n_x."""
         return self._map(self.core.output, x, u, theta)
 
     def switching(self, x: ArrayLike, u: ArrayLike, theta: Array) -> Array:

@@ -58,7 +58,7 @@ _WHOLE_MOVES = (
 )
 
 LAST_LINES = 3
-"""Of what a compiler says, beside its first error."""
+"""Number of last lines of a compiler's output that are shown beside its first error."""
 
 
 def compiled_model(model: Model, states: Sequence[Quantity], programs: Programs, tape: Any) -> Any | None:

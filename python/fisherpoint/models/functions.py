@@ -106,4 +106,4 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "where": where,
     "latch": latch,
 }
-"""By the name that equations use."""
+"""Functions by the name that equations use."""

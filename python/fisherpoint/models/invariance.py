@@ -18,7 +18,7 @@ from .tape.branch import Select
 from .tape.parts import parts
 
 STEP = 1e-30
-"""Of the derivatives along complex directions, which lose no digits."""
+"""Step of the derivatives along complex directions, which lose no digits."""
 
 SAME = 1e-4
 """Share of what the parameters change one by one, up to which their changes together cancel."""

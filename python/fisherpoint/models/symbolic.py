@@ -309,7 +309,7 @@ class SymbolicModel(DescribedModel):
         given = (self.equations.rates, self.equations.output, self.equations.conditions)
         equations = [[replaced(expression, shift) for expression in of] for of in given]
         moved = dict(zip(names, offsets, strict=True))
-        # What is set anew is the state itself, of which the offset stays what it was.
+        # A reset sets the state itself, whose offset stays.
         resets = [
             (
                 condition_in(replaced(reset.condition, shift)),
@@ -357,7 +357,7 @@ class SymbolicModel(DescribedModel):
         values = {symbol(name) for name in self.constants}
         for name, rate in rates:
             if not value_of(rate).free_symbols - values:
-                raise ValueError(f"states: expected states of which the rates may vanish, given {name!r} with {to_text(rate):.60}")
+                raise ValueError(f"states: expected states whose rates may vanish, given {name!r} with {to_text(rate):.60}")
         free = names if unknown is None else unknown
         inputs = [q for q in (*self.inputs, *self.states) if q.name not in free]
         # A model has an input, if need be one that nothing reads.

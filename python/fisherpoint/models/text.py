@@ -84,7 +84,7 @@ def _read(formula: Formula, symbols: Mapping[str, sympy.Symbol], hidden: Mapping
 
 
 class _Equation(Reader):
-    """Equations as terms, of which the numbers are taken as doubles: SymPy would work them out to the last digit."""
+    """Equations as terms, with their numbers taken as doubles: SymPy would work them out to the last digit."""
 
     remembers = True
 
@@ -146,7 +146,7 @@ class _Equation(Reader):
         return base**exponent
 
     def _folded(self, node: ast.expr, value: Any) -> Any:
-        """A value of which the number, if it is one, a double holds; sums and products of short numbers stay exact."""
+        """A value whose number, if it is one, a double holds; sums and products of short numbers stay exact."""
         if value.is_Number and not (value.is_Rational and max(abs(value.p), value.q) < 2**53):
             return self._number(node, value)
         return value

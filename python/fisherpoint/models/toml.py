@@ -42,7 +42,7 @@ class ModelFile(Table):
         return self._model or _built(self.model)
 
     def warn_of_units(self, stacklevel: int = 2) -> None:
-        """Warn of equations of which the units do not fit, unless the file says that this is meant."""
+        """Warn of equations whose units do not fit, unless the file says that this is meant."""
         if self.model.equations is not None and self.model.check_units:
             from .symbolic import SymbolicModel  # which needs SymPy
 

@@ -17,7 +17,7 @@ from .settings import Integration, checked_arguments
 from .status import Status
 
 HALVINGS = 30
-"""Of the duration, to find the last time at which the trajectory is still inside."""
+"""Number of halvings of the duration, to find the last time at which the trajectory is still inside."""
 
 
 def broken_limits(

@@ -176,7 +176,7 @@ def _vanish(totals: Array, columns: Array) -> bool:
 
 
 def _slopes_of(turning: Array, rates: Array, size: Array) -> Array:
-    """For each parameter the slopes (p, c, r) of which the products with the rates (r, m) are `turning` (c, m, p)."""
+    """For each parameter the slopes (p, c, r) whose products with the rates (r, m) are `turning` (c, m, p)."""
     scaled = rates / size[:, None]
     inverse = np.linalg.pinv(scaled, rcond=RANK)
     return np.asarray(np.einsum("cmp,mr->pcr", turning, inverse) / size)

@@ -1,4 +1,4 @@
-"""Constraints on experiment points: comparisons of terms, read with numpy arrays in the place of names."""
+"""Constraints on experiment points: comparisons of terms, read with numpy arrays instead of names."""
 
 from __future__ import annotations
 

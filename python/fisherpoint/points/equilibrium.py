@@ -27,7 +27,7 @@ STALLED = 1e-9
 """Length of a step that counts as settled where rounding lets it get no shorter."""
 
 FAR = 0.3
-"""Of a natural size, or of the guess: a Newton step this long may lead past another equilibrium."""
+"""Share of a natural size, or of the guess: a Newton step this long may lead past another equilibrium."""
 
 SINGULAR = 1e-11
 """Smallest singular value over the largest, of scaled Jacobians, below which the rates leave an unknown free."""

@@ -73,7 +73,7 @@ class Experiments(InNotebooks):
 
     @classmethod
     def _of(cls, x0: Array, u: Array, dt: Array, columns: tuple[str, ...] | None) -> Experiments:
-        """Points of which the parts are known to be valid."""
+        """Points whose parts are known to be valid."""
         points = cls.__new__(cls)
         points.x0, points.u, points.dt, points.columns = x0, u, dt, columns
         for array in (x0, u, dt):
@@ -128,7 +128,7 @@ class Experiments(InNotebooks):
 
     @classmethod
     def of_table(cls, model: Model, table: Array) -> Experiments:
-        """Points of `model` from such rows, of which dt may be left out where there is no state."""
+        """Points of `model` from such rows; dt may be left out where there is no state."""
         n_x, n = len(model.states), len(model.states) + len(model.inputs)
         return cls(table[:, :n_x], table[:, n_x:n], table[:, n] if table.shape[1] > n else None, columns=columns_of(model))
 

@@ -42,7 +42,7 @@ NEXT_TO_ZERO = 0.1, 1e-4
 """How far from zero that is, as shares of the region's width, every order of magnitude alike."""
 
 ASIDE = 0.3
-"""By how much points of `draw_near` that go on in a direction leave it, as a share of how far they go."""
+"""Distance by which points of `draw_near` that go on in a direction leave it, as a share of how far they go."""
 
 
 class ExperimentRegion:
@@ -139,7 +139,7 @@ class ExperimentRegion:
         return Experiments.of_table(model, np.clip(table, lower, upper))
 
     def draw_at_edges(self, model: Model, count: int, *, seed: int | np.random.Generator = 0) -> Experiments:
-        """Draw points of which most numbers are on their bounds or next to zero; the constraints are not looked at.
+        """Draw points with most numbers on their bounds or next to zero; the constraints are not checked.
 
         The most informative points mostly start there: from rest, with a valve that is shut or wide open, under full pressure.
         Uniform draws are hardly ever near such a corner in several numbers at once.

@@ -23,7 +23,7 @@ MOST = 64
 
 
 class Conditions(NamedTuple):
-    """What holds at a rest of a model: of which states the rates vanish, and which outputs are given; unknown states and inputs."""
+    """What holds at a rest of a model: which states' rates vanish, and which outputs are given; unknown states and inputs."""
 
     rates: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -50,7 +50,7 @@ class Rest:
         The inputs, SI units, under which the plant has settled before the run; all of them. A model without inputs has none. Of
         inputs to be solved for, the guess; 0 by default.
     states : sequence of str, optional
-        The states of which the rates are zero; the others start as x0 says. Default: all. A cylinder that creeps has its velocity
+        The states whose rates are zero; the others start as x0 says. Default: all. A cylinder that creeps has its velocity
         and pressures at rest, and not its position. Of these states, x0 is the guess from which they are found.
     hold : sequence of str, optional
         States at rest that are where x0 says.

@@ -33,7 +33,7 @@ APART = 1e-5
 """Distance of two equilibria, in natural sizes, above which they are two."""
 
 MOST_LOOKED_AT = 20
-"""Different starts of which other equilibria are looked for."""
+"""Number of different starts whose other equilibria are searched for."""
 
 
 class RunStarts(NamedTuple):
@@ -295,7 +295,7 @@ class _Resting:
             moving = self._moving_kink(found, row, on[row, len(jumps) :])
             if moving is not None:
                 raise ValueError(
-                    f"{expected} off kinks, given one on the kink {moving} = 0 of runs[{k}], of which the sides move differently"
+                    f"{expected} off kinks, given one on the kink {moving} = 0 of runs[{k}], whose sides move differently"
                     " with the parameters"
                 )
 
@@ -333,7 +333,7 @@ class _Resting:
         apart = (np.abs(other.z - z) > APART * size).any(axis=1)
         for found in other.z[other.good & self._inside(other.z, rows, all_limits=True) & apart][:1]:
             differs = {name: (a, b) for name, a, b, s in zip(self.names, z, found, size, strict=True) if abs(a - b) > APART * s}
-            there = ", ".join(f"{name} = {b:.4g} in the place of {a:.4g}" for name, (a, b) in differs.items())
+            there = ", ".join(f"{name} = {b:.4g} instead of {a:.4g}" for name, (a, b) in differs.items())
             warnings.warn(
                 f"rest: expected one stable equilibrium, found another one than that of runs[{run}]: {there}; the x0 of the run"
                 " says which is meant",

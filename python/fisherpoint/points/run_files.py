@@ -114,7 +114,7 @@ def rest_columns_of(table: CsvTable, model: Model) -> tuple[str, ...]:
 
 
 def rest_of_table(table: CsvTable, model: Model) -> list[Rest | None]:
-    """How each run starts at rest, of a table that says so and of which the runs are known to be in order."""
+    """How each run starts at rest, from a table that says so and whose runs are known to be in order."""
     run, texts = table.complete(RUN), table.texts(REST)
     first, states, inputs = np.diff(run, prepend=0.0) != 0, names_of(model.states), names_of(model.inputs)
     held = {q.name: table.numbers(f"{REST}_{q.name}", q.unit) for q in model.inputs}

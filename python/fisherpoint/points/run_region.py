@@ -299,7 +299,7 @@ class RunCoordinates:
 
 
 def _shortened(dt: Array, lower: float, duration: float) -> Array:
-    """Durations (K, N), of which those that last too long together approach their lower bound by one share of what is above it."""
+    """Durations (K, N); those that last too long together approach their lower bound by one share of what is above it."""
     above = dt - lower
     excess, left = above.sum(axis=1, keepdims=True), max(duration - dt.shape[1] * lower, 0.0)
     share = np.divide(left, excess, out=np.ones_like(excess), where=excess > left)

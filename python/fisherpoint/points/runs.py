@@ -107,7 +107,7 @@ class Runs(InNotebooks):
     def _of(
         cls, x0: Array, u: Array, dt: Array, measured: Flags, columns: tuple[str, ...] | None, rests: Rests | None = None
     ) -> Runs:
-        """Runs of which the parts are known to be valid."""
+        """Runs whose parts are known to be valid."""
         runs = cls.__new__(cls)
         runs.x0, runs.u, runs.dt, runs.measured, runs.columns, runs.rests = x0, u, dt, measured, columns, rests
         runs._keep()

@@ -11,7 +11,7 @@ from ..basics.values import Array, IntArray
 
 
 class NoTrajectory(ValueError):
-    """Points or runs of which a trajectory at the prior mean is not ok; the message says which, and why."""
+    """Points or runs one of whose trajectories at the prior mean is not ok; the message says which, and why."""
 
 
 class Status(IntEnum):

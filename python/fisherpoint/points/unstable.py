@@ -10,7 +10,7 @@ from ..basics.values import Array
 from ..models import Model
 
 GROWN = 1e6
-"""By how many times its size a state changes where a parameter changes by its own: errors of 1e-6 grow as large as the state."""
+"""Relative change of a state over that of a parameter, from which on errors of 1e-6 grow as large as the state."""
 
 
 def warn_of_unstable(model: Model, theta: Array, x: Array, dx_dtheta: Array, stacklevel: int = 2) -> None:

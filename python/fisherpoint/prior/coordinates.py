@@ -36,12 +36,12 @@ class Coordinates:
 
 
 def cholesky_coordinates(prior: GaussianPrior, varied: Iterable[str]) -> Coordinates:
-    """By the Cholesky factor: the first parameter has the first coordinate alone, the second the first two, and so on."""
+    """Coordinates by the Cholesky factor: the first parameter has the first coordinate, the second the first two, and so on."""
     return _coordinates(prior, tuple(varied), _cholesky)
 
 
 def principal_coordinates(prior: GaussianPrior, varied: Iterable[str]) -> Coordinates:
-    """By the principal axes of the correlation of every group of correlated parameters; others have a coordinate of their own."""
+    """Coordinates by the principal axes of the correlation of every group of correlated parameters; others have one each."""
     return _coordinates(prior, tuple(varied), _principal_axes)
 
 

@@ -18,11 +18,11 @@ from .style import LABELLED, encoded, settle
 
 SVG = "http://www.w3.org/2000/svg"
 MOST_BYTES, MOST_INLINE = 290_000, 500_000
-"""Of a picture in a page, and of one that is an element of it, so that pages stay below 2 MB."""
+"""Maximum size of a picture in a page, and of one that is an element of it, so that pages stay below 2 MB."""
 SMALL_DPI = 72
 
 TITLES = {"criterion": "Search: the criterion over the iterations", "parity": "Measured against predicted outputs"}
-"""Of pictures whose names do not say enough."""
+"""Titles of pictures whose names do not say enough."""
 
 
 def for_page(name: str, figure: Figure, png: bytes | None = None) -> PagePicture:

@@ -14,7 +14,7 @@ from .early import begin, is_fast
 from .style import scale
 
 SHARES = (1e-5, 1e-4, 1e-3, 3e-3, 0.01, 0.02, 0.04, 0.08, 0.15, 0.25, 0.4, 0.6, 0.8, 1.0)
-"""Of each segment, at which outputs are drawn: behind a change of the inputs they may change fast."""
+"""Shares of each segment at which outputs are drawn: behind a change of the inputs they may change fast."""
 
 ALONG = tuple(np.unique(np.concatenate([np.geomspace(1e-7, 1.0, 99), np.linspace(0.0, 1.0, 41)[1:]])).tolist())
 """The same of a run that is a single segment: its input does not change, and it may be fast at first."""
@@ -27,7 +27,7 @@ WIDTH = 0.42
 
 
 def shares_of(segments: int) -> tuple[float, ...]:
-    """At which shares of each segment the outputs of runs are drawn that have so many."""
+    """Shares of each segment at which the outputs of runs with so many segments are drawn."""
     return SHARES if segments > 1 else ALONG
 
 

@@ -19,7 +19,7 @@ class Section:
     ----------
     title : str
     columns : tuple of str
-        Their names; none for facts, of which each row is a name and what holds for it.
+        Their names; none for facts, each of whose rows is a name and what holds for it.
     rows : tuple of tuple of str
     marked : tuple of int
         Rows to point out.

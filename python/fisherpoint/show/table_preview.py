@@ -29,7 +29,7 @@ class InNotebooks(ABC):
 
 
 def first_rows(count: int, columns: Mapping[str, Array | Sequence[str]]) -> Section:
-    """A table of the first of `count` rows, of columns of which these at least are given; numbers have four digits.
+    """A table of the first of `count` rows, with at least these of all columns; numbers have four digits.
 
     Parameters
     ----------

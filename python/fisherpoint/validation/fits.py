@@ -74,7 +74,7 @@ class Estimator:
     Attributes
     ----------
     residuals : WeightedResiduals
-        Of which the data are replaced; the covariance is that of the known noise.
+        Its data are replaced; the covariance is that of the known noise.
     starts : ndarray, (k, P)
         In coordinates; first the prior mean, then nodes spread over the prior, for searches that get stuck or end wrong.
     noise_known : bool

@@ -61,7 +61,7 @@ class _Assumed(NamedTuple):
 
         if not 0.0 < edge < 1.0:  # nothing lies beyond it
             return 0.0
-        if sign > 0:  # at least so many hits, of which there are more with a probability of at most the level
+        if sign > 0:  # at least so many hits; more have a probability of at most the level
             return float(bdtrc(np.ceil(bdtrik(1 - level, n, edge)), n, self.value))
         fewest = np.floor(bdtrik(level, n, edge))
         return float(bdtr(fewest - (bdtr(fewest, n, edge) > level), n, self.value)) if fewest >= 0 else 0.0

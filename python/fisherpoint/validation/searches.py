@@ -21,12 +21,14 @@ from ..estimation.unknown_noise import SETTLED, correlations_can_be_told, likeli
 from ..estimation.weighting import WeightedResiduals
 
 TRIED_EVALUATIONS = 20
-"""Of the search from each start, before the next one has its turn. Most need 5 to 12. What is in a wrong valley may creep through
-it to where trajectories cost a hundred times as much: with friction that turns round ever more steeply, one such search of 50
-evaluations took longer than the 24 others beside it."""
+"""Evaluations of the search from each start before the next one has its turn.
+
+Most need 5 to 12. A search in a wrong valley may creep through it to where trajectories cost a hundred times as much: with friction
+that turns round ever more steeply, one such search of 50 evaluations took longer than the 24 others beside it.
+"""
 
 CLOSE_ENOUGH_TO_COMPARE = 1e-2
-"""Tolerance of searches of which only the cost is used: it is 5e-5 too large then, far less than minima differ by."""
+"""Tolerance of searches whose cost alone is used: it is 5e-5 too large then, far less than minima differ by."""
 
 LAST_EVALUATIONS = 200
 """Maximum number of evaluations of a search that goes on: from the truth, where it is not in a wrong valley, or as the lowest of

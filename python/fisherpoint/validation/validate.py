@@ -24,7 +24,7 @@ from .result import Validation
 from .truths import Rig, Streams, truths_of
 
 SECONDS = 5.0
-"""That a part should take: the next one is as much larger or smaller, by no more than `GROWTH`. Together, fits take less."""
+"""Time that a part should take: the next is larger or smaller accordingly, by at most `GROWTH`. Fits take less together."""
 
 GROWTH = 8.0
 
@@ -80,7 +80,7 @@ def validate(
     seed : int
         The same seed gives the same figures on any number of threads.
     truth : Model, optional
-        Makes the data in the place of the problem's model, with its own constants: a model error.
+        Makes the data instead of the problem's model, with its own constants: a model error.
     noise : {"known", "estimated"}
         Whether the fits know `noise_std`, or estimate it from their residuals as `estimate` does.
     use_prior : bool

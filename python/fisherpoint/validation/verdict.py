@@ -30,7 +30,7 @@ CHANCE = 0.05
 """Level of what is said."""
 
 TESTS = 5
-"""Of each parameter: ratio, limited ratio and coverage too high, ratio and coverage too low."""
+"""Number of tests of each parameter: ratio, limited ratio and coverage too high, ratio and coverage too low."""
 
 HOLDS, BROKEN, OPEN = "holds", "broken", "open"
 

@@ -19,7 +19,7 @@ Function = Callable[[Any, Any, Any], Any]
 
 
 class Columns(np.ndarray[Any, Any]):
-    """Rows of numbers (K, n) of which the columns can be read by name too: ``x.h1`` is ``x[:, 0]``.
+    """Rows of numbers (K, n) whose columns can be read by name too: ``x.h1`` is ``x[:, 0]``.
 
     Names of columns, and of known constants, come before those of the array itself.
     """

@@ -89,7 +89,7 @@ class CallableModel(DescribedModel):
 
     @property
     def in_core(self) -> bool:
-        """That Python runs it."""
+        """Whether the compiled core runs the model: Python does."""
         return False
 
     def free_start(self, *names: str) -> CallableModel:

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from .graph import STAGE, Graph
 
 MANY = 12
-"""Of more terms or factors, pairs are not looked up."""
+"""Maximum number of terms or factors whose pairs are looked up."""
 
 
 def sum_of(graph: Graph, terms: Iterable[int]) -> int:

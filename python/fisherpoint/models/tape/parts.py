@@ -51,7 +51,7 @@ def rebuilt(expression: Any, change: Callable[[Any, Any], Any], known: dict[Any,
 
 
 def replaced(expression: Any, new: Mapping[Any, Any], known: dict[Any, Any] | None = None) -> Any:
-    """The expression with parts put in the place of others, all at once."""
+    """The expression with parts replaced by others, all at once."""
     return rebuilt(expression, lambda part, now: new.get(part, now), known)
 
 

@@ -23,7 +23,7 @@ MAX_NODES = 2**40
 """Nodes past which a grid counts as a slip: more than a week of work for one point."""
 
 MAX_LEVELS, MAX_HERMITE_LEVELS = 10**6, 100
-"""Of one parameter."""
+"""Maximum numbers of levels of one parameter."""
 
 Edges = tuple[float, ...]
 
