@@ -11,7 +11,7 @@ from ..points.runs import Runs
 
 
 def measured_outputs(values: ArrayLike, count: int) -> Array:
-    """Outputs (count, n_y), NaN where not measured, of which one at least was; (count,) is taken for a single output."""
+    """Outputs (count, n_y), NaN where not measured, at least one measured; (count,) is taken for a single output."""
     return _checked(as_rows(as_numbers(values, "y"), count, "y", "n_y"))
 
 
@@ -29,8 +29,8 @@ def measured_run_outputs(values: ArrayLike, runs: Runs) -> Array:
     return _checked(y)
 
 
-def told_runs(runs: Runs, y: Array) -> tuple[Runs, Array]:
-    """What says something: runs without a number are left out, and the others end at their last one.
+def runs_with_outputs(runs: Runs, y: Array) -> tuple[Runs, Array]:
+    """Return the runs that have a measured output, up to their last one, and their outputs.
 
     The trajectories of what is left out may well fail.
     """

@@ -18,7 +18,7 @@ from ..points.experiments import Experiments
 from ..points.runs import Runs
 from ..show.section import Report
 from ..show.table_preview import InNotebooks, beside, first_rows, numbered
-from .measured_outputs import measured_outputs, measured_run_outputs, told_runs
+from .measured_outputs import measured_outputs, measured_run_outputs, runs_with_outputs
 from .measurement_files import measurements_csv, read_measurements
 
 
@@ -80,7 +80,7 @@ class Measurements(InNotebooks):
     def told(self) -> Measurements:
         """The measurements without points and runs that have no number; runs end at their last number."""
         if isinstance(self.points, Runs):
-            runs, y = told_runs(self.points, self.y)
+            runs, y = runs_with_outputs(self.points, self.y)
             return self if runs == self.points else Measurements(runs, y)
         there = np.isfinite(self.y).any(axis=1)
         return self if there.all() else self[np.flatnonzero(there)]

@@ -87,8 +87,8 @@ def estimate(
     bounds : mapping of name to (lower, upper), optional
         None for no bound. Default: what the model itself demands (`Model.least`).
     uncertain : mapping of name to float, optional
-        As in `DesignProblem`: standard deviations of constants, and of parameters that are not estimated, of which each has one
-        value in all data. They are estimated too, with that as what is known beforehand, and stand behind the parameters in the
+        As in `DesignProblem`: standard deviations of constants, and of parameters that are not estimated, each with one value
+        in all data. They are estimated too, with that as what is known beforehand, and stand behind the parameters in the
         fit.
     varies, initial_state_std : mapping of name to float, optional
         As in `DesignProblem`: standard deviations of what is drawn anew in each point or run, and of their starts. What they add to
@@ -99,8 +99,8 @@ def estimate(
     assumed_rule : Rule, optional
         Takes that share as a predictive covariance (16), where it is not linear; the default is by tangents, which runs need.
     starts : int
-        Number of starts where there is a prior: its mean, and nodes spread over it, of which those at which trajectories are not
-        ok are left out. Where at most half of them come to the best fit, or this leaves residuals that the known noise does not
+        Number of starts where there is a prior: its mean, and nodes spread over it, without those at which trajectories are not
+        ok. Where at most half of them come to the best fit, or this leaves residuals that the known noise does not
         explain (probability below 0.001), twice as many starts follow: the best of many nodes that lie twice as far out.
     rtol : float
         Tolerance of the trajectories.
@@ -259,7 +259,7 @@ def _better(fit: Fit, again: Fit) -> Fit:
 def _parts(data: Any, model: Model, noise_std: Mapping[str, float] | None) -> tuple[Measurements | Record, ...]:
     """The sets of data, without points and runs of which nothing was measured: their trajectories may well fail.
 
-    Where the noise is known, outputs of which it is not are not measured.
+    Where noise is known, an output without known noise is not measured.
     """
     given = tuple(data) if isinstance(data, list | tuple) else (data,)
     if not given:

@@ -33,7 +33,7 @@ MOST_SERIES = 6
 """Records and runs that are shown over time."""
 
 MOST_PAIRS = 6
-"""Pairs of unknowns of which ellipses are shown."""
+"""Maximum number of pairs of unknowns whose ellipses are shown."""
 
 
 def plot_parity(fit: FitStatistics) -> Figure:
@@ -291,7 +291,7 @@ def _measured_outputs(fit: FitStatistics) -> Iterator[tuple[int, Quantity]]:
 
 
 def _name_samples(fit: FitStatistics, dots: Line2D, samples: NDArray[np.intp], i: int) -> None:
-    """Have each dot of an output say of which sample it is, and what was measured; not where there are too many to hit one."""
+    """Label each dot of an output with its sample and what was measured; not where there are too many to hit one."""
     if len(samples) > MANY or not len(samples):
         return
     quantity = fit.model.outputs[i]

@@ -285,7 +285,7 @@ class FitStatistics:
 
     @cached_property
     def _precision(self) -> Precision:
-        """As if the weights were known."""
+        """Precision as if the weights were known."""
         return Precision.of(self.jacobian, self.held)
 
     @cached_property

@@ -87,8 +87,8 @@ class RuleComparison(Shown, Kept):
     rows : tuple of RuleRow
         In the order in which the rules were given.
     converged : RuleRow
-        The rule that the others are measured against; its errors are its distance to `next_lower`, by the same measure: what is
-        not much larger in a row says nothing.
+        The rule that the others are measured against; its errors are its distance to `next_lower`, by the same measure: an
+        error that is not much larger means nothing.
     next_lower : Rule
     """
 

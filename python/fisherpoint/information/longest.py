@@ -12,7 +12,7 @@ SHORT = 0.999
 
 
 def longest(lasted: Array, weights: Array, allowed: float) -> Array:
-    """The times (K,) after which more is lost than may be, a little less; infinite where never so much is lost.
+    """Return times (K,), a little before more weight is lost than allowed; infinite where that never happens.
 
     What a trajectory meets by some time it meets by any later one.
 
@@ -22,7 +22,7 @@ def longest(lasted: Array, weights: Array, allowed: float) -> Array:
         Until when each point could be followed on each node; infinite where that is its end.
     weights : ndarray, (m,)
     allowed : float
-        What nodes that are lost may weigh.
+        Largest weight of the nodes that may be lost.
     """
     order = np.argsort(lasted, axis=1, kind="stable")
     lost = np.cumsum(weights[order], axis=1) > allowed

@@ -25,7 +25,7 @@ from .problem import DesignProblem
 from .run_information import run_samples_at
 
 DISTANCE = 2.0
-"""Promised standard errors by which the parameters are moved; at one, edges are missed that one fit in ten meets."""
+"""Distance, in promised standard errors, of the moved parameters; at one, edges are missed that one fit in ten meets."""
 
 LARGEST_GROWTH = 2.0
 """Growth of a standard error past which a promise counts as broken.
@@ -37,13 +37,13 @@ UNDETERMINED = 1e6
 """Growth past which a parameter counts as not determined any more."""
 
 TINY = 1e-100
-"""Size of sensitivities in place of zero, where no trajectory reaches its end: its square, and what it divides, are numbers."""
+"""Size of sensitivities instead of zero, where no trajectory reaches its end: its square, and what it divides, are numbers."""
 
 SHARE = 0.1
 """Share of the information that is lost from which a point counts among those that lose it."""
 
 BLOCK = 8
-"""Rows, in multiples of the columns, of which long matrices are made short."""
+"""Rows of a block of a long matrix, in multiples of its columns."""
 
 WITHOUT_TANGENT = (Status.on_jump, Status.grazes_jump, Status.two_jumps)
 """Statuses at which the trajectory exists but its derivative does not, at that point only."""
@@ -51,7 +51,7 @@ WITHOUT_TANGENT = (Status.on_jump, Status.grazes_jump, Status.two_jumps)
 
 @dataclass(frozen=True)
 class Nearby:
-    """What the standard errors of a design are where the parameters are two promised standard errors off the prior mean.
+    """Standard errors of a design where the parameters are two promised standard errors off the prior mean.
 
     No parameter is moved further than its prior standard deviation.
 
@@ -93,7 +93,7 @@ class Nearby:
 
     @property
     def without_trajectory(self) -> Mapping[str, int]:
-        """`lost`, without what only has no derivative just there."""
+        """`lost`, without points that only lack a derivative at that point."""
         beside = [status.name for status in WITHOUT_TANGENT]
         return FrozenMapping({name: count for name, count in self.lost.items() if name not in beside})
 

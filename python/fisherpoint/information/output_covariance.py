@@ -49,7 +49,7 @@ class Criterion:
         return np.eye(len(self.names)) if self.own else self.base
 
     def prepare(self, information: PointInformation) -> PointInformation:
-        """The points as `accumulate` takes them; an output that is not measured says nothing."""
+        """The points as `accumulate` takes them; an output that is not measured has no weight."""
         reduced = information.of_outputs(self.used)
         sensitivity, measured = reduced.sensitivity, reduced.measured
         if measured is not None:
@@ -68,7 +68,7 @@ class Criterion:
         return PointInformation(reduced.points, sensitivity, covariance)
 
     def own_covariances(self, reduced: PointInformation) -> Array:
-        """D_k (K, n, n) of points of which only the outputs that take part are left."""
+        """D_k (K, n, n) of points reduced to the outputs that take part."""
         d = self.base + (reduced.covariance if self.kind == "pointwise" else 0.0)
         if reduced.assumed is not None:
             d = d + reduced.assumed
@@ -97,8 +97,8 @@ def criterion(problem: DesignProblem, sample: PointInformation, threads: int | N
     ----------
     problem : DesignProblem
     sample : PointInformation
-        Points from which is seen, where no noise is known, which outputs neither vary nor depend on a parameter. Where it is known,
-        the outputs take part of which it is.
+        Points that show, where no noise is known, which outputs neither vary nor depend on a parameter. Where it is known,
+        the outputs with known noise take part.
     threads : int or None
     kind : str, optional
         Another form than the problem's.

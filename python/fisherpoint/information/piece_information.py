@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.values import Array, FrozenMapping
-from ..data.measured_outputs import told_runs
+from ..data.measured_outputs import runs_with_outputs
 from ..data.pieces import Pieces
 from ..points.settings import on_surface
 from ..points.status import failures_of
@@ -95,7 +95,7 @@ def _white_rows(
     problem: DesignProblem, pieces: Pieces, rows: Places, threads: int | None, lost: Counter[str]
 ) -> tuple[Places, Array]:
     """Those of some windows that are ok, and dy/dtheta of them (K, M, p) in units of the noise; the others are counted."""
-    runs, y = told_runs(*pieces.cut(rows))  # every window has a number
+    runs, y = runs_with_outputs(*pieces.cut(rows))  # every window has a number
     kept = np.ones(len(rows), dtype=bool)
     on = on_surface(problem.model, runs.starts, problem.theta, problem.crossed)
     near = starts_near(problem.model, runs.starts, problem.theta, problem.initial_state_std or {}, problem.kinks == "exclude")
@@ -115,7 +115,7 @@ def _white_rows(
 
 def picked_information(problem: DesignProblem, pieces: Pieces, rows: Places, threads: int | None) -> PointInformation:
     """Information of windows that are ok, a sample after the other."""
-    runs, y = told_runs(*pieces.cut(rows))
+    runs, y = runs_with_outputs(*pieces.cut(rows))
     measured = np.isfinite(y)
     samples, _ = run_rows(problem, runs, problem.theta, problem.integration(threads), measured).samples(runs)
     n_y = samples.shape[1]

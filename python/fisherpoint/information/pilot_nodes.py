@@ -21,7 +21,7 @@ from .longest import longest
 from .problem import DesignProblem
 
 FATAL = (Status.left_domain, Status.met_jump, Status.not_finite)
-"""What makes a node lost however its trajectory is computed."""
+"""Statuses that make a node lost however its trajectory is computed."""
 
 _IS_FATAL = np.isin(np.arange(max(Status) + 1), FATAL)  # by status: a search asks thousands of times
 
@@ -41,11 +41,11 @@ ROUGH = 1e-4
 """Tolerance of the trajectories on pilot nodes: points that pass are tried on all nodes to that of the problem."""
 
 LOSS = 1.001
-"""Times the allowed loss, at which a point has failed."""
+"""Multiple of the allowed loss at which a point has failed."""
 
 
 class PilotNodes:
-    """Which nodes of a problem's rule fail first.
+    """Nodes of a problem's rule that fail first.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class PilotNodes:
     def __init__(self, problem: DesignProblem, settings: Integration, plants: Array | None = None) -> None:
         self._problem, self._settings, rule = problem, settings, problem.rule
         self.allowed = LOSS * rule.max_lost_weight
-        """What the nodes that are lost may weigh."""
+        """Largest weight of the nodes that may be lost."""
         self.model, self._assumed = problem.model, None
         if plants is not None:
             self._assumed = problem.assumed
@@ -90,17 +90,17 @@ class PilotNodes:
         return np.empty((0, len(self.model.parameters))) if self._plants is None else self._plants
 
     def on_plants(self, points: Experiments) -> IntArray:
-        """Ok where all plants let a point (K,) pass, else the status of one on which it fails."""
+        """Statuses (K,) of points on plants: ok where a point passes on all, else that of a plant on which it fails."""
         status, _ = self._at(points, self.plants, self._settings)
         lost = fatal(status)
         return np.where(lost.any(axis=1), status[np.arange(len(points)), np.argmax(lost, axis=1)], np.int32(Status.ok))
 
     def lasted_on_plants(self, points: Experiments) -> Array:
-        """Until when each point (K,) can be followed on all plants (K, m); infinite where none of `FATAL` ended it."""
+        """Times (K, m) until which points can be followed on each plant; infinite where none of `FATAL` ended them."""
         return self._at(points, self.plants, self._settings)[1]
 
     def statuses(self, points: Experiments) -> IntArray:
-        """Ok where the few nodes let a point (K,) pass, else the status of a node on which it fails."""
+        """Statuses (K,) of points on pilot nodes: ok where a point passes, else that of a node on which it fails."""
         result, weighs = np.zeros(len(points), dtype=np.int32), np.zeros(len(points))
         for some in self._in_turn:
             left = np.flatnonzero(result == Status.ok)
@@ -183,7 +183,7 @@ class PilotNodes:
 
 
 def fatal(status: IntArray) -> NDArray[np.bool_]:
-    """Which statuses are of `FATAL`."""
+    """Whether statuses are of `FATAL`."""
     return np.asarray(_IS_FATAL[status])
 
 

@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 
 from ..basics.values import Array, FrozenMapping
-from ..data.measured_outputs import told_runs
+from ..data.measured_outputs import runs_with_outputs
 from ..points.experiments import Experiments
 from ..points.rest_starts import start_points
 from ..points.runs import Runs
@@ -35,16 +35,16 @@ Previous: TypeAlias = Experiments | Runs | HasPoints | Sequence[Experiments | Ru
 def previous_information(
     problem: DesignProblem, previous: Previous | None, threads: int | None
 ) -> tuple[PointInformation | None, Mapping[str, int]]:
-    """Information of points that stay whatever is designed, and how many say nothing, by reason.
+    """Information of points that stay whatever is designed, and the number without information, by reason.
 
-    What is not experiment point at the problem's prior mean says nothing: measured starts and a mean that has moved since may
+    What is no experiment point at the problem's prior mean has no information: measured starts and a mean that has moved since may
     bring a trajectory to a jump that it was planned to miss.
 
     Parameters
     ----------
     problem : DesignProblem
     previous : Measurements, Experiments, Design, a sequence of these, or None
-        An output that was not measured (NaN) says nothing. A design counts as its points, without those that were previous to it.
+        An output that was not measured (NaN) has no weight. A design counts as its points, without those that were previous to it.
     threads : int or None
 
     Raises
@@ -106,10 +106,10 @@ def _of_part(problem: DesignProblem, part: Any, threads: int | None) -> tuple[Po
 
 
 def _of_runs(problem: DesignProblem, runs: Runs, y: Array | None, threads: int | None) -> tuple[PointInformation, Counter[str]]:
-    """A run that does not reach its end, or its last number, says nothing, as a whole."""
+    """Information of runs; one that does not reach its end, or its last number, has none as a whole."""
     finite = None
     if y is not None:
-        runs, y = told_runs(runs, y)
+        runs, y = runs_with_outputs(runs, y)
         finite = np.isfinite(y)
     first = start_points(problem.model, runs, problem.theta)
     starts = on_surface(problem.model, first, problem.theta, problem.crossed)

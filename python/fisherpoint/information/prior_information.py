@@ -9,7 +9,7 @@ from .problem import DesignProblem
 
 
 def prior_rows(problem: DesignProblem, of_parameters: bool) -> Array:
-    """H (k, n_unknowns) of which H^T H is what is known beforehand of the unknowns, in units of their std: rows as those of data.
+    """Rows H (k, n_unknowns), as those of data, whose H^T H is the prior information on the unknowns, in units of their std.
 
     That is 1 for each nuisance parameter, and with `of_parameters` the inverse of the prior's covariance of the estimated ones:
     with their correlation L L^T, L^-1.

@@ -51,14 +51,14 @@ class Validity:
             covariance[rows] = found.covariance
             return status
 
-        status = self._told(points.experiments, over_nodes)
+        status = self._staged_statuses(points.experiments, over_nodes)
         return replace(points, covariance=covariance), status
 
     def statuses(self, points: Experiments) -> IntArray:
         """Statuses (K,) of points that are ok at the prior mean."""
-        return self._told(points, lambda rows: statuses_over_nodes(self._problem, points[rows], self._threads))
+        return self._staged_statuses(points, lambda rows: statuses_over_nodes(self._problem, points[rows], self._threads))
 
-    def _told(self, points: Experiments, over_nodes: Callable[[NDArray[np.intp]], IntArray]) -> IntArray:
+    def _staged_statuses(self, points: Experiments, over_nodes: Callable[[NDArray[np.intp]], IntArray]) -> IntArray:
         """Statuses on pilot nodes, on all nodes where a point passes these, and on the required plants."""
         status = self._sieve.statuses(points)
         passed = np.flatnonzero(status == Status.ok)
@@ -72,7 +72,7 @@ class Validity:
         return status
 
     def of(self, points: Experiments) -> NDArray[np.bool_]:
-        """Which points (K,) are valid, of such that are ok at the prior mean; those of which it is not known are tried."""
+        """Whether points (K,) that are ok at the prior mean are valid; those for which that is not known are tried."""
         numbers = _numbers(points)
         new = [k for k, key in enumerate(numbers) if key not in self._known]
         if new:

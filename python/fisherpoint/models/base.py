@@ -220,7 +220,7 @@ class Model(ABC):
     def blocks(self) -> tuple[tuple[str, ...], ...]:
         """Groups of parameters that can be identified independently of each other, by the structure of the equations.
 
-        An equation of which all states are known from the measured outputs separates: a state that is an output is known, and so
+        An equation all of whose states are known from the measured outputs separates: a state that is an output is known, and so
         is v in q' = v with q known. Parameters belong together where they stand in the same equation, or in equations that share
         a state that is not known. This holds for outputs that are measured without gap or error, not for a design: see
         `fisherpoint.models.dependence.blocks_of` for the rule, and `fisherpoint.identifiability` for what a region shows.

@@ -113,7 +113,7 @@ def _known(name: str, symbols: Mapping[str, sympy.Symbol], place: str) -> sympy.
 
 
 def _number(part: Any, place: str) -> Any:
-    """A number of which a double holds the value; what is exact stays exact where it is short."""
+    """A number whose value a double holds; what is exact stays exact where it is short."""
     try:
         value = float(part)
     except (TypeError, OverflowError):

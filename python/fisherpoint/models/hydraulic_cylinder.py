@@ -137,7 +137,7 @@ class HydraulicCylinder(Model):
         return not self.smooth or self._equations.compiled
 
     def symbolic(self) -> SymbolicModel:
-        """The cylinder as equations, of which constants and parameters can be exchanged."""
+        """The cylinder as equations, whose constants and parameters can be exchanged."""
         return self._equations
 
     @cached_property

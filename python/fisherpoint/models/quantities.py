@@ -71,7 +71,7 @@ def constants_of(described: Mapping[Any, Any] | None) -> tuple[tuple[Quantity, .
 
 
 class DescribedModel(Model):
-    """A model of which a user has described the quantities; a subclass adds its equations or functions."""
+    """A model whose quantities a user has described; a subclass adds its equations or functions."""
 
     def _describe(
         self,

@@ -84,7 +84,7 @@ class Term:
     ----------
     expression : sympy.Expr or Boolean
     lost : tuple of sympy.Expr
-        What it was written of beside, of which SymPy left nothing: the term has a value where these have one.
+        Parts of the written term that SymPy has removed: the term has a value only where these have one.
     """
 
     __slots__ = ("expression", "lost")

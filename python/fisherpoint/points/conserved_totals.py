@@ -46,7 +46,7 @@ MOST_AT_ONCE = 200
 
 
 class ConservedTotals:
-    """The totals of n rows of r unknowns, of which none is known at first.
+    """The totals of n rows of r unknowns; none is known at first.
 
     Parameters
     ----------

@@ -21,11 +21,11 @@ def warn_of_small_states(model: Model, where: str, *states: Array, stacklevel: i
 
     `where` completes "as ... it below 1e-3 mol": "the region keeps" or "the trajectories keep".
     """
-    untold = [i for i, quantity in enumerate(model.states) if quantity.scale is None]
-    if not untold or not any(values.size for values in states):
+    unstated = [i for i, quantity in enumerate(model.states) if quantity.scale is None]
+    if not unstated or not any(values.size for values in states):
         return
     largest = np.max([np.abs(values).reshape(-1, len(model.states)).max(axis=0, initial=0.0) for values in states], axis=0)
-    for i in untold:
+    for i in unstated:
         quantity = model.states[i]
         if ROUNDING * largest.max() < largest[i] < SMALL:
             warnings.warn(

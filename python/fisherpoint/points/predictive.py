@@ -94,7 +94,7 @@ def predictive_covariance(
     Returns
     -------
     PredictiveCovariance
-        A point whose trajectory at the mean is not ok carries its status. Under `TensorGrid` a point of which any node is not ok
+        A point whose trajectory at the mean is not ok carries its status. Under `TensorGrid` a point with any node that is not ok
         carries the status of the first such node; under another rule only where these nodes have more than
         `rule.max_lost_weight` of the absolute weight. Up to that they are left out of the sum.
 

@@ -98,11 +98,11 @@ class Rest:
         return hash(self._identity())
 
     def names(self, states: tuple[str, ...]) -> tuple[str, ...]:
-        """Those of a model's states that are at rest, in its order."""
+        """States of a model that are at rest, in its order."""
         return _known(states if self.states is None else self.states, states, "rest.states", "states")
 
     def found(self, states: tuple[str, ...]) -> tuple[str, ...]:
-        """Those of a model's states that are found, and not as x0 says, in its order."""
+        """States of a model that are solved for, and not as x0 says, in its order."""
         held = _known(self.hold, states, "rest.hold", "states")
         return tuple(name for name in self.names(states) if name not in held)
 
@@ -160,5 +160,5 @@ def any_rests(rests: Rests) -> Rests | None:
 
 
 def joined_rests(parts: Sequence[tuple[Rests | None, int]]) -> Rests | None:
-    """Those of parts, of so many runs each, one after the other."""
+    """Join the rests of parts, of so many runs each, one after the other."""
     return any_rests(np.concatenate([np.full(count, None, dtype=object) if rests is None else rests for rests, count in parts]))

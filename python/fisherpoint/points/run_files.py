@@ -189,7 +189,7 @@ def time_name(inputs: Sequence[str]) -> str:
 
 
 def plan_csv(runs: RunArrays, model: Model) -> str:
-    """The text of a time table: at which time of which run which inputs are set, and whether a sample is taken just before.
+    """The text of a time table: the times of each run at which inputs are set, and whether a sample is taken just before.
 
     A run's last row is its end, at which the inputs stay as they are. The head has units, and numbers ten digits, without the
     rounding of sums: the table is for people and sequencers, and nothing reads it back.

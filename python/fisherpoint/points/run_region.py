@@ -53,7 +53,7 @@ class RunRegion:
         The longest that a run may last, s. Where its segments would last longer, all of them keep the same share of what they have
         above the lower bound of ``"dt"``.
     measured : array_like of bool, (N,), optional
-        At the ends of which segments outputs may be measured. Default: all.
+        Segments at whose ends outputs may be measured. Default: all.
     rest : Rest, optional
         Runs start at rest. The middle of the bounds of the states that are found there is the guess, and has the totals that a
         closed system keeps; states that are held vary within theirs.

@@ -1,4 +1,4 @@
-"""Runs: a start, then segments with held inputs, of which some ends are measured. A run of one segment is an experiment point."""
+"""Runs: a start, then segments with held inputs; some of their ends are measured. A run of one segment is an experiment point."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Runs(InNotebooks):
     dt : array_like, (K, N), or (N,) or a number for all runs
         Durations of the segments, s. A run of fewer segments has zeros behind its last one.
     measured : array_like of bool, (K, N), or (N,) for all runs, optional
-        At the ends of which segments the outputs are measured. Default: all.
+        Segments at whose ends the outputs are measured. Default: all.
     rest : Rest, or a sequence of K, optional
         Starts that are found where the plant is at rest, by parameters; x0 is the guess then. None stands for a run that is not.
     columns : tuple of str, optional
@@ -225,7 +225,7 @@ class Runs(InNotebooks):
         return np.where(away, 0, first)
 
     def ending(self, samples: Flags) -> Runs:
-        """The runs up to the last of their `samples` (K, N), of which each has one; these are measured."""
+        """The runs up to the last of their `samples` (K, N); each has one at least, and these are measured."""
         needed = np.maximum.accumulate(samples[:, ::-1], axis=1)[:, ::-1]
         longest = slice(int(needed.sum(axis=1).max(initial=0)))
         parts = self.u[:, longest], np.where(needed, self.dt, 0.0)[:, longest], samples[:, longest]

@@ -1,4 +1,4 @@
-"""Trajectories that nearly anything changes: of these a tolerance says little."""
+"""Trajectories that nearly any error changes: for these a tolerance means little."""
 
 from __future__ import annotations
 

@@ -65,8 +65,8 @@ def integrate(
 
     A kink is crossed by ending a step on it. Where the status is not ok, z is the last one that was reached.
 
-    A step may go over something of which none of its stages sees anything. So f and the surfaces are looked at within long steps,
-    and where they are not what they were taken for, steps are kept short from then on.
+    A step may go over something that none of its stages sees. So f and the surfaces are checked within long steps, and where they
+    are not what they were taken for, steps are kept short from then on.
     What takes too many steps by the default method, as stiff models do, is tried again by an implicit one.
     """
     if method == "fastest":

@@ -21,7 +21,7 @@ from .core import CallableCore, Columns, Function
 class CallableModel(DescribedModel):
     """A model x' = f(x, u, theta), y = g(x, u, theta) given by Python functions.
 
-    The functions are called with x (K, n_x), u (K, n_u) and p (K, p), of which columns can be read by name, ``p.k1 * x.h1``; known
+    The functions are called with x (K, n_x), u (K, n_u) and p (K, p), whose columns can be read by name, ``p.k1 * x.h1``; known
     constants are attributes of p. They return an array (K, n), or a list of n entries each a number or (K,).
 
     Trajectories are integrated one by one with `scipy.integrate.solve_ivp`, on one core, whatever `threads` says. Within long steps

@@ -24,8 +24,8 @@ class Program:
     literals : ndarray, (n_literals,)
         Numbers of the first registers.
     setup, stage : ndarray of int32, (n, 5)
-        Operations as rows (code, result, a, b, c), of which `setup` is run once for each trajectory and reads theta and u alone,
-        and `stage` for each evaluation. The stage writes to no register that setup writes to.
+        Operations as rows (code, result, a, b, c): `setup` is run once for each trajectory and reads theta and u alone, and
+        `stage` for each evaluation. The stage writes to no register that setup writes to.
     outputs : ndarray of int32, (m,)
         Registers of the results.
     registers : int
