@@ -31,7 +31,7 @@ from .observed import Observed, check_outputs
 from .search import SAME_MINIMUM, Found, search_with_known_noise, search_with_unknown_noise
 from .small_samples import unbiased
 from .starts import MOST_STARTS, evaluable_starts, further_starts, start_guess
-from .unknown_noise import check_noise_can_be_told
+from .unknown_noise import check_noise_is_determined
 from .unknowns import checked_bounds, prior_factor, unknowns_of
 from .weighting import WeightedResiduals, noise_covariance
 
@@ -176,7 +176,7 @@ def estimate(
         elif varies or starts_anew:
             raise ValueError("noise_std: expected the sensor noise together with varies or initial_state_std, given none")
         else:
-            check_noise_can_be_told(observed, prior)
+            check_noise_is_determined(observed, prior)
             found = search_with_unknown_noise(residuals, z0)
             sensors = found.residuals.covariance
 

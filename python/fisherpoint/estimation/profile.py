@@ -33,7 +33,7 @@ from .statistics import FitStatistics
 from .unknown_noise import (
     MAX_ROUNDS,
     above_floor,
-    correlations_can_be_told,
+    correlations_can_be_estimated,
     floor,
     likelihood_deviance,
     relative_change,
@@ -269,7 +269,7 @@ def _held_likelihood(fit: FitStatistics, j: int) -> Minimum:
 
 def _kept(fit: FitStatistics) -> Array:
     """Which entries of the residual covariance the estimate used, (n_y, n_y)."""
-    full = correlations_can_be_told(fit.weighted.measured, len(fit.parameters))
+    full = correlations_can_be_estimated(fit.weighted.measured, len(fit.parameters))
     return np.ones_like(fit.noise_covariance) if full else np.eye(len(fit.noise_covariance))
 
 

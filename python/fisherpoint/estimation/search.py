@@ -11,7 +11,7 @@ from ..basics.values import Array
 from ..points.status import Status
 from .known_noise import KnownNoise
 from .least_squares import CONVERGED, ENDS, NOT_EVALUABLE, UNSETTLED, Minima, minimise
-from .unknown_noise import correlations_can_be_told, likelihood_deviance, minimise_log_det
+from .unknown_noise import correlations_can_be_estimated, likelihood_deviance, minimise_log_det
 from .weighting import WeightedResiduals
 
 SAME_MINIMUM = 1e-3
@@ -67,7 +67,7 @@ def search_with_known_noise(residuals: WeightedResiduals, z0: Array, noise: Know
 
 def search_with_unknown_noise(residuals: WeightedResiduals, z0: Array) -> Found:
     """The minimum of log det of the residual covariance (10), from starts (B, P)."""
-    full = correlations_can_be_told(residuals.measured, len(residuals.unknowns))
+    full = correlations_can_be_estimated(residuals.measured, len(residuals.unknowns))
     best, reached, evaluations = 0, 1, 0
     if len(z0) > 1:
         minima, covariances = minimise_log_det(residuals, z0, full, FIRST_EVALUATIONS, SETTLED_TO_COMPARE)

@@ -19,7 +19,7 @@ from .apriori import apriori_covariance
 from .nuisance import Nuisance
 from .precision import Precision, in_words, quantile
 from .small_samples import Inflated, inflated, output_degrees_of_freedom
-from .unknown_noise import correlations_can_be_told, residual_covariance
+from .unknown_noise import correlations_can_be_estimated, residual_covariance
 from .weighting import WeightedResiduals
 
 OFF = 0.001
@@ -291,7 +291,7 @@ class FitStatistics:
     @cached_property
     def _inflated(self) -> Inflated:
         measured = np.isfinite(self.residuals)
-        full = correlations_can_be_told(measured, len(self.values))
+        full = correlations_can_be_estimated(measured, len(self.values))
         return inflated(self._data_jacobian, self._precision.covariance[None], measured.sum(axis=0), full)
 
     @property

@@ -42,7 +42,7 @@ def likelihood_deviance(covariance: Array, measured: NDArray[np.bool_], full: bo
     return np.asarray(np.log(np.einsum("bii->bi", covariance)) @ measured.sum(axis=0))
 
 
-def check_noise_can_be_told(observed: Observed, prior: GaussianPrior | None) -> None:
+def check_noise_is_determined(observed: Observed, prior: GaussianPrior | None) -> None:
     """Raise where there are not more numbers than unknowns that the prior does not have."""
     count = int(np.isfinite(observed.y).sum())
     free = sum(prior is None or name not in prior.names for name in observed.names)
@@ -52,7 +52,7 @@ def check_noise_can_be_told(observed: Observed, prior: GaussianPrior | None) -> 
         )
 
 
-def correlations_can_be_told(measured: NDArray[np.bool_], n_unknowns: int) -> bool:
+def correlations_can_be_estimated(measured: NDArray[np.bool_], n_unknowns: int) -> bool:
     """Whether log det of the full covariance has a minimum: all outputs in every sample, and more samples than can be fitted."""
     n_samples, n_y = measured.shape
     return bool(measured.all()) and n_samples > n_unknowns + 2 * n_y

@@ -78,9 +78,9 @@ def _inline(svg: bytes, labels: dict[str, str], title: str) -> str:
             texts, dots = labels[name].split("\n"), list(element.iter(f"{{{SVG}}}use"))
             if len(texts) == len(dots):
                 for dot, text in zip(dots, texts, strict=True):
-                    _tell(dot, text)
+                    _label(dot, text)
             elif len(texts) == 1:
-                _tell(element, texts[0])
+                _label(element, texts[0])
         if name and name not in used:
             del element.attrib["id"]
     root.set("role", "img")
@@ -88,7 +88,7 @@ def _inline(svg: bytes, labels: dict[str, str], title: str) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _tell(element: ElementTree.Element, text: str) -> None:
+def _label(element: ElementTree.Element, text: str) -> None:
     element.set("class", "hover")
     title = ElementTree.Element(f"{{{SVG}}}title")
     title.text = text

@@ -19,7 +19,7 @@ from ..estimation.precision import Precision, covariances, in_words, quantile
 from ..estimation.run_error import RunError, run_errors
 from ..estimation.small_samples import inflated, output_degrees_of_freedom, unbiased
 from ..estimation.starts import evaluable_starts
-from ..estimation.unknown_noise import check_noise_can_be_told, correlations_can_be_told
+from ..estimation.unknown_noise import check_noise_is_determined, correlations_can_be_estimated
 from ..estimation.unknowns import Unknowns, checked_bounds, prior_factor, unknowns_of
 from ..estimation.weighting import WeightedResiduals, noise_covariance
 from ..information.point_information import point_information
@@ -110,7 +110,7 @@ class Estimator:
         theta = joint.theta(problem.theta)
         observed = Observed(joint.model, [data], (*names, *joint.nuisance_names), theta, rtol, threads)
         if not noise_known:
-            check_noise_can_be_told(observed, problem.prior if use_prior else None)
+            check_noise_is_determined(observed, problem.prior if use_prior else None)
         covariance = noise_covariance(model, noise_std)
         common: tuple[RunError, ...] = ()
         if isinstance(points, Runs):
@@ -187,7 +187,7 @@ class Estimator:
             residuals = replace(residuals, covariance=unbiased(found.noise, degrees, counts)[:, None])
             _, jacobian, _ = residuals(minima.z, everything)
             covariance, determined = covariances(jacobian, held)
-            full = correlations_can_be_told(residuals.measured, len(unknowns))
+            full = correlations_can_be_estimated(residuals.measured, len(unknowns))
             covariance, degrees_of_freedom = inflated(self._of_data(jacobian), covariance, counts, full)
         spread = np.where(determined, np.sqrt(np.einsum("bii->bi", covariance)), np.inf)
         estimate = unknowns.values(minima.z)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..basics.values import Array
 from ..estimation.least_squares import CONVERGED, LIMIT, NOT_EVALUABLE, TOLERANCE, Minima, minimise
 from ..estimation.search import SAME_MINIMUM, SETTLED_TO_COMPARE
-from ..estimation.unknown_noise import SETTLED, correlations_can_be_told, likelihood_deviance, minimise_log_det
+from ..estimation.unknown_noise import SETTLED, correlations_can_be_estimated, likelihood_deviance, minimise_log_det
 from ..estimation.weighting import WeightedResiduals
 
 TRIED_EVALUATIONS = 20
@@ -153,7 +153,7 @@ class Searches:
             minima = minimise(residuals, z0, unknowns.lower, unknowns.upper, evaluations, accuracy=accuracy, tolerance=tolerance)
             cost, noise = minima.cost, np.zeros((len(rows), n_y, n_y))
         else:
-            full = correlations_can_be_told(residuals.measured, len(unknowns))
+            full = correlations_can_be_estimated(residuals.measured, len(unknowns))
             minima, noise = minimise_log_det(replace(residuals, covariance=np.eye(n_y)), z0, full, evaluations, settled)
             with np.errstate(divide="ignore", invalid="ignore"):
                 cost = (likelihood_deviance(noise, residuals.measured, full) + residuals.prior_square(minima.z)) / 2
